@@ -1,0 +1,107 @@
+"""What was measured: evenly sampled records of one sensor, free of file formats and foreign units.
+
+A `Record` holds the samples of one triad (or of any columns that share a clock) on a uniform time base,
+cut into gap-free segments. Readers make records; every statistic takes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class DataError(ValueError):
+    """Input that cannot be used: one line that says file, place, expected, found and what to do."""
+
+
+class IdentificationError(RuntimeError):
+    """An estimation that could not be finished; carries what was reached in `partial`."""
+
+    def __init__(self, message: str, *, partial: object = None) -> None:
+        super().__init__(message)
+        self.partial = partial
+
+
+@dataclass(frozen=True)
+class Record:
+    """Samples of one sensor in SI units.
+
+    Attributes
+    ----------
+    name : str
+        Sensor: ``gyro``, ``accel`` or a free name.
+    t : ndarray, shape (n,)
+        Time of each sample, s, strictly increasing.
+    y : ndarray, shape (n, k), Fortran order
+        Samples: rad/s or m/s² (increments have been divided by the interval by the reader).
+    axes : tuple of str
+        Channel names, one a column, such as ``gyro_x``.
+    unit : str
+        ``rad/s`` or ``m/s^2``.
+    interval : float
+        Sampling interval, s.
+    segments : tuple of (start, stop)
+        Sample ranges without a gap; estimators never difference across them.
+    covariates : mapping of str to ndarray, shape (n,)
+        Further channels on the same clock, such as ``temperature`` in °C.
+    source, digest : str
+        Name of the file and SHA-256 of its content.
+    notes : tuple of str
+        Every repair that was made, with its count.
+    """
+
+    name: str
+    t: FloatArray
+    y: FloatArray
+    axes: tuple[str, ...]
+    unit: str
+    interval: float
+    segments: tuple[tuple[int, int], ...] = ()
+    covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    source: str = ""
+    digest: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)
+        t = np.asarray(self.t, dtype=float)
+        if y.ndim != 2 or t.shape != (y.shape[0],):
+            msg = f"'t' and 'y' must have shapes (n,) and (n, k), got {t.shape} and {y.shape}"
+            raise ValueError(msg)
+        if len(self.axes) != y.shape[1]:
+            msg = f"'axes' must name each of the {y.shape[1]} columns, got {self.axes}"
+            raise ValueError(msg)
+        if not self.interval > 0:
+            msg = f"'interval' must be positive, got {self.interval}"
+            raise ValueError(msg)
+        object.__setattr__(self, "y", y)
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "segments", tuple(self.segments) or ((0, len(t)),))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate, Hz."""
+        return 1.0 / self.interval
+
+    @property
+    def span(self) -> float:
+        """Time covered by samples, s (gaps not counted)."""
+        return self.interval * sum(stop - start for start, stop in self.segments)
+
+    def column(self, axis: str) -> FloatArray:
+        """Return the samples of one axis, shape (n,)."""
+        return self.y[:, self.axes.index(axis)]
+
+    def pieces(self, axis: str) -> tuple[FloatArray, ...]:
+        """Return the samples of one axis as one contiguous array a segment."""
+        column = self.column(axis)
+        return tuple(column[start:stop] for start, stop in self.segments)
