@@ -1,0 +1,1 @@
+"""What a person sees: tables in customary units and figures. Drawing libraries are imported only here."""
