@@ -231,6 +231,31 @@ class Identification:
 
 
 @dataclass(frozen=True)
+class PooledCoefficient:
+    """One coefficient over several records.
+
+    `spread` is the true sd from record to record (relative for amplitudes), `values` each record's own estimate,
+    `p_value` that of the test that all records share one value.
+    """
+
+    name: str
+    value: Coefficient
+    spread: Coefficient
+    values: tuple[float | None, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class PooledChannel:
+    """One axis over several records of a sensor; the spread of `mean` is the turn-on repeatability."""
+
+    axis: str
+    unit: str
+    coefficients: tuple[PooledCoefficient, ...]
+    mean: PooledCoefficient | None
+
+
+@dataclass(frozen=True)
 class MarkovState:
     """A first-order Gauss–Markov bias state: stationary sd and time constant, s."""
 

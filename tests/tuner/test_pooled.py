@@ -1,0 +1,67 @@
+"""Pooling several records: coverage, size and limits of the random-effects estimates."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from tuner.identification.pooled import pool_coefficients, random_effects
+from tuner.results import Coefficient
+
+
+def simulate(rng, spread, sd):
+    return 3.0 + spread * rng.standard_normal(sd.size) + sd * rng.standard_normal(sd.size)
+
+
+def test_equal_sds_give_the_plain_mean():
+    result = random_effects([1.0, 2.0, 3.0], [10.0, 10.0, 10.0])
+    assert result.mean == pytest.approx(2.0)
+    assert result.spread == 0.0
+    assert result.mean_interval[1] - 2.0 == pytest.approx(1.959964 * 10 / np.sqrt(3), rel=1e-6)
+
+
+def test_large_scatter_gives_the_sample_sd():
+    y = [1.0, 2.0, 4.0, 8.0, 3.0]
+    result = random_effects(y, [1e-6] * 5)
+    assert result.spread == pytest.approx(np.std(y, ddof=1), rel=1e-4)
+    assert result.p_value < 1e-12
+
+
+def test_cochrans_test_has_its_size():
+    rng = np.random.default_rng(1)
+    sd = np.array([0.5, 1.0, 2.0, 1.0])
+    alarms = sum(random_effects(simulate(rng, 0.0, sd), sd).p_value < 0.05 for _ in range(1000))
+    assert binom.ppf(1e-5, 1000, 0.05) <= alarms <= binom.ppf(1 - 1e-5, 1000, 0.05)
+
+
+@pytest.mark.parametrize("spread", [0.0, 3.0])
+def test_intervals_cover(spread):
+    rng = np.random.default_rng(2)
+    sd = np.array([0.5, 1.0, 0.8, 1.0, 0.7, 0.6])
+    runs = [random_effects(simulate(rng, spread, sd), sd) for _ in range(600)]
+    mean_hits = sum(r.mean_interval[0] <= 3.0 <= r.mean_interval[1] for r in runs)
+    spread_hits = sum(r.spread_interval[0] <= spread <= r.spread_interval[1] for r in runs)
+    # Nominal 95 %: a true rate of 93 % or less would pass with probability below 1e-4 only far from the limit.
+    assert mean_hits >= binom.ppf(1e-5, 600, 0.94)
+    assert spread_hits >= binom.ppf(1e-5, 600, 0.94)
+
+
+def test_coefficients_pool_as_logarithms_and_keep_each_value():
+    values = [Coefficient.known(v, v / 1.1, v * 1.1, "rad/s/sqrt(Hz)") for v in (1.0, 1.02, 0.97)]
+    pooled = pool_coefficients("white.density", [*values, None], logarithmic=True)
+    assert pooled is not None
+    assert pooled.values == (1.0, 1.02, 0.97, None)
+    assert pooled.spread.value is None
+    assert pooled.spread.upper is not None
+    scaled = [Coefficient.known(7 * v.value, 7 * v.interval[0], 7 * v.interval[1], v.unit) for v in values]
+    again = pool_coefficients("white.density", scaled, logarithmic=True)
+    assert again is not None
+    assert again.value.value == pytest.approx(7 * pooled.value.value)
+    assert again.p_value == pytest.approx(pooled.p_value)
+
+
+def test_too_few_values_are_refused():
+    assert pool_coefficients("mean", [None, Coefficient.bounded(1.0, "s", "x")], logarithmic=False) is None
+    with pytest.raises(ValueError, match="at least two"):
+        random_effects([1.0], [1.0])
+    with pytest.raises(ValueError, match="must be positive"):
+        random_effects([1.0, 2.0], [1.0, 0.0])

@@ -1,0 +1,1 @@
+"""One file a command: it reads, calls the rooms in order, and writes."""

@@ -1,0 +1,71 @@
+"""`tuner identify`: the noise terms of a log, with intervals; several logs of one sensor are pooled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tuner.commands.options import Output, Reading, common, reading
+from tuner.commands.sources import load_identification, source_name
+from tuner.progress import Messages
+
+METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
+
+
+@click.command("identify", short_help="Noise terms of a log, with intervals.")
+@click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG…]")
+@click.option("--terms", metavar="LIST", help="Fit exactly this sum, such as white,gauss_markov,random_walk.")
+@click.option("--method", type=click.Choice(METHODS), default="likelihood", show_default=True, help="How coefficients are estimated.")
+@click.option("--arma", type=click.Choice(["fast", "exact", "off"]), default="fast", show_default=True, help="Time-series model.")
+@click.option("--latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Take the Earth's rate out of the gyro means.")
+@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Allan figure (PNG or SVG).")
+@reading
+@common
+def command(
+    logs: tuple[str, ...],
+    terms: str | None,
+    method: str,
+    arma: str,
+    latitude: float | None,
+    figure: Path | None,
+    reading: Reading,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Find the noise terms of each axis: quantization, white, bias instability or Gauss–Markov, random walk, ramp.
+
+    A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled, with their spread.
+    """
+    from tuner.identification.pooled import pool
+    from tuner.jsonio import identification_json, pooled_json
+    from tuner.report.tables import identification_tables, pooled_tables, show
+
+    wanted = tuple(t.strip() for t in terms.split(",")) if terms else None
+    found = [
+        load_identification(
+            log,
+            reading,
+            messages,
+            terms=wanted,
+            method=method,
+            arma=None if arma == "off" else arma,
+            latitude=latitude,
+        )
+        for log in logs
+    ]
+    names = [source_name(log) for log in logs]
+    if output.tables:
+        for name, one in zip(names, found, strict=True):
+            show([name, *identification_tables(one)])
+        if len(found) > 1:
+            show(pooled_tables(pool(found), names))
+    output.write(identification_json(found[0]) if len(found) == 1 else pooled_json(names, found, pool(found)))
+    if figure is not None:
+        from tuner.report.allan_figure import draw_allan
+
+        for name, one in zip(names, found, strict=True):
+            path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
+            draw_allan(one, [path], title=name)
+            messages.say(f"wrote {path}")

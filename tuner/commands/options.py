@@ -1,0 +1,94 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tuner.files import json_text, write_text
+from tuner.progress import Messages
+
+Command = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How to understand a log: see `tuner.readers.read`."""
+
+    rate: float | None = None
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    gyro_scale: float | None = None
+    accel_scale: float | None = None
+    columns: str | None = None
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where the machine-readable result goes: a file, standard output (``-``) or nowhere."""
+
+    json_file: str | None
+
+    @property
+    def tables(self) -> bool:
+        """Whether tables may be printed: standard output is not taken by JSON."""
+        return self.json_file != "-"
+
+    def write(self, content: Mapping[str, Any]) -> None:
+        """Write the JSON result, if one is wanted."""
+        if self.json_file == "-":
+            sys.stdout.write(json_text(content))
+        elif self.json_file is not None:
+            write_text(Path(self.json_file), json_text(content))
+
+
+def common(command: Command) -> Command:
+    """Add ``--json``, ``--seed``, ``--quiet``; the command receives `output`, `seed` and `messages`."""
+
+    @click.option("--json", "json_file", metavar="FILE", callback=_json_file, help="Result as JSON (- for standard output).")
+    @click.option("--seed", default=0, show_default=True, help="Seed of everything random.")
+    @click.option("--quiet", is_flag=True, help="No progress, no messages.")
+    @functools.wraps(command)
+    def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
+        return command(*args, output=Output(json_file), messages=Messages(quiet), **options)
+
+    return wrapped
+
+
+def reading(command: Command) -> Command:
+    """Add the options that say how to understand a log; the command receives `reading`."""
+
+    @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Sampling rate where the log has no time.")
+    @click.option("--gyro-unit", metavar="UNIT", help="rad/s deg/s deg/h, or increments rad deg arcsec.")
+    @click.option("--accel-unit", metavar="UNIT", help="m/s^2 g mg, or increments m/s.")
+    @click.option("--gyro-scale", type=float, metavar="X", help="Gyro unit of one count.")
+    @click.option("--accel-scale", type=float, metavar="X", help="Accelerometer unit of one count.")
+    @click.option("--columns", metavar="NAME=COLUMN,…", help="Which column, or array of an NPZ, is what.")
+    @functools.wraps(command)
+    def wrapped(
+        *args: Any,
+        rate: float | None,
+        gyro_unit: str | None,
+        accel_unit: str | None,
+        gyro_scale: float | None,
+        accel_scale: float | None,
+        columns: str | None,
+        **options: Any,
+    ) -> Any:
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, columns)
+        return command(*args, reading=how, **options)
+
+    return wrapped
+
+
+def _json_file(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str | None:
+    if value is not None and value != "-" and not value.endswith(".json"):
+        msg = f"expected a file that ends in .json, or - for standard output, got {value!r}"
+        raise click.BadParameter(msg)
+    return value

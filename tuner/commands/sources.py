@@ -1,0 +1,80 @@
+"""What a word on the command line stands for: a log, a curve, a datasheet, a saved result or a built-in grade."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tuner.commands.options import Reading
+from tuner.progress import Messages
+from tuner.records import DataError, Record
+from tuner.results import Identification
+
+DATASHEET_SUFFIXES = (".yaml", ".yml")
+
+
+def source_name(source: str) -> str:
+    """Return the short name of a source: its file name without suffixes, or the name of the grade."""
+    name = Path(source).name
+    return name.split(".")[0] or name
+
+
+def is_file(source: str) -> bool:
+    """Tell a path from the name of a built-in grade: a path exists, or looks like one."""
+    return Path(source).exists() or "/" in source or "." in source
+
+
+def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:
+    """Read a log with a progress bar; every repair is said."""
+    from tuner.readers import read
+
+    with messages.bar(f"reading {Path(log).name}") as advance:
+        records = read(
+            Path(log),
+            rate=reading.rate,
+            gyro_unit=reading.gyro_unit,
+            accel_unit=reading.accel_unit,
+            gyro_scale=reading.gyro_scale,
+            accel_scale=reading.accel_scale,
+            columns=reading.columns,
+            progress=advance,
+        )
+    for note in dict.fromkeys(note for record in records for note in record.notes):
+        messages.say(f"{Path(log).name}: {note}")
+    return records
+
+
+def load_identification(
+    source: str,
+    reading: Reading,
+    messages: Messages,
+    *,
+    terms: tuple[str, ...] | None = None,
+    method: str = "likelihood",
+    arma: str | None = "fast",
+    latitude: float | None = None,
+) -> Identification:
+    """Identify whatever the source is: a grade, a datasheet, a measured curve or a log.
+
+    Raises
+    ------
+    DataError
+        If the source is none of these.
+    """
+    from tuner.datasheet import read_datasheet
+    from tuner.grades import grade_identification, grade_names, load_grade
+    from tuner.identification import identify
+    from tuner.identification.curvefit import identify_curve
+    from tuner.readers import is_curve, read_curve
+
+    if not is_file(source):
+        if source not in grade_names():
+            msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
+            raise DataError(msg)
+        return grade_identification(load_grade(source))
+    if source.endswith(DATASHEET_SUFFIXES):
+        return read_datasheet(Path(source))
+    if is_curve(Path(source)):
+        return identify_curve(read_curve(Path(source)), terms=terms)
+    records = load_records(source, reading, messages)
+    messages.say("identifying")
+    return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)

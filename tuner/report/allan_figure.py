@@ -1,0 +1,134 @@
+"""The Allan figure: measured curve with its band, the fitted sum, each term as the segment it rules.
+
+One row a sensor, one column an axis, log–log, in customary units. Beyond a fifth of the record the curve is drawn
+faded: fewer than about four independent differences stand behind each point there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.files import whole_file
+from tuner.report.customary import SYMBOLS, customary_unit, digits, in_customary, pretty
+from tuner.results import ChannelIdentification, Identification
+
+FloatArray = NDArray[np.float64]
+
+MEASURED = "#1f5fa8"
+MODEL = "#c2410c"
+TERM_COLOURS = {
+    "quantization": "#7c3aed",
+    "white": "#0f766e",
+    "bias_instability": "#a16207",
+    "gauss_markov": "#be185d",
+    "random_walk": "#15803d",
+    "ramp": "#475569",
+}
+SLOPES = {
+    "quantization": "slope −1",
+    "white": "slope −1/2",
+    "bias_instability": "slope 0",
+    "random_walk": "slope +1/2",
+    "ramp": "slope +1",
+    "gauss_markov": "hump",
+}
+TRUSTED_SHARE = 0.2
+"""Share of the record up to which the empirical curve is drawn in full."""
+
+
+def draw_allan(identification: Identification, paths: Sequence[Path], *, title: str = "") -> None:
+    """Draw every channel of an identification and write one file a path (PNG, SVG, … by suffix)."""
+    channels = list(identification.channels.values())
+    units = list(dict.fromkeys(c.unit for c in channels))
+    rows = [[c for c in channels if c.unit == unit] for unit in units]
+    columns = max(len(row) for row in rows)
+    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
+        figure = Figure(figsize=(4.6 * columns + 0.4, 4.1 * len(rows) + 0.7), layout="constrained")
+        grid = figure.subplots(len(rows), columns, squeeze=False, sharey="row")
+        for row, panels in zip(rows, grid, strict=True):
+            for channel, panel in zip(row, panels, strict=False):
+                _draw_channel(panel, channel)
+            for panel in panels[len(row) :]:
+                panel.set_visible(False)
+            panels[0].set_ylabel(f"Allan deviation, {pretty(customary_unit('level', row[0].unit))}")
+        if title:
+            figure.suptitle(title)
+        for path in paths:
+            with whole_file(path) as temporary:
+                figure.savefig(temporary, dpi=130)
+
+
+def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
+    def shown(values: FloatArray) -> FloatArray:
+        return values * in_customary(1.0, "level", channel.unit)
+
+    curve = channel.allan
+    tau, deviation = curve.tau, shown(curve.deviation()[:, 0])
+    low, high = (shown(limit[:, 0]) for limit in curve.interval())
+    limit = TRUSTED_SHARE * channel.span
+    for part, strength in ((tau <= limit, 1.0), (tau >= limit, 0.3)):
+        panel.fill_between(tau[part], low[part], high[part], color=MEASURED, alpha=0.18 * strength, lw=0)
+        panel.plot(tau[part], deviation[part], "o", ms=2.4, color=MEASURED, alpha=strength, mew=0)
+    fine = np.geomspace(tau[0], tau[-1], 200)
+    _draw_model(panel, channel, fine, shown)
+    if tau[-1] > limit:
+        panel.axvline(limit, color="0.6", lw=0.8, ls=":")
+        panel.annotate(
+            "beyond T/5:\nfew differences",
+            (limit, 0.02),
+            xycoords=("data", "axes fraction"),
+            xytext=(3, 0),
+            textcoords="offset points",
+            fontsize=7,
+            color="0.45",
+            va="bottom",
+        )
+    panel.set(xscale="log", yscale="log", xlabel="cluster time τ, s", title=channel.axis)
+    panel.set_ylim(0.4 * np.nanmin(deviation), 2.5 * np.nanmax(deviation))
+    panel.grid(which="major", color="0.88", lw=0.6)
+
+
+def _draw_model(panel: Axes, channel: ChannelIdentification, tau: FloatArray, shown) -> None:  # type: ignore[no-untyped-def]
+    if not channel.model.terms:
+        return
+    total = channel.model.allan_variance(tau, interval=None)
+    panel.plot(tau, shown(np.sqrt(total)), color=MODEL, lw=1.3, label="fitted sum")
+    for k, term in enumerate(channel.model.terms):
+        variance = NoiseModel((term,)).allan_variance(tau, interval=None)
+        colour = TERM_COLOURS.get(term.name, "0.4")
+        panel.plot(tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--")
+        at = int(np.argmax(variance / total))
+        panel.annotate(
+            _label(channel, term.name),
+            (tau[at], shown(np.sqrt(variance[at : at + 1]))[0]),
+            xytext=(4, 14 + 9 * (k % 2)),
+            textcoords="offset points",
+            fontsize=7.5,
+            color=colour,
+        )
+
+
+def _label(channel: ChannelIdentification, name: str) -> str:
+    estimate = channel.term(name)
+    if estimate is None:
+        return name
+    parts = []
+    for field, coefficient in estimate.coefficients.items():
+        quantity = f"{name}.{field}"
+        if coefficient.value is None:
+            continue
+        value = digits(in_customary(coefficient.value, quantity, channel.unit))
+        text = f"{SYMBOLS.get(quantity, field)} {value}"
+        if coefficient.interval is not None:
+            half = 0.5 * (coefficient.interval[1] - coefficient.interval[0])
+            text += f" ± {digits(in_customary(half, quantity, channel.unit), 2)}"
+        parts.append(f"{text} {pretty(customary_unit(quantity, channel.unit))}")
+    return f"{SLOPES.get(name, name)}: " + ", ".join(parts)
