@@ -1,0 +1,66 @@
+"""Expected cosine periodogram of each noise term, edges included.
+
+For a process of autocovariance g on a span T the expectation of a squared cosine coefficient is::
+
+    E a_k² = ∫_{-T}^{T} (1-|u|/T) g(u) cos ωu du - 2/(ωT) ∫_0^T g(u) sin ωu du,    ω = 2πf_k = πk/T
+
+that is S(f_k) times an edge factor (s = (-1)^k)::
+
+    white, random walk      1
+    flicker                 (2/π) Si(πk) - 2(1-s)/(π²k)             → 1 - 2/(π²k)
+    Gauss-Markov            1 - (2T_c/T) (1 - s e^{-T/T_c}) / (1 + (ωT_c)²)
+    quantization            S + (4Q²/T) cos²(πfτ0)
+
+The first three hold exactly, the flicker one through its generalised autocovariance -(B²/π) ln|u|; terms
+without a rule here are taken as S(f), right to O(memory/T).
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import sici
+
+from models.noise import BiasInstability, GaussMarkov, Quantization
+from tuner.identification.periodogram import SINGLE, CosinePeriodogram
+
+FloatArray = NDArray[np.float64]
+
+
+def expected_power(term: Any, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
+    """Return E a² of a term on the grid, shape (m,), and its derivatives by the logs of its parameters, (p, m)."""
+    spectrum = term.psd(grid.frequency, interval=grid.interval)
+    gradient = term.psd_gradient(grid.frequency, interval=grid.interval)
+    factor, slope = _edge(term, grid)
+    return spectrum * factor, gradient * factor + spectrum * slope
+
+
+@singledispatch
+def _edge(term: Any, grid: CosinePeriodogram) -> tuple[Any, Any]:
+    """Return the edge factor and its derivatives by the logs of the parameters."""
+    return 1.0, 0.0
+
+
+@_edge.register
+def _(term: BiasInstability, grid: CosinePeriodogram) -> tuple[Any, Any]:
+    k = grid.order
+    exact = 2.0 / np.pi * sici(np.pi * k)[0] - 2.0 / (np.pi**2 * k) * (1.0 - grid.parity)
+    return np.where(k <= SINGLE, exact, 1.0 - 2.0 / (np.pi**2 * k)), 0.0
+
+
+@_edge.register
+def _(term: GaussMarkov, grid: CosinePeriodogram) -> tuple[Any, Any]:
+    ratio = term.time_constant / grid.span
+    end = grid.parity * np.exp(-1.0 / ratio)
+    knee = 1.0 + (2.0 * np.pi * grid.frequency * term.time_constant) ** 2
+    by_time = -2.0 * ratio / knee * ((2.0 / knee - 1.0) * (1.0 - end)) + 2.0 / knee * end
+    return 1.0 - 2.0 * ratio / knee * (1.0 - end), np.stack((np.zeros_like(by_time), by_time))
+
+
+@_edge.register
+def _(term: Quantization, grid: CosinePeriodogram) -> tuple[Any, Any]:
+    half = np.pi * grid.frequency * grid.interval
+    return 1.0 + grid.interval / grid.span / np.tan(half) ** 2, 0.0
