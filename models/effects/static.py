@@ -1,0 +1,208 @@
+"""The static causes by their codes: make one, read one from text, draw one, hide several in a block.
+
+======================  ==============================================  ==========================
+code                    parameters                                      module
+======================  ==============================================  ==========================
+line                    frequency, amplitude                            spectral
+vibration               frequency, quality, sd                          spectral
+lowpass                 cutoff                                          spectral
+colour                  ar, ma                                          spectral
+gauss_markov            sd, time_constant                               spectral
+temperature             slope                                           thermal
+thermal_lag             slope, time_constant                            thermal
+warmup                  amplitude, time_constant                        thermal
+step                    time, size                                      events
+telegraph               size, dwell_low, dwell_high                     events
+spikes                  rate, size                                      events
+motion                  start, duration                                 events
+heavy_tails             excess_kurtosis                                 tails
+burst                   start, duration, variance_ratio                 tails
+variance_drift          slope                                           tails
+cross_axis              correlation                                     tails
+duplicates              fraction                                        sampling
+timing                  gap_count, jitter_sd, clock_ratio               sampling
+clipping                low, high                                       sampling
+lattice                 step, deadband                                  sampling
+attitude                tilt                                            geometry
+======================  ==============================================  ==========================
+
+Some have one further parameter that no finding reports, such as the phase of a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.base import STAMP, Effect, Parameter, Samples, Scale, require_positive
+from models.effects.events import Motion, Spikes, Step, Telegraph
+from models.effects.geometry import Attitude
+from models.effects.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
+from models.effects.tails import Burst, CrossAxis, HeavyTails, VarianceDrift
+from models.effects.thermal import TemperatureSlope, ThermalLag, Warmup
+
+EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
+    {
+        effect.name: effect
+        for effect in (
+            Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
+            CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Lattice,
+            CrossAxis, Attitude, Motion,
+        )
+    }
+)  # fmt: skip
+"""Class of every static cause, by its code."""
+
+
+def kind(code: str) -> type[Effect]:
+    """Return the class of a cause; ValueError names the codes there are."""
+    if code not in EFFECTS:
+        msg = f"an effect must be one of {', '.join(EFFECTS)}; got '{code}'"
+        raise ValueError(msg)
+    return EFFECTS[code]
+
+
+def parse(text: str) -> Effect:
+    """Read an effect such as ``line:frequency=12.5,amplitude=0.01``.
+
+    Parameters
+    ----------
+    text : str
+        Code, colon, ``name=value`` parted by commas, in SI units; the numbers of a list are parted by ``/``.
+        ``str(effect)`` writes this form.
+
+    Returns
+    -------
+    Effect
+        The effect.
+
+    Raises
+    ------
+    ValueError
+        One line that names what is wrong and what is allowed.
+    """
+    code, _, rest = text.strip().partition(":")
+    effect = kind(code.strip())
+    known: dict[str, Field[Any]] = {f.name: f for f in fields(effect)}
+    values: dict[str, Parameter] = {}
+    for part in filter(None, (p.strip() for p in rest.split(","))):
+        name, equals, value = (p.strip() for p in part.partition("="))
+        if not equals or name not in known:
+            msg = f"'{code}' takes {', '.join(f'{k}=VALUE' for k in known)}; got '{part}'"
+            raise ValueError(msg)
+        values[name] = _number(code, known[name], value)
+    missing = [k for k, f in known.items() if f.default is MISSING and k not in values]
+    if missing:
+        msg = f"'{code}' needs {', '.join(f'{k}=VALUE' for k in missing)}; got '{text.strip()}'"
+        raise ValueError(msg)
+    return effect(**values)
+
+
+def _number(code: str, parameter: Field[Any], text: str) -> Parameter:
+    declared = str(parameter.type)
+    try:
+        if declared.startswith("tuple"):
+            return tuple(float(part) for part in text.split("/") if part)
+        return int(text) if declared == "int" else float(text)
+    except ValueError:
+        wanted = {"int": "an integer", "tuple[float, ...]": "numbers parted by '/'"}.get(declared, "a number")
+        msg = f"'{parameter.name}' of '{code}' must be {wanted}, got '{text}'"
+        raise ValueError(msg) from None
+
+
+def draw(
+    code: str,
+    rng: np.random.Generator,
+    *,
+    white_sd: float,
+    interval: float,
+    span: float,
+    start: float = 0.0,
+    floor: float | None = None,
+    level: float = 0.0,
+) -> Effect:
+    """Draw the parameters of a cause at random, in the range that its class states.
+
+    Parameters
+    ----------
+    code : str
+        One of `EFFECTS`.
+    rng : numpy.random.Generator
+        Source of randomness.
+    white_sd : float
+        Standard deviation of the white noise of a sample, unit.
+    interval, span, start : float
+        Sampling interval, length and first time stamp of the record, s.
+    floor : float, optional
+        Smallest Allan deviation, unit; by default the white noise averaged over a hundredth of the record.
+    level : float
+        Mean of the channel, unit (rails lie about it).
+
+    Returns
+    -------
+    Effect
+        The effect.
+    """
+    require_positive(white_sd=white_sd, interval=interval, span=span)
+    least = white_sd * float(np.sqrt(min(1.0, 100.0 * interval / span)))
+    return kind(code).draw(
+        rng, Scale(white_sd, interval, span, start, least if floor is None else floor, level)
+    )
+
+
+def hide(
+    block: Samples, effects: Sequence[tuple[Effect, Sequence[int]]], rng: np.random.Generator
+) -> Samples:
+    """Hide effects in a block, each in its own channels, in the order in which a sample meets them.
+
+    Parameters
+    ----------
+    block : Samples
+        The clean block.
+    effects : sequence of (Effect, columns)
+        Effects with the channels they act on; those on time stamps need every channel.
+    rng : numpy.random.Generator
+        Every effect gets a stream of its own from it.
+
+    Returns
+    -------
+    Samples
+        The block with the effects in it.
+
+    Raises
+    ------
+    ValueError
+        A channel that is not there, or stamps of some channels only.
+    """
+    width = block.y.shape[1]
+    streams = rng.spawn(len(effects))
+    for (effect, columns), stream in sorted(zip(effects, streams, strict=True), key=lambda e: e[0][0].stage):
+        chosen = sorted(set(columns))
+        if not chosen or not set(chosen) <= set(range(width)):
+            msg = f"'columns' must be some of 0 … {width - 1}, got {list(columns)}"
+            raise ValueError(msg)
+        if len(chosen) == width:
+            block = effect.apply(block, stream)
+        elif effect.stage == STAMP:
+            msg = f"'{effect.name}' acts on all {width} channels at once, got {list(columns)}"
+            raise ValueError(msg)
+        else:
+            block = _hide_in(block, effect, chosen, stream)
+    return block
+
+
+def _hide_in(block: Samples, effect: Effect, columns: list[int], rng: np.random.Generator) -> Samples:
+    white = block.white
+    part = replace(block, y=block.y[:, columns], white=None if white is None else white[:, columns])
+    changed = effect.apply(part, rng)
+    y = block.y.copy()
+    y[:, columns] = changed.y
+    if white is not None and changed.white is not None:
+        white = white.copy()
+        white[:, columns] = changed.white
+    return replace(block, y=y, white=white)
