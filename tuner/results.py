@@ -340,6 +340,7 @@ class FilterConfig:
     """Settings of a navigation filter, with the reason of every choice.
 
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
+    `findings` are what `diagnose` found, with their extensions, as plain values.
     """
 
     name: str
@@ -350,3 +351,4 @@ class FilterConfig:
     inflations: tuple[Inflation, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
+    findings: tuple[Mapping[str, Any], ...] = ()
