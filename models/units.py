@@ -149,8 +149,8 @@ _SPELLINGS: Final = (
 )
 
 
-def unit_value(unit: str) -> float:
-    """Return the SI value of one unit.
+def canonical_unit(unit: str) -> str:
+    """Return the one spelling of a unit in this module: ``deg/√h`` and ``°/sqrt(hr)`` are both ``deg/h^0.5``.
 
     Raises
     ------
@@ -163,7 +163,18 @@ def unit_value(unit: str) -> float:
     if key not in _UNITS:
         msg = f"unknown unit '{unit}'; known are {', '.join(known_units())}"
         raise ValueError(msg)
-    return _UNITS[key]
+    return key
+
+
+def unit_value(unit: str) -> float:
+    """Return the SI value of one unit.
+
+    Raises
+    ------
+    ValueError
+        For an unknown unit, with the list of the known ones.
+    """
+    return _UNITS[canonical_unit(unit)]
 
 
 def known_units() -> tuple[str, ...]:
