@@ -1,10 +1,9 @@
 """Customary units of inertial sensing, each the SI value of one unit.
 
-``5 * DEG_PER_HOUR`` is 5 deg/h in rad/s; `to_si` and `from_si` do the same by the name of the unit. SI here is
-rad, s, m. Square roots may be written ``sqrt(h)`` or ``√h``, micro ``u`` or ``µ``, squares ``^2`` or ``²``.
+``5 * DEG_PER_HOUR`` is 5 deg/h in rad/s; `to_si` and `from_si` do the same by the name of the unit. SI here
+is rad, s, m. Square roots may be written ``sqrt(h)`` or ``√h``, micro ``u`` or ``µ``, squares ``^2`` or ``²``.
 
-Unless a data sheet says otherwise its noise density is two-sided here (σ² = N²/dt); one quoted as σ² = d² · bandwidth
-is one-sided: see `two_sided`.
+Noise densities are two-sided (σ² = N²/dt); one quoted as σ² = d² · bandwidth is one-sided: see `two_sided`.
 """
 
 from __future__ import annotations
@@ -79,6 +78,7 @@ _UNITS: Final[dict[str, float]] = {
     "rad/s^2/Hz^0.5": 1.0,
     "deg/s^2/Hz^0.5": DEG,
     "deg/h/s^0.5": DEG_PER_HOUR,
+    "deg/h/h^0.5": DEG_PER_HOUR_SQRT_HOUR,
     # rate ramp R
     "rad/s^2": 1.0,
     "deg/s^2": DEG,
@@ -90,6 +90,7 @@ _UNITS: Final[dict[str, float]] = {
     "km": 1e3,
     "m/s": 1.0,
     "cm/s": 1e-2,
+    "mm/s": 1e-3,
     "km/h": 1.0 / 3.6,
     "ft/s": FOOT,
     # acceleration
@@ -132,6 +133,7 @@ _UNITS: Final[dict[str, float]] = {
 
 _SPELLINGS: Final = (
     (re.compile(r"\s+"), ""),
+    (re.compile(r"\bhr\b"), "h"),
     (re.compile("[µμ]"), "u"),
     (re.compile("°C"), "degC"),
     (re.compile("°/"), "deg/"),
@@ -139,7 +141,6 @@ _SPELLINGS: Final = (
     (re.compile(r"√\(?(Hz|h|s)\)?"), r"\1^0.5"),
     (re.compile(r"sqrt\((Hz|h|s)\)"), r"\1^0.5"),
     (re.compile(r"rt(Hz|h|s)\b"), r"\1^0.5"),
-    (re.compile(r"\bhr\b"), "h"),
     (re.compile("²"), "^2"),
     (re.compile("³"), "^3"),
     (re.compile(r"\*\*"), "^"),
