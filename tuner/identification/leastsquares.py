@@ -1,0 +1,217 @@
+"""Least squares on the Allan curve: unweighted as in the papers, weighted, and generalised.
+
+The weighted forms fit the logarithm of overlapping Allan variances V_i at octaves τ_i ≤ T/4::
+
+    Σ_i w_i [ln V_i − b_i − ln Σ_terms AVAR(τ_i; θ)]²,   b_i = ψ(v_i/2) − ln(v_i/2),   1/w_i = ψ'(v_i/2)
+
+b is the mean and ψ' the variance of ln(χ²_v/v); the degrees of freedom v come from the covariance of the
+curve under the fitted model (`tuner.identification.covariance`). Neighbouring octaves are correlated by about
+one half: the covariance of the estimates is the sandwich H Jᵀ W Σ W J H, H = (Jᵀ W J)⁻¹, which widens naive
+intervals by half. Generalised least squares takes W = Σ⁻¹; its χ² judges whether the terms explain the curve.
+
+The unweighted fit σ² = Σ_n A_n τⁿ, n = −2 … 2, gives every point the same absolute weight, so that the steep
+ends rule; it is kept for comparison and has no intervals.
+
+References
+----------
+.. [1] M. S. Bartlett and D. G. Kendall, The statistical analysis of variance-heterogeneity and the
+   logarithmic transformation, Suppl. J. R. Stat. Soc. 8, 1946 (moments of ln χ²).
+.. [2] H. White, Maximum likelihood estimation of misspecified models, Econometrica 50, 1982 (sandwich).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import digamma, polygamma
+from scipy.stats import chi2
+
+from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from tuner.identification.covariance import allan_covariance
+from tuner.identification.octaves import CurveProblem, OctaveCurve, parameter_names
+
+FloatArray = NDArray[np.float64]
+
+_POWERS: tuple[tuple[int, Term], ...] = (
+    (-2, Quantization(1.0)),
+    (-1, White(1.0)),
+    (0, BiasInstability(1.0)),
+    (1, RandomWalk(1.0)),
+    (2, Ramp(1.0)),
+)
+"""Power of τ in the Allan variance of each of the five terms."""
+
+
+@dataclass(frozen=True)
+class CurveFit:
+    """Terms fitted to an Allan curve.
+
+    Attributes
+    ----------
+    model : NoiseModel
+        Fitted sum of terms.
+    names : tuple of str
+        Parameters, such as ``white.density``; of a second term of a kind ``gauss_markov_2.sd`` …
+    estimate : ndarray, shape (p,)
+        Natural logarithms of the parameters.
+    covariance : ndarray, shape (p, p)
+        Covariance of the logarithms; huge where the curve does not hold the parameter.
+    intervals : tuple of (float, float)
+        95 % interval of each parameter; the lower limit is 0 where the curve does not exclude it.
+    statistic, freedom, p_value
+        χ² of the residuals under their full covariance, its degrees of freedom, and its upper tail.
+    dof : ndarray, shape (k,)
+        Equivalent degrees of freedom of each point under the model.
+    residual : ndarray, shape (k,)
+        Measured ÷ fitted Allan deviation.
+    """
+
+    model: NoiseModel
+    names: tuple[str, ...]
+    estimate: FloatArray
+    covariance: FloatArray
+    intervals: tuple[tuple[float, float], ...]
+    statistic: float
+    freedom: int
+    p_value: float
+    dof: FloatArray
+    residual: FloatArray
+
+
+def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> CurveFit:
+    """Fit a sum of terms to a curve by weighted or generalised least squares of ln AVAR.
+
+    Parameters
+    ----------
+    curve : OctaveCurve
+        What was measured.
+    start : NoiseModel
+        Terms to fit. Their time constants are where the search begins; amplitudes are found anew.
+    generalised : bool
+        Weight by the inverse of the full covariance instead of its diagonal.
+
+    Returns
+    -------
+    CurveFit
+
+    Raises
+    ------
+    ValueError
+        If there are more parameters than points.
+    """
+    problem = CurveProblem.of(curve, start)
+    theta = problem.start()
+    freedom = len(curve.m) - len(theta)
+    if freedom < 0:
+        msg = f"{len(theta)} parameters need as many points of the curve, got {len(curve.m)}"
+        raise ValueError(msg)
+    for _ in range(3):
+        dof, sigma = log_covariance(problem.model(theta), curve)
+        target = np.log(curve.variance) - _log_bias(dof)
+        weight = np.asarray(np.linalg.inv(sigma if generalised else np.diag(np.diag(sigma))), dtype=float)
+        theta, score = problem.minimise(theta, target, weight)
+    log_mean, jacobian = problem(theta)
+    covariance, widening = _sandwich(jacobian, weight, sigma)
+    intervals = tuple(
+        problem.interval(k, theta, float(np.sqrt(covariance[k, k])), score, target, weight, widening[k])
+        for k in range(len(theta))
+    )
+    residual = target - log_mean
+    statistic = float(residual @ np.linalg.solve(sigma, residual))
+    return CurveFit(
+        problem.model(theta),
+        parameter_names(start),
+        theta,
+        covariance,
+        intervals,
+        statistic,
+        freedom,
+        float(chi2.sf(statistic, freedom)) if freedom else 1.0,
+        dof,
+        np.exp(0.5 * residual),
+    )
+
+
+def unweighted(tau: FloatArray, variance: FloatArray) -> dict[str, float]:
+    """Fit σ² = Σ A_n τⁿ, n = −2 … 2, with equal absolute weights, as the papers do.
+
+    Parameters
+    ----------
+    tau, variance : ndarray, shape (k,)
+        Cluster times, s, and Allan variances; at least five points.
+
+    Returns
+    -------
+    dict of str to float
+        By term: the coefficient that makes A_n τⁿ the Allan variance of that term, negative where A_n is
+        negative (then the term has no meaning).
+    """
+    design = np.stack([tau.astype(float) ** power for power, _ in _POWERS], axis=1)
+    scale = np.linalg.norm(design, axis=0)
+    amplitudes = np.linalg.lstsq(design / scale, variance, rcond=None)[0] / scale
+    units = [float(term.allan_variance(np.ones(1))[0]) for _, term in _POWERS]
+    return {
+        term.name: float(np.copysign(np.sqrt(abs(a) / unit), a))
+        for (_, term), a, unit in zip(_POWERS, amplitudes, units, strict=True)
+    }
+
+
+def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, FloatArray]:
+    """Return the degrees of freedom, shape (k,), and the covariance of ln AVAR, shape (k, k), under a model.
+
+    The correlations are those of the variances; the diagonal is the exact ψ'(v/2).
+    """
+    mean, covariance = allan_covariance(model.terms, curve.m, curve.lengths, curve.interval)
+    sd = np.sqrt(np.diag(covariance))
+    dof = 2.0 * (mean / sd) ** 2
+    log_sd = np.sqrt(polygamma(1, 0.5 * dof))
+    return dof, covariance / np.outer(sd, sd) * np.outer(log_sd, log_sd)
+
+
+def misfit(curve: OctaveCurve, model: NoiseModel, parameters: int) -> tuple[float, int, float, FloatArray]:
+    """Judge a model that was fitted by other means against the Allan curve.
+
+    Parameters
+    ----------
+    curve : OctaveCurve
+        What was measured.
+    model : NoiseModel
+        Fitted sum of terms.
+    parameters : int
+        Number of its parameters that came from the same record.
+
+    Returns
+    -------
+    statistic : float
+        χ² of ln(measured/model) under its full covariance.
+    freedom : int
+        Points less parameters, at least 1.
+    p_value : float
+        Upper tail of χ²; the fit need not minimise this statistic, so that it errs to the small side.
+    residual : ndarray, shape (k,)
+        Measured ÷ modelled Allan deviation.
+    """
+    dof, sigma = log_covariance(model, curve)
+    mean = model.allan_variance(curve.tau, interval=curve.interval)
+    residual = np.log(curve.variance) - _log_bias(dof) - np.log(mean)
+    statistic = float(residual @ np.linalg.solve(sigma, residual))
+    freedom = max(len(curve.m) - parameters, 1)
+    return statistic, freedom, float(chi2.sf(statistic, freedom)), np.exp(0.5 * residual)
+
+
+def _log_bias(dof: FloatArray) -> FloatArray:
+    """Return E ln(χ²_v/v)."""
+    return np.asarray(digamma(0.5 * dof) - np.log(0.5 * dof))
+
+
+def _sandwich(jacobian: FloatArray, weight: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the sandwich covariance of the parameters and, for each, its ratio to the naive variance."""
+    scale = np.linalg.norm(jacobian, axis=0) + 1e-300
+    scaled = jacobian / scale
+    information = scaled.T @ weight @ scaled
+    bread = np.linalg.pinv(information, hermitian=True)
+    half = bread @ scaled.T @ weight
+    covariance = half @ sigma @ half.T
+    return covariance / np.outer(scale, scale), np.diag(covariance) / np.diag(bread)
