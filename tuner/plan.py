@@ -121,7 +121,8 @@ def relative_sd(model: NoiseModel, *, interval: float, span: float) -> FloatArra
         spectrum = np.sum([term.psd(f, interval=interval) for term in spectral], axis=0)
         gradient = np.vstack([term.psd_gradient(f, interval=interval) for term in spectral]) / spectrum
         information = (gradient * count) @ gradient.T
-        bound = list(np.sqrt(np.diag(np.linalg.pinv(information))))
+        scale = np.sqrt(np.diag(information))  # a hidden term has next to no information: keep the digits
+        bound = list(np.sqrt(np.diag(np.linalg.inv(information / np.outer(scale, scale)))) / scale)
     noise = NoiseModel(tuple(spectral))
     answers: list[float] = []
     for term in model.terms:
