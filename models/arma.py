@@ -10,9 +10,9 @@ State form of Harvey, r = max(p, q + 1) states s::
 
     s_{k+1} = Phi s_k + g e_{k+1},   y_k = s_k[0],   Phi = [ar | shift],   g = (1, ma_1, …)
 
-Allan and Hadamard variance come from the autocovariance g_i through the variance V(m) of a sum of m samples
-(Zhang, Metrologia 45 (2008)); see `models.terms.base`. Lags are summed one by one while the process remembers, with
-g_0 − g_i in place of g_i where that keeps the digits; beyond that V is a straight line.
+Allan and Hadamard variance come from the autocovariance g_i through the variance V(m) of a sum of m
+samples [2]_, see `models.terms.base`. Lags are summed one by one while the process remembers, with g_0 − g_i
+in place of g_i where that keeps the digits; beyond that V is a straight line.
 
 References
 ----------
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
-from models.terms.base import FloatArray, Term, require_positive
+from models.terms.base import FloatArray, Term, as_array, require_positive
 
 IntArray = NDArray[np.int64]
 
@@ -67,7 +67,8 @@ class Arma(Term):
         ):
             root = _largest_root(coefficients)
             if not root < 1.0:
-                msg = f"'{field}' is not {fault}: largest root {root:.6g}, must be below 1, got {getattr(self, field)}"
+                values = getattr(self, field)
+                msg = f"'{field}' must be {fault}: largest root below 1, got {root:.6g} from {values}"
                 raise ValueError(msg)
 
     def scaled(self, factor: float) -> Arma:
@@ -86,10 +87,10 @@ class Arma(Term):
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the spectrum of the sequence, |f| <= 1/(2 interval)."""
         self._check(interval)
-        shift = np.exp(-2j * np.pi * np.asarray(f, dtype=float) * self.interval)
+        shift = np.exp(-2j * np.pi * as_array(f) * self.interval)
         numerator = np.polynomial.polynomial.polyval(shift, (1.0, *self.ma))
         denominator = np.polynomial.polynomial.polyval(shift, (1.0, *_negated(self.ar)))
-        return self.interval * self.variance * np.abs(numerator / denominator) ** 2
+        return as_array(self.interval * self.variance * np.abs(numerator / denominator) ** 2)
 
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return S, the derivative by ln variance, shape (1, *shape of f)."""
@@ -108,7 +109,7 @@ class Arma(Term):
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the autocovariance at the nearest whole multiples of the interval."""
         self._check(interval)
-        k = np.abs(np.rint(np.asarray(lag, dtype=float) / self.interval)).astype(np.int64)
+        k = np.abs(np.rint(as_array(lag) / self.interval)).astype(np.int64)
         return self._autocovariances(int(k.max(initial=0)) + 1)[k]
 
     def state_space(self) -> NoReturn:
@@ -117,7 +118,7 @@ class Arma(Term):
         raise ValueError(msg)
 
     def transition(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return Phi, Qd and the stationary P0 of the r discrete states, each of shape (r, r); y is the first state."""
+        """Return Phi, Qd and stationary P0 of the discrete states, shapes (r, r); y is the first state."""
         r = max(len(self.ar), len(self.ma) + 1)
         transition = np.eye(r, k=1)
         transition[: len(self.ar), 0] = self.ar
@@ -145,7 +146,7 @@ class Arma(Term):
 
     def _cluster_size(self, tau: ArrayLike, interval: float | None) -> IntArray:
         self._check(interval)
-        ratio = np.asarray(tau, dtype=float) / self.interval
+        ratio = as_array(tau) / self.interval
         m = np.rint(ratio)
         if np.any(m < 1) or not np.allclose(ratio, m, rtol=1e-5, atol=0.0):
             msg = f"'tau' must be whole multiples of the interval {self.interval} s"
@@ -167,7 +168,7 @@ class Arma(Term):
         return np.array(first)
 
     def _contrast(self, m: IntArray, weights: tuple[float, ...]) -> FloatArray:
-        """Return Σ_k weights_k V(k m), k = 1, 2, …"""
+        """Return w_1 V(m) + w_2 V(2m) + …, shape of m."""
         multiples = np.multiply.outer(np.arange(1, len(weights) + 1), m)
         root = _largest_root(self.ar)
         memory = len(self.ar) + len(self.ma) + (int(np.log(_FORGOTTEN) / np.log(root)) if root > 0.0 else 0)
@@ -208,4 +209,4 @@ def _weighted_sum(g: FloatArray, m: IntArray) -> FloatArray:
     """Return Σ_{0<i<m} (m − i) g_i, with g = 0 beyond its end."""
     last = np.minimum(m - 1, g.size - 1)
     lag = np.arange(g.size)
-    return m * (np.cumsum(g) - g[0])[last] - np.cumsum(lag * g)[last]
+    return as_array(m * (np.cumsum(g) - g[0])[last] - np.cumsum(lag * g)[last])

@@ -5,8 +5,8 @@
     model = White(2e-4) + BiasInstability(1e-5) + RandomWalk(3e-7)
     model.allan_variance([1.0, 10.0, 100.0], interval=0.01)
 
-Spectra, variances and autocovariances of independent terms add. The order of the terms has no meaning: sums of the same
-terms are equal. Units and conventions are those of `models`.
+Spectra, variances and autocovariances of independent terms add. The order of the terms has no meaning:
+sums of the same terms are equal. Units and conventions are those of `models`.
 """
 
 from __future__ import annotations
@@ -76,12 +76,12 @@ class NoiseModel:
     terms: tuple[Term, ...] = ()
 
     def __init__(self, terms: Iterable[Term | NoiseModel] = ()) -> None:
-        flat = [t for item in terms for t in (item.terms if isinstance(item, NoiseModel) else (item,))]
-        for term in flat:
-            if not isinstance(term, Term):
-                msg = f"'terms' must be noise terms, got {type(term).__name__}"
-                raise ValueError(msg)
-        object.__setattr__(self, "terms", tuple(flat))
+        flat = (item.terms if isinstance(item, NoiseModel) else (item,) for item in terms)
+        terms = tuple(term for group in flat for term in group)
+        if strangers := [type(term).__name__ for term in terms if not isinstance(term, Term)]:
+            msg = f"'terms' must be noise terms, got {', '.join(strangers)}"
+            raise ValueError(msg)
+        object.__setattr__(self, "terms", terms)
 
     def __add__(self, other: Term | NoiseModel) -> NoiseModel:
         return NoiseModel((self, other))
@@ -97,7 +97,7 @@ class NoiseModel:
         return hash(frozenset(Counter(self.terms).items()))
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the two-sided spectral density, shape of f, unit²/Hz; lines and ramps have none and count 0."""
+        """Return the two-sided spectral density, shape of f, unit²/Hz; lines and ramps count 0."""
         return self._sum(f, lambda term: term.psd(f, interval=interval))
 
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
@@ -106,11 +106,11 @@ class NoiseModel:
         return np.concatenate(gradients) if gradients else np.zeros((0, *np.shape(f)))
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the Allan variance at cluster times τ, shape of τ, unit²; exact for samples where `interval` is given."""
+        """Return the Allan variance at cluster times τ, s; of samples with `interval`; shape of τ, unit²."""
         return self._sum(tau, lambda term: term.allan_variance(tau, interval=interval))
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the Hadamard variance at cluster times τ, shape of τ, unit²; exact for samples where `interval` is given."""
+        """Return the Hadamard variance at cluster times τ, s; of samples with `interval`; shape of τ."""
         return self._sum(tau, lambda term: term.hadamard_variance(tau, interval=interval))
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
@@ -118,7 +118,7 @@ class NoiseModel:
         return self._sum(lag, lambda term: term.autocovariance(lag, interval=interval))
 
     def state_space(self) -> StateSpace | None:
-        """Return the block sum of the states of all terms; None where all are white (`White`, `Quantization`).
+        """Return the block sum of the states of all terms; None where there are none (white, quantization).
 
         Raises
         ------
@@ -133,7 +133,7 @@ class NoiseModel:
         return float(np.sqrt(sum(t.density**2 for t in self.terms if isinstance(t, White))))
 
     def with_ladder(self, shortest: float, longest: float, *, per_decade: float = 1.0) -> NoiseModel:
-        """Return the model with bias instability replaced by Gauss–Markov terms of time constants in that range, s."""
+        """Return the model with bias instability replaced by `flicker_ladder` over time constants in s."""
         return NoiseModel(
             rung
             for term in self.terms

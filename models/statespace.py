@@ -15,7 +15,8 @@ times the shortest time constant. Here it serves a short step only, and the step
 
 References
 ----------
-.. [1] C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Autom. Control 23 (1978).
+.. [1] C. F. Van Loan, Computing integrals involving the matrix exponential,
+       IEEE Trans. Automatic Control 23 (1978).
 """
 
 from __future__ import annotations
@@ -159,8 +160,8 @@ def flicker_ladder(
 ) -> tuple[GaussMarkov, ...]:
     """Return Gauss–Markov terms whose sum stands for flicker noise between two time constants.
 
-    Time constants T_i in geometric ratio r, all with sd = B √(ln r / π). The ripple of the Allan variance between
-    the ends is ±2 % at one a decade and ±0.02 % at two.
+    Time constants in geometric ratio r, all with sd = B √(ln r / π). The ripple of the Allan variance
+    between the ends is ±2 % at one a decade and ±0.02 % at two.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Customary units of inertial sensing, each the SI value of one unit.
 
 ``5 * DEG_PER_HOUR`` is 5 deg/h in rad/s; `to_si` and `from_si` do the same by the name of the unit. SI here
-is rad, s, m. Square roots may be written ``sqrt(h)`` or ``√h``, micro ``u`` or ``µ``, squares ``^2`` or ``²``.
+is rad, s, m. Square roots may be written ``sqrt(h)`` or ``√h``, micro ``u`` or ``µ``, squares ``^2``
+or ``²``.
 
 Noise densities are two-sided (σ² = N²/dt); one quoted as σ² = d² · bandwidth is one-sided: see `two_sided`.
 """

@@ -1,11 +1,11 @@
 """What every noise term answers: spectrum, Allan and Hadamard variance, autocovariance, state space, samples.
 
 A term is a frozen dataclass whose fields are its parameters in SI units. Terms add up to a flat
-`models.noise.NoiseModel`. Functions take `interval` to answer for samples (see `models`); with it, cluster times
-are multiples m = τ/interval and frequencies satisfy |f| <= 1/(2 interval).
+`models.noise.NoiseModel`. Functions take `interval`, s, to answer for samples (see `models`); with it,
+cluster times are multiples m = τ/interval and frequencies satisfy |f| <= 1/(2 interval).
 
-The two variances are contrasts of the sum x of the rate samples. With V(m) = var(x_{k+m} − x_k), generalised where
-the rate is not stationary::
+Both variances are contrasts of the sum x of the rate samples. With V(m) = var(x_{k+m} − x_k), generalised
+where the rate is not stationary::
 
     AVAR(m) = [4 V(m) − V(2m)] / (2 m²)
     HVAR(m) = [15 V(m) − 6 V(2m) + V(3m)] / (6 m²)
@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 
+def as_array(values: ArrayLike) -> FloatArray:
+    """Return the values as floats."""
+    return np.asarray(values, dtype=np.float64)
+
+
 def require_positive(name: str, value: float) -> None:
     """Raise ValueError unless the value is positive and finite."""
     if not 0.0 < value < np.inf:
@@ -50,7 +55,7 @@ class Term(ABC):
 
     @abstractmethod
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the two-sided spectral density, unit²/Hz, of the process or (with `interval`, s) of its samples."""
+        """Return the two-sided spectral density at frequencies f, Hz; shape of f, unit²/Hz."""
 
     @abstractmethod
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
@@ -58,19 +63,19 @@ class Term(ABC):
 
     @abstractmethod
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the Allan variance at cluster times τ, s, of the process or (with `interval`, s) of its samples."""
+        """Return the Allan variance at cluster times τ, s; shape of τ, unit²."""
 
     @abstractmethod
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the Hadamard variance at cluster times τ, s, of the process or (with `interval`, s) of its samples."""
+        """Return the Hadamard variance at cluster times τ, s; shape of τ, unit²."""
 
     @abstractmethod
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the autocovariance at lags in s; ValueError where it does not exist."""
+        """Return the autocovariance at lags, s; shape of lag, unit²; ValueError where it does not exist."""
 
     @abstractmethod
     def state_space(self) -> StateSpace | None:
-        """Return the states that make the process; None where it is white from sample to sample or a difference of such."""
+        """Return the states that make the process; None where it is white, or a difference of such."""
 
     @abstractmethod
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:

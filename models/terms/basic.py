@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.statespace import StateSpace
-from models.terms.base import FloatArray, Term
+from models.terms.base import FloatArray, Term, as_array
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Quantization(Term):
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return 4 Q²/dt sin²(πf dt); the process exists only with its sampling interval."""
         dt = _need_interval(interval, "quantization noise has no spectrum")
-        return 4.0 * self.increment_sd**2 / dt * np.sin(np.pi * np.asarray(f, dtype=float) * dt) ** 2
+        return 4.0 * self.increment_sd**2 / dt * np.sin(np.pi * as_array(f) * dt) ** 2
 
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return 2 S."""
@@ -51,29 +51,29 @@ class Quantization(Term):
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return 3 Q²/τ², the same for samples."""
-        return 3.0 * self.increment_sd**2 / np.asarray(tau, dtype=float) ** 2
+        return 3.0 * self.increment_sd**2 / as_array(tau) ** 2
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return 10/3 Q²/τ², the same for samples."""
-        return 10.0 / 3.0 * self.increment_sd**2 / np.asarray(tau, dtype=float) ** 2
+        return 10.0 / 3.0 * self.increment_sd**2 / as_array(tau) ** 2
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return 2 Q²/dt² at lag 0, −Q²/dt² at one interval, else 0."""
         dt = _need_interval(interval, "quantization noise has no autocovariance")
-        k = np.abs(np.rint(np.asarray(lag, dtype=float) / dt))
+        k = np.abs(np.rint(as_array(lag) / dt))
         return (self.increment_sd / dt) ** 2 * np.where(k == 0, 2.0, np.where(k == 1, -1.0, 0.0))
 
     def state_space(self) -> None:
         """Return None: a difference of white errors needs no continuous state."""
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
-        """Return differences of white increments errors: the spectrum of a quantiser, without its input."""
+        """Return differences of white increment errors, as a fine quantiser leaves them."""
         return np.diff(rng.standard_normal(n + 1)) * (self.increment_sd / interval)
 
 
 @dataclass(frozen=True)
 class White(Term):
-    """White rate noise: angle or velocity random walk. Samples are averages over the interval, of variance N²/dt."""
+    """White rate noise (angle or velocity random walk); samples average over the interval: variance N²/dt."""
 
     density: float  # N: unit/√Hz, two-sided
 
@@ -91,16 +91,16 @@ class White(Term):
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return N²/τ, the same for samples."""
-        return self.density**2 / np.asarray(tau, dtype=float)
+        return self.density**2 / as_array(tau)
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return N²/τ, the same for samples."""
-        return self.density**2 / np.asarray(tau, dtype=float)
+        return self.density**2 / as_array(tau)
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return N²/dt at lag 0, else 0; the continuous process has no finite variance."""
         dt = _need_interval(interval, "white noise has no finite variance")
-        k = np.rint(np.asarray(lag, dtype=float) / dt)
+        k = np.rint(as_array(lag) / dt)
         return np.where(k == 0, self.density**2 / dt, 0.0)
 
     def state_space(self) -> None:
@@ -108,7 +108,7 @@ class White(Term):
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return independent normal samples of variance N²/dt."""
-        return rng.standard_normal(n) * (self.density / np.sqrt(interval))
+        return rng.standard_normal(n) * float(self.density / np.sqrt(interval))
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class RandomWalk(Term):
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return K²/(2πf)², or K² dt²/(4 sin²(πf dt)) of samples; infinite at f = 0."""
-        f = np.asarray(f, dtype=float)
-        root = 2.0 * np.pi * f if interval is None else 2.0 / interval * np.sin(np.pi * f * interval)
+        w = np.pi * as_array(f)
+        root = 2.0 * w if interval is None else 2.0 / interval * np.sin(w * interval)
         with np.errstate(divide="ignore"):
             return self.density**2 / root**2
 
@@ -134,15 +134,13 @@ class RandomWalk(Term):
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return K² τ/3, or K² dt (2m² + 1)/(6m) of samples."""
-        tau = np.asarray(tau, dtype=float)
-        dt = interval or 0.0
-        return self.density**2 * (tau / 3.0 + dt**2 / (6.0 * tau))
+        t, dt = as_array(tau), interval or 0.0
+        return self.density**2 * (t / 3.0 + dt**2 / (6.0 * t))
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return K² τ/6, or K² dt (m² + 1)/(6m) of samples."""
-        tau = np.asarray(tau, dtype=float)
-        dt = interval or 0.0
-        return self.density**2 * (tau + dt**2 / tau) / 6.0
+        t, dt = as_array(tau), interval or 0.0
+        return self.density**2 * (t + dt**2 / t) / 6.0
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Raise ValueError: the variance of a random walk grows for ever."""
@@ -159,12 +157,13 @@ class RandomWalk(Term):
         walk = rng.standard_normal(n)
         walk[:1] = 0.0
         np.cumsum(walk, out=walk)
-        return np.multiply(walk, self.density * np.sqrt(interval), out=walk)
+        walk *= self.density * np.sqrt(interval)
+        return walk
 
 
 @dataclass(frozen=True)
 class Ramp(Term):
-    """A constant slope y = R t. Deterministic: it has no spectral density, and the Hadamard variance cannot see it."""
+    """A constant slope y = R t: deterministic, without spectral density, unseen by the Hadamard variance."""
 
     rate: float  # R: unit/s
 
@@ -182,7 +181,7 @@ class Ramp(Term):
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return R² τ²/2, the same for samples."""
-        return 0.5 * (self.rate * np.asarray(tau, dtype=float)) ** 2
+        return 0.5 * (self.rate * as_array(tau)) ** 2
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return 0."""
@@ -205,7 +204,7 @@ class Ramp(Term):
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
         """Return R t from t = 0; nothing is random."""
-        return np.arange(n) * (self.rate * interval)
+        return np.arange(n, dtype=np.float64) * (self.rate * interval)
 
 
 def quantize_increments(y: ArrayLike, interval: float, step: float) -> FloatArray:
@@ -225,9 +224,8 @@ def quantize_increments(y: ArrayLike, interval: float, step: float) -> FloatArra
     ndarray, shape of y
         Differences of the rounded integral, divided by the interval.
     """
-    integral = np.cumsum(np.asarray(y, dtype=float), axis=0) * interval
-    counts = np.rint(integral / step)
-    return np.diff(counts, axis=0, prepend=0.0) * (step / interval)
+    counts = np.rint(np.cumsum(as_array(y), axis=0) * (interval / step))
+    return as_array(np.diff(counts, axis=0, prepend=0.0) * (step / interval))
 
 
 def _need_interval(interval: float | None, message: str) -> float:

@@ -6,8 +6,9 @@
     LowPassWhite 1   N through a pole at f_c               S = N² / (1 + (f/f_c)²)
     LowPassWhite 2   N through a Butterworth pair at f_c   S = N² / (1 + (f/f_c)⁴)
 
-The density that drives a Gauss–Markov process is q = σ √(2/T). Its Allan deviation peaks at τ = 1.8926 T with 0.6174 σ;
-short of T it is the random walk K = q, long after T white noise N = σ √(2T). All are sampled at the instant.
+The density that drives a Gauss–Markov process is q = σ √(2/T). Its Allan deviation peaks at τ = 1.8926 T with
+0.6174 σ; short of T it is the random walk K = q, long after T white noise N = σ √(2T). All are sampled at
+the instant.
 
 References
 ----------
@@ -24,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from models.statespace import StateSpace, discretize
 from models.terms import exponential
-from models.terms.base import FloatArray, Term
+from models.terms.base import FloatArray, Term, as_array
 
 
 @dataclass(frozen=True)
@@ -45,24 +46,24 @@ class GaussMarkov(Term):
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return 2σ²T/(1 + (2πfT)²), or the AR(1) spectrum of samples."""
-        return exponential.spectrum(self.sd**2, 1.0 / self.time_constant, _array(f), interval)
+        return exponential.spectrum(self.sd**2, 1.0 / self.time_constant, as_array(f), interval)
 
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the derivatives by ln σ and ln T, shape (2, *shape of f)."""
-        by_rate = exponential.rate_derivative(self.sd**2, 1.0 / self.time_constant, _array(f), interval)
+        by_rate = exponential.rate_derivative(self.sd**2, 1.0 / self.time_constant, as_array(f), interval)
         return np.stack([2.0 * self.psd(f, interval=interval), -by_rate])
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return σ² (2x − 3 + 4e^{−x} − e^{−2x})/x² with x = τ/T, or the AR(1) form of samples."""
-        return exponential.allan_variance(self.sd**2, 1.0 / self.time_constant, _array(tau), interval)
+        return exponential.allan_variance(self.sd**2, 1.0 / self.time_constant, as_array(tau), interval)
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return σ² (6x − 10 + 15e^{−x} − 6e^{−2x} + e^{−3x})/(3x²), or the AR(1) form of samples."""
-        return exponential.hadamard_variance(self.sd**2, 1.0 / self.time_constant, _array(tau), interval)
+        return exponential.hadamard_variance(self.sd**2, 1.0 / self.time_constant, as_array(tau), interval)
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return σ² exp(−|lag|/T), the same for samples."""
-        return self.sd**2 * np.exp(-np.abs(_array(lag)) / self.time_constant)
+        return self.sd**2 * np.exp(-np.abs(as_array(lag)) / self.time_constant)
 
     def state_space(self) -> StateSpace:
         """Return the one state, initially stationary."""
@@ -102,33 +103,33 @@ class LowPassWhite(Term):
 
     @property
     def variance(self) -> float:
-        """Variance of the filtered noise: π N² f_c/order^½ (π/2 for one pole has the factor 1)."""
+        """Variance of the filtered noise: π N² f_c, over √2 for the Butterworth pair."""
         return float(np.pi * self.density**2 * self.cutoff / np.sqrt(self.order))
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return N²/(1 + (f/f_c)^(2 order)), or the spectrum of its samples."""
         if interval is None:
-            return self.density**2 / (1.0 + (_array(f) / self.cutoff) ** (2 * self.order))
-        return exponential.spectrum(*self._pole(), _array(f), interval)
+            return self.density**2 / (1.0 + (as_array(f) / self.cutoff) ** (2 * self.order))
+        return exponential.spectrum(*self._pole(), as_array(f), interval)
 
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the derivatives by ln N and ln f_c, shape (2, *shape of f)."""
         value = self.psd(f, interval=interval)
-        by_rate = exponential.rate_derivative(*self._pole(), _array(f), interval)
+        by_rate = exponential.rate_derivative(*self._pole(), as_array(f), interval)
         return np.stack([2.0 * value, value + by_rate])
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the Allan variance: peak 1.094 N √f_c at f_c τ = 0.301 (order 1), 1.091 N √f_c at 0.468 (order 2)."""
-        return exponential.allan_variance(*self._pole(), _array(tau), interval)
+        """Return the Allan variance: peak (1.09 N)² f_c at f_c τ = 0.301 (order 1), 0.468 (order 2)."""
+        return exponential.allan_variance(*self._pole(), as_array(tau), interval)
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the Hadamard variance."""
-        return exponential.hadamard_variance(*self._pole(), _array(tau), interval)
+        return exponential.hadamard_variance(*self._pole(), as_array(tau), interval)
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return the autocovariance, the same for samples."""
         c, p = self._pole()
-        return np.real(c * np.exp(-p * np.abs(_array(lag))))
+        return as_array(np.real(c * np.exp(-p * np.abs(as_array(lag)))))
 
     def state_space(self) -> StateSpace:
         """Return the states of the filter, initially stationary."""
@@ -156,7 +157,8 @@ class LowPassWhite(Term):
         transition, covariance = discretize(system, interval)
         start = np.sqrt(np.diag(system.P0)) * rng.standard_normal(2)
         noise = rng.standard_normal((n, 2)) @ np.linalg.cholesky(covariance).T
-        # y_k = tr(Phi) y_{k-1} − det(Phi) y_{k-2} + v_k − Phi_11 v_{k-1} + Phi_01 u_{k-1}, (v, u) the noise of a step
+        # With the noise (v, u) of a step:
+        # y_k = tr(Phi) y_{k−1} − det(Phi) y_{k−2} + v_k − Phi_11 v_{k−1} + Phi_01 u_{k−1}
         drive = noise[:, 0].copy()
         drive[1:] += transition[0, 1] * noise[:-1, 1] - transition[1, 1] * noise[:-1, 0]
         denominator = [1.0, -np.trace(transition), np.linalg.det(transition)]
@@ -171,7 +173,3 @@ class LowPassWhite(Term):
         if self.order == 1:
             return self.variance, w
         return self.variance * (1.0 - 1.0j), w * (1.0 - 1.0j) / np.sqrt(2.0)
-
-
-def _array(values: ArrayLike) -> FloatArray:
-    return np.asarray(values, dtype=float)

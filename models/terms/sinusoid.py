@@ -4,11 +4,12 @@
 
     y = A cos(2πf₀t + phase)      AVAR = A² sin⁴(πf₀τ)/(πf₀τ)²      HVAR = (4/3) A² sin⁶(πf₀τ)/(πf₀τ)²
 
-For samples dt apart (πf₀τ)² becomes m² sin²(πf₀ dt). The spectrum is A²/4 at each of ± f₀, which no density can hold.
+For samples dt apart (πf₀τ)² becomes m² sin²(πf₀ dt). The spectrum is A²/4 at each of ±f₀, which no density
+can hold.
 
 References
 ----------
-.. [1] IEEE Std 952-1997, Annex C (whose two-sided weight A²/2 is twice the one that fits its own Allan variance).
+.. [1] IEEE Std 952-1997, Annex C; the weight A²/2 printed there is twice the one its Allan variance needs.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.statespace import StateSpace
-from models.terms.base import FloatArray, Term
+from models.terms.base import FloatArray, Term, as_array
 
 
 @dataclass(frozen=True)
@@ -45,15 +46,16 @@ class Sinusoid(Term):
 
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return A² sin⁴(πf₀τ)/(πf₀τ)², or with m² sin²(πf₀ dt) below for samples."""
-        return self.amplitude**2 * self._sine_square(tau) ** 2 / self._width_square(tau, interval)
+        return as_array(self.amplitude**2 * self._sine_square(tau) ** 2 / self._width_square(tau, interval))
 
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return (4/3) A² sin⁶(πf₀τ)/(πf₀τ)², or with m² sin²(πf₀ dt) below for samples."""
-        return 4.0 / 3.0 * self.amplitude**2 * self._sine_square(tau) ** 3 / self._width_square(tau, interval)
+        power = 4.0 / 3.0 * self.amplitude**2
+        return as_array(power * self._sine_square(tau) ** 3 / self._width_square(tau, interval))
 
     def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return (A²/2) cos(2πf₀ lag), over random phase."""
-        return 0.5 * self.amplitude**2 * np.cos(2.0 * np.pi * self.frequency * np.asarray(lag, dtype=float))
+        return 0.5 * self.amplitude**2 * np.cos(2.0 * np.pi * self.frequency * as_array(lag))
 
     def state_space(self) -> StateSpace:
         """Return the oscillator without noise, of random phase and amplitude of the right power."""
@@ -69,13 +71,13 @@ class Sinusoid(Term):
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return the sinusoid from t = 0."""
         phase = rng.uniform(0.0, 2.0 * np.pi) if self.phase is None else self.phase
-        return self.amplitude * np.cos(2.0 * np.pi * self.frequency * interval * np.arange(n) + phase)
+        angle = 2.0 * np.pi * self.frequency * interval * np.arange(n) + phase
+        return as_array(self.amplitude * np.cos(angle))
 
     def _sine_square(self, tau: ArrayLike) -> FloatArray:
-        return np.sin(np.pi * self.frequency * np.asarray(tau, dtype=float)) ** 2
+        return as_array(np.sin(np.pi * self.frequency * as_array(tau)) ** 2)
 
     def _width_square(self, tau: ArrayLike, interval: float | None) -> FloatArray:
-        tau = np.asarray(tau, dtype=float)
         if interval is None:
-            return (np.pi * self.frequency * tau) ** 2
-        return (tau / interval * np.sin(np.pi * self.frequency * interval)) ** 2
+            return (np.pi * self.frequency * as_array(tau)) ** 2
+        return (as_array(tau) / interval * float(np.sin(np.pi * self.frequency * interval))) ** 2

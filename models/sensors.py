@@ -1,0 +1,173 @@
+"""Grades of sensors: what a data sheet promises, each number with its source.
+
+A grade is data, not a simulation: `TriadGrade.noise_model` turns the noise of a triad into a `NoiseModel`
+of one axis. Numbers are SI; None means that the source is silent. The values live in the YAML files of
+``configs/``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from models.noise import (
+    BiasInstability,
+    GaussMarkov,
+    NoiseModel,
+    Quantization,
+    Ramp,
+    RandomWalk,
+    Term,
+    White,
+)
+
+KINDS = ("gyro", "accel")
+
+
+@dataclass(frozen=True)
+class Sourced:
+    """A number and where it comes from.
+
+    Attributes
+    ----------
+    value : float
+        SI value.
+    reference : str
+        Data sheet, paper or recording; ``recalled`` where the source was not opened.
+    """
+
+    value: float
+    reference: str
+
+    def __post_init__(self) -> None:
+        if not self.reference.strip():
+            msg = f"'reference' must name the source of {self.value}"
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True)
+class SourcedMarkov:
+    """A Gauss–Markov process of a data sheet: sd (unit) and time constant (s) of one source."""
+
+    sd: float
+    time_constant: float
+    reference: str
+
+    def __post_init__(self) -> None:
+        if not self.reference.strip():
+            msg = "'reference' must name the source of the Gauss–Markov process"
+            raise ValueError(msg)
+
+
+@dataclass(frozen=True)
+class TriadGrade:
+    """Three like sensors, gyroscopes (rate unit rad/s) or accelerometers (m/s²).
+
+    Attributes
+    ----------
+    kind : str
+        ``gyro`` or ``accel``.
+    quantization : Sourced or None
+        sd of the increment error Q, unit·s.
+    white : Sourced or None
+        Two-sided density N, unit/√Hz.
+    bias_instability : Sourced or None
+        Level B of S = B²/(2πf), unit; a data sheet's Allan minimum is 0.664 B.
+    random_walk : Sourced or None
+        Density K, unit/√s.
+    ramp : Sourced or None
+        Rate R, unit/s.
+    gauss_markov : tuple of SourcedMarkov
+        Exponentially correlated biases.
+    turn_on_sd : Sourced or None
+        sd of the constant bias from one switch-on to the next, unit.
+    scale_factor_sd : Sourced or None
+        sd of the scale factor error, 1.
+    misalignment_sd : Sourced or None
+        sd of the misalignment of an axis, rad.
+    g_sensitivity_sd : Sourced or None
+        sd of the gyro rate per specific force, (rad/s)/(m/s²).
+    bandwidth : Sourced or None
+        −3 dB frequency, Hz.
+    range : Sourced or None
+        Full scale, unit.
+    """
+
+    kind: str
+    quantization: Sourced | None = None
+    white: Sourced | None = None
+    bias_instability: Sourced | None = None
+    random_walk: Sourced | None = None
+    ramp: Sourced | None = None
+    gauss_markov: tuple[SourcedMarkov, ...] = ()
+    turn_on_sd: Sourced | None = None
+    scale_factor_sd: Sourced | None = None
+    misalignment_sd: Sourced | None = None
+    g_sensitivity_sd: Sourced | None = None
+    bandwidth: Sourced | None = None
+    range: Sourced | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            msg = f"'kind' must be one of {', '.join(KINDS)}, got '{self.kind}'"
+            raise ValueError(msg)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the samples."""
+        return "rad/s" if self.kind == "gyro" else "m/s^2"
+
+    def noise_model(self) -> NoiseModel:
+        """Return the noise of one axis; what the source does not tell is absent."""
+        sourced: tuple[tuple[Callable[[float], Term], Sourced | None], ...] = (
+            (Quantization, self.quantization),
+            (White, self.white),
+            (BiasInstability, self.bias_instability),
+            (RandomWalk, self.random_walk),
+            (Ramp, self.ramp),
+        )
+        single = [term(number.value) for term, number in sourced if number is not None]
+        return NoiseModel([*single, *(GaussMarkov(g.sd, g.time_constant) for g in self.gauss_markov)])
+
+
+@dataclass(frozen=True)
+class SensorGrade:
+    """A whole inertial sensor.
+
+    Attributes
+    ----------
+    key : str
+        Name on the command line: lower case, no punctuation.
+    title : str
+        Name for people.
+    rate : Sourced
+        Sampling rate, Hz.
+    gyro, accel : TriadGrade
+        The two triads.
+    notes : tuple of str
+        What a user must know of the numbers.
+    """
+
+    key: str
+    title: str
+    rate: Sourced
+    gyro: TriadGrade
+    accel: TriadGrade
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not (self.key.isascii() and self.key.isalnum() and self.key == self.key.lower()):
+            msg = f"'key' must be lower-case letters and digits, got '{self.key}'"
+            raise ValueError(msg)
+        for kind in KINDS:
+            if self.triad(kind).kind != kind:
+                msg = f"'{kind}' must hold a triad of that kind, got '{self.triad(kind).kind}'"
+                raise ValueError(msg)
+
+    def triad(self, kind: str) -> TriadGrade:
+        """Return the triad ``gyro`` or ``accel``."""
+        return {"gyro": self.gyro, "accel": self.accel}[kind]
+
+    def noise_model(self, kind: str) -> NoiseModel:
+        """Return the noise of one axis of ``gyro`` or ``accel``."""
+        return self.triad(kind).noise_model()
