@@ -54,6 +54,9 @@ class Record:
         Name of the file and SHA-256 of its content.
     notes : tuple of str
         Every repair that was made, with its count.
+    timing : mapping of str to float
+        What the stamps said: ``gap_count``, ``missing``, ``bridged``, ``duplicates``, ``disordered``
+        (counts), ``jitter_sd`` (s), ``clock_ratio`` (stated ÷ measured rate); empty where there were no stamps.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Record:
     source: str = ""
     digest: str = ""
     notes: tuple[str, ...] = ()
+    timing: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)

@@ -1,0 +1,339 @@
+"""From the columns of a file to records: time base, missing rows, units, constant axes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.units import unit_value
+from tuner.readers import names
+from tuner.readers.layout import Layout, Sensor, choose
+from tuner.readers.listing import Listing, Part
+from tuner.readers.plausibility import check_units
+from tuner.readers.timebase import Timebase, even_timebase, stamped_timebase
+from tuner.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+UNREADABLE_SHARE = 0.01
+"""Largest share of rows with NaN or infinity that is repaired."""
+RATE_TOLERANCE = 0.05
+"""Largest relative difference between the stated rate and that of the stamps."""
+_SI = {"gyro": "rad/s", "accel": "m/s^2"}
+_RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "sampling_rate", "frequency_hz")
+_EPOCH = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user states beside the file."""
+
+    rate: float | None
+    unit: Mapping[str, str | None]
+    scale: Mapping[str, float | None]
+    columns: Mapping[str, str] | None
+
+
+def assemble(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
+    """Return the records of a file: a gyro record, an accel record or both, on one clock."""
+    layout = choose(listing, columns=options.columns)
+    notes = [*listing.notes, *layout.notes]
+    units = {s.name: _unit(listing, s, options, notes) for s in layout.sensors}
+    time, blocks, covariates = _load(listing, layout)
+    rate = options.rate if options.rate is not None else _stated_rate(listing.meta)
+    count = len(blocks[0])
+    valid = _valid_rows(listing, layout, blocks, notes)
+
+    def equal(i: IntArray, j: IntArray) -> BoolArray:
+        same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in blocks])
+        return same
+
+    try:
+        if time is None:
+            if rate is None:
+                msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
+                raise DataError(msg)
+            origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
+        else:
+            origin, stamps = _seconds(time, layout, notes)
+            base = stamped_timebase(stamps, valid=valid, equal=equal)
+            _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
+    except DataError as error:
+        msg = f"{listing.path}: {error}"
+        raise DataError(msg) from None
+    notes += base.notes()
+    t = base.t + origin if origin else base.t
+    timing = _timing(base, rate) if time is not None else {}
+    channels = {
+        name: filled
+        for name, column in covariates.items()
+        if (filled := _covariate(base, name, column, notes)) is not None
+    }
+    records = []
+    for sensor, block in zip(layout.sensors, blocks, strict=True):
+        unit, offset, scale = units[sensor.name]
+        factor = unit_value(unit) * scale / (base.interval if unit in names.INCREMENT_UNITS else 1.0)
+        y = _regridded(base, block, offset, factor)
+        if unit in names.INCREMENT_UNITS:
+            notes.append(
+                f"{sensor.name}: increments in {unit} were divided by the interval {base.interval:.9g} s"
+            )
+        records.append(
+            Record(
+                name=sensor.name,
+                t=t,
+                y=y,
+                axes=sensor.axes,
+                unit=_SI[sensor.name],
+                interval=base.interval,
+                segments=base.segments,
+                covariates=MappingProxyType(channels),
+                source=listing.path.name,
+                digest=digest,
+                timing=MappingProxyType(timing),
+            )
+        )
+    stated = frozenset(s for s in _SI if options.unit.get(s) is not None)
+    notes += check_units(
+        str(listing.path), records, {name: unit for name, (unit, _, _) in units.items()}, stated=stated
+    )
+    live = _without_constant_axes(records, notes)
+    if not live:
+        msg = (
+            f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns (see "
+            "--columns)"
+        )
+        raise DataError(msg)
+    return tuple(replace(record, notes=tuple(notes)) for record in live)
+
+
+def _load(
+    listing: Listing, layout: Layout
+) -> tuple[NDArray[Any] | None, list[NDArray[Any]], dict[str, FloatArray]]:
+    """Return the time column, one block a sensor, and the covariates."""
+    groups: list[tuple[Part, ...]] = [s.parts for s in layout.sensors]
+    groups += [(part,) for part in layout.covariates.values()]
+    if layout.time is not None:
+        groups.append((layout.time,))
+    loaded = listing.load(groups)
+    count = len(layout.sensors)
+    blocks = list(loaded[:count])
+    lengths = {s.name: len(b) for s, b in zip(layout.sensors, blocks, strict=True)}
+    if layout.time is not None:
+        lengths["t"] = len(loaded[-1])
+    if len(set(lengths.values())) > 1:
+        sizes = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        msg = f"{listing.path}: columns must have one length: {sizes} rows; choose others with --columns"
+        raise DataError(msg)
+    if not len(blocks[0]):
+        msg = f"{listing.path}: no data rows"
+        raise DataError(msg)
+    covariates = {
+        name: np.asarray(column[:, 0], float)
+        for name, column in zip(layout.covariates, loaded[count:], strict=False)
+        if len(column) == len(blocks[0])
+    }
+    return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
+
+
+def _unit(listing: Listing, sensor: Sensor, options: Options, notes: list[str]) -> tuple[str, float, float]:
+    """Return a sensor's unit, the offset of its counts, and its scale, unit a count."""
+    name = sensor.name
+    allowed = names.UNITS[name]
+    option, scale = options.unit.get(name), options.scale.get(name)
+    what = f"{listing.path}: {name}"
+    stated = sensor.unit
+    unit = names.unit_of(option, allowed, what=f"--{name}-unit") if option is not None else None
+    counts = stated is not None and names.is_count(stated)
+    offset = 0.0
+    array = sensor.parts[0].array
+    if array in listing.unsigned and (counts or scale is not None):
+        offset = 2.0 ** (listing.unsigned[array] - 1)
+        notes.append(f"{name}: unsigned counts: {offset:.0f} was taken as zero")
+    if scale is not None:
+        if unit is None:
+            unit = allowed[0] if counts or stated is None else names.unit_of(stated, allowed, what=what)
+        notes.append(f"{name}: counts times {scale:.9g} {unit}")
+        return unit, offset, scale
+    if counts or (stated is None and array in listing.integer and _lsb(listing.meta, name) is not None):
+        lsb = _lsb(listing.meta, name)
+        if lsb is None:
+            msg = (
+                f"{what}: '{array}' holds counts: pass --{name}-scale, the {unit or allowed[0]} in one count"
+            )
+            raise DataError(msg)
+        notes.append(f"{name}: counts times {lsb[0]:.9g} {lsb[1]} (as the file states)")
+        return lsb[1], offset, lsb[0]
+    if unit is not None:
+        return unit, offset, 1.0
+    if stated is not None:
+        return names.unit_of(stated, allowed, what=what), offset, 1.0
+    return _unit_in_meta(listing.meta, name, notes) or allowed[0], offset, 1.0
+
+
+def _lsb(meta: Mapping[str, Any], sensor: str) -> tuple[float, str] | None:
+    """Return size and unit of one count from meta entries such as ``gyro_lsb_dps``."""
+    for key, value in meta.items():
+        if str(key).startswith(f"{sensor}_lsb_") and isinstance(value, int | float):
+            return float(value), names.unit_of(
+                str(key).removeprefix(f"{sensor}_lsb_"), names.UNITS[sensor], what=key
+            )
+    return None
+
+
+def _unit_in_meta(meta: Mapping[str, Any], sensor: str, notes: list[str]) -> str | None:
+    """Return the unit that meta states as ``gyro_unit``, or in words ("accel m/s2, gyro rad/s")."""
+    direct = meta.get(f"{sensor}_unit")
+    if isinstance(direct, str):
+        return names.unit_of(direct, names.UNITS[sensor], what=f"meta '{sensor}_unit'")
+    found = re.findall(rf"\b{sensor}\w*\s+([a-z°][\w°/^²]*)", str(meta.get("units", "")))
+    units = {unit for word in found if (unit := names.known_unit(word)) in names.UNITS[sensor]}
+    if len(units) != 1:
+        return None
+    unit = units.pop()
+    if unit != names.UNITS[sensor][0]:
+        notes.append(f"{sensor}: {unit}, as the file's meta says")
+    return unit
+
+
+def _stated_rate(meta: Mapping[str, Any]) -> float | None:
+    for key in _RATE_KEYS:
+        value = meta.get(key)
+        if isinstance(value, int | float) and value > 0:
+            return float(value)
+    return None
+
+
+def _seconds(time: NDArray[Any], layout: Layout, notes: list[str]) -> tuple[float, FloatArray]:
+    """Return the first stamp in seconds and all stamps relative to it."""
+    unit = layout.time_unit
+    finite = time[np.isfinite(time)]
+    if not len(finite):
+        msg = f"time column '{layout.time}' holds no number"
+        raise DataError(msg)
+    first = finite[0]
+    if unit is None:
+        unit = next((u for size, u in _EPOCH if abs(float(first)) > size), "s")
+        if unit != "s":
+            notes.append(f"time in {unit} (stamps since 1970)")
+    factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{layout.time}'")]
+    relative = (time - first).astype(float)
+    if factor != 1.0:
+        relative *= factor
+    return float(first) * factor, relative
+
+
+def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:
+    if rate is None:
+        return
+    measured = 1.0 / interval
+    if abs(measured / rate - 1.0) > RATE_TOLERANCE:
+        whose = "--rate says" if explicit else "the file's meta says"
+        msg = (
+            f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz: correct the rate, or state the unit "
+            "of the "
+            "time column, such as --columns 't=NAME [ms]'"
+        )
+        raise DataError(msg)
+    if abs(measured / rate - 1.0) > 1e-3:
+        notes.append(f"the stamps give {measured:.9g} Hz, stated were {rate:.9g} Hz: the stamps are used")
+
+
+def _valid_rows(
+    listing: Listing, layout: Layout, blocks: list[NDArray[Any]], notes: list[str]
+) -> BoolArray | None:
+    """Return which rows hold a number on every axis (None: all); trim streams to their common span."""
+    masks = [None if b.dtype.kind in "iu" else np.isfinite(b).all(axis=1) for b in blocks]
+    masks = [None if m is None or m.all() else m for m in masks]
+    if all(m is None for m in masks):
+        return None
+    count = len(blocks[0])
+    first, last = 0, count
+    for sensor, mask in zip(layout.sensors, masks, strict=True):
+        if mask is None:
+            continue
+        if not mask.any():
+            msg = f"{listing.path}: {sensor.name} holds no row without NaN"
+            raise DataError(msg)
+        first, last = max(first, int(mask.argmax())), min(last, count - int(mask[::-1].argmax()))
+    if first >= last:
+        msg = f"{listing.path}: gyro and accel do not overlap in time"
+        raise DataError(msg)
+    valid: BoolArray = np.logical_and.reduce([m for m in masks if m is not None])
+    bad = int((~valid[first:last]).sum())
+    if bad > UNREADABLE_SHARE * (last - first):
+        row = first + int(np.argmin(valid[first:last])) + 1
+        msg = (
+            f"{listing.path}: {bad} of {last - first} rows hold NaN or infinity (first: data row {row}); "
+            "more than "
+            f"{100 * UNREADABLE_SHARE:g} % cannot be repaired"
+        )
+        raise DataError(msg)
+    if count - (last - first):
+        notes.append(
+            f"{count - (last - first)} rows before or after the common span of the sensors were left out"
+        )
+    if bad:
+        notes.append(f"{bad} rows with NaN or infinity count as missing samples")
+    return valid
+
+
+def _covariate(base: Timebase, name: str, column: FloatArray, notes: list[str]) -> FloatArray | None:
+    """Return a covariate on the grid, its own missing values interpolated; None where it holds no number."""
+    finite = np.isfinite(column)
+    if not finite.any():
+        notes.append(f"{name}: no numbers; left out")
+        return None
+    if not finite.all():
+        notes.append(f"{name}: {int((~finite).sum())} missing values were interpolated")
+        column = np.interp(np.arange(len(column)), np.flatnonzero(finite), column[finite])
+    return base.regrid(column)
+
+
+def _regridded(base: Timebase, block: NDArray[Any], offset: float, factor: float) -> FloatArray:
+    """Return (block - offset) · factor on the grid; an even float block is scaled in place."""
+    if base.rows is None and base.positions is None and block.dtype == np.float64:
+        y: FloatArray = block
+    else:
+        y = np.empty((len(base.t), block.shape[1]), order="F")
+        for j in range(block.shape[1]):
+            y[:, j] = base.regrid(block[:, j])
+    if offset:
+        y -= offset
+    if factor != 1.0:
+        y *= factor
+    return y
+
+
+def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
+    timing = {
+        "gap_count": float(base.gaps),
+        "missing": float(base.missing),
+        "bridged": float(base.bridged),
+        "duplicates": float(base.duplicates),
+        "disordered": float(base.disordered),
+        "jitter_sd": base.jitter,
+    }
+    return timing if rate is None else timing | {"clock_ratio": rate * base.interval}
+
+
+def _without_constant_axes(records: list[Record], notes: list[str]) -> list[Record]:
+    live = []
+    for record in records:
+        moving = [j for j in range(record.y.shape[1]) if np.ptp(record.y[:, j]) > 0]
+        dead = [a for j, a in enumerate(record.axes) if j not in moving]
+        if dead:
+            notes.append(f"{len(dead)} constant axes were left out: {', '.join(dead)}")
+        if len(moving) == len(record.axes):
+            live.append(record)
+        elif moving:
+            live.append(replace(record, y=record.y[:, moving], axes=tuple(record.axes[j] for j in moving)))
+    return live

@@ -1,0 +1,34 @@
+"""NPZ logs: ``t``, ``gyro`` (n, 3), ``accel`` (n, 3), ``temperature`` or other names; JSON in ``meta``."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tuner.readers.listing import Listing, listing_of_arrays
+from tuner.records import DataError
+
+
+def list_npz(path: Path) -> Listing:
+    """Return the arrays of an NPZ file; single numbers and the entries of ``meta`` become meta."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        msg = f"{path}: cannot be read as NPZ (plain numeric arrays and a JSON string 'meta'): {error}"
+        raise DataError(msg) from None
+    meta: dict[str, Any] = {name: a.item() for name, a in arrays.items() if a.ndim == 0}
+    stated = meta.pop("meta", None)
+    if isinstance(stated, str):
+        try:
+            content = json.loads(stated)
+        except json.JSONDecodeError as error:
+            msg = f"{path}: 'meta' is not JSON: {error}"
+            raise DataError(msg) from None
+        if isinstance(content, dict):
+            meta |= content
+    return listing_of_arrays(path, arrays, units={}, meta=meta)

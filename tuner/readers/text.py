@@ -1,0 +1,272 @@
+"""Text logs: CSV, TSV, semicolons or blanks between columns, gzip allowed, in bounded memory.
+
+The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM); lines that
+begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `CHUNK` bytes into
+arrays of the final size: memory is 8 bytes a row and column that is used, plus one piece.
+
+Without a header the columns are called c1, c2, …; a ``.txt`` of seven numeric columns is the increment log of
+KF-GINS: week seconds, three angle increments (rad), three velocity increments (m/s), forward-right-down.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.listing import Listing, Part, Progress
+from tuner.records import DataError
+
+CHUNK = 1 << 24
+"""Bytes of text that are parsed at a time."""
+_HEAD = 1 << 16
+_MISSING = frozenset(
+    ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
+)
+_KF_GINS = (
+    "t",
+    "dtheta_x [rad]",
+    "dtheta_y [rad]",
+    "dtheta_z [rad]",
+    "dvel_x [m/s]",
+    "dvel_y [m/s]",
+    "dvel_z [m/s]",
+)
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text file is written: names of columns, separator (None: blanks), lines before the numbers."""
+
+    names: tuple[str, ...]
+    separator: str | None
+    skip: int
+    header: bool
+
+
+def list_text(path: Path, *, progress: Progress | None = None) -> Listing:
+    """Return the columns of a text log; its `load` parses the file."""
+    dialect = find_dialect(path)
+    names = dialect.names
+    notes: tuple[str, ...] = ()
+    if not dialect.header and path.name.lower().removesuffix(".gz").endswith(".txt") and len(names) == 7:
+        names = _KF_GINS
+        notes = (
+            "no header and seven columns in a .txt: read as t [s], 3 angle increments [rad], 3 velocity "
+            "increments [m/s]",
+        )
+    duplicates = sorted({n for n in names if names.count(n) > 1})
+    if duplicates:
+        msg = f"{path}:{dialect.skip}: column name '{duplicates[0]}' appears twice: rename one of them"
+        raise DataError(msg)
+
+    def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
+        columns = [[names.index(part.array) for part in group] for group in groups]
+        return read_numbers(path, dialect, columns, progress=progress)
+
+    return Listing(path=path, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes)
+
+
+def open_bytes(path: Path) -> IO[bytes]:
+    """Open a file for reading, unpacked if its name ends in ``.gz``."""
+    return gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb")  # type: ignore[return-value]
+
+
+def find_dialect(path: Path) -> Dialect:
+    """Return how a text file is written.
+
+    Raises
+    ------
+    DataError
+        An empty or binary file, no line of numbers, or a header that does not fit the numbers.
+    """
+    try:
+        with open_bytes(path) as file:
+            head = file.read(_HEAD)
+    except (OSError, EOFError) as error:
+        msg = f"{path}: cannot be read: {error}"
+        raise DataError(msg) from None
+    if not head.strip():
+        msg = f"{path}: the file is empty: expected a header and rows of numbers"
+        raise DataError(msg)
+    if b"\0" in head:
+        msg = f"{path}: not a text file: expected a header and rows of numbers"
+        raise DataError(msg)
+    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    above: str | None = None
+    skip = 0
+    for number, line in enumerate(lines):
+        bare = line.strip().lstrip("#%").strip()
+        comment = line.lstrip().startswith(("#", "%"))
+        if not bare:
+            continue
+        if not comment and _is_numbers(_split(bare, _separator(bare))):
+            break
+        above, skip = bare, number + 1
+    else:
+        found = lines[0].strip()[:40]
+        msg = (
+            f"{path}: no row of numbers below the header: expected a header and rows of numbers, found "
+            f"'{found}'"
+        )
+        raise DataError(msg)
+    data = lines[number].strip()
+    separator = _separator(data if above is None else above)
+    if above is not None and len(_split(data, separator)) == 1:
+        separator = _separator(data)
+    width = len(_split(data, separator))
+    header = _split(above, separator) if above is not None else []
+    if above is None or (len(header) != width and len(header) == 1):
+        return Dialect(tuple(f"c{j + 1}" for j in range(width)), separator, skip, header=False)
+    if len(header) == width - 1 and not _split(data, separator)[-1].strip():
+        header = [*header, ""]
+    if len(header) != width:
+        msg = (
+            f"{path}:{skip}: the header names {len(header)} columns, the row below it has {width} "
+            f"(separator {_shown(separator)})"
+        )
+        raise DataError(msg)
+    stripped = (name.strip().strip('"').strip() for name in header)
+    return Dialect(
+        tuple(name or f"c{j + 1}" for j, name in enumerate(stripped)), separator, skip, header=True
+    )
+
+
+def read_numbers(
+    path: Path, dialect: Dialect, groups: Sequence[Sequence[int]], *, progress: Progress | None = None
+) -> tuple[NDArray[np.float64], ...]:
+    """Return the columns of each group as a Fortran-ordered (n, len(group)) array.
+
+    Raises
+    ------
+    DataError
+        Text where a number is expected, or a row with too many columns, with line and column.
+    """
+    import pandas as pd
+
+    used = sorted({j for group in groups for j in group})
+    total = path.stat().st_size
+    blocks = [np.empty((_count_lines(path), len(group)), order="F") for group in groups]
+    filled = 0
+    with path.open("rb") as raw, _unpacked(path, raw) as file:
+        for first, text in _pieces(file, dialect.skip):
+            try:
+                frame = pd.read_csv(
+                    io.BytesIO(text),
+                    sep=r"\s+" if dialect.separator is None else dialect.separator,
+                    header=None,
+                    names=list(range(len(dialect.names))),
+                    usecols=used,
+                    comment="#",
+                    engine="c",
+                    skipinitialspace=True,
+                    index_col=False,
+                    low_memory=False,
+                    on_bad_lines="error",
+                    dtype=np.float64,
+                )
+            except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError):
+                if not _has_rows(text):
+                    continue
+                raise DataError(
+                    _first_fault(path, text, first, dialect, used)
+                    or f"{path}:{first}: the lines from here on cannot be parsed as rows of numbers"
+                ) from None
+            separators = text.count((dialect.separator or "\n").encode())
+            if dialect.separator is not None and separators != len(frame) * (len(dialect.names) - 1):
+                fault = _first_fault(path, text, first, dialect, used)
+                if fault is not None:
+                    raise DataError(fault)
+            stop = filled + len(frame)
+            for block, group in zip(blocks, groups, strict=True):
+                for j, column in enumerate(group):
+                    block[filled:stop, j] = frame[column].to_numpy()
+            filled = stop
+            if progress is not None:
+                progress(raw.tell(), total)
+    return tuple(block if filled == len(block) else np.asfortranarray(block[:filled]) for block in blocks)
+
+
+def _unpacked(path: Path, raw: IO[bytes]) -> IO[bytes]:
+    return gzip.open(raw, "rb") if path.suffix.lower() == ".gz" else raw  # type: ignore[return-value]
+
+
+def _count_lines(path: Path) -> int:
+    """Return the number of lines, the upper bound of rows."""
+    lines = 1
+    with open_bytes(path) as file:
+        while piece := file.read(CHUNK):
+            lines += piece.count(b"\n")
+    return lines
+
+
+def _pieces(file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes]]:
+    """Yield the number of the first line and the bytes of whole lines, about `CHUNK` at a time."""
+    for _ in range(skip):
+        file.readline()
+    line = skip + 1
+    while piece := file.read(CHUNK):
+        piece += file.readline()
+        yield line, piece
+        line += piece.count(b"\n")
+
+
+def _has_rows(text: bytes) -> bool:
+    return any(line.strip() and not line.lstrip().startswith(b"#") for line in text.splitlines())
+
+
+def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Sequence[int]) -> str | None:
+    """Return what is wrong with the first line that is: place, expected, found, what to do."""
+    width = len(dialect.names)
+    for number, raw in enumerate(text.split(b"\n"), start=first):
+        line = raw.decode("utf-8", errors="replace").partition("#")[0].strip("\r\n")
+        if not line.strip():
+            continue
+        cells = _split(line, dialect.separator)
+        if len(cells) > width and any(cells[width:]):
+            return f"{path}:{number}: expected {width} columns, found {len(cells)}: repair or remove the line"
+        for j in used:
+            cell = cells[j].strip() if j < len(cells) else ""
+            if not _is_number(cell):
+                return (
+                    f"{path}:{number}:{j + 1}: expected a number in column '{dialect.names[j]}', "
+                    f"found '{cell[:40]}': repair or remove the line"
+                )
+    return None
+
+
+def _separator(line: str) -> str | None:
+    """Return what separates the columns of a line; None for blanks."""
+    return next((s for s in (",", ";", "\t") if s in line), None)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    if separator is not None:
+        return line.split(separator)
+    return re.findall(r"[^\s\[]+(?:\s*\[[^\]]*\])?", line)
+
+
+def _shown(separator: str | None) -> str:
+    return {None: "blanks", "\t": "tab"}.get(separator, f"'{separator}'")
+
+
+def _is_number(cell: str) -> bool:
+    if cell.strip().lower() in _MISSING:
+        return True
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _is_numbers(cells: Sequence[str]) -> bool:
+    """Tell whether cells are a row of data: numbers or missing values, at least one number."""
+    return all(map(_is_number, cells)) and any(c.strip().lower() not in _MISSING for c in cells)
