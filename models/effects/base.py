@@ -51,6 +51,8 @@ class Samples:
         True temperature of the sensor, °C.
     white : ndarray, shape (n, k), optional
         White part of `y`, where it is known (in a simulation).
+    breaks : tuple of int
+        Samples that come after a gap.
     """
 
     t: FloatArray
@@ -58,6 +60,7 @@ class Samples:
     interval: float
     temperature: FloatArray | None = None
     white: FloatArray | None = None
+    breaks: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.t)

@@ -164,12 +164,15 @@ class Timing(Effect):
         kept = self._kept(len(block.t), rng)
         t = block.t[0] + self.clock_ratio * (block.t - block.t[0])
         t = np.sort(t[kept] + self.jitter_sd * rng.standard_normal(len(kept)))
+        piece = np.isin(np.arange(len(block.t)), block.breaks).cumsum()[kept]
+        after = np.flatnonzero((np.diff(kept) > 1) | (np.diff(piece) > 0)) + 1
         return Samples(
             t,
             block.y[kept],
             block.interval,
             None if block.temperature is None else block.temperature[kept],
             None if block.white is None else block.white[kept],
+            tuple(after.tolist()),
         )
 
     def _kept(self, n: int, rng: np.random.Generator) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -1,4 +1,4 @@
-"""The contract of all effects: text and back, validation, draws, identity, channels. No chance in the verdicts."""
+"""The contract of all effects: text and back, validation, draws, identity, channels."""
 
 from __future__ import annotations
 

@@ -333,6 +333,10 @@ def test_timing_gaps_jitter_and_clock():
     assert np.count_nonzero(steps > 1) == 40
     assert set(steps) == {1, 8}
     assert len(out.y) == n - 280
+    assert out.breaks == tuple(np.flatnonzero(steps > 1) + 1)
+    again = Timing(gap_count=1).apply(out, rng(17))
+    assert set(np.round(np.diff(again.t)[np.array(again.breaks) - 1] / INTERVAL)) <= {6, 8, 13}
+    assert len(again.breaks) in (40, 41)
     jittered = Timing(jitter_sd=5e-4).apply(noisy(n), rng(16)).t
     steps = np.diff(jittered)
     assert steps.std() == pytest.approx(5e-4 * np.sqrt(2.0), rel=SIGMAS / np.sqrt(n))
