@@ -1,0 +1,123 @@
+"""YAML documents whose errors say file, place, what was expected and what came.
+
+`document` parses a text and checks its ``format`` line; a `Node` is a value that knows its place, so that every
+reader of grades, datasheets and configurations fails with one clear line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from tuner.records import DataError
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value of a parsed document and its place, such as ``mine.yaml: gnss.interval``."""
+
+    value: Any
+    place: str
+
+    def __getitem__(self, key: str) -> Node:
+        """Return an entry that must be there."""
+        entries = self.mapping()
+        if key not in entries:
+            raise self.error(f"a key '{key}'", f"keys {', '.join(map(str, entries)) or 'none'}")
+        return self.child(key)
+
+    def get(self, key: str) -> Node | None:
+        """Return an entry, or None where it is absent or null."""
+        return self.child(key) if self.mapping().get(key) is not None else None
+
+    def child(self, key: str) -> Node:
+        """Return the entry of a mapping without a check."""
+        separator = "." if ": " in self.place else ": "
+        return Node(self.value[key], f"{self.place}{separator}{key}")
+
+    def items(self) -> Iterator[tuple[str, Node]]:
+        """Yield key and entry of a mapping."""
+        for key in self.mapping():
+            yield str(key), self.child(key)
+
+    def elements(self) -> tuple[Node, ...]:
+        """Return the elements of a list."""
+        if not isinstance(self.value, list):
+            raise self.error("a list", repr(self.value))
+        return tuple(Node(value, f"{self.place}[{i}]") for i, value in enumerate(self.value))
+
+    def mapping(self) -> Mapping[str, Any]:
+        """Return the value as a mapping."""
+        if not isinstance(self.value, dict):
+            raise self.error("a mapping", repr(self.value))
+        return self.value
+
+    def number(self, *, positive: bool = False) -> float:
+        """Return the value as a finite number; YAML reads ``1e-5`` as text, which is accepted."""
+        expected = "a positive number" if positive else "a number"
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float | str):
+            raise self.error(expected, repr(self.value))
+        try:
+            number = float(self.value)
+        except ValueError:
+            raise self.error(expected, repr(self.value)) from None
+        if not math.isfinite(number) or (positive and number <= 0.0):
+            raise self.error(expected, repr(self.value))
+        return number
+
+    def numbers(self, count: int, *, positive: bool = False) -> tuple[float, ...]:
+        """Return the value as so many numbers."""
+        elements = self.elements()
+        if len(elements) != count:
+            raise self.error(f"{count} numbers", repr(self.value))
+        return tuple(element.number(positive=positive) for element in elements)
+
+    def text(self) -> str:
+        """Return the value as text."""
+        if not isinstance(self.value, str):
+            raise self.error("text", repr(self.value))
+        return self.value
+
+    def only(self, *allowed: str) -> None:
+        """Refuse keys that are not known: a misspelt key would be lost in silence."""
+        for key in self.mapping():
+            if key not in allowed:
+                raise self.error(f"keys among {', '.join(allowed)}", repr(key))
+
+    def error(self, expected: str, got: str) -> DataError:
+        """Return the error to raise here."""
+        return DataError(f"{self.place}: expected {expected}, got {got}")
+
+
+def document(text: str, source: str, expected_format: str) -> Node:
+    """Parse a YAML text and check its ``format``.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    source : str
+        File name for messages.
+    expected_format : str
+        Such as ``tuner-noise/1``.
+
+    Raises
+    ------
+    DataError
+        Where it is not YAML, not a mapping, or of another format.
+    """
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        detail = " ".join(str(error).split())
+        msg = f"{source}: expected YAML of format {expected_format}, got {detail}"
+        raise DataError(msg) from None
+    root = Node(value, source)
+    if not isinstance(value, dict) or value.get("format") != expected_format:
+        found = value.get("format") if isinstance(value, dict) else type(value).__name__
+        raise root.error(f"a line 'format: {expected_format}'", repr(found))
+    return root

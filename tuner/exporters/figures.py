@@ -1,0 +1,113 @@
+"""What every dialect shares: axes combined to one figure, and a header that says where the figures come from.
+
+One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in the comment.
+Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory of the filter
+(`tuner.synthesis.equivalents`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from tuner.exporters.yamltext import Noted
+from tuner.report.customary import phrase
+from tuner.results import ChannelNoise, FilterConfig
+from tuner.synthesis.equivalents import MEMORY, equivalent_random_walk
+
+SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
+"""Prefix of the axes of the two triads, and their name."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """The filter that will read an export.
+
+    Attributes
+    ----------
+    interval : float
+        Sampling interval of the IMU it reads, s.
+    step : float
+        Prediction step of the filter, s, where it differs.
+    memory : float
+        Time over which it renews its biases, s.
+    """
+
+    interval: float
+    step: float = 0.01
+    memory: float = MEMORY
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a dialect: rms of the axes, and in words its unit, formula and spread."""
+
+    value: float
+    note: str
+
+    def noted(self) -> Noted:
+        """Return the figure as a YAML entry with its comment."""
+        return Noted(self.value, self.note)
+
+
+def triad(config: FilterConfig, sensor: str) -> tuple[ChannelNoise, ...]:
+    """Return the axes of ``gyro`` or ``accel``; empty where the configuration has none."""
+    return tuple(channel for axis, channel in config.channels.items() if axis.startswith(sensor))
+
+
+def rms(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
+    """Return the rms of a quantity over the axes, with its spread in the note."""
+    values = [quantity(channel) for channel in channels]
+    value = math.sqrt(sum(v * v for v in values) / len(values))
+    if len(values) == 1:
+        return Figure(value, note)
+    spread = ", ".join(f"{c.axis.rpartition('_')[2]} {v:.4g}" for c, v in zip(channels, values, strict=True))
+    return Figure(value, f"{note}; rms of {spread}")
+
+
+def white(channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0) -> Figure:
+    """Return the white density times a factor, rms of the axes."""
+    return rms(channels, lambda channel: factor * channel.white_density, note)
+
+
+def walk(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:
+    """Return the density of the equivalent random walk times a factor, rms of the axes."""
+    return rms(channels, lambda channel: factor * equivalent_random_walk(channel, memory=target.memory), note)
+
+
+def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = None) -> tuple[str, ...]:
+    """Return the header of an export, without comment marks.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        What is exported.
+    title : str
+        What the file is.
+    walk_memory : float, optional
+        Memory, s, where the target's random walk stands for Gauss–Markov states.
+    """
+    return tuple(_provenance(config, title, walk_memory))
+
+
+def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
+    yield title
+    yield f"from {config.name}; densities are two-sided, SI; 95 % intervals in brackets"
+    for axis, channel in config.channels.items():
+        known = "; ".join(
+            f"{term.name} {phrase(coefficient, f'{term.name}.{name}', channel.unit)}"
+            for term in channel.identified
+            for name, coefficient in term.coefficients.items()
+        )
+        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz used; identified: {known or 'nothing'}"
+    if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
+        yield (
+            f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) and D the growth of the "
+            "modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
+        )
+    for sensor, name in SENSORS.items():
+        if not triad(config, sensor):
+            yield f"{name} are left out: the configuration has none (--complete GRADE fills them in)"
+    for inflation in config.inflations:
+        yield f"{inflation.quantity} × {inflation.factor:.4g}: {inflation.reason}"

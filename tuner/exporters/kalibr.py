@@ -1,0 +1,37 @@
+"""Kalibr ``imu.yaml``: continuous two-sided densities; Kalibr divides by √dt itself and refuses zeros.
+
+accelerometer_noise_density m/s²/√Hz, accelerometer_random_walk m/s³/√Hz, gyroscope_noise_density rad/s/√Hz,
+gyroscope_random_walk rad/s²/√Hz, update_rate Hz.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tuner.exporters.figures import Target, provenance, triad, walk, white
+from tuner.exporters.yamltext import Noted, yaml_text
+from tuner.results import FilterConfig
+
+UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
+
+
+def noise_entries(config: FilterConfig, target: Target) -> dict[str, Any]:
+    """Return the four densities by Kalibr's names, those of sensors the configuration has."""
+    entries: dict[str, Any] = {}
+    if accel := triad(config, "accel"):
+        entries["accelerometer_noise_density"] = white(accel, "m/s²/√Hz, N").noted()
+        entries["accelerometer_random_walk"] = walk(accel, "m/s³/√Hz, K", target).noted()
+    if gyro := triad(config, "gyro"):
+        entries["gyroscope_noise_density"] = white(gyro, "rad/s/√Hz, N").noted()
+        entries["gyroscope_random_walk"] = walk(gyro, "rad/s²/√Hz, K", target).noted()
+    return entries
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the YAML of Kalibr's IMU."""
+    tree = {
+        "rostopic": Noted("/imu0", "set to the topic of the IMU"),
+        "update_rate": Noted(1.0 / target.interval, "Hz"),
+        **noise_entries(config, target),
+    }
+    return yaml_text(tree, header=provenance(config, "Kalibr imu.yaml", walk_memory=target.memory))

@@ -1,0 +1,69 @@
+"""KF-GINS ``kf-gins.yaml``: angular and velocity random walk, one Gauss–Markov state a sensor, one correlation time.
+
+arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600; the
+filter forms 2σ²/T. Its one T is the longest time constant in the configuration (1 h where there is none), and each σ is
+refitted at that T so that the bias wanders as far over the memory as the modelled one. Initial sds are the turn-on
+constants; scale factors are not identified by a static log and stay at zero uncertainty only if the user wants so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from models.units import from_si
+from tuner.exporters.figures import Target, provenance, triad
+from tuner.exporters.yamltext import Inline, Noted, yaml_text
+from tuner.results import ChannelNoise, FilterConfig
+from tuner.synthesis.equivalents import equivalent_markov_sd
+
+UNITS = "deg/√h, m/s/√h, deg/h, mGal, ppm, h"
+
+DEFAULT_TIME_CONSTANT = 3600.0
+"""Correlation time, s, where no state of the configuration has one."""
+
+SCALE_FACTOR_SD = 300.0
+"""Scale-factor sd, ppm: assumed, as a static log cannot show it."""
+
+
+def correlation_time(config: FilterConfig) -> float:
+    """Return the one time constant of the target, s: the longest in the configuration."""
+    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
+    return max(times, default=DEFAULT_TIME_CONSTANT)
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the ``imunoise`` and initial-bias entries of KF-GINS."""
+    time_constant = correlation_time(config)
+    gyro, accel = triad(config, "gyro"), triad(config, "accel")
+
+    def sd(channel: ChannelNoise) -> float:
+        return equivalent_markov_sd(channel, time_constant, memory=target.memory)
+
+    noise: dict[str, Any] = {}
+    start: dict[str, Any] = {}
+    if gyro:
+        noise["arw"] = _axes(gyro, lambda c: from_si(c.white_density, "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
+        noise["gbstd"] = _axes(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ·(180/π)·3600")
+        noise["gsstd"] = _scale()
+        start["initbgstd"] = _axes(gyro, lambda c: from_si(c.constant_sd, "deg/h"), "deg/h; turn-on sd")
+    if accel:
+        noise["vrw"] = _axes(accel, lambda c: from_si(c.white_density, "m/s/sqrt(h)"), "m/s/√h; N·60")
+        noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ/1e-5")
+        noise["asstd"] = _scale()
+        start["initbastd"] = _axes(accel, lambda c: from_si(c.constant_sd, "mGal"), "mGal; turn-on sd")
+    noise["corrtime"] = Noted(time_constant / 3600.0, "h; T/3600, one for all states")
+    header = (
+        *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
+        f"one T = {time_constant:g} s for all states (the longest time constant of the configuration, or 1 h); each σ makes "
+        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled bias",
+    )
+    return yaml_text({"imunoise": noise, **start}, header=header)
+
+
+def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Noted:
+    return Noted(Inline([quantity(channel) for channel in channels]), note)
+
+
+def _scale() -> Noted:
+    return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")

@@ -1,0 +1,246 @@
+"""Our own configuration: a YAML a person can read and `tuner.results.FilterConfig` can be made from again.
+
+Numbers are SI and exact (``loads(dumps(c)) == c``); customary units stand in comments. Layout of ``tuner-noise/1``::
+
+    sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, random_walk_density, …}, fates}
+    initial: P0 with reasons      gnss: R and gate      findings: […]
+    inflations: [{quantity, factor, reason}]            provenance: {…}       notes: […]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tuner.documents import Node, document
+from tuner.exporters.yamltext import Inline, Noted, yaml_text
+from tuner.files import write_text
+from tuner.records import DataError
+from tuner.report.customary import customary_unit, digits, in_customary, phrase, pretty
+from tuner.results import (
+    ChannelNoise,
+    Coefficient,
+    FilterConfig,
+    GnssNoise,
+    Inflation,
+    InitialUncertainty,
+    MarkovState,
+    TermEstimate,
+)
+
+FORMAT = "tuner-noise/1"
+
+T = TypeVar("T")
+
+_HEADER = (
+    "Noise of an inertial sensor and the filter settings that follow from it.",
+    "SI units: rad, s, m; densities are two-sided; intervals and limits are of 95 %. Comments: customary units.",
+)
+
+
+def dumps(config: FilterConfig) -> str:
+    """Return a configuration as YAML.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Provenance must hold plain YAML values (str, bool, int, float, None, lists, string-keyed mappings).
+
+    Returns
+    -------
+    str
+        Text that `loads` turns back into an equal configuration.
+    """
+    sensors: dict[str, dict[str, Any]] = {}
+    for axis, channel in config.channels.items():
+        sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _channel(channel)
+    tree = {
+        "format": FORMAT,
+        "name": config.name,
+        "interval": Noted(config.interval, f"s; {1.0 / config.interval:.6g} Hz"),
+        "sensors": sensors,
+        "initial": _initial(config.initial),
+        "gnss": None if config.gnss is None else _gnss(config.gnss),
+        "findings": [dict(finding) for finding in config.findings],
+        "inflations": [vars(inflation) for inflation in config.inflations],
+        "provenance": dict(config.provenance),
+        "notes": config.notes,
+    }
+    return yaml_text(tree, header=_HEADER)
+
+
+def dump(config: FilterConfig, path: Path) -> None:
+    """Write a configuration to a file, whole or not at all."""
+    write_text(path, dumps(config))
+
+
+def loads(text: str, *, source: str = "configuration") -> FilterConfig:
+    """Return the configuration of a YAML text.
+
+    Parameters
+    ----------
+    text : str
+        YAML of format ``tuner-noise/1``.
+    source : str, optional
+        File name for messages.
+
+    Raises
+    ------
+    DataError
+        One line: file, place, expected, found.
+    """
+    root = document(text, source, FORMAT)
+    channels = {
+        axis: _read_channel(axis, node)
+        for _, sensor in root["sensors"].items()
+        for axis, node in sensor.items()
+    }
+    gnss = root.get("gnss")
+    return FilterConfig(
+        root["name"].text(),
+        root["interval"].number(positive=True),
+        channels,
+        _read_initial(root["initial"]),
+        None if gnss is None else _read_gnss(gnss),
+        inflations=_list(root, "inflations", _read_inflation),
+        provenance=_mapping(root, "provenance"),
+        notes=_list(root, "notes", Node.text),
+        findings=_list(root, "findings", Node.mapping),
+    )
+
+
+def load(path: Path) -> FilterConfig:
+    """Read a configuration file."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"{path}: expected a readable YAML file of format {FORMAT}, got {error}"
+        raise DataError(msg) from None
+    return loads(text, source=str(path))
+
+
+def _channel(channel: ChannelNoise) -> dict[str, Any]:
+    def noted(value: float, quantity: str, unit: str) -> Noted:
+        target = customary_unit(quantity, channel.unit)
+        shown = digits(in_customary(value, quantity, channel.unit))
+        return Noted(value, f"{channel.unit}{unit}; {shown} {pretty(target)}".rstrip())
+
+    def state(markov: MarkovState) -> Noted:
+        shown = digits(in_customary(markov.sd, "gauss_markov.sd", channel.unit))
+        note = f"{shown} {pretty(customary_unit('gauss_markov.sd', channel.unit))}"
+        return Noted(Inline({"sd": markov.sd, "time_constant": markov.time_constant}), note)
+
+    return {
+        "unit": channel.unit,
+        "identified": [_term(term, channel.unit) for term in channel.identified],
+        "filter": {
+            "white_density": noted(channel.white_density, "white.density", "/√Hz"),
+            "markov": [state(markov) for markov in channel.markov],
+            "random_walk_density": noted(channel.random_walk_density, "random_walk.density", "/√s"),
+            "constant_sd": noted(channel.constant_sd, "level", ""),
+            "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s"),
+        },
+        "fates": dict(channel.fates),
+    }
+
+
+def _term(term: TermEstimate, unit: str) -> dict[str, Any]:
+    entries = {
+        name: Noted(Inline(vars(coefficient)), phrase(coefficient, f"{term.name}.{name}", unit))
+        for name, coefficient in term.coefficients.items()
+    }
+    return {"term": term.name, "coefficients": entries}
+
+
+def _initial(initial: InitialUncertainty) -> dict[str, Any]:
+    return {
+        "position": Noted(initial.position, "m"),
+        "velocity": Noted(initial.velocity, "m/s"),
+        "tilt": Noted(initial.tilt, f"rad; {digits(math.degrees(initial.tilt))}°"),
+        "heading": Noted(initial.heading, f"rad; {digits(math.degrees(initial.heading))}°"),
+        "reasons": dict(initial.reasons),
+    }
+
+
+def _gnss(gnss: GnssNoise) -> dict[str, Any]:
+    correlated = [Inline({"sd": state.sd, "time_constant": state.time_constant}) for state in gnss.correlated]
+    velocity = None if gnss.velocity_sd is None else Inline(gnss.velocity_sd)
+    return {
+        "position_sd": Noted(Inline(gnss.position_sd), "m; north, east, down"),
+        "velocity_sd": Noted(velocity, "m/s; north, east, down"),
+        "interval": Noted(gnss.interval, "s"),
+        "gate": Noted(gnss.gate, "sigmas"),
+        "correlated": [Noted(state, "m, s") for state in correlated],
+        "reference": gnss.reference,
+    }
+
+
+def _read_channel(axis: str, node: Node) -> ChannelNoise:
+    settings = node["filter"]
+    return ChannelNoise(
+        axis,
+        node["unit"].text(),
+        settings["white_density"].number(),
+        _list(settings, "markov", _read_markov),
+        settings["random_walk_density"].number(),
+        settings["constant_sd"].number(),
+        settings["ramp_sd"].number(),
+        _list(node, "identified", _read_term),
+        _mapping(node, "fates"),
+    )
+
+
+def _read_markov(node: Node) -> MarkovState:
+    return MarkovState(node["sd"].number(), node["time_constant"].number(positive=True))
+
+
+def _read_term(node: Node) -> TermEstimate:
+    coefficients = {name: _read_coefficient(entry) for name, entry in node["coefficients"].items()}
+    return TermEstimate(node["term"].text(), coefficients)
+
+
+def _read_coefficient(node: Node) -> Coefficient:
+    value, interval, upper, reason = (node.get(key) for key in ("value", "interval", "upper", "reason"))
+    limits = interval.numbers(2) if interval else None
+    return Coefficient(
+        value.number() if value else None,
+        (limits[0], limits[1]) if limits else None,
+        upper.number() if upper else None,
+        node["unit"].text(),
+        reason.text() if reason else None,
+    )
+
+
+def _read_initial(node: Node) -> InitialUncertainty:
+    figures = (node[key].number() for key in ("position", "velocity", "tilt", "heading"))
+    return InitialUncertainty(*figures, reasons=_mapping(node, "reasons"))
+
+
+def _read_gnss(node: Node) -> GnssNoise:
+    position = node["position_sd"].numbers(3)
+    velocity = node.get("velocity_sd")
+    speeds = velocity.numbers(3) if velocity else None
+    return GnssNoise(
+        (position[0], position[1], position[2]),
+        (speeds[0], speeds[1], speeds[2]) if speeds else None,
+        node["interval"].number(positive=True),
+        node["gate"].number(positive=True),
+        _list(node, "correlated", _read_markov),
+        node["reference"].text(),
+    )
+
+
+def _read_inflation(node: Node) -> Inflation:
+    return Inflation(node["quantity"].text(), node["factor"].number(), node["reason"].text())
+
+
+def _list(node: Node, key: str, read: Callable[[Node], T]) -> tuple[T, ...]:
+    entry = node.get(key)
+    return () if entry is None else tuple(read(element) for element in entry.elements())
+
+
+def _mapping(node: Node, key: str) -> Mapping[str, Any]:
+    entry = node.get(key)
+    return {} if entry is None else entry.mapping()

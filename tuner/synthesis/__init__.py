@@ -1,0 +1,30 @@
+"""Synthesis: from the noise of a sensor to the settings of a filter.
+
+::
+
+    config = synthesize(identification, horizon=1000.0, gnss=load_gnss("rtk"))
+"""
+
+from __future__ import annotations
+
+from tuner.synthesis.config import inflate, synthesize
+from tuner.synthesis.equivalents import equivalent_markov_sd, equivalent_random_walk, structure_function
+from tuner.synthesis.initial import turn_on_spread
+from tuner.synthesis.markov import BOUND, RULES, bounding_state
+from tuner.synthesis.process_noise import axis_states, axis_system, shaping_states, step_noise
+
+__all__ = [
+    "BOUND",
+    "RULES",
+    "axis_states",
+    "axis_system",
+    "bounding_state",
+    "equivalent_markov_sd",
+    "equivalent_random_walk",
+    "inflate",
+    "shaping_states",
+    "step_noise",
+    "structure_function",
+    "synthesize",
+    "turn_on_spread",
+]
