@@ -7,7 +7,7 @@ with the reason why there is no more. Results import none of the code that makes
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -76,6 +76,8 @@ class AllanCurve:
         Unit of the deviation.
     axes : tuple of str
         Names of the k columns.
+    notes : tuple of str
+        What was done to make the curve affordable, such as block averaging.
     """
 
     estimator: str
@@ -84,6 +86,7 @@ class AllanCurve:
     dof: FloatArray
     unit: str
     axes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def deviation(self) -> FloatArray:
         """Return the square root of the variance, shape (m, k)."""
@@ -98,9 +101,64 @@ class AllanCurve:
     def axis(self, name: str) -> AllanCurve:
         """Return the curve of one axis alone."""
         j = self.axes.index(name)
-        return AllanCurve(
-            self.estimator, self.tau, self.variance[:, j : j + 1], self.dof[:, j : j + 1], self.unit, (name,)
-        )
+        only = slice(j, j + 1)
+        return replace(self, variance=self.variance[:, only], dof=self.dof[:, only], axes=(name,))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """An empirical two-sided power spectral density.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (m,)
+        Hz, positive.
+    density : ndarray, shape (m, k)
+        unit²/Hz, two-sided: white noise of density N shows N².
+    dof : ndarray, shape (m,)
+        Equivalent degrees of freedom of each value.
+    unit : str
+        Unit of the samples.
+    axes : tuple of str
+        Names of the k columns.
+    """
+
+    frequency: FloatArray
+    density: FloatArray
+    dof: FloatArray
+    unit: str
+    axes: tuple[str, ...]
+
+    def interval(self, level: float = LEVEL) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper limits of the density from χ² with `dof` degrees of freedom, shapes (m, k)."""
+        tail = 0.5 * (1.0 - level)
+        dof = self.dof[:, None]
+        return self.density * dof / chi2.ppf(1.0 - tail, dof), self.density * dof / chi2.ppf(tail, dof)
+
+
+@dataclass(frozen=True)
+class Correlogram:
+    """Sample autocorrelation or partial autocorrelation.
+
+    Attributes
+    ----------
+    statistic : str
+        ``acf`` or ``pacf``.
+    lag : ndarray, shape (m,)
+        s.
+    value : ndarray, shape (m, k)
+        Correlation, -1 … 1.
+    band : float
+        Half width of the band that holds 95 % of the values of white noise.
+    axes : tuple of str
+        Names of the k columns.
+    """
+
+    statistic: str
+    lag: FloatArray
+    value: FloatArray
+    band: float
+    axes: tuple[str, ...]
 
 
 @dataclass(frozen=True)

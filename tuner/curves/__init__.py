@@ -1,0 +1,45 @@
+"""Empirical curves: statistics of measured samples, free of any model.
+
+==================  =======================================================================================
+`curve`             one curve of the Allan family of a `Record`, segments pooled, with degrees of freedom
+`psd`               multitaper spectrum, two-sided, in a few hundred log-spaced bands
+`acf`, `pacf`       correlograms with the band of white noise
+`empirical`         any of these by name
+==================  =======================================================================================
+
+The statistics themselves are functions of arrays: `tuner.curves.allan`, `.total`, `.theo`, `.series`, `.spectrum`;
+their degrees of freedom are in `.confidence`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tuner.curves.confidence import dof
+from tuner.curves.pooled import ESTIMATORS, curve
+from tuner.curves.series import acf, pacf
+from tuner.curves.spectrum import psd
+from tuner.records import DataError, Record
+from tuner.results import AllanCurve, Correlogram, Spectrum
+
+__all__ = ["ESTIMATORS", "acf", "curve", "dof", "empirical", "pacf", "psd"]
+
+
+def empirical(
+    record: Record, statistic: str, *, tau: Sequence[float] | None = None
+) -> AllanCurve | Spectrum | Correlogram:
+    """Return the statistic of that name: an estimator of `curve`, ``psd``, ``acf`` or ``pacf`` (τ is the lag there).
+
+    Raises
+    ------
+    DataError
+        If cluster times are asked of a spectrum, or the record cannot give them.
+    """
+    if statistic == "psd":
+        if tau is not None:
+            msg = "psd has no cluster times: leave tau out"
+            raise DataError(msg)
+        return psd(record)
+    if statistic in ("acf", "pacf"):
+        return (acf if statistic == "acf" else pacf)(record, lag=tau)
+    return curve(record, statistic, tau=tau)

@@ -1,0 +1,189 @@
+"""Statistics of a sampled series: N-second averages, correlograms and the noise type at each cluster time.
+
+Lag-1 identification [1]: the averages over τ are freed of a linear trend; then, with r the lag-1 autocorrelation and
+ρ = r/(1 + r), the series is differenced (d times) until ρ < 1/4. The spectrum goes as f^α with α = -2 (ρ + d):
++2 quantization, 0 white noise, -1 bias instability, -2 random walk.
+
+References
+----------
+.. [1] W. J. Riley, C. A. Greenhall, Power law noise identification using the lag 1 autocorrelation, EFTF 2004.
+.. [2] G. E. P. Box, G. M. Jenkins, Time Series Analysis: Forecasting and Control (correlograms and their band).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import detrend
+
+from tuner.curves.allan import by_column, sizes
+from tuner.curves.confidence import PURE
+from tuner.records import DataError, Record
+from tuner.results import Correlogram
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FEWEST = 32
+"""Averages below which the lag-1 autocorrelation says too little."""
+
+_ENOUGH = 128
+"""Averages from which one α is trusted alone; between the two their mean is."""
+
+_MOST = 1 << 16
+"""Averages looked at: more would not sharpen the decision."""
+
+_EDGES = (-1.5, -0.5, 1.0)
+"""α between random walk, bias instability, white noise and quantization."""
+
+_LAGS = 100
+_PARTIAL_LAGS = 2000
+
+
+def averages(y: ArrayLike, m: int) -> FloatArray:
+    """Return the means of adjoining clusters of m samples, shape (n // m, …); a remainder is left out."""
+    samples = np.asarray(y, dtype=float)
+    count = len(samples) // m
+    return samples[: count * m].reshape(count, m, *samples.shape[1:]).mean(axis=1)
+
+
+def nsec(y: ArrayLike, m: ArrayLike) -> FloatArray:
+    """Return the sample variance of averages over m samples (the square of the "N-second" standard deviation).
+
+    Parameters
+    ----------
+    y : array_like, shape (n,) or (n, k)
+        Samples.
+    m : array_like of int, shape (q,)
+        Cluster sizes, 1 … n/2.
+
+    Returns
+    -------
+    ndarray, shape (q,) or (q, k)
+        For white noise with n // m - 1 degrees of freedom; it grows with the record where there is drift.
+    """
+    n = len(np.asarray(y))
+    clusters = sizes(m, least=1, most=n // 2, samples=n)
+    return by_column(
+        y, lambda column: np.array([np.var(averages(column, k), ddof=1) for k in clusters.tolist()])
+    )
+
+
+def exponent(y: ArrayLike) -> float:
+    """Return α of the spectrum f^α of a series, shape (n,), by its lag-1 autocorrelation."""
+    z = detrend(np.asarray(y, dtype=float))
+    for d in range(3):
+        z = z - z.mean()
+        power = float(z @ z)
+        if power == 0.0:
+            return 0.0
+        r = float(z[1:] @ z[:-1]) / power
+        rho = r / (1.0 + r)
+        if rho < 0.25 or d == 2:
+            break
+        z = np.diff(z)
+    return -2.0 * (rho + d)
+
+
+def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
+    """Return the ruling noise type of a series, shape (n,), at each cluster size.
+
+    α is found at octaves of τ that leave at least 32 averages and read off between them; where there are fewer than
+    128 averages the mean of those octaves counts, and beyond the last octave it is held.
+
+    Parameters
+    ----------
+    y : array_like, shape (n,)
+        Samples.
+    m : array_like, shape (q,)
+        Cluster sizes.
+
+    Returns
+    -------
+    tuple of str
+        ``quantization``, ``white``, ``bias_instability`` or ``random_walk``; white where the record is too short.
+    """
+    samples = np.asarray(y, dtype=float)
+    octaves = 2 ** np.arange(max(0, int(np.log2(max(samples.size // _FEWEST, 1)))) + 1)
+    octaves = octaves[samples.size // octaves >= _FEWEST]
+    if not octaves.size:
+        return ("white",) * np.atleast_1d(np.asarray(m)).size
+    alpha = np.array([exponent(averages(samples[: k * _MOST], k)) for k in octaves.tolist()])
+    uncertain = samples.size // octaves < _ENOUGH
+    if uncertain.any():
+        alpha[uncertain] = alpha[uncertain].mean()
+    found = np.interp(np.log2(np.atleast_1d(np.asarray(m, dtype=float))), np.log2(octaves), alpha)
+    names = tuple(reversed(PURE))
+    return tuple(names[i] for i in np.searchsorted(_EDGES, found))
+
+
+def acf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
+    """Return the autocorrelation of a record; products never reach across a gap.
+
+    Parameters
+    ----------
+    record : Record
+        Samples.
+    lag : sequence of float, optional
+        Lags in s; by default 0 … 100 samples, or a quarter of the record.
+
+    Raises
+    ------
+    DataError
+        If a lag exceeds the longest segment, or a column is constant.
+    """
+    steps = _steps(record, lag)
+    value = np.stack([_autocorrelation(record, axis, int(steps[-1]))[steps] for axis in record.axes], axis=-1)
+    return Correlogram("acf", steps * record.interval, value, _band(record), record.axes)
+
+
+def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
+    """Return the partial autocorrelation of a record by Durbin and Levinson; arguments as `acf`, up to 2000 samples."""
+    from statsmodels.tsa.stattools import levinson_durbin  # 1.5 s to import
+
+    steps = _steps(record, lag)
+    most = int(steps[-1])
+    if most > _PARTIAL_LAGS:
+        msg = f"partial autocorrelation at {most} samples: expected at most {_PARTIAL_LAGS}"
+        raise DataError(msg)
+    columns = []
+    for axis in record.axes:
+        correlation = _autocorrelation(record, axis, most)
+        partial = levinson_durbin(correlation, nlags=most, isacov=True)[2] if most else correlation
+        columns.append(np.asarray(partial)[steps])
+    return Correlogram(
+        "pacf", steps * record.interval, np.stack(columns, axis=-1), _band(record), record.axes
+    )
+
+
+def _steps(record: Record, lag: Sequence[float] | None) -> IntArray:
+    longest = max(stop - start for start, stop in record.segments)
+    if lag is None:
+        return np.arange(min(_LAGS, longest // 4) + 1)
+    steps = np.unique(np.rint(np.asarray(lag, dtype=float) / record.interval).astype(np.int64))
+    if steps[0] < 0 or steps[-1] >= longest:
+        last = (longest - 1) * record.interval
+        msg = f"lag {min(lag) if steps[0] < 0 else max(lag):g} s: expected 0 to {last:g} s"
+        raise DataError(msg)
+    return steps
+
+
+def _autocorrelation(record: Record, axis: str, most: int) -> FloatArray:
+    pieces = record.pieces(axis)
+    mean = sum(float(piece.sum()) for piece in pieces) / sum(piece.size for piece in pieces)
+    products = np.zeros(most + 1)
+    for piece in pieces:
+        reach = min(most, piece.size - 1)
+        length = next_fast_len(piece.size + reach, real=True)
+        products[: reach + 1] += irfft(np.abs(rfft(piece - mean, length)) ** 2, length)[: reach + 1]
+    if products[0] <= 0.0:
+        msg = f"{axis} is constant: it has no correlation"
+        raise DataError(msg)
+    return products / products[0]
+
+
+def _band(record: Record) -> float:
+    return 1.96 / float(np.sqrt(sum(stop - start for start, stop in record.segments)))

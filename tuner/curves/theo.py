@@ -1,0 +1,196 @@
+"""Thêo1, ThêoBR and ThêoH: Allan-like variances up to three quarters of the record.
+
+With the N phase points x of n = N - 1 samples, m even and the effective cluster time τ = 0.75 m τ0::
+
+    Thêo1(m) = 1/(0.75 (N - m) m²) Σ_{i=1}^{N-m} Σ_{d=0}^{m/2-1} [(x_i - x_{i-d+m/2}) + (x_{i+m} - x_{i+d+m/2})]² / (m/2 - d)
+
+Thêo1 equals the Allan variance for white noise; for others it is biased by a factor of the noise type. ThêoBR takes that
+factor from the record itself, as the mean ratio to the overlapping Allan variance at the same τ::
+
+    ThêoBR(m) = Thêo1(m) · 1/(q + 1) Σ_{i=0}^{q} AVAR(9 + 3i) / Thêo1(12 + 4i),      q = ⌊reach N/3 - 3⌋
+
+ThêoH is the overlapping Allan variance below a switch point and ThêoBR from there on. Both are unbiased only as long as
+the same noise rules at all τ.
+
+Long records
+------------
+Up to `EXACT` samples everything is exact. Above, Thêo1 at m/2 ≥ 256 reads every s-th phase point (clusters of s samples),
+s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s (`nearest_theo1_size`); for
+random walk that adds 1 % to the variance, for white noise nothing. The ratio of ThêoBR is taken from averages
+of ⌈n/EXACT⌉ samples.
+
+References
+----------
+.. [1] D. A. Howe, ThêoH: a hybrid, high-confidence statistic that improves on the Allan deviation, Metrologia 43, 2006.
+.. [2] J. A. Taylor, D. A. Howe, Fast TheoBR: a method for long data set stability analysis, IEEE Trans. UFFC 57(9), 2010.
+.. [3] B. Lewis, Fast algorithms for TheoH and other statistics; the recursion over m here is our own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+from tuner.curves import kernels
+from tuner.curves.allan import by_column, overlapping_allan, sizes
+from tuner.records import DataError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+EXACT = 100_000
+"""Longest record, samples, that Thêo1 and the ratio of ThêoBR use as it is."""
+
+SMALLEST = 10
+"""Smallest m of Thêo1."""
+
+FEWEST = 89
+"""Fewest samples from which ThêoBR has a ratio, at the usual reach of a tenth of the record."""
+
+_COARSE = 128
+_DIRECT = 100
+_STRETCH = 1 << 12
+
+
+def stride(n: int, m: IntArray) -> IntArray:
+    """Return how many samples make one cluster inside Thêo1 of n samples."""
+    if n <= EXACT:
+        return np.ones_like(m)
+    doublings = np.log2(np.maximum(m // 2 // _COARSE, 1)).astype(np.int64)
+    return np.left_shift(1, doublings)
+
+
+def averaged(n: int) -> int:
+    """Return how many of n samples are averaged to one for the ratio of ThêoBR."""
+    return -(-n // EXACT)
+
+
+def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
+    """Return the sizes nearest to m that `theo1` takes for a record of n samples."""
+    wanted = np.atleast_1d(np.asarray(m, dtype=float))
+    pair = 2 * stride(n, np.rint(wanted).astype(np.int64))
+    size = np.rint(wanted / pair).astype(np.int64) * pair
+    return np.maximum(np.where(size > n, size - pair, size), SMALLEST)
+
+
+def theo1(y: ArrayLike, m: ArrayLike) -> FloatArray:
+    """Return Thêo1, uncorrected.
+
+    Parameters
+    ----------
+    y : array_like, shape (n,) or (n, k)
+        Samples.
+    m : array_like of int, shape (q,)
+        Even sizes, 10 … n; above `EXACT` samples those of `nearest_theo1_size`. τ = 0.75 m τ0.
+
+    Returns
+    -------
+    ndarray, shape (q,) or (q, k)
+        Variance, squared unit of y.
+
+    Raises
+    ------
+    DataError
+        If a size cannot be had.
+    """
+    n = len(np.asarray(y))
+    whole = sizes(m, least=SMALLEST, most=n, samples=n)
+    wrong = whole[nearest_theo1_size(n, whole) != whole]
+    if wrong.size:
+        near = nearest_theo1_size(n, wrong)[0]
+        msg = f"Thêo1 cannot take size {wrong[0]} of {n} samples; the nearest it takes is {near}"
+        raise DataError(msg)
+    return by_column(y, lambda column: _theo1_of_phase(kernels.integrate(column), whole, stride(n, whole)))
+
+
+def _theo1_of_phase(x: FloatArray, m: IntArray, step: IntArray) -> FloatArray:
+    variance = np.empty(m.size)
+    for s in np.unique(step):
+        chosen = step == s
+        clusters = np.ascontiguousarray(x[::s])
+        half = m[chosen] // (2 * s)
+
+        def stretch(
+            begin: int, end: int, clusters: FloatArray = clusters, half: IntArray = half
+        ) -> FloatArray:
+            return kernels.theo1_sums(clusters, half, begin, end, kernels.BLOCK)
+
+        sums = kernels.in_threads(stretch, clusters.size, stretch=_STRETCH)
+        variance[chosen] = sums / (0.75 * (clusters.size - 2 * half) * m[chosen].astype(float) ** 2)
+    return variance
+
+
+def theo1_all(y: ArrayLike, most: int) -> FloatArray:
+    """Return Thêo1 at m = 10, 12, … most of a record, shape (n,), by a recursion over m in O(most²).
+
+    Exact for any length; ``most`` = n makes it the cheapest way to a full curve of a short record.
+    """
+    x = kernels.integrate(np.ascontiguousarray(y, dtype=float))
+    half = np.arange(SMALLEST // 2, most // 2 + 1)
+    direct = half[half < _DIRECT]
+    sums = kernels.theo1_sums(x, direct, 0, x.size, kernels.BLOCK)
+    if direct.size < half.size:
+        length = next_fast_len(x.size + 2 * int(half[-1]) + 2, real=True)
+        lagged = irfft(np.abs(rfft(x, length)) ** 2, length)
+        sums = np.concatenate([sums, kernels.theo1_sums_all(x, lagged, _DIRECT, int(half[-1]) + 1)])
+    return sums / (0.75 * (x.size - 2 * half) * (2.0 * half) ** 2)
+
+
+def bias_ratio(y: ArrayLike, *, reach: float = 0.1) -> float:
+    """Return the mean ratio of the overlapping Allan variance to Thêo1 of a record, shape (n,), up to reach · T.
+
+    Raises
+    ------
+    DataError
+        If the record is too short for one ratio (9 phase points within the reach).
+    """
+    samples = np.asarray(y, dtype=float)
+    width = averaged(samples.size)
+    if width > 1:
+        samples = samples[: samples.size // width * width].reshape(-1, width).mean(axis=1)
+    count = int(np.floor(reach * (samples.size + 1) / 3.0 - 3.0)) + 1
+    if count < 1:
+        msg = f"ThêoBR of {samples.size} samples: expected at least {int(np.ceil(9.0 / reach)) - 1}"
+        raise DataError(msg)
+    steps = np.arange(count)
+    reference = overlapping_allan(samples, 9 + 3 * steps)
+    every = theo1_all(samples, 12 + 4 * (count - 1))
+    return float(np.mean(reference / every[1 + 2 * steps]))
+
+
+def theo_br(y: ArrayLike, m: ArrayLike, *, reach: float = 0.1) -> FloatArray:
+    """Return ThêoBR: Thêo1 times `bias_ratio`; sizes and shapes as `theo1`."""
+    return theo1(y, m) * _ratios(y, reach)
+
+
+def _ratios(y: ArrayLike, reach: float) -> FloatArray:
+    return by_column(y, lambda column: np.array([bias_ratio(column, reach=reach)]))
+
+
+def theo_h(y: ArrayLike, tau: ArrayLike, *, switch: float = 0.1, reach: float = 0.1) -> FloatArray:
+    """Return ThêoH: the overlapping Allan variance at τ < switch · n, ThêoBR from there on.
+
+    Parameters
+    ----------
+    y : array_like, shape (n,) or (n, k)
+        Samples.
+    tau : array_like, shape (q,)
+        Cluster times in samples: whole numbers below the switch, 0.75 m with m as in `theo1` from there on.
+    switch, reach : float
+        Switch point and longest τ of the bias ratio, both as a part of the record.
+
+    Returns
+    -------
+    ndarray, shape (q,) or (q, k)
+        Variance, squared unit of y.
+    """
+    samples = np.asarray(y, dtype=float)
+    times = np.atleast_1d(np.asarray(tau, dtype=float))
+    short = times < switch * len(samples)
+    variance = np.empty((times.size, *samples.shape[1:]))
+    if short.any():
+        variance[short] = overlapping_allan(samples, times[short])
+    if not short.all():
+        variance[~short] = theo_br(samples, times[~short] / 0.75, reach=reach)
+    return variance
