@@ -1,7 +1,7 @@
 """YAML documents whose errors say file, place, what was expected and what came.
 
-`document` parses a text and checks its ``format`` line; a `Node` is a value that knows its place, so that every
-reader of grades, datasheets and configurations fails with one clear line.
+`document` parses a text and checks its ``format`` line; a `Node` is a value that knows its place, so that
+every reader of grades, datasheets and configurations fails with one clear line.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -27,7 +27,7 @@ class Node:
         """Return an entry that must be there."""
         entries = self.mapping()
         if key not in entries:
-            raise self.error(f"a key '{key}'", f"keys {', '.join(map(str, entries)) or 'none'}")
+            self.refuse(f"a key '{key}'", f"keys {', '.join(map(str, entries)) or 'none'}")
         return self.child(key)
 
     def get(self, key: str) -> Node | None:
@@ -47,50 +47,51 @@ class Node:
     def elements(self) -> tuple[Node, ...]:
         """Return the elements of a list."""
         if not isinstance(self.value, list):
-            raise self.error("a list", repr(self.value))
+            self.refuse("a list", repr(self.value))
         return tuple(Node(value, f"{self.place}[{i}]") for i, value in enumerate(self.value))
 
     def mapping(self) -> Mapping[str, Any]:
         """Return the value as a mapping."""
         if not isinstance(self.value, dict):
-            raise self.error("a mapping", repr(self.value))
+            self.refuse("a mapping", repr(self.value))
         return self.value
 
     def number(self, *, positive: bool = False) -> float:
         """Return the value as a finite number; YAML reads ``1e-5`` as text, which is accepted."""
         expected = "a positive number" if positive else "a number"
         if isinstance(self.value, bool) or not isinstance(self.value, int | float | str):
-            raise self.error(expected, repr(self.value))
+            self.refuse(expected, repr(self.value))
         try:
             number = float(self.value)
         except ValueError:
-            raise self.error(expected, repr(self.value)) from None
+            self.refuse(expected, repr(self.value))
         if not math.isfinite(number) or (positive and number <= 0.0):
-            raise self.error(expected, repr(self.value))
+            self.refuse(expected, repr(self.value))
         return number
 
     def numbers(self, count: int, *, positive: bool = False) -> tuple[float, ...]:
         """Return the value as so many numbers."""
         elements = self.elements()
         if len(elements) != count:
-            raise self.error(f"{count} numbers", repr(self.value))
+            self.refuse(f"{count} numbers", repr(self.value))
         return tuple(element.number(positive=positive) for element in elements)
 
     def text(self) -> str:
         """Return the value as text."""
         if not isinstance(self.value, str):
-            raise self.error("text", repr(self.value))
+            self.refuse("text", repr(self.value))
         return self.value
 
     def only(self, *allowed: str) -> None:
         """Refuse keys that are not known: a misspelt key would be lost in silence."""
         for key in self.mapping():
             if key not in allowed:
-                raise self.error(f"keys among {', '.join(allowed)}", repr(key))
+                self.refuse(f"keys among {', '.join(allowed)}", repr(key))
 
-    def error(self, expected: str, got: str) -> DataError:
-        """Return the error to raise here."""
-        return DataError(f"{self.place}: expected {expected}, got {got}")
+    def refuse(self, expected: str, got: str) -> NoReturn:
+        """Raise the error that says what is wrong here."""
+        msg = f"{self.place}: expected {expected}, got {got}"
+        raise DataError(msg)
 
 
 def document(text: str, source: str, expected_format: str) -> Node:
@@ -119,5 +120,5 @@ def document(text: str, source: str, expected_format: str) -> Node:
     root = Node(value, source)
     if not isinstance(value, dict) or value.get("format") != expected_format:
         found = value.get("format") if isinstance(value, dict) else type(value).__name__
-        raise root.error(f"a line 'format: {expected_format}'", repr(found))
+        root.refuse(f"a line 'format: {expected_format}'", repr(found))
     return root

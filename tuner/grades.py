@@ -1,7 +1,7 @@
 """Built-in grades of sensors and GNSS receivers: the YAML files of ``configs/``, by name.
 
-``configs/`` stands beside the package in a checkout and inside it in an installed wheel; `config_directory` finds
-either. A grade without data is an identification whose values have no intervals.
+``configs/`` stands beside the package in a checkout and inside it in an installed wheel; `config_directory`
+finds either. A grade without data is an identification whose values have no intervals.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
 def _channel(
     axis: str, triad: TriadGrade, estimates: tuple[TermEstimate, ...], interval: float
 ) -> ChannelIdentification:
-    """Return an axis without data; the minimum is where the model first comes within 1 % of its lowest up to 1e4 s."""
+    """Return an axis without data; its minimum is where the model first comes within 1 % of its lowest."""
     model = triad.noise_model()
     tau = np.geomspace(0.1, 1e4, 201)
     deviation = np.sqrt(model.allan_variance(tau))

@@ -15,8 +15,8 @@
 ======================  =====================================================================================
 entry of a triad        becomes
 ======================  =====================================================================================
-noise_density           N; ``sided: one`` means σ² = d²·bandwidth, so N = d/√2; without it the density is two-sided
-bias_instability        B = value/0.664, as datasheets quote the Allan minimum; ``reading: level`` means B itself
+noise_density           N; ``sided: one`` means σ² = d²·bandwidth, so N = d/√2; default two-sided
+bias_instability        B = value/0.664, as sheets quote the Allan minimum; ``reading: level`` means B itself
 random_walk             K
 ramp                    R
 quantization            Q, sd of the increment; ``reading: step`` means a rounding step, Q = step/√12
@@ -50,7 +50,7 @@ FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 
 @dataclass(frozen=True)
 class _Key:
-    """An entry: its field in `TriadGrade`, its units for gyros and accelerometers, and factors of its readings."""
+    """An entry: its field in `TriadGrade`, its units for gyro and accel, and the factors of its readings."""
 
     field: str
     units: Mapping[str, tuple[str, ...]]
@@ -108,7 +108,7 @@ class _Origin:
         """Return the origin below a node that may have its own kind and reference."""
         kind, reference = node.get("kind"), node.get("reference")
         if kind and kind.value not in KINDS:
-            raise kind.error(f"one of {', '.join(KINDS)}", repr(kind.value))
+            kind.refuse(f"one of {', '.join(KINDS)}", repr(kind.value))
         return _Origin(kind.text() if kind else self.kind, reference.text() if reference else self.reference)
 
     def words(self) -> str:
@@ -136,7 +136,7 @@ def parse_sheet(text: str, *, source: str) -> SensorGrade:
     origin = _Origin("typical", "").within(root)
     triads = {kind: _triad(root, kind, origin) for kind in ("gyro", "accel")}
     if triads["gyro"].white is None and triads["accel"].white is None:
-        raise root.error("an entry 'gyro' or 'accel'", "neither")
+        root.refuse("an entry 'gyro' or 'accel'", "neither")
     title, notes = root.get("title"), root.get("notes")
     name = root["name"]
     try:
@@ -149,7 +149,7 @@ def parse_sheet(text: str, *, source: str) -> SensorGrade:
             tuple(note.text() for note in notes.elements()) if notes else (),
         )
     except ValueError:
-        raise name.error("lower-case letters and digits", repr(name.value)) from None
+        name.refuse("lower-case letters and digits", repr(name.value))
 
 
 def _triad(root: Node, kind: str, inherited: _Origin) -> TriadGrade:
@@ -180,15 +180,15 @@ def _sourced(entry: Node, key: _Key, kind: str, inherited: _Origin) -> Sourced:
     entry.only("value", "unit", "sided", "reading", "kind", "reference")
     unit = entry["unit"]
     if not _allowed(unit, key.units[kind]):
-        raise unit.error(f"a unit among {', '.join(key.units[kind]) or 'none'}", repr(unit.value))
+        unit.refuse(f"a unit among {', '.join(key.units[kind]) or 'none'}", repr(unit.value))
     value = to_si(entry["value"].number(positive=True), unit.text())
     reading, sided = entry.get("reading"), entry.get("sided")
     if reading and (not reading.value or reading.value not in key.readings):
-        raise reading.error(
+        reading.refuse(
             f"one of {', '.join(filter(None, key.readings)) or '(this entry has none)'}", repr(reading.value)
         )
     if sided and (key.field != "white" or sided.value not in {"one", "two"}):
-        raise sided.error("'one' or 'two', of a noise density", repr(sided.value))
+        sided.refuse("'one' or 'two', of a noise density", repr(sided.value))
     value *= key.readings[reading.text() if reading else ""]
     if sided and sided.value == "one":
         value = two_sided(value)

@@ -1,4 +1,4 @@
-"""Exporters: one configuration in the dialects of many filters, each with its own units and hidden discretisation.
+"""Exporters: one configuration in the dialects of many filters, each with its own units and step.
 
 ::
 
@@ -64,7 +64,8 @@ def export(
     step : float, optional
         Prediction step of the target, s, for filters that predict at another rate than the IMU's.
     memory : float, optional
-        Time over which the target renews its biases, s: where a random walk or one state stands for richer models.
+        Time over which the target renews its biases, s: where a random walk or one state stands for richer
+        models.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """What every dialect shares: axes combined to one figure, and a header that says where the figures come from.
 
-One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in the comment.
-Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory of the filter
-(`tuner.synthesis.equivalents`).
+One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
+the comment. Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory
+of the filter (`tuner.synthesis.equivalents`).
 """
 
 from __future__ import annotations
@@ -100,11 +100,11 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
             for term in channel.identified
             for name, coefficient in term.coefficients.items()
         )
-        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz used; identified: {known or 'nothing'}"
+        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz; identified: {known or 'nothing'}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
-            f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) and D the growth of the "
-            "modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
+            f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) "
+            "and D the growth of the modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
         )
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):

@@ -1,9 +1,10 @@
-"""KF-GINS ``kf-gins.yaml``: angular and velocity random walk, one Gauss–Markov state a sensor, one correlation time.
+"""KF-GINS ``kf-gins.yaml``: white noise and Gauss–Markov biases with one correlation time.
 
-arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600; the
-filter forms 2σ²/T. Its one T is the longest time constant in the configuration (1 h where there is none), and each σ is
-refitted at that T so that the bias wanders as far over the memory as the modelled one. Initial sds are the turn-on
-constants; scale factors are not identified by a static log and stay at zero uncertainty only if the user wants so.
+arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h
+= T/3600; the filter forms 2σ²/T. Its one T is the longest time constant in the configuration (1 h where
+there is none), and each σ is refitted at that T so that the bias wanders as far over the memory as the
+modelled one. Initial sds are the turn-on constants; scale factors are not identified by a static log and
+stay at zero uncertainty only if the user wants so.
 """
 
 from __future__ import annotations
@@ -55,8 +56,8 @@ def write(config: FilterConfig, target: Target) -> str:
     noise["corrtime"] = Noted(time_constant / 3600.0, "h; T/3600, one for all states")
     header = (
         *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
-        f"one T = {time_constant:g} s for all states (the longest time constant of the configuration, or 1 h); each σ makes "
-        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled bias",
+        f"one T = {time_constant:g} s for all states (the longest of the configuration, or 1 h); each σ makes the "
+        f"bias wander as far as the modelled one in {target.memory:g} s (assumed memory of the filter)",
     )
     return yaml_text({"imunoise": noise, **start}, header=header)
 

@@ -1,8 +1,9 @@
 """Our own configuration: a YAML a person can read and `tuner.results.FilterConfig` can be made from again.
 
-Numbers are SI and exact (``loads(dumps(c)) == c``); customary units stand in comments. Layout of ``tuner-noise/1``::
+Numbers are SI and exact, ``loads(dumps(c)) == c``; customary units stand in comments. Layout of
+``tuner-noise/1``::
 
-    sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, random_walk_density, …}, fates}
+    sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
     initial: P0 with reasons      gnss: R and gate      findings: […]
     inflations: [{quantity, factor, reason}]            provenance: {…}       notes: […]
 """
@@ -36,7 +37,8 @@ T = TypeVar("T")
 
 _HEADER = (
     "Noise of an inertial sensor and the filter settings that follow from it.",
-    "SI units: rad, s, m; densities are two-sided; intervals and limits are of 95 %. Comments: customary units.",
+    "SI units: rad, s, m; densities are two-sided; intervals and limits are of 95 %.",
+    "Comments behind numbers: customary units.",
 )
 
 
@@ -214,8 +216,13 @@ def _read_coefficient(node: Node) -> Coefficient:
 
 
 def _read_initial(node: Node) -> InitialUncertainty:
-    figures = (node[key].number() for key in ("position", "velocity", "tilt", "heading"))
-    return InitialUncertainty(*figures, reasons=_mapping(node, "reasons"))
+    return InitialUncertainty(
+        node["position"].number(),
+        node["velocity"].number(),
+        node["tilt"].number(),
+        node["heading"].number(),
+        _mapping(node, "reasons"),
+    )
 
 
 def _read_gnss(node: Node) -> GnssNoise:

@@ -1,7 +1,7 @@
 """YAML text with comments, which PyYAML cannot write.
 
-A tree of mappings, lists and scalars becomes block text; `Noted` adds a comment to an entry and `Inline` keeps a
-mapping or list on one line. Floats are written so that reading gives the same number.
+A tree of mappings, lists and scalars becomes block text; `Noted` adds a comment to an entry and `Inline`
+keeps a mapping or list on one line. Floats are written so that reading gives the same number.
 """
 
 from __future__ import annotations

@@ -157,17 +157,16 @@ def _white_from_curve(channel: ChannelIdentification) -> _Share:
 def _quantization(task: _Task, term: TermEstimate) -> _Share:
     increment, inflations = _figure(task, term, "increment_sd")
     unit = "rad" if task.channel.unit == "rad/s" else "m/s"
-    fate = f"kept out of the white density: the integral errs by {increment:.4g} {unit} at any time and does not grow"
+    fate = f"kept out of the white density: the integral errs by {increment:.4g} {unit}, which does not grow"
     return _Share(fate, inflations)
 
 
 def _flicker(task: _Task, term: TermEstimate) -> _Share:
     channel = task.channel
     level, inflations = _figure(task, term, "level")
-    floor = channel.minimum
-    minimum = (
-        floor.value if floor.value is not None else BOUNDED_SHARE * _upper(floor, f"{channel.axis}.minimum")
-    )
+    minimum = channel.minimum.value
+    if minimum is None:
+        minimum = BOUNDED_SHARE * _upper(channel.minimum, f"{channel.axis}.minimum")
     chosen = RULES["ladder" if task.rule == BOUND else task.rule]
     view = FlickerView(level, task.white, minimum, channel.minimum_tau, task.horizon, channel.interval)
     states = chosen.states(view)
@@ -177,7 +176,7 @@ def _flicker(task: _Task, term: TermEstimate) -> _Share:
 
 def _gauss_markov(task: _Task, term: TermEstimate) -> _Share:
     sd, time_constant = term.coefficients["sd"], term.coefficients["time_constant"]
-    if task.rule == BOUND and sd.value and sd.interval is not None and time_constant.interval is not None:
+    if task.rule == BOUND and sd.value and sd.interval and time_constant.interval:
         state = bounding_state(sd.interval, time_constant.interval)
         why = "rule bound: spectrum above every spectrum within the intervals of sd and time constant"
         inflations: tuple[Inflation, ...] = (
@@ -207,7 +206,7 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
     frequency = term.coefficients["frequency"].value
     if frequency is not None and 1.0 / frequency >= SLOW_PERIOD:
         state = MarkovState(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
-        fate = f"slow line: one state of its rms, sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
+        fate = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
         return _Share(fate, inflations, markov=(state,))
     return _Share(
         "fast line: no state, as its integral stays bounded; to be removed at its source", inflations
@@ -215,7 +214,7 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
 
 
 def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, float]:
-    """Give the ramp a state where the data contain it, or where half its limit outruns all else in the horizon."""
+    """Give the ramp a state where the data contain it, or where half its limit outruns all else."""
     rate, inflations = _figure(task, term, "rate")
     unit = task.channel.unit
     reach = rate * task.horizon

@@ -1,7 +1,8 @@
 """From what was found in a sensor to the settings of a filter: every number with its reason.
 
-`synthesize` takes each axis through `tuner.synthesis.channels`, sizes P0 by `tuner.synthesis.initial`, and fills in what
-the log lacks from grades, saying so. `inflate` enlarges figures of a configuration with a reason each.
+`synthesize` takes each axis through `tuner.synthesis.channels`, sizes P0 by `tuner.synthesis.initial`, and
+fills in what the log lacks from grades, saying so. `inflate` enlarges figures of a configuration with a
+reason each.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def synthesize(
     gnss : GnssNoise, optional
         Errors of the aiding; without it R is left out.
     turn_on : mapping of str to float, optional
-        Sd of the turn-on constant by axis, unit, such as from `turn_on_spread`; else taken from grade, datasheet or mean.
+        Sd of the turn-on constant by axis, unit, such as from `turn_on_spread`; else taken from grade,
+        datasheet or mean.
     inflations : sequence of Inflation, optional
         Enlargements that findings ask for, applied by `inflate`.
     findings : sequence of mapping, optional
@@ -121,8 +123,9 @@ def inflate(config: FilterConfig, inflations: Sequence[Inflation]) -> FilterConf
     config : FilterConfig
         Settings.
     inflations : sequence of Inflation
-        Factors on ``AXIS.FIELD`` or ``SENSOR.FIELD`` with FIELD one of ``white_density``, ``markov`` (the sds),
-        ``random_walk_density``, ``constant_sd``, ``ramp_sd``; or on ``gnss.position_sd``, ``gnss.velocity_sd``.
+        Factors on ``AXIS.FIELD`` or ``SENSOR.FIELD`` with FIELD one of ``white_density``, ``markov`` (the
+        sds), ``random_walk_density``, ``constant_sd``, ``ramp_sd``; or on ``gnss.position_sd``,
+        ``gnss.velocity_sd``.
 
     Raises
     ------
@@ -132,13 +135,12 @@ def inflate(config: FilterConfig, inflations: Sequence[Inflation]) -> FilterConf
     for inflation in inflations:
         target, _, field = inflation.quantity.partition(".")
         if target == "gnss" and config.gnss is not None and field in {"position_sd", "velocity_sd"}:
-            old = getattr(config.gnss, field)
-            new = None if old is None else tuple(inflation.factor * sd for sd in old)
-            config = replace(config, gnss=replace(config.gnss, **{field: new}))
+            config = replace(config, gnss=_inflated_gnss(config.gnss, field, inflation.factor))
             continue
         axes = [axis for axis in config.channels if target in {axis, axis.rpartition("_")[0]}]
         if not axes or field not in _INFLATABLE:
-            msg = f"inflation of '{inflation.quantity}': expected an axis or sensor of the configuration and one of {', '.join(_INFLATABLE)}"
+            allowed = ", ".join(_INFLATABLE)
+            msg = f"inflation of '{inflation.quantity}': expected an axis or sensor and one of {allowed}"
             raise DataError(msg)
         enlarged = {axis: _enlarged(config.channels[axis], field, inflation.factor) for axis in axes}
         config = replace(config, channels={**config.channels, **enlarged})
@@ -146,6 +148,12 @@ def inflate(config: FilterConfig, inflations: Sequence[Inflation]) -> FilterConf
 
 
 _INFLATABLE = ("white_density", "markov", "random_walk_density", "constant_sd", "ramp_sd")
+
+
+def _inflated_gnss(gnss: GnssNoise, field: str, factor: float) -> GnssNoise:
+    sd: tuple[float, float, float] | None = getattr(gnss, field)
+    scaled: Any = None if sd is None else (factor * sd[0], factor * sd[1], factor * sd[2])
+    return replace(gnss, **{field: scaled})
 
 
 def _enlarged(channel: ChannelNoise, field: str, factor: float) -> ChannelNoise:

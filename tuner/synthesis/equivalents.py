@@ -1,13 +1,14 @@
-"""Poorer bias models that grow like a richer one: for targets that know only a random walk, or only one time constant.
+"""Poorer bias models that grow like a richer one: a random walk alone, or one time constant alone.
 
 What matters to a filter is how far the bias wanders from its estimate, the structure function
 
     D(τ) = E[b(t+τ) − b(t)]² = K² τ + Σ 2σ_i² (1 − e^{−τ/T_i}).
 
-A random walk that wanders as far over the filter's memory τ_f has K² = D(τ_f)/τ_f (2σ²/T for τ_f ≪ T); a state of
-time constant T has σ² = D(τ_f) / (2 − 2e^{−τ_f/T}). Neither follows D at other lags: the memory is an assumption,
-and exporters print it. Where nothing wanders at all, K = 0.1 √3 N/τ_f adds 1 % to what white noise does to the angle
-(velocity) variance over the memory, N²τ_f: harmless, and no target is handed a zero.
+A random walk that wanders as far over the filter's memory τ_f has K² = D(τ_f)/τ_f (2σ²/T for τ_f ≪ T); a
+state of time constant T has σ² = D(τ_f) / (2 − 2e^{−τ_f/T}). Neither follows D at other lags: the memory is
+an assumption, and exporters print it. Where nothing wanders at all, K = 0.1 √3 N/τ_f adds 1 % to what white
+noise does to the angle (velocity) variance over the memory, N²τ_f: harmless, and no target is handed a
+zero.
 
 Symbols: σ sd, T time constant (s), K random walk density, N white density, τ_f memory (s).
 """
@@ -37,6 +38,6 @@ def equivalent_random_walk(channel: ChannelNoise, *, memory: float = MEMORY) -> 
 
 
 def equivalent_markov_sd(channel: ChannelNoise, time_constant: float, *, memory: float = MEMORY) -> float:
-    """Return the sd of the one state of that time constant that wanders as far in `memory` seconds, unit; never 0."""
+    """Return the sd of the state of that time constant that wanders as far in `memory` s, unit; never 0."""
     wander = equivalent_random_walk(channel, memory=memory) ** 2 * memory
     return math.sqrt(wander / (-2.0 * math.expm1(-memory / time_constant)))

@@ -1,14 +1,14 @@
 """What the filter does not know at the start: turn-on constants and P0, each with the reason of its size.
 
-Allan methods cannot see a constant. Its prior comes, best first, from the spread of the means of several runs, from
-a turn-on figure of a grade or datasheet, or from the mean of the one log at hand:
+Allan methods cannot see a constant. Its prior comes, best first, from the spread of the means of several
+runs, from a turn-on figure of a grade or datasheet, or from the mean of the one log at hand:
 
-* accelerometer: | ‖mean‖ − g |, the part along gravity, at least 0.03 m/s² as gravity varies that much on Earth;
+* accelerometer: | ‖mean‖ − g |, the part along gravity, at least 0.03 m/s², as gravity varies that much;
 * gyro: rms of the three means, at least Earth's rate, which they contain;
 * no usable mean: ten times the bias instability.
 
-A stationary filter levels by gravity, so tilt errs by accelerometer bias ÷ g; it finds north by Earth's rate, so heading
-errs by gyro bias ÷ (Ω cos φ), which serves only where it is small.
+A stationary filter levels by gravity, so tilt errs by accelerometer bias ÷ g; it finds north by Earth's
+rate, so heading errs by gyro bias ÷ (Ω cos φ), which serves only where it is small.
 """
 
 from __future__ import annotations

@@ -1,19 +1,22 @@
 """Bias states of a filter: what flicker and identified correlations become.
 
-A filter knows white noise, random walks and first-order Gauss–Markov states. Flicker, S(f) = B²/(2πf), is none of
-them; it is approached by a *ladder* of Gauss–Markov states with time constants in a geometric ratio r and equal
+A filter knows white noise, random walks and first-order Gauss–Markov states. Flicker, S(f) = B²/(2πf), is
+none of them; it is approached by a *ladder* of Gauss–Markov states with time constants in a geometric ratio
+r and equal
 
     σ_i = B √(ln r / π)        (r = 10: 0.856 B, Allan variance within 2 %)
 
-from about the corner of white noise and flicker, (N / 0.664 B)², to the longest time the filter must predict.
-One state instead of a ladder is cheaper and optimistic; `RULES` names the usual choices and how far the true error
-exceeded the predicted standard deviation in outages of 10 to 1000 s (exact covariance propagation of four filters).
+from about the corner of white noise and flicker, (N / 0.664 B)², to the longest time the filter must
+predict. One state instead of a ladder is cheaper and optimistic; `RULES` names the usual choices and how
+far the true error exceeded the predicted standard deviation in outages of 10 to 1000 s (exact covariance
+propagation of four filters).
 
 The state that is safe whatever the true values in a box of sd and time constant: the structure function
-2σ²(1 − e^{−τ/T}) is largest at every lag for the largest σ and the smallest T, but the integral of the bias (angle,
-velocity) grows as 2σ²T t and is largest for the largest T. No corner of the box bounds both. A state whose spectrum
-lies above all spectra of the box does: the difference of two spectra that is nowhere negative is the spectrum of
-a process that could be added, so any linear filter's error is bounded. Among single states the smallest such one is
+2σ²(1 − e^{−τ/T}) is largest at every lag for the largest σ and the smallest T, but the integral of the bias
+(angle, velocity) grows as 2σ²T t and is largest for the largest T. No corner of the box bounds both. A
+state whose spectrum lies above all spectra of the box does: the difference of two spectra that is nowhere
+negative is the spectrum of a process that could be added, so any linear filter's error is bounded. Among
+single states the smallest such one is
 
     T' = √(T_lo T_hi),    σ'² = σ_hi² √(T_hi / T_lo).
 
@@ -22,8 +25,8 @@ Symbols: B level, N white density, σ sd, T time constant (s), τ_min cluster ti
 References
 ----------
 .. [1] IEEE Std 952-1997, Annex C (exponentially correlated noise, Allan variance).
-.. [2] S. Langel, O. García Crespillo, M. Joerger, "Overbounding the effect of uncertain Gauss-Markov noise in Kalman
-   filtering", NAVIGATION 68(2), 2021, 259–276 (abstract read: bounds of the same kind for time constants in intervals).
+.. [2] S. Langel, O. García Crespillo, M. Joerger, "Overbounding the effect of uncertain Gauss-Markov noise in
+   Kalman filtering", NAVIGATION 68(2), 2021, 259–276 (abstract read: bounds of the same kind).
 """
 
 from __future__ import annotations
@@ -97,7 +100,7 @@ class Rule:
 
     def describe(self) -> str:
         """Say formula and price in one line."""
-        return f"{self.formula}; true error up to {self.worst_ratio:g} × the predicted sd in outages of 10 to 1000 s"
+        return f"{self.formula}; true error up to {self.worst_ratio:g} × predicted in outages of 10 to 1000 s"
 
 
 def ladder(view: FlickerView) -> tuple[MarkovState, ...]:
@@ -140,11 +143,11 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         ),
     }
 )
-"""Rules by name, safest first. All keep the rate random walk K and the turn-on constant as states of their own."""
+"""Rules by name, safest first. All leave rate random walk and turn-on constant to states of their own."""
 
 
 BOUND = "bound"
-"""The rule that takes the upper end of every interval; flicker by the ladder, identified states by `bounding_state`."""
+"""The rule that takes the upper end of every interval: ladder for flicker, `bounding_state` for the rest."""
 
 
 def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) -> MarkovState:
@@ -160,7 +163,8 @@ def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) 
     Returns
     -------
     MarkovState
-        A filter that uses it predicts, for any state or outage, at least the variance of any process in the box.
+        A filter that uses it predicts, for any state or outage, at least the variance of any process in the
+        box.
     """
     low, high = time_constant
     if not 0.0 < low <= high < math.inf:

@@ -7,12 +7,12 @@ For one axis, x = (integral, Gauss–Markov states, bias, bias rate)::
     d bias/dt     = bias rate + w_K                  K²       (P0: turn-on sd²)
     d rate/dt     = 0                                0        (only where a ramp is modelled)
 
-The integral is the angle of a gyro axis, the velocity of an accelerometer axis. Discrete covariances come from
-`models.statespace.discretize`, exact for any ratio of step and time constant.
+The integral is the angle of a gyro axis, the velocity of an accelerometer axis. Discrete covariances come
+from `models.statespace.discretize`, exact for any ratio of step and time constant.
 
 References
 ----------
-.. [1] P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 14.
+.. [1] P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def shaping_states(fit: ArmaFit) -> StateSpace:
     """
     coefficients = [c.value for c in (*fit.ar, *fit.ma)]
     if fit.white or any(value is None for value in coefficients):
-        msg = f"'fit' must be an ARMA model that differs from white noise, got order {fit.order}, white={fit.white}"
+        msg = f"'fit' must be an ARMA model other than white noise, got order {fit.order}, white={fit.white}"
         raise ValueError(msg)
     p, _ = fit.order
     values = tuple(float(value) for value in coefficients if value is not None)
