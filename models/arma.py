@@ -110,7 +110,7 @@ class Arma(Term):
         """Return the autocovariance at the nearest whole multiples of the interval."""
         self._check(interval)
         k = np.abs(np.rint(as_array(lag) / self.interval)).astype(np.int64)
-        return self._autocovariances(int(k.max(initial=0)) + 1)[k]
+        return _extended(self._first_autocovariances(), self.ar, int(k.max(initial=0)) + 1)[k]
 
     def state_space(self) -> NoReturn:
         """Raise ValueError: the sequence has discrete states only, see `transition`."""
@@ -152,10 +152,6 @@ class Arma(Term):
             msg = f"'tau' must be whole multiples of the interval {self.interval} s"
             raise ValueError(msg)
         return m.astype(np.int64)
-
-    def _autocovariances(self, n: int) -> FloatArray:
-        """Return g_0 … g_{n−1}."""
-        return _extended(self._first_autocovariances(), self.ar, n)
 
     def _first_autocovariances(self) -> FloatArray:
         """Return g_0 … g_r; from g_r on they obey the autoregression alone."""

@@ -190,8 +190,7 @@ class NoiseModel:
             raise ValueError(msg)
         rest = iter(values.tolist())
         return NoiseModel(
-            replace(term, **{parameter: next(rest) for parameter in term.PARAMETERS})  # type: ignore[type-var]
-            for term in self.terms
+            replace(term, **{parameter: next(rest) for parameter in term.PARAMETERS}) for term in self.terms
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ where the rate is not stationary::
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -41,6 +41,7 @@ def require_positive(name: str, value: float) -> None:
         raise ValueError(msg)
 
 
+@dataclass(frozen=True)
 class Term(ABC):
     """A noise process with a name and positive parameters; the first parameter scales its amplitude."""
 
@@ -84,7 +85,7 @@ class Term(ABC):
     def scaled(self, factor: float) -> Self:
         """Return the term of a process multiplied by a factor."""
         amplitude = self.PARAMETERS[0]
-        return replace(self, **{amplitude: abs(factor) * getattr(self, amplitude)})  # type: ignore[type-var]
+        return replace(self, **{amplitude: abs(factor) * getattr(self, amplitude)})
 
     def units(self, rate_unit: str) -> tuple[str, ...]:
         """Return the SI unit of each parameter for a rate in ``rad/s`` or ``m/s^2``."""
@@ -92,7 +93,7 @@ class Term(ABC):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and lists, ready for JSON or YAML."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items() if v is not None}
 
     def __add__(self, other: Term | NoiseModel) -> NoiseModel:

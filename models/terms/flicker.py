@@ -89,10 +89,8 @@ class BiasInstability(Term):
             return np.zeros(n)
         half = fft.next_fast_len(n - 1, real=True)
         lags = np.arange(half + 1, dtype=float)
-        power = fft.dct(
-            1.0 / (1.0 - 4.0 * lags**2), type=1, overwrite_x=True
-        )  # > 0: every other lag is negative
-        np.sqrt(power, out=power)
+        power = fft.dct(1.0 / (1.0 - 4.0 * lags**2), type=1, overwrite_x=True)
+        np.sqrt(power, out=power)  # positive: the lags sum to 0, and all but the first are negative
         noise = rng.standard_normal(2 * (half + 1)).view(np.complex128)
         noise *= power
         noise[[0, -1]] = np.sqrt(2.0) * noise[[0, -1]].real

@@ -3,9 +3,11 @@
 Sources
 -------
 [1] Li Qi et al., Allan variance analysis of ring laser gyroscopes, table 3: Q = 0.29″, N = 0.09,
-    σ(10 s) = 0.05 deg/h. The numbers agree only with N in (deg/h)√s; then σ(10 s) = 0.0577 deg/h and the corner lies at 31 s.
+    σ(10 s) = 0.05 deg/h. The numbers agree only with N in (deg/h)√s; then σ(10 s) = 0.0577 deg/h and the
+    corner lies at 31 s.
 [2] Zhang Meng et al., Allan variance and ARMA modelling of MEMS gyroscopes: ARMA(1,1) 0.476425, −0.455909,
-    variance 0.0063. The derived values were computed from its transfer function and checked by simulation of 4e6 samples.
+    variance 0.0063. The derived values were computed from its transfer function and checked by simulation
+    of 4e6 samples.
 [3] IEEE Std 952-1997, Annex C: closed forms; the peaks were found by maximising them numerically.
 [4] N. F. Zhang, Allan variance of time series models for measurement data, Metrologia 45 (2008): AR(1).
     The continuous averages beside it by quadrature of the spectrum.
