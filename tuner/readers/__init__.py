@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tuner.readers.assemble import Options, assemble
+from tuner.readers.assemble import assemble
 from tuner.readers.curve import is_curve, read_curve
 from tuner.readers.layout import parse_columns
 from tuner.readers.listing import Listing, Progress, digest
 from tuner.readers.npz import list_npz
+from tuner.readers.stated import Options
 from tuner.readers.text import list_text
 from tuner.records import DataError, Record
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -13,9 +12,10 @@ from numpy.typing import NDArray
 
 from models.units import unit_value
 from tuner.readers import names
-from tuner.readers.layout import Layout, Sensor, choose
+from tuner.readers.layout import Layout, choose
 from tuner.readers.listing import Listing, Part
 from tuner.readers.plausibility import check_units
+from tuner.readers.stated import Options, stated_rate, stated_unit
 from tuner.readers.timebase import Timebase, even_timebase, stamped_timebase
 from tuner.records import DataError, Record
 
@@ -28,29 +28,19 @@ UNREADABLE_SHARE = 0.01
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
 _SI = {"gyro": "rad/s", "accel": "m/s^2"}
-_RATE_KEYS = ("rate_hz", "rate", "fs", "sample_rate", "sample_rate_hz", "sampling_rate", "frequency_hz")
 _EPOCH = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
-
-
-@dataclass(frozen=True)
-class Options:
-    """What the user states beside the file."""
-
-    rate: float | None
-    unit: Mapping[str, str | None]
-    scale: Mapping[str, float | None]
-    columns: Mapping[str, str] | None
 
 
 def assemble(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
     """Return the records of a file: a gyro record, an accel record or both, on one clock."""
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
-    units = {s.name: _unit(listing, s, options, notes) for s in layout.sensors}
+    units = {s.name: stated_unit(listing, s, options, notes) for s in layout.sensors}
     time, blocks, covariates = _load(listing, layout)
-    rate = options.rate if options.rate is not None else _stated_rate(listing.meta)
+    rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     count = len(blocks[0])
-    valid = _valid_rows(listing, layout, blocks, notes)
+    groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
+    valid = _valid_rows(listing, groups if time is None else groups | {"t": time}, notes)
 
     def equal(i: IntArray, j: IntArray) -> BoolArray:
         same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in blocks])
@@ -144,74 +134,6 @@ def _load(
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 
-def _unit(listing: Listing, sensor: Sensor, options: Options, notes: list[str]) -> tuple[str, float, float]:
-    """Return a sensor's unit, the offset of its counts, and its scale, unit a count."""
-    name = sensor.name
-    allowed = names.UNITS[name]
-    option, scale = options.unit.get(name), options.scale.get(name)
-    what = f"{listing.path}: {name}"
-    stated = sensor.unit
-    unit = names.unit_of(option, allowed, what=f"--{name}-unit") if option is not None else None
-    counts = stated is not None and names.is_count(stated)
-    offset = 0.0
-    array = sensor.parts[0].array
-    if array in listing.unsigned and (counts or scale is not None):
-        offset = 2.0 ** (listing.unsigned[array] - 1)
-        notes.append(f"{name}: unsigned counts: {offset:.0f} was taken as zero")
-    if scale is not None:
-        if unit is None:
-            unit = allowed[0] if counts or stated is None else names.unit_of(stated, allowed, what=what)
-        notes.append(f"{name}: counts times {scale:.9g} {unit}")
-        return unit, offset, scale
-    if counts or (stated is None and array in listing.integer and _lsb(listing.meta, name) is not None):
-        lsb = _lsb(listing.meta, name)
-        if lsb is None:
-            msg = (
-                f"{what}: '{array}' holds counts: pass --{name}-scale, the {unit or allowed[0]} in one count"
-            )
-            raise DataError(msg)
-        notes.append(f"{name}: counts times {lsb[0]:.9g} {lsb[1]} (as the file states)")
-        return lsb[1], offset, lsb[0]
-    if unit is not None:
-        return unit, offset, 1.0
-    if stated is not None:
-        return names.unit_of(stated, allowed, what=what), offset, 1.0
-    return _unit_in_meta(listing.meta, name, notes) or allowed[0], offset, 1.0
-
-
-def _lsb(meta: Mapping[str, Any], sensor: str) -> tuple[float, str] | None:
-    """Return size and unit of one count from meta entries such as ``gyro_lsb_dps``."""
-    for key, value in meta.items():
-        if str(key).startswith(f"{sensor}_lsb_") and isinstance(value, int | float):
-            return float(value), names.unit_of(
-                str(key).removeprefix(f"{sensor}_lsb_"), names.UNITS[sensor], what=key
-            )
-    return None
-
-
-def _unit_in_meta(meta: Mapping[str, Any], sensor: str, notes: list[str]) -> str | None:
-    """Return the unit that meta states as ``gyro_unit``, or in words ("accel m/s2, gyro rad/s")."""
-    direct = meta.get(f"{sensor}_unit")
-    if isinstance(direct, str):
-        return names.unit_of(direct, names.UNITS[sensor], what=f"meta '{sensor}_unit'")
-    found = re.findall(rf"\b{sensor}\w*\s+([a-z°][\w°/^²]*)", str(meta.get("units", "")))
-    units = {unit for word in found if (unit := names.known_unit(word)) in names.UNITS[sensor]}
-    if len(units) != 1:
-        return None
-    unit = units.pop()
-    if unit != names.UNITS[sensor][0]:
-        notes.append(f"{sensor}: {unit}, as the file's meta says")
-    return unit
-
-
-def _stated_rate(meta: Mapping[str, Any]) -> float | None:
-    for key in _RATE_KEYS:
-        value = meta.get(key)
-        if isinstance(value, int | float) and value > 0:
-            return float(value)
-    return None
-
-
 def _seconds(time: NDArray[Any], layout: Layout, notes: list[str]) -> tuple[float, FloatArray]:
     """Return the first stamp in seconds and all stamps relative to it."""
     unit = layout.time_unit
@@ -247,27 +169,28 @@ def _check_rate(interval: float, rate: float | None, notes: list[str], *, explic
         notes.append(f"the stamps give {measured:.9g} Hz, stated were {rate:.9g} Hz: the stamps are used")
 
 
-def _valid_rows(
-    listing: Listing, layout: Layout, blocks: list[NDArray[Any]], notes: list[str]
-) -> BoolArray | None:
-    """Return which rows hold a number on every axis (None: all); trim streams to their common span."""
-    masks = [None if b.dtype.kind in "iu" else np.isfinite(b).all(axis=1) for b in blocks]
-    masks = [None if m is None or m.all() else m for m in masks]
-    if all(m is None for m in masks):
+def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: list[str]) -> BoolArray | None:
+    """Return which rows hold a number in every group (None: all); trim streams to their common span."""
+    masks = {}
+    for name, group in groups.items():
+        if group.dtype.kind == "f":
+            finite = np.isfinite(group)
+            mask = finite.all(axis=1) if finite.ndim == 2 else finite
+            if not mask.all():
+                masks[name] = mask
+    if not masks:
         return None
-    count = len(blocks[0])
+    count = len(next(iter(groups.values())))
     first, last = 0, count
-    for sensor, mask in zip(layout.sensors, masks, strict=True):
-        if mask is None:
-            continue
+    for name, mask in masks.items():
         if not mask.any():
-            msg = f"{listing.path}: {sensor.name} holds no row without NaN"
+            msg = f"{listing.path}: {name} holds no row without NaN"
             raise DataError(msg)
         first, last = max(first, int(mask.argmax())), min(last, count - int(mask[::-1].argmax()))
     if first >= last:
         msg = f"{listing.path}: gyro and accel do not overlap in time"
         raise DataError(msg)
-    valid: BoolArray = np.logical_and.reduce([m for m in masks if m is not None])
+    valid: BoolArray = np.logical_and.reduce(list(masks.values()))
     bad = int((~valid[first:last]).sum())
     if bad > UNREADABLE_SHARE * (last - first):
         row = first + int(np.argmin(valid[first:last])) + 1

@@ -55,6 +55,7 @@ TIME = (
     "tow",
     "sow",
     "gps_time",
+    "imu_t",
 )
 TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")
 
@@ -147,9 +148,18 @@ def parse_name(written: str) -> ColumnName:
 def role_of(name: ColumnName) -> tuple[str, int] | None:
     """Return what a column is (``t temperature gyro_x … gyro accel``) and its rank, or None.
 
-    Rank 0 is a name of the table, rank 1 one that ends like it: ``imu_gyro_x`` gives way to ``gyro_x``.
+    Rank 0 is a name of the table, rank 1 one that ends like it: ``imu_gyro_x`` and ``imu/gyro_x`` give way to
+    ``gyro_x``.
     """
-    plain = name.plain
+    role = _role_of(name.plain)
+    *path, last = re.split("[/.]", name.written)
+    if role is None and path:
+        found = _role_of(parse_name(last).plain)
+        return None if found is None else (found[0], 1)
+    return role
+
+
+def _role_of(plain: str) -> tuple[str, int] | None:
     for role, aliases in (("t", TIME), ("temperature", TEMPERATURE)):
         if plain in aliases:
             return role, 0
@@ -161,7 +171,8 @@ def role_of(name: ColumnName) -> tuple[str, int] | None:
         stems = [s for s in STEMS[sensor] if suffix or len(s) > 1]
         if stem in stems:
             return sensor + suffix, 0
-        if any(stem.endswith(f"_{s}") for s in stems if len(s) > 1):
+        words = [s for s in stems if len(s) > 1 or (suffix and not plain.endswith(suffix))]
+        if any(stem.endswith(f"_{s}") for s in words):
             return sensor + suffix, 1
     return None
 
