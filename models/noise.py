@@ -145,7 +145,7 @@ class NoiseModel:
         )
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
-        """Return n consecutive samples, shape (n,).
+        """Return n consecutive samples, shape (n,); random walk and flicker start at 0.
 
         Parameters
         ----------

@@ -61,6 +61,7 @@ _UNITS: Final[dict[str, float]] = {
     # angular rate
     "rad/s": 1.0,
     "deg/s": DEG_PER_SECOND,
+    "mdeg/s": 1e-3 * DEG_PER_SECOND,
     "deg/h": DEG_PER_HOUR,
     "arcsec/s": ARCSEC,
     # angular random walk N
@@ -135,6 +136,8 @@ _UNITS: Final[dict[str, float]] = {
 _SPELLINGS: Final = (
     (re.compile(r"\s+"), ""),
     (re.compile(r"\bhr\b"), "h"),
+    (re.compile("dps"), "deg/s"),
+    (re.compile("″"), "arcsec"),
     (re.compile("[µμ]"), "u"),
     (re.compile("°C"), "degC"),
     (re.compile("°/"), "deg/"),

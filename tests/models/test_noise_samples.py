@@ -45,7 +45,7 @@ def overlapping_allan(y, m):
     return np.mean((x[2 * m :] - 2.0 * x[m:-m] + x[: -2 * m]) ** 2) / (2.0 * m**2)
 
 
-@pytest.mark.parametrize("term", RANDOM, ids=lambda t: "-".join(map(str, t.as_dict())) + f"-{hash(t) % 97}")
+@pytest.mark.parametrize("term", RANDOM, ids=str)
 def test_sampled_allan_variance_of_samples(term):
     rng = np.random.default_rng(7)
     records = [term.sample(LENGTH, INTERVAL, rng) for _ in range(RECORDS)]
@@ -82,7 +82,7 @@ def test_flicker_is_exact_from_the_first_sample_to_the_last():
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-@pytest.mark.parametrize("term", [*RANDOM, Sinusoid(1.0, 2.0)], ids=lambda t: f"{hash(t) % 9973}")
+@pytest.mark.parametrize("term", [*RANDOM, Sinusoid(1.0, 2.0)], ids=str)
 def test_short_records(term, n):
     assert term.sample(n, INTERVAL, np.random.default_rng(0)).shape == (n,)
 

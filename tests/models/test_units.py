@@ -54,7 +54,8 @@ def test_exact_relations(value, unit, equal, other):
         ("m/s²", "m/s^2", "m/s**2"),
         ("rad/√s", "rad/s/√Hz", "rad/s^0.5"),
         ("deg/h^(3/2)", "deg/h^1.5"),
-        ("deg/s", "°/s", "deg/sec"),
+        ("deg/s", "°/s", "deg/sec", "dps"),
+        ("mdps/√Hz", "mdeg/s/sqrt(Hz)"),
     ],
 )
 def test_spellings(spellings):
