@@ -13,8 +13,8 @@ covariance is a quadratic form in the amplitudes of the terms. Each term contrib
 
 where g is the generalised covariance of the integrated term: a spike at 0 (quantization), −|t| (white),
 t² ln|t| (flicker), |t|³ (random walk), and the integrated exponential (Gauss–Markov). These closed forms hold
-down to zero frequency, which a transform of the spectrum does not for a random walk. c_ij is smooth between the
-nine knots ±m_i ± m_j, …: the sum over up to 2N lags is taken on a grid that thins away from them.
+down to zero frequency, which a transform of the spectrum does not for a random walk. c_ij is smooth
+between the nine knots ±m_i ± m_j, …: the sum over up to 2N lags is taken on a grid that thins away from them.
 
 References
 ----------
@@ -68,17 +68,16 @@ def allan_covariance(
     covariance : ndarray, shape (k, k)
         2 mean² / diagonal is the equivalent number of degrees of freedom.
     """
-    m = np.asarray(m, dtype=np.int64)
-    counts = np.array([[max(n + 1 - 2 * k, 0) for k in m] for n in lengths])
-    parts = [(term, np.sqrt(term.allan_variance(m * interval, interval=interval))) for term in terms]
-    mean = np.sum([a**2 for _, a in parts], axis=0)
-    total = counts.sum(axis=0)
+    tau = np.asarray(m, dtype=float) * interval
+    parts = [(term, np.sqrt(term.allan_variance(tau, interval=interval))) for term in terms]
+    counts = np.maximum(np.asarray(lengths)[:, None] + 1 - 2 * np.asarray(m), 0)
+    total = counts.sum(axis=0).astype(float)
     covariance = np.empty((len(m), len(m)))
     for i in range(len(m)):
         for j in range(i, len(m)):
             value = _pair(parts, interval, (int(m[i]), int(m[j])), (i, j), counts)
-            covariance[i, j] = covariance[j, i] = value / (float(total[i]) * float(total[j]))
-    return mean, covariance
+            covariance[i, j] = covariance[j, i] = value / (total[i] * total[j])
+    return np.sum([amplitude**2 for _, amplitude in parts], axis=0), covariance
 
 
 def _pair(
@@ -126,7 +125,7 @@ def _lags(m1: int, m2: int, furthest: int, knots: IntArray) -> FloatArray:
     offsets = np.concatenate((near, far))
     centres = np.array([-m2, 0, m2])
     lags = np.unique(np.concatenate((*(centres[:, None] + offsets), *(centres[:, None] - offsets), knots)))
-    return lags[np.abs(lags) <= outermost].astype(float)
+    return np.asarray(lags[np.abs(lags) <= outermost], dtype=np.float64)
 
 
 def _pairs(lag: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
@@ -180,7 +179,7 @@ def _flicker(lag: FloatArray, m1: int, m2: int) -> FloatArray:
 
 def _gauss_markov(lag: FloatArray, m1: int, m2: int, *, samples: float) -> FloatArray:
     if samples > _FAR * (m1 + m2):
-        return _random_walk(lag, m1, m2) * (np.sqrt(m1 * m2) / samples) ** 3 / 6.0
+        return _random_walk(lag, m1, m2) * float(np.sqrt(m1 * m2) / samples) ** 3 / 6.0
     return _differences(lag, m1, m2, lambda d: _integrated_exponential(d / samples))
 
 

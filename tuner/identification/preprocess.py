@@ -7,7 +7,8 @@ words and figures what it did.
   rule of 3 standard deviations, kept for comparison, takes 0.27 % of clean Gaussian data and 1.3 % of its
   deviation. Outliers are replaced by interpolation: deletion would break the time base.
 - Trend: a straight line by least squares. On a random walk that is not harmless: it takes 7, 17, 41 % of
-  the Allan variance at 5, 10, 20 % of the record. The prepared series serves time-series models only, never K.
+  the Allan variance at 5, 10, 20 % of the record. The prepared series serves time-series models only,
+  never K.
 - Reverse arrangements: of I group means u, A = #{i < j: u_i > u_j} has mean I(I − 1)/4 and variance
   I(2I² + 3I − 5)/72 where there is no monotone trend; |A − mean| is reduced by ½ for continuity. After a
   detrend it sees next to nothing, so the unit-root tests (ADF: null unit root; KPSS: null stationary) and a
@@ -98,12 +99,13 @@ def prepare(y: FloatArray, *, rule: Literal["robust", "3sigma"] = "robust") -> P
     names = {"robust": "4.5 robust standard deviations", "3sigma": "3 standard deviations"}
     other_name = names["3sigma" if rule == "robust" else "robust"]
     before, after = float(np.std(clean)), float(np.std(detrended))
+    taken, spared = int(marked.sum()), int(other.sum())
     steps = [
-        f"outliers: {int(marked.sum())} of {len(y)} samples beyond {names[rule]} replaced by interpolation "
-        f"({other_name} would take {int(other.sum())}); standard deviation {_change(float(np.std(y)), before)}",
+        f"outliers: {taken} of {len(y)} samples beyond {names[rule]} replaced by interpolation "
+        f"({other_name} would take {spared}); standard deviation {_change(float(np.std(y)), before)}",
         f"mean: {mean:.4g} removed",
         f"trend: {slope * len(y):+.3g} over the record removed; standard deviation {_change(before, after)}; "
-        "this takes 17 % of the Allan variance of a random walk at a tenth of the record, so K is never read here",
+        "that takes 17 % of a random walk's Allan variance at a tenth of the record: K is never read here",
         *stationarity_report(detrended),
     ]
     return Prepared(detrended, int(marked.sum()), mean, slope, tuple(steps))
@@ -166,8 +168,8 @@ def reverse_arrangements(y: FloatArray, groups: int = GROUPS) -> StationarityTes
 def variance_change(y: FloatArray, groups: int = GROUPS, blocks: int = 20) -> StationarityTest:
     """Test whether the variance of first differences is the same in all groups.
 
-    The logarithms of the block variances inside a group are the sample whose means are compared (F test): this
-    stands outliers and correlation better than Bartlett's test of the samples.
+    The logarithms of the block variances inside a group are the sample whose means are compared (F
+    test): this stands outliers and correlation better than Bartlett's test of the samples.
     """
     differences = np.diff(y)
     cut = _groups(differences, groups * blocks)
@@ -207,7 +209,7 @@ def stationarity_report(y: FloatArray) -> tuple[str, ...]:
         + (
             "a monotone trend is left"
             if trend.p_value < 0.05
-            else "no monotone trend (little news after a detrend)"
+            else "no monotone trend (no news after a detrend)"
         )
     ]
     if np.std(y) > 0.0:

@@ -114,7 +114,7 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
 
 
 def _local_slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the slope of the weighted straight line through the points within `_WIDTH` either side of each."""
+    """Return the slope of the weighted line through the points within a factor `_WIDTH` of each."""
     slope = np.empty(len(x))
     for i in range(len(x)):
         near = np.abs(x - x[i]) <= np.log(_WIDTH) + 1e-9
