@@ -1,6 +1,6 @@
 """Simulated noise has the sampled Allan variance of its term.
 
-Each estimate is the mean over independent records, judged by Student's t at 1e-6 two-sided: with the 60-odd
+Each estimate is the mean over independent records, judged by Student's t at 1e-6 two-sided: with the 71
 comparisons here a correct simulation fails for fewer than one choice of seed in ten thousand.
 """
 
