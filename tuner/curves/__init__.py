@@ -7,8 +7,8 @@
 `empirical`         any of these by name
 ==================  =======================================================================================
 
-The statistics themselves are functions of arrays: `tuner.curves.allan`, `.total`, `.theo`, `.series`, `.spectrum`;
-their degrees of freedom are in `.confidence`.
+The statistics themselves are functions of arrays in `allan`, `total`, `theo`, `series` and `spectrum`; their
+degrees of freedom are in `confidence`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["ESTIMATORS", "acf", "curve", "dof", "empirical", "pacf", "psd"]
 def empirical(
     record: Record, statistic: str, *, tau: Sequence[float] | None = None
 ) -> AllanCurve | Spectrum | Correlogram:
-    """Return the statistic of that name: an estimator of `curve`, ``psd``, ``acf`` or ``pacf`` (τ is the lag there).
+    """Return the statistic of that name: an estimator of `curve`, ``psd``, ``acf`` or ``pacf`` (at lags τ).
 
     Raises
     ------

@@ -6,13 +6,14 @@ With the phase x of the samples (see `tuner.curves.kernels`) and m samples a clu
     HVAR(m) = <(x_{i+3m} - 3 x_{i+2m} + 3 x_{i+m} - x_i)²> / (6 m²)
     MVAR(m) = <(1/m Σ_{i=j}^{j+m-1} (x_{i+2m} - 2 x_{i+m} + x_i))²> / (2 m²)
 
-The average runs over every position (overlapping) or over every m-th (non-overlapping). Every function takes samples
-y, shape (n,) or (n, k), and cluster sizes m, shape (q,), and returns variances in the squared unit of y, shape (q,)
-or (q, k). The sampling interval plays no part: it only turns m into τ. Nothing is detrended or rejected.
+The average runs over every position (overlapping) or over every m-th (non-overlapping). Every function takes
+samples y, shape (n,) or (n, k), and cluster sizes m, shape (q,), and returns variances in the squared unit of
+y, shape (q,) or (q, k). The sampling interval plays no part: it only turns m into τ. Nothing is detrended or
+rejected.
 
 References
 ----------
-.. [1] W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065, 2008, sections 5.2-5.5.
+.. [1] W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Publication 1065, 2008.
 .. [2] IEEE Std 952-1997, Annex C.
 """
 
@@ -39,7 +40,7 @@ def sizes(m: ArrayLike, *, least: int, most: int, samples: int) -> IntArray:
         If a size lies outside ``least … most``.
     """
     given = np.atleast_1d(np.asarray(m))
-    whole = np.rint(given).astype(np.int64)
+    whole: IntArray = np.rint(given).astype(np.int64)
     wrong = given[(whole < least) | (whole > most) | (whole != given)]
     if wrong.size:
         bounds = f"whole numbers from {least} to {most}" if most >= least else "a longer record: none fits"
@@ -94,10 +95,10 @@ def _strided(y: ArrayLike, m: ArrayLike, *, order: int) -> FloatArray:
 
 
 def two_group_allan(y: ArrayLike, m: ArrayLike, *, offset: ArrayLike | None = None) -> FloatArray:
-    """Return the mean of two non-overlapping Allan variances, the second grouping started `offset` samples later.
+    """Return the mean of two non-overlapping Allan variances, the second begun `offset` samples later.
 
-    The "improved" Allan variance of MEMS papers. It lies between `allan` (offset 0) and `overlapping_allan`, and how
-    near to the latter depends wholly on the offset: m/2 is best, 1 gains next to nothing.
+    The "improved" Allan variance of MEMS papers. It lies between `allan` (offset 0) and `overlapping_allan`,
+    and how near to the latter depends wholly on the offset: m/2 is best, 1 gains next to nothing.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def overlapping_hadamard(y: ArrayLike, m: ArrayLike) -> FloatArray:
 def modified_allan(y: ArrayLike, m: ArrayLike) -> FloatArray:
     """Return the modified Allan variance, m = 1 … (n + 1)/3; shapes as `allan`.
 
-    The extra average over m tells quantization from white phase and flicker phase; it equals `allan` at m = 1.
+    It tells white phase (quantization), τ⁻³, from flicker phase, τ⁻²; at m = 1 it equals `allan`.
     """
     n = len(np.asarray(y))
     clusters = sizes(m, least=1, most=(n + 1) // 3, samples=n)

@@ -4,8 +4,9 @@ All work on the phase x of the samples, the running sum of y without its mean, i
 x_i = Σ_{j<i} (y_j - ȳ). A second difference over m samples is then m times the difference of two neighbouring
 cluster averages; the mean and any linear phase fall out.
 
-The sums run block by block over x with all cluster sizes inside a block, so a block is read from memory once and not
-once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a few long stretches.
+The sums run block by block over x with all cluster sizes inside a block, so a block is read from memory once
+and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a few
+long stretches.
 `NUMBA_NUM_THREADS` limits the threads.
 """
 
@@ -29,14 +30,15 @@ STRETCH = 1 << 17
 
 
 def in_threads(kernel: Callable[[int, int], FloatArray], count: int, *, stretch: int = STRETCH) -> FloatArray:
-    """Add up ``kernel(begin, end)`` over a few equal stretches of ``range(count)`` of at least `stretch` positions."""
-    workers = int(config.NUMBA_NUM_THREADS)
+    """Add up ``kernel(begin, end)`` over a few equal stretches of ``range(count)``, none below `stretch`."""
+    workers = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     parts = max(1, min(4 * workers, count // stretch))
     bounds = [count * i // parts // BLOCK * BLOCK for i in range(parts)] + [count]
     if workers == 1 or parts == 1:
         return kernel(0, count)
     with ThreadPoolExecutor(workers) as pool:
-        return np.sum(list(pool.map(kernel, bounds[:-1], bounds[1:])), axis=0)
+        sums: FloatArray = np.sum(list(pool.map(kernel, bounds[:-1], bounds[1:])), axis=0)
+    return sums
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -172,7 +174,7 @@ def _theo1_block(x: FloatArray, begin: int, end: int, k: int, outer: FloatArray)
 
 @njit(cache=True, nogil=True)
 def theo1_sums(x: FloatArray, half: IntArray, begin: int, end: int, block: int) -> FloatArray:
-    """Return Σ_c Σ_{d<k} (x_{c-k} + x_{c+k} - x_{c-d} - x_{c+d})² / (k - d) over the centres c, per k = m/2."""
+    """Return Σ_c Σ_{d<k} (x_{c-k} + x_{c+k} - x_{c-d} - x_{c+d})²/(k - d) over centres c, per k = m/2."""
     sums = np.zeros(half.shape[0])
     outer = np.empty(block)
     for start in range(begin, end, block):
@@ -187,10 +189,10 @@ def theo1_sums(x: FloatArray, half: IntArray, begin: int, end: int, block: int) 
 def theo1_sums_all(x: FloatArray, lagged: FloatArray, start: int, stop: int) -> FloatArray:
     """Return the sums of `theo1_sums` for every k in [start, stop), in O(stop²) after one correlation of x.
 
-    Written out, the square holds products of x at lags below 2k only, summed over the first n - 2k and the last
-    n - 2k positions (`ends`), and about the centres (`centred`). From k to k + 1 each of these sums loses a few
-    products, and each new lag starts from the full sum ``lagged[l]`` = Σ_p x_p x_{p+l}, l < 2 stop, which an FFT gives.
-    The differences cancel for small k: use it for k ≥ 100.
+    Written out, the square holds products of x at lags below 2k only, summed over the first n - 2k and the
+    last n - 2k positions (`ends`), and about the centres (`centred`). From k to k + 1 each of these sums
+    loses a few products, and each new lag starts from the full sum ``lagged[l]`` = Σ_p x_p x_{p+l}, l < 2
+    stop, which an FFT gives. The differences cancel for small k: use it for k ≥ 100.
     """
     n = x.shape[0]
     squares = np.zeros(n + 1)

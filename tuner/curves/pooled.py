@@ -1,6 +1,7 @@
-"""One curve of a record: gap-free segments pooled, degrees of freedom added, cluster times as asked or log-spaced.
+"""One curve of a record: gap-free segments pooled, degrees of freedom added, τ as asked or log-spaced.
 
-A segment of n samples contributes its variance with the number of its terms as weight; no term reaches across a gap.
+A segment of n samples contributes its variance with the number of its terms as weight; no term reaches across
+a gap.
 """
 
 from __future__ import annotations
@@ -93,8 +94,8 @@ def curve(
     estimator : str
         ``adev oadev twogroup mdev hdev ohdev totdev theo1 theobr theoh nsec``.
     tau : sequence of float, optional
-        Cluster times in s, one result for each, at the nearest the samples allow; by default about 60, log-spaced
-        (``adev``: 2^k samples).
+        Cluster times in s, one result for each, at the nearest the samples allow; by default about 60,
+        log-spaced (``adev``: 2^k samples).
     noise : str, sequence of str (one a cluster time) or NoiseModel, optional
         Noise behind the degrees of freedom; by default identified from each axis at each τ.
     switch : float
@@ -119,9 +120,7 @@ def curve(
     if tau is None:
         m = default_sizes(estimator, longest)
     else:
-        m = _asked(
-            statistic, estimator, longest, np.asarray(tau, dtype=float) / record.interval, record.interval
-        )
+        m = _asked(estimator, longest, np.atleast_1d(np.asarray(tau, dtype=float)), record.interval)
     weight = np.zeros(m.size)
     variance = np.zeros((m.size, len(record.axes)))
     freedom = np.zeros((m.size, len(record.axes)))
@@ -134,11 +133,11 @@ def curve(
         weight[fits] += terms[fits]
         variance[fits] += terms[fits, None] * statistic.variance(record.y[start:stop], m[fits])
         for j, kind in enumerate(types):
-            each = kind if isinstance(kind, (str, NoiseModel)) else [kind[i] for i in fits]
+            each = kind if isinstance(kind, (str, NoiseModel)) else [kind[i] for i in fits.tolist()]
             freedom[fits, j] += dof(estimator, stop - start, m[fits], each, interval=record.interval)
     return AllanCurve(
         estimator,
-        statistic.factor * m * record.interval,
+        statistic.factor * m.astype(float) * record.interval,
         variance / weight[:, None],
         freedom,
         record.unit,
@@ -148,7 +147,7 @@ def curve(
 
 
 def default_sizes(estimator: str, n: int) -> IntArray:
-    """Return the cluster sizes used by default for n samples: 2^k for ``adev``, about 60 log-spaced for the others.
+    """Return the default cluster sizes for n samples: 2^k for ``adev``, about 60 log-spaced for the others.
 
     Raises
     ------
@@ -169,17 +168,18 @@ def default_sizes(estimator: str, n: int) -> IntArray:
     return m[statistic.count(n, m) > 0]
 
 
-def _asked(statistic: Estimator, name: str, n: int, tau: FloatArray, interval: float) -> IntArray:
-    """Return the sizes nearest to cluster times in samples, or say which one is out of range."""
-    wanted = np.atleast_1d(tau) / statistic.factor
+def _asked(estimator: str, n: int, tau: FloatArray, interval: float) -> IntArray:
+    """Return the sizes nearest to cluster times in s, or say which one is out of range."""
+    statistic = ESTIMATORS[estimator]
+    wanted = tau / (statistic.factor * interval)
     m = np.rint(wanted).astype(np.int64) if statistic.factor == 1.0 else theo.nearest_theo1_size(n, wanted)
-    low = wanted < statistic.least - 0.5
+    low = ~(wanted >= statistic.least - 0.5)
     wrong = np.flatnonzero(low | (statistic.count(n, np.maximum(m, 1)) == 0))
     if wrong.size:
         every = np.arange(statistic.least, n + 1)
         feasible = every[statistic.count(n, every) > 0] * statistic.factor * interval
         bounds = f"{feasible[0]:g} to {feasible[-1]:g} s" if feasible.size else "a longer record"
-        msg = f"{name} at tau {np.atleast_1d(tau)[wrong[0]] * interval:g} s: expected {bounds}"
+        msg = f"{estimator} at tau {tau[wrong[0]]:g} s: expected {bounds}"
         raise DataError(msg)
     return m
 
@@ -204,10 +204,10 @@ def _hybrid(
     parts = []
     for name, chosen in (("oadev", np.flatnonzero(below)), ("theobr", np.flatnonzero(~below))):
         if chosen.size:
-            kind = (
-                noise if noise is None or isinstance(noise, (str, NoiseModel)) else [noise[i] for i in chosen]
-            )
-            parts.append((chosen, curve(record, name, tau=times[chosen].tolist(), noise=kind)))
+            each = noise
+            if isinstance(noise, Sequence) and not isinstance(noise, str):
+                each = [noise[i] for i in chosen.tolist()]
+            parts.append((chosen, curve(record, name, tau=times[chosen].tolist(), noise=each)))
     order = np.argsort(np.concatenate([chosen for chosen, _ in parts]))
     return AllanCurve(
         "theoh",
@@ -224,10 +224,9 @@ def _notes(estimator: str, n: int, m: IntArray) -> tuple[str, ...]:
     if estimator not in ("theo1", "theobr") or n <= theo.EXACT:
         return ()
     notes = []
-    if (theo.stride(n, m) > 1).any():
-        notes.append(
-            f"Thêo1 above m = {m[theo.stride(n, m) == 1].max(initial=0)} from averages of 2 samples and more"
-        )
+    strides = theo.stride(n, m)
+    if strides.max() > 1:
+        notes.append(f"Thêo1 from averages of up to {strides.max()} samples")
     if estimator == "theobr":
         notes.append(f"bias ratio of ThêoBR from averages of {theo.averaged(n)} samples")
     return tuple(notes)

@@ -1,13 +1,14 @@
 """Statistics of a sampled series: N-second averages, correlograms and the noise type at each cluster time.
 
-Lag-1 identification [1]: the averages over τ are freed of a linear trend; then, with r the lag-1 autocorrelation and
-ρ = r/(1 + r), the series is differenced (d times) until ρ < 1/4. The spectrum goes as f^α with α = -2 (ρ + d):
-+2 quantization, 0 white noise, -1 bias instability, -2 random walk.
+Lag-1 identification [1]: the averages over τ are freed of a linear trend; then, with r the lag-1
+autocorrelation and ρ = r/(1 + r), the series is differenced (d times) until ρ < 1/4. The spectrum goes as f^α
+with α = -2 (ρ + d): +2 quantization, 0 white noise, -1 bias instability, -2 random walk.
 
 References
 ----------
-.. [1] W. J. Riley, C. A. Greenhall, Power law noise identification using the lag 1 autocorrelation, EFTF 2004.
-.. [2] G. E. P. Box, G. M. Jenkins, Time Series Analysis: Forecasting and Control (correlograms and their band).
+.. [1] W. J. Riley, C. A. Greenhall, Power law noise identification using the lag 1 autocorrelation,
+   EFTF 2004.
+.. [2] G. E. P. Box, G. M. Jenkins, Time Series Analysis: Forecasting and Control (correlograms).
 """
 
 from __future__ import annotations
@@ -44,14 +45,15 @@ _PARTIAL_LAGS = 2000
 
 
 def averages(y: ArrayLike, m: int) -> FloatArray:
-    """Return the means of adjoining clusters of m samples, shape (n // m, …); a remainder is left out."""
+    """Return the means of adjoining clusters of m samples, shape (n // m, …), without a remainder."""
     samples = np.asarray(y, dtype=float)
     count = len(samples) // m
-    return samples[: count * m].reshape(count, m, *samples.shape[1:]).mean(axis=1)
+    means: FloatArray = samples[: count * m].reshape(count, m, *samples.shape[1:]).mean(axis=1)
+    return means
 
 
 def nsec(y: ArrayLike, m: ArrayLike) -> FloatArray:
-    """Return the sample variance of averages over m samples (the square of the "N-second" standard deviation).
+    """Return the sample variance of averages over m samples (its root is the "N-second" sd).
 
     Parameters
     ----------
@@ -91,8 +93,8 @@ def exponent(y: ArrayLike) -> float:
 def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
     """Return the ruling noise type of a series, shape (n,), at each cluster size.
 
-    α is found at octaves of τ that leave at least 32 averages and read off between them; where there are fewer than
-    128 averages the mean of those octaves counts, and beyond the last octave it is held.
+    α is found at octaves of τ that leave at least 32 averages and read off between them; where there are
+    fewer than 128 averages the mean of those octaves counts, and beyond the last octave it is held.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        ``quantization``, ``white``, ``bias_instability`` or ``random_walk``; white where the record is too short.
+        ``quantization white bias_instability random_walk``; white where the record is too short.
     """
     samples = np.asarray(y, dtype=float)
     octaves = 2 ** np.arange(max(0, int(np.log2(max(samples.size // _FEWEST, 1)))) + 1)
@@ -121,7 +123,7 @@ def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
 
 
 def acf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
-    """Return the autocorrelation of a record; products never reach across a gap.
+    """Return the autocorrelation of a record, NaN on constant axes; products never reach across a gap.
 
     Parameters
     ----------
@@ -133,19 +135,20 @@ def acf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
     Raises
     ------
     DataError
-        If a lag exceeds the longest segment, or a column is constant.
+        If a lag is negative or exceeds the longest segment.
     """
     steps = _steps(record, lag)
-    value = np.stack([_autocorrelation(record, axis, int(steps[-1]))[steps] for axis in record.axes], axis=-1)
-    return Correlogram("acf", steps * record.interval, value, _band(record), record.axes)
+    most = int(steps.max())
+    value = np.stack([_autocorrelation(record, axis, most)[steps] for axis in record.axes], axis=-1)
+    return Correlogram("acf", _seconds(record, steps), value, _band(record), record.axes)
 
 
 def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
-    """Return the partial autocorrelation of a record by Durbin and Levinson; arguments as `acf`, up to 2000 samples."""
+    """Return the partial autocorrelation of a record (Durbin, Levinson); as `acf`, up to 2000 samples."""
     from statsmodels.tsa.stattools import levinson_durbin  # 1.5 s to import
 
     steps = _steps(record, lag)
-    most = int(steps[-1])
+    most = int(steps.max())
     if most > _PARTIAL_LAGS:
         msg = f"partial autocorrelation at {most} samples: expected at most {_PARTIAL_LAGS}"
         raise DataError(msg)
@@ -155,7 +158,7 @@ def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
         partial = levinson_durbin(correlation, nlags=most, isacov=True)[2] if most else correlation
         columns.append(np.asarray(partial)[steps])
     return Correlogram(
-        "pacf", steps * record.interval, np.stack(columns, axis=-1), _band(record), record.axes
+        "pacf", _seconds(record, steps), np.stack(columns, axis=-1), _band(record), record.axes
     )
 
 
@@ -163,12 +166,17 @@ def _steps(record: Record, lag: Sequence[float] | None) -> IntArray:
     longest = max(stop - start for start, stop in record.segments)
     if lag is None:
         return np.arange(min(_LAGS, longest // 4) + 1)
-    steps = np.unique(np.rint(np.asarray(lag, dtype=float) / record.interval).astype(np.int64))
-    if steps[0] < 0 or steps[-1] >= longest:
-        last = (longest - 1) * record.interval
-        msg = f"lag {min(lag) if steps[0] < 0 else max(lag):g} s: expected 0 to {last:g} s"
+    seconds = np.atleast_1d(np.asarray(lag, dtype=float))
+    steps: IntArray = np.rint(seconds / record.interval).astype(np.int64)
+    wrong = seconds[(steps < 0) | (steps >= longest)]
+    if wrong.size:
+        msg = f"lag {wrong[0]:g} s: expected 0 to {(longest - 1) * record.interval:g} s"
         raise DataError(msg)
     return steps
+
+
+def _seconds(record: Record, steps: IntArray) -> FloatArray:
+    return steps.astype(float) * record.interval
 
 
 def _autocorrelation(record: Record, axis: str, most: int) -> FloatArray:
@@ -179,10 +187,7 @@ def _autocorrelation(record: Record, axis: str, most: int) -> FloatArray:
         reach = min(most, piece.size - 1)
         length = next_fast_len(piece.size + reach, real=True)
         products[: reach + 1] += irfft(np.abs(rfft(piece - mean, length)) ** 2, length)[: reach + 1]
-    if products[0] <= 0.0:
-        msg = f"{axis} is constant: it has no correlation"
-        raise DataError(msg)
-    return products / products[0]
+    return products / products[0] if products[0] > 0.0 else np.full(most + 1, np.nan)
 
 
 def _band(record: Record) -> float:

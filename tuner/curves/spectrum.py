@@ -1,19 +1,22 @@
 """Multitaper estimate of the power spectral density.
 
-With N = n + 1 the K sine tapers [1] v_k(t) = √(2/N) sin(π k t/N), t = 1 … n, give K nearly independent estimates at every
-frequency f_j = j/(N dt), all from one transform X of length 2 N::
+With N = n + 1 the K sine tapers [1] v_k(t) = √(2/N) sin(π k t/N), t = 1 … n, give K nearly independent
+estimates at every frequency f_j = j/(N dt), all from one transform X of length 2 N::
 
     S_j = dt/(2 N K) Σ_k |X_{2j-k} - X_{2j+k}|²
 
-They resist leakage (side lobes fall as f⁻⁴ in power), so a random walk does not lift the white floor. The estimates are
-then averaged over bands of constant relative width, which turns a record of any length into a few hundred points.
+They resist leakage (side lobes fall as f⁻⁴ in power), so a random walk does not lift the white floor. The
+estimates are then averaged over bands of constant relative width, which turns a record of any length into a
+few hundred points.
 
-In locally white noise estimates l frequencies apart have the correlation c(l) = Σ_{k,k'} |Σ_t v_k v_k' e^{-2πi l t/N}|² / K²,
-so the mean over B neighbours has ν = 2 B² / Σ_{|l|<B} (B - |l|) c(l) degrees of freedom.
+In locally white noise estimates l frequencies apart have the correlation c(l) = Σ_{k,k'} |Σ_t v_k v_k'
+e^{-2πi l t/N}|² / K², so the mean over B neighbours has ν = 2 B² / Σ_{|l|<B} (B - |l|) c(l) degrees of
+freedom.
 
 References
 ----------
-.. [1] K. S. Riedel, A. Sidorenko, Minimum bias multiple taper spectral estimation, IEEE Trans. Signal Processing 43(1), 1995.
+.. [1] K. S. Riedel, A. Sidorenko, Minimum bias multiple taper spectral estimation, IEEE Trans. Signal
+   Processing 43(1), 1995.
 """
 
 from __future__ import annotations
@@ -83,7 +86,7 @@ def psd(record: Record, *, tapers: int = 5, per_octave: int = 24) -> Spectrum:
 
 
 def multitaper(y: FloatArray, interval: float, tapers: int) -> FloatArray:
-    """Return the mean of the sine-taper spectra of a series, shape (n,), at the frequencies of `_bins`, unit²/Hz."""
+    """Return the mean of the sine-taper spectra of a series, shape (n,), at the `_bins`, unit²/Hz."""
     period = y.size + 1
     padded = np.zeros(2 * period)
     padded[1:period] = y - y.mean()
@@ -126,7 +129,9 @@ def _correlation(tapers: int) -> FloatArray:
     phase = np.pi * np.outer(np.arange(1, tapers + 1), np.arange(period)) / period
     v = np.sqrt(2.0 / period) * np.sin(phase)
     products = (v[:, None, :] * v[None, :, :]).reshape(-1, period)
-    return (np.abs(rfft(products, axis=1)[:, : 4 * tapers + 1]) ** 2).sum(axis=0) / tapers**2
+    overlap = np.abs(rfft(products, axis=1)[:, : 4 * tapers + 1]) ** 2
+    correlation: FloatArray = overlap.sum(axis=0) / tapers**2
+    return correlation
 
 
 def _band_dof(count: IntArray, tapers: int) -> FloatArray:
@@ -134,5 +139,6 @@ def _band_dof(count: IntArray, tapers: int) -> FloatArray:
     c = _correlation(tapers)
     lag = np.arange(c.size)
     pairs = np.where(lag == 0, 1.0, 2.0) * np.maximum(count[:, None] - lag, 0)
-    spread = pairs @ c
-    return np.divide(2.0 * count.astype(float) ** 2, spread, out=np.zeros(count.size), where=count > 0)
+    dof = np.zeros(count.size)
+    np.divide(2.0 * count.astype(float) ** 2, pairs @ c, out=dof, where=count > 0)
+    return dof

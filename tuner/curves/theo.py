@@ -2,28 +2,30 @@
 
 With the N phase points x of n = N - 1 samples, m even and the effective cluster time τ = 0.75 m τ0::
 
-    Thêo1(m) = 1/(0.75 (N - m) m²) Σ_{i=1}^{N-m} Σ_{d=0}^{m/2-1} [(x_i - x_{i-d+m/2}) + (x_{i+m} - x_{i+d+m/2})]² / (m/2 - d)
+    Thêo1(m) = 1/(0.75 (N - m) m²) Σ_{i=1}^{N-m} Σ_{d=0}^{m/2-1} z² / (m/2 - d)
+    z = (x_i - x_{i-d+m/2}) + (x_{i+m} - x_{i+d+m/2})
 
-Thêo1 equals the Allan variance for white noise; for others it is biased by a factor of the noise type. ThêoBR takes that
-factor from the record itself, as the mean ratio to the overlapping Allan variance at the same τ::
+Thêo1 equals the Allan variance for white noise; for others it is biased by a factor of the noise type. ThêoBR
+takes that factor from the record itself, as the mean ratio to the overlapping Allan variance at the same τ::
 
-    ThêoBR(m) = Thêo1(m) · 1/(q + 1) Σ_{i=0}^{q} AVAR(9 + 3i) / Thêo1(12 + 4i),      q = ⌊reach N/3 - 3⌋
+    ThêoBR(m) = Thêo1(m) · 1/(q + 1) Σ_{i=0}^{q} AVAR(9 + 3i) / Thêo1(12 + 4i),    q = ⌊reach N/3 - 3⌋
 
-ThêoH is the overlapping Allan variance below a switch point and ThêoBR from there on. Both are unbiased only as long as
-the same noise rules at all τ.
+ThêoH is the overlapping Allan variance below a switch point and ThêoBR from there on. Both are unbiased only
+as long as the same noise rules at all τ.
 
 Long records
 ------------
-Up to `EXACT` samples everything is exact. Above, Thêo1 at m/2 ≥ 256 reads every s-th phase point (clusters of s samples),
-s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s (`nearest_theo1_size`); for
-random walk that adds 1 % to the variance, for white noise nothing. The ratio of ThêoBR is taken from averages
-of ⌈n/EXACT⌉ samples.
+Up to `EXACT` samples everything is exact. Above, Thêo1 with m/2 ≥ 256 reads every s-th phase point (clusters
+of s samples), s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s
+(`nearest_theo1_size`); for random walk that adds 1 % to the variance, for white noise nothing. The ratio of
+ThêoBR is taken from averages of ⌈n/EXACT⌉ samples.
 
 References
 ----------
-.. [1] D. A. Howe, ThêoH: a hybrid, high-confidence statistic that improves on the Allan deviation, Metrologia 43, 2006.
-.. [2] J. A. Taylor, D. A. Howe, Fast TheoBR: a method for long data set stability analysis, IEEE Trans. UFFC 57(9), 2010.
-.. [3] B. Lewis, Fast algorithms for TheoH and other statistics; the recursion over m here is our own.
+.. [1] D. A. Howe, ThêoH: a hybrid, high-confidence statistic that improves on the Allan deviation, Metrologia
+   43, 2006.
+.. [2] J. A. Taylor, D. A. Howe, Fast TheoBR: a method for long data set stability analysis, IEEE Trans. UFFC
+   57(9), 2010.
 """
 
 from __future__ import annotations
@@ -138,7 +140,7 @@ def theo1_all(y: ArrayLike, most: int) -> FloatArray:
 
 
 def bias_ratio(y: ArrayLike, *, reach: float = 0.1) -> float:
-    """Return the mean ratio of the overlapping Allan variance to Thêo1 of a record, shape (n,), up to reach · T.
+    """Return the mean ratio of the overlapping Allan variance to Thêo1 of a series, shape (n,).
 
     Raises
     ------

@@ -1,18 +1,17 @@
 """Total variance: the Allan variance of a record continued by odd reflection at both ends.
 
-The phase x_1 … x_N (N = n + 1) is continued to both sides, x*_{1-j} = 2 x_1 - x_{1+j} and x*_{N+j} = 2 x_N - x_{N-j};
-then::
+The phase x_1 … x_N, N = n + 1, is continued by x*_{1-j} = 2 x_1 - x_{1+j} and x*_{N+j} = 2 x_N - x_{N-j}::
 
     TOTVAR(m) = Σ_{i=2}^{N-1} (x*_{i-m} - 2 x*_i + x*_{i+m})² / (2 m² (N - 2))
 
-Every m has all N - 2 terms, which steadies long cluster times at the price of a bias that is not removed here. With
-T the length of the record, E TOTVAR / AVAR is 1 for white noise, 1 - τ/(3 ln 2 T) for flicker, 1 - 3τ/(4T) for
-random walk and 1 + 4τ/(3T) for quantization.
+Every m has all N - 2 terms, which steadies long cluster times at the price of a bias that is not removed
+here. With T the length of the record, E TOTVAR / AVAR is 1 for white noise, 1 - τ/(3 ln 2 T) for flicker, 1 -
+3τ/(4T) for random walk and 1 + 4τ/(3T) for quantization.
 
 References
 ----------
-.. [1] C. A. Greenhall, D. A. Howe, D. B. Percival, Total variance, an estimator of long-term frequency stability,
-   IEEE Trans. UFFC 46(5), 1999. The bias of quantization was computed for this project.
+.. [1] C. A. Greenhall, D. A. Howe, D. B. Percival, Total variance, an estimator of long-term frequency
+   stability, IEEE Trans. UFFC 46(5), 1999. The bias of quantization was computed for this project.
 """
 
 from __future__ import annotations
