@@ -1,4 +1,4 @@
-"""The command line: `tuner COMMAND …`; each command lives in a file of its own and is imported when it is used.
+"""The command line, `tuner COMMAND …`; each command lives in a file of its own, imported when used.
 
 Exit status: 0 done; 1 done, but with a verdict against the filter or the model (only with ``--strict``);
 2 bad usage or bad input, said in one line; 130 interrupted.
@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit status; bad usage and bad input become one line on standard error."""
+    """Run one command and return its exit status; bad usage and bad input are one line on standard error."""
     try:
         status = tuner.main(args=list(arguments), prog_name="tuner", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

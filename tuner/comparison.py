@@ -1,6 +1,7 @@
 """Side by side: the same coefficient of several sources, and which of them differ.
 
-Two estimates with independent errors differ at 95 % where the logarithm of their ratio lies outside its own interval,
+Two estimates with independent errors differ at 95 % where the logarithm of their ratio lies outside its
+own interval,
 |ln(a/b)| > √(h_a² + h_b²) with h the half widths of their logarithmic intervals.
 """
 

@@ -1,4 +1,4 @@
-"""Both package names of the project are common words: is the `models` found by Python ours?"""
+"""Both package names are common words: make sure that the `models` Python finds is ours."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ def foreign_models() -> str | None:
     """Return one line that says which other `models` is in the way, or None if ours is found first."""
     spec = importlib.util.find_spec("models")
     where = Path(spec.origin) if spec and spec.origin else None
-    if where is not None and (where.parent / "noise.py").is_file() and (where.parent / "strapdown.py").is_file():
+    if (
+        where is not None
+        and (where.parent / "noise.py").is_file()
+        and (where.parent / "strapdown.py").is_file()
+    ):
         return None
     found = f"{where or 'none'}"
     return (

@@ -1,11 +1,13 @@
-"""How long must a static test be? The Cramér–Rao bound answers for every term, the cluster rule for the curve.
+"""How long must a static test be? The Cramér–Rao bound answers for terms, the cluster rule for the curve.
 
-The bound on the logarithms of the parameters of a spectrum S(f; θ) from a record of length T is the inverse of the
+The bound on the logarithms of the parameters of a spectrum S(f; θ) from a record of length T is the
+inverse of the
 Whittle information::
 
     I_ij = Σ_k ∂ln S(f_k)/∂ln θ_i · ∂ln S(f_k)/∂ln θ_j ,   f_k = k/T ≤ 1/(2 interval)
 
-A ramp has no spectrum: its rate is known to √(2 AVAR(T/2))/(T/2), the spread of the difference of two half means.
+A ramp has no spectrum: its rate is known to √(2 AVAR(T/2))/(T/2), the spread of the difference of two half
+means.
 The cluster rule is the classical one, sd(σ)/σ = 1/√(2(T/τ − 1)): 25 % at τ needs nine clusters.
 
 References
@@ -61,7 +63,8 @@ class PlannedParameter:
 class Plan:
     """A planned static test: hours, wanted relative accuracy, each parameter's outcome, and the cluster rule.
 
-    `longest_tau` is the longest cluster time, s, whose Allan deviation reaches the accuracy; `clusters` the number it takes.
+    `longest_tau` is the longest cluster time, s, whose Allan deviation reaches the accuracy; `clusters`
+    the number it takes.
     """
 
     hours: float
@@ -136,12 +139,16 @@ def relative_sd(model: NoiseModel, *, interval: float, span: float) -> FloatArra
 
 
 def _parameters(model: NoiseModel) -> tuple[list[str], list[float]]:
-    pairs = [(f"{term.name}.{field}", float(getattr(term, field))) for term in model.terms for field in term.PARAMETERS]
+    pairs = [
+        (f"{term.name}.{field}", float(getattr(term, field)))
+        for term in model.terms
+        for field in term.PARAMETERS
+    ]
     return [name for name, _ in pairs], [value for _, value in pairs]
 
 
 def _fourier_grid(interval: float, span: float) -> tuple[FloatArray, FloatArray]:
-    """Return frequencies, Hz, and how many Fourier frequencies each stands for: single at first, then in log-spaced bins."""
+    """Return frequencies, Hz, and the number of Fourier frequencies in each (log-spaced) bin."""
     last = int(span / interval) // 2
     edges = np.unique(np.round(np.geomspace(1, last + 1, 600)).astype(np.int64))
     first, beyond = edges[:-1], edges[1:]

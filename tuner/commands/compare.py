@@ -23,11 +23,12 @@ def command(
 ) -> None:
     """Compare sensors coefficient by coefficient; where intervals allow, say which differ and by how much.
 
-    A source is a log, a curve, a datasheet, a noise.yaml or the name of a built-in grade. Without arguments: list the grades.
+    A source is a log, a curve, a datasheet, a noise.yaml or the name of a built-in grade. Without
+    arguments: list the grades.
     """
     from tuner.comparison import compare
     from tuner.grades import grade_names, load_grade
-    from tuner.jsonio import comparison_json, grades_json
+    from tuner.jsonviews import comparison_json, grades_json
     from tuner.report.tables import comparison_tables, grade_tables, show
 
     if not sources:
@@ -37,7 +38,8 @@ def command(
         output.write(grades_json(grades))
         return
     if len(sources) < 2:
-        msg = f"compare: expected at least two sources, got {sources[0]}; add a log or a built-in grade ({' '.join(grade_names())})"
+        grades = " ".join(grade_names())
+        msg = f"compare: expected two sources or more, got {sources[0]}; add a log or a grade ({grades})"
         raise DataError(msg)
     names = [source_name(source) for source in sources]
     found = [load_identification(source, reading, messages, arma=None) for source in sources]

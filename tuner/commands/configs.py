@@ -28,6 +28,8 @@ def load_config(source: str) -> FilterConfig:
             return synthesize(read_datasheet(path))
         return native.load(path)
     if source not in grade_names():
-        msg = f"{source}: expected a noise.yaml or a built-in grade ({' '.join(grade_names())}), found neither"
+        msg = (
+            f"{source}: expected a noise.yaml or a built-in grade ({' '.join(grade_names())}), found neither"
+        )
         raise DataError(msg)
     return synthesize(grade_identification(load_grade(source)))

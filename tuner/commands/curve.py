@@ -30,7 +30,9 @@ ESTIMATORS = (
 @click.command("curve", short_help="One empirical curve: Allan family, spectrum, correlation.")
 @click.argument("log")
 @click.option("--estimator", type=click.Choice(ESTIMATORS), default="oadev", show_default=True)
-@click.option("--tau", metavar="LIST", help="Cluster times in seconds, separated by commas; one result for each.")
+@click.option(
+    "--tau", metavar="LIST", help="Cluster times in seconds, separated by commas; one result for each."
+)
 @reading
 @common
 def command(

@@ -14,7 +14,13 @@ from tuner.progress import Messages
 @click.command("export", short_help="Write a configuration in the dialect of another filter.")
 @click.argument("config", required=False, metavar="CONFIG")
 @click.option("--to", "dialect", metavar="DIALECT", help="See --list.")
-@click.option("-o", "--output-file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Default: standard output.")
+@click.option(
+    "-o",
+    "--output-file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Default: standard output.",
+)
 @click.option("--list", "list_dialects", is_flag=True, help="Show the dialects and their units.")
 @common
 def command(
@@ -36,7 +42,10 @@ def command(
         if output.tables:
             show(dialect_tables(DIALECTS))
         output.write(
-            {"schema": "tuner.dialects/1", "dialects": {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()}}
+            {
+                "schema": "tuner.dialects/1",
+                "dialects": {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()},
+            }
         )
         return
     if config is None or dialect is None:

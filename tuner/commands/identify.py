@@ -16,9 +16,26 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 @click.command("identify", short_help="Noise terms of a log, with intervals.")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG…]")
 @click.option("--terms", metavar="LIST", help="Fit exactly this sum, such as white,gauss_markov,random_walk.")
-@click.option("--method", type=click.Choice(METHODS), default="likelihood", show_default=True, help="How coefficients are estimated.")
-@click.option("--arma", type=click.Choice(["fast", "exact", "off"]), default="fast", show_default=True, help="Time-series model.")
-@click.option("--latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Take the Earth's rate out of the gyro means.")
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="likelihood",
+    show_default=True,
+    help="How coefficients are estimated.",
+)
+@click.option(
+    "--arma",
+    type=click.Choice(["fast", "exact", "off"]),
+    default="fast",
+    show_default=True,
+    help="Time-series model.",
+)
+@click.option(
+    "--latitude",
+    type=click.FloatRange(-90, 90),
+    metavar="DEG",
+    help="Take the Earth's rate out of the gyro means.",
+)
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Allan figure (PNG or SVG).")
 @reading
 @common
@@ -34,12 +51,14 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Find the noise terms of each axis: quantization, white, bias instability or Gauss–Markov, random walk, ramp.
+    """Find the noise terms of each axis: quantization, white, flicker or Gauss–Markov, random walk, ramp.
 
-    A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled, with their spread.
+    A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled,
+    with their spread.
     """
     from tuner.identification.pooled import pool
-    from tuner.jsonio import identification_json, pooled_json
+    from tuner.jsonio import identification_json
+    from tuner.jsonviews import pooled_json
     from tuner.report.tables import identification_tables, pooled_tables, show
 
     wanted = tuple(t.strip() for t in terms.split(",")) if terms else None

@@ -26,7 +26,7 @@ class Reading:
     accel_unit: str | None = None
     gyro_scale: float | None = None
     accel_scale: float | None = None
-    columns: str | None = None
+    columns: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,13 @@ class Output:
 def common(command: Command) -> Command:
     """Add ``--json``, ``--seed``, ``--quiet``; the command receives `output`, `seed` and `messages`."""
 
-    @click.option("--json", "json_file", metavar="FILE", callback=_json_file, help="Result as JSON (- for standard output).")
+    @click.option(
+        "--json",
+        "json_file",
+        metavar="FILE",
+        callback=_json_file,
+        help="Result as JSON (- for standard output).",
+    )
     @click.option("--seed", default=0, show_default=True, help="Seed of everything random.")
     @click.option("--quiet", is_flag=True, help="No progress, no messages.")
     @functools.wraps(command)
@@ -64,7 +70,12 @@ def common(command: Command) -> Command:
 def reading(command: Command) -> Command:
     """Add the options that say how to understand a log; the command receives `reading`."""
 
-    @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Sampling rate where the log has no time.")
+    @click.option(
+        "--rate",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="HZ",
+        help="Sampling rate where the log has no time.",
+    )
     @click.option("--gyro-unit", metavar="UNIT", help="rad/s deg/s deg/h, or increments rad deg arcsec.")
     @click.option("--accel-unit", metavar="UNIT", help="m/s^2 g mg, or increments m/s.")
     @click.option("--gyro-scale", type=float, metavar="X", help="Gyro unit of one count.")
@@ -81,7 +92,10 @@ def reading(command: Command) -> Command:
         columns: str | None,
         **options: Any,
     ) -> Any:
-        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, columns)
+        from tuner.readers import parse_columns
+
+        chosen = None if columns is None else parse_columns(columns)
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen)
         return command(*args, reading=how, **options)
 
     return wrapped

@@ -12,7 +12,9 @@ from tuner.records import DataError
 
 @click.command("plan", short_help="How long a static test must be.")
 @click.argument("source", metavar="SENSOR-OR-LOG")
-@click.option("--accuracy", type=float, default=0.1, show_default=True, help="Wanted relative standard deviation.")
+@click.option(
+    "--accuracy", type=float, default=0.1, show_default=True, help="Wanted relative standard deviation."
+)
 @click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test.")
 @reading
 @common
@@ -29,7 +31,7 @@ def command(
 
     The noise to expect comes from a built-in grade, a datasheet or an earlier log of the sensor.
     """
-    from tuner.jsonio import plan_json
+    from tuner.jsonviews import plan_json
     from tuner.plan import plan
     from tuner.report.tables import plan_tables, show
 

@@ -1,4 +1,4 @@
-"""`tuner simulate`: a static log of a sensor, with effects hidden on request and the key in a file of its own."""
+"""`tuner simulate`: a static log of a sensor, effects hidden on request, the key in a file of its own."""
 
 from __future__ import annotations
 
@@ -13,10 +13,27 @@ from tuner.records import DataError
 
 @click.command("simulate", short_help="A static log of a sensor, with effects hidden on request.")
 @click.argument("sensor", metavar="SENSOR")
-@click.option("--hide", "hidden", multiple=True, metavar="EFFECT[:NAME=VALUE,…]", help="Hide an effect; may be repeated.")
+@click.option(
+    "--hide",
+    "hidden",
+    multiple=True,
+    metavar="EFFECT[@AXES][:NAME=VALUE,…]",
+    help="Hide an effect; may be repeated.",
+)
 @click.option("--hours", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True)
-@click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Default: the rate of the sensor.")
-@click.option("-o", "--output-file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="CSV, CSV.GZ or NPZ; default SENSOR.npz.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="HZ",
+    help="Default: the rate of the sensor.",
+)
+@click.option(
+    "-o",
+    "--output-file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="CSV, CSV.GZ or NPZ; default SENSOR.npz.",
+)
 @common
 def command(
     sensor: str,

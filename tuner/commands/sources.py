@@ -1,4 +1,4 @@
-"""What a word on the command line stands for: a log, a curve, a datasheet, a saved result or a built-in grade."""
+"""What a word on the command line stands for: a log, a curve, a datasheet or a built-in grade."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from tuner.commands.options import Reading
 from tuner.progress import Messages
 from tuner.records import DataError, Record
 from tuner.results import Identification
-
-DATASHEET_SUFFIXES = (".yaml", ".yml")
 
 
 def source_name(source: str) -> str:
@@ -60,7 +58,7 @@ def load_identification(
     DataError
         If the source is none of these.
     """
-    from tuner.datasheet import read_datasheet
+    from tuner.datasheet import is_datasheet, read_datasheet
     from tuner.grades import grade_identification, grade_names, load_grade
     from tuner.identification import identify
     from tuner.identification.curvefit import identify_curve
@@ -71,7 +69,7 @@ def load_identification(
             msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
             raise DataError(msg)
         return grade_identification(load_grade(source))
-    if source.endswith(DATASHEET_SUFFIXES):
+    if is_datasheet(Path(source)):
         return read_datasheet(Path(source))
     if is_curve(Path(source)):
         return identify_curve(read_curve(Path(source)), terms=terms)

@@ -31,12 +31,30 @@ EXPORTED = ("kalibr", "kf-gins")
 
 @click.command("tune", short_help="The main job: log in, filter configuration out.")
 @click.argument("log", required=False)
-@click.option("-o", "--output-dir", type=click.Path(path_type=Path, file_okay=False), metavar="DIR", help="Default: tuner-out/NAME.")
-@click.option("--horizon", type=click.FloatRange(min=0, min_open=True), default=1000.0, show_default=True, metavar="S", help="Longest time the filter must bridge.")
+@click.option(
+    "-o",
+    "--output-dir",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Default: tuner-out/NAME.",
+)
+@click.option(
+    "--horizon",
+    type=click.FloatRange(min=0, min_open=True),
+    default=1000.0,
+    show_default=True,
+    metavar="S",
+    help="Longest time the filter must bridge.",
+)
 @click.option("--complete", metavar="GRADE", help="Built-in grade for a sensor the log lacks.")
 @click.option("--gnss", metavar="GRADE", help="Built-in GNSS grade.")
 @click.option("--terms", metavar="LIST", help="Fit exactly this sum of noise terms.")
-@click.option("--latitude", type=click.FloatRange(-90, 90), metavar="DEG", help="Take the Earth's rate out of the gyro means.")
+@click.option(
+    "--latitude",
+    type=click.FloatRange(-90, 90),
+    metavar="DEG",
+    help="Take the Earth's rate out of the gyro means.",
+)
 @reading
 @common
 def command(
@@ -54,13 +72,15 @@ def command(
 ) -> None:
     """Turn a static log into a filter configuration: noise.yaml, exports, figures, result.json.
 
-    LOG may also be a datasheet. Without LOG: a built-in simulated IMU with an effect, drawn from --seed, hidden in it.
+    LOG may also be a datasheet. Without LOG: a built-in simulated IMU with an effect, drawn from --seed,
+    hidden in it.
     """
     from tuner.exporters import export, native
     from tuner.files import json_text, write_text
     from tuner.grades import load_gnss, load_grade
     from tuner.identification import identify
-    from tuner.jsonio import config_json, identification_json
+    from tuner.jsonio import identification_json
+    from tuner.jsonviews import config_json
     from tuner.report.allan_figure import draw_allan
     from tuner.report.tables import identification_tables, show
     from tuner.simulation import demo

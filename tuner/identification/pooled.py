@@ -1,15 +1,18 @@
 """Several records of one sensor: one value where it is one, a spread where it truly varies.
 
-Each record i gives an estimate y_i = μ + b_i + e_i with its own known sd s_i; the effects b_i ~ N(0, τ²) are what differs
-from start to start (or unit to unit, or axis to axis). Cochran's Q = Σ (y_i − ȳ)²/s_i² tests τ = 0 as χ² with n − 1 degrees
-of freedom. Where it passes, the records are one sample and μ is the inverse-variance mean; where it fails, τ is the
-restricted maximum-likelihood value, its interval inverts Q(τ), and μ has the Hartung–Knapp interval on n − 1 degrees of freedom.
+Each record i gives an estimate y_i = μ + b_i + e_i with its own known sd s_i; the effects b_i ~ N(0, τ²) are
+what differs from start to start (or unit to unit, or axis to axis). Cochran's Q = Σ (y_i − ȳ)²/s_i² tests
+τ = 0 as χ² with n − 1 degrees of freedom. Where it passes, the records are one sample and μ is the
+inverse-variance mean; where it fails, τ is the restricted maximum-likelihood value, its interval inverts
+Q(τ), and μ has the Hartung–Knapp interval on n − 1 degrees of freedom.
 
 References
 ----------
 .. [1] W. G. Cochran, The combination of estimates from different experiments, Biometrics 10, 1954.
-.. [2] W. Viechtbauer, Confidence intervals for the amount of heterogeneity in meta-analysis, Statist. Med. 26, 2007 (Q profile).
-.. [3] J. Hartung, G. Knapp, On tests of the overall treatment effect in meta-analysis, Statist. Med. 20, 2001.
+.. [2] W. Viechtbauer, Confidence intervals for the amount of heterogeneity in meta-analysis,
+   Statist. Med. 26, 2007 (Q profile).
+.. [3] J. Hartung, G. Knapp, On tests of the overall treatment effect in meta-analysis,
+   Statist. Med. 20, 2001.
 """
 
 from __future__ import annotations
@@ -86,7 +89,8 @@ def random_effects(estimate: Sequence[float], sd: Sequence[float]) -> RandomEffe
 def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
     """Pool every channel that at least two identifications of one sensor share, coefficient by coefficient.
 
-    Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is: its spread
+    Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is:
+    its spread
     is the turn-on repeatability. A coefficient that fewer than two records identify is left out.
     """
     axes = dict.fromkeys(axis for one in identifications for axis in one.channels)
@@ -95,12 +99,15 @@ def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
         channels = [one.channels[axis] for one in identifications if axis in one.channels]
         if len(channels) < 2:
             continue
-        names = dict.fromkeys(f"{e.name}.{field}" for c in channels for e in c.terms for field in e.coefficients)
+        names = dict.fromkeys(
+            f"{e.name}.{field}" for c in channels for e in c.terms for field in e.coefficients
+        )
         found = []
         for name in names:
             term, field = name.split(".")
             values = [
-                estimate.coefficients[field] if (estimate := channel.term(term)) else None for channel in channels
+                estimate.coefficients[field] if (estimate := channel.term(term)) else None
+                for channel in channels
             ]
             if (one := pool_coefficients(name, values, logarithmic=True)) is not None:
                 found.append(one)
@@ -132,7 +139,9 @@ def pool_coefficients(
     spread = (
         Coefficient.known(result.spread, spread_low, spread_high, spread_unit)
         if result.p_value < VARIES
-        else Coefficient.bounded(spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})")
+        else Coefficient.bounded(
+            spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})"
+        )
     )
     return PooledCoefficient(
         name,
@@ -165,4 +174,6 @@ def _restricted_likelihood_spread(y: FloatArray, s: FloatArray) -> float:
         return float(np.sum(np.log(variance))) + math.log(information) + _weighted_squares(y, s, spread)
 
     bound = 4.0 * float(np.ptp(y)) + float(s.max())
-    return float(minimize_scalar(cost, bounds=(0.0, bound), method="bounded", options={"xatol": 1e-10 * bound}).x)
+    return float(
+        minimize_scalar(cost, bounds=(0.0, bound), method="bounded", options={"xatol": 1e-10 * bound}).x
+    )

@@ -1,6 +1,7 @@
 """The Allan figure: measured curve with its band, the fitted sum, each term as the segment it rules.
 
-One row a sensor, one column an axis, log–log, in customary units. Beyond a fifth of the record the curve is drawn
+One row a sensor, one column an axis, log–log, in customary units. Beyond a fifth of the record the curve
+is drawn
 faded: fewer than about four independent differences stand behind each point there.
 """
 

@@ -68,7 +68,7 @@ TITLES = {
 
 
 def customary_unit(quantity: str, unit: str) -> str:
-    """Return the customary unit of a quantity (``white.density``, ``level``, …) of a sensor with SI unit `unit`."""
+    """Return the customary unit of ``white.density``, ``level``, … of a sensor with SI unit `unit`."""
     table = _GYRO if unit == "rad/s" else _ACCEL
     return table.get(quantity) or _EITHER.get(quantity, "")
 

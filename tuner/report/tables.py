@@ -9,9 +9,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from rich.console import Console
 from rich.table import Table
 
+from models.sensors import SensorGrade
+from tuner.comparison import ComparedCoefficient, Comparison
+from tuner.exporters import Exporter
 from tuner.plan import Plan
 from tuner.report.customary import SYMBOLS, TITLES, customary_unit, digits, in_customary, phrase, pretty
-from tuner.results import AllanCurve, ChannelIdentification, Coefficient, Identification, PooledChannel
+from tuner.results import (
+    AllanCurve,
+    ChannelIdentification,
+    Coefficient,
+    Correlogram,
+    Identification,
+    PooledChannel,
+    Spectrum,
+)
 
 SENSOR_TITLES = {"rad/s": "Gyro", "m/s^2": "Accelerometer"}
 
@@ -44,7 +55,7 @@ def identification_tables(identification: Identification) -> list[Table | str]:
 
 
 def curve_tables(curve: AllanCurve, axis_quantity: str = "level") -> list[Table | str]:
-    """Return one table of an Allan-type curve: cluster time, deviation with its 95 % interval, degrees of freedom."""
+    """Return one Allan-type curve: cluster time, deviation with its 95 % interval, degrees of freedom."""
     unit = pretty(customary_unit(axis_quantity, curve.unit))
     table = Table(title=f"{curve.estimator}, deviation in {unit} (95 % interval), degrees of freedom")
     table.add_column("τ, s", justify="right")
@@ -55,7 +66,8 @@ def curve_tables(curve: AllanCurve, axis_quantity: str = "level") -> list[Table 
         cells = []
         for j in range(len(curve.axes)):
             value, a, b = (
-                digits(in_customary(float(x[i, j]), axis_quantity, curve.unit)) for x in (deviation, low, high)
+                digits(in_customary(float(x[i, j]), axis_quantity, curve.unit))
+                for x in (deviation, low, high)
             )
             cells.append(f"{value} ({a} … {b})  {digits(float(curve.dof[i, j]))}")
         table.add_row(digits(float(tau), 5), *cells)
@@ -80,7 +92,7 @@ def plan_tables(plan: Plan, unit: str, title: str) -> list[Table | str]:
 
 
 def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
-    """Return one table an axis: pooled value, spread between records, each record's value, test of equality."""
+    """Return one table an axis: pooled value, spread between records, test of equality, each value."""
     answer: list[Table | str] = []
     for channel in pooled.values():
         table = Table(title=f"{channel.axis}: {len(names)} records pooled")
@@ -125,7 +137,9 @@ def _sensor_table(channels: Sequence[ChannelIdentification]) -> Table:
     unit = channels[0].unit
     first = channels[0]
     title = SENSOR_TITLES.get(unit, unit)
-    table = Table(title=f"{title}: {digits(1 / first.interval, 6)} Hz, {digits(first.span / 3600)} h, by {first.method}")
+    table = Table(
+        title=f"{title}: {digits(1 / first.interval, 6)} Hz, {digits(first.span / 3600)} h, by {first.method}"
+    )
     table.add_column("")
     for channel in channels:
         table.add_column(channel.axis, justify="right")
@@ -166,3 +180,109 @@ def _gather(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
         if axis not in gathered.setdefault(text, []):
             gathered[text].append(axis)
     return gathered
+
+
+def statistic_tables(found: AllanCurve | Spectrum | Correlogram) -> list[Table | str]:
+    """Return the table of any empirical curve."""
+    if isinstance(found, AllanCurve):
+        return curve_tables(found)
+    if isinstance(found, Spectrum):
+        return [_spectrum_table(found)]
+    table = Table(title=f"{found.statistic}, white noise stays within ± {digits(found.band)} at 95 %")
+    table.add_column("lag, s", justify="right")
+    for axis in found.axes:
+        table.add_column(axis, justify="right")
+    for lag, row in zip(found.lag, found.value, strict=True):
+        table.add_row(digits(float(lag), 5), *(f"{value:+.4f}" for value in row))
+    return [table]
+
+
+def _spectrum_table(found: Spectrum) -> Table:
+    unit = "(deg/h)²/Hz" if found.unit == "rad/s" else "µg²/Hz"
+    scale = in_customary(1.0, "level", found.unit) ** 2
+    table = Table(title=f"two-sided power spectral density, {unit} (95 % interval)")
+    table.add_column("frequency, Hz", justify="right")
+    for axis in found.axes:
+        table.add_column(axis, justify="right")
+    low, high = found.interval()
+    for i, frequency in enumerate(found.frequency):
+        cells = [
+            " ".join(
+                (
+                    digits(scale * float(found.density[i, j])),
+                    f"({digits(scale * float(low[i, j]))} … {digits(scale * float(high[i, j]))})",
+                )
+            )
+            for j in range(len(found.axes))
+        ]
+        table.add_row(digits(float(frequency), 4), *cells)
+    return table
+
+
+def comparison_tables(comparison: Comparison) -> list[Table | str]:
+    """Return one table an axis; the last column says whether the last source differs from the first."""
+    answer: list[Table | str] = []
+    for axis, rows in comparison.axes.items():
+        unit = comparison.units[axis]
+        table = Table(title=axis)
+        for head in ("", *comparison.names, f"{comparison.names[-1]} ÷ {comparison.names[0]}"):
+            table.add_column(head, justify="right" if head else "left")
+        for row in rows:
+            quantity = row.name if "." in row.name else "level"
+            label = f"{_LEVELS.get(row.name) or _symbol(row.name)}, {pretty(customary_unit(quantity, unit))}"
+            cells = ["–" if v is None else phrase(v, quantity, unit, with_unit=False) for v in row.values]
+            table.add_row(label, *cells, _ratio(row))
+        answer.append(table)
+    return answer
+
+
+_LEVELS = {"sigma_10s": "σ(10 s)", "minimum": "smallest Allan deviation", "floor": "… ÷ 0.664"}
+
+
+def _ratio(row: ComparedCoefficient) -> str:
+    if row.ratio is None:
+        return "–"
+    if row.ratio_interval is None:
+        return f"{digits(row.ratio)} (no interval)"
+    low, high = row.ratio_interval
+    return f"{digits(row.ratio)} ({digits(low)} … {digits(high)}) {'differs' if row.differs else 'agrees'}"
+
+
+def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
+    """Return the built-in grades, one a row, in customary units."""
+    table = Table(title="Built-in sensor grades (references: configs/sensors)")
+    shown = ("white.density", "bias_instability.level", "random_walk.density")
+    columns = [(kind, quantity) for kind in UNITS for quantity in shown]
+    table.add_column("name")
+    table.add_column("sensor")
+    for kind, quantity in columns:
+        unit = UNITS[kind]
+        table.add_column(
+            f"{kind} {SYMBOLS[quantity]}, {pretty(customary_unit(quantity, unit))}", justify="right"
+        )
+    for grade in grades:
+        values = {
+            (kind, f"{term.name}.{field}"): getattr(term, field)
+            for kind in UNITS
+            for term in grade.noise_model(kind).terms
+            for field in term.PARAMETERS
+        }
+        cells = [
+            "–" if column not in values else digits(in_customary(values[column], column[1], UNITS[column[0]]))
+            for column in columns
+        ]
+        table.add_row(grade.key, grade.title, *cells)
+    return [table]
+
+
+UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
+
+
+def dialect_tables(dialects: Mapping[str, Exporter]) -> list[Table | str]:
+    """Return the dialects `tuner export` writes, with their units."""
+    table = Table(title="Dialects of tuner export")
+    for head in ("name", "for", "units"):
+        table.add_column(head)
+    for name, dialect in dialects.items():
+        table.add_row(name, dialect.title, dialect.units)
+    return [table]

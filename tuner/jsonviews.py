@@ -1,0 +1,112 @@
+"""JSON of what follows from identifications: plans, comparisons, pooled records, configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from models.sensors import SensorGrade
+from tuner.comparison import Comparison
+from tuner.exporters import native
+from tuner.jsonio import coefficient_json, identification_json
+from tuner.plan import Plan
+from tuner.results import FilterConfig, Identification, PooledChannel, PooledCoefficient
+
+
+def plan_json(plans: Mapping[str, Plan]) -> dict[str, Any]:
+    """Return the plan of every channel; hours are null beyond what can be waited for."""
+    return {
+        "schema": "tuner.plan/1",
+        "channels": {
+            axis: {
+                "hours": plan.hours,
+                "accuracy": plan.accuracy,
+                "parameters": {
+                    p.name: {
+                        "value": p.value,
+                        "relative_sd": p.relative_sd,
+                        "shown": p.shown,
+                        "hours": p.hours,
+                    }
+                    for p in plan.parameters
+                },
+                "cluster_rule": {"clusters": plan.clusters, "longest_tau": plan.longest_tau},
+            }
+            for axis, plan in plans.items()
+        },
+    }
+
+
+def comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """Return every compared coefficient, in the order of the sources."""
+    return {
+        "schema": "tuner.comparison/1",
+        "sources": list(comparison.names),
+        "channels": {
+            axis: {
+                "unit": comparison.units[axis],
+                "coefficients": {
+                    row.name: {
+                        "values": [None if v is None else coefficient_json(v) for v in row.values],
+                        "ratio": row.ratio,
+                        "ratio_interval": row.ratio_interval,
+                        "differs": row.differs,
+                    }
+                    for row in rows
+                },
+            }
+            for axis, rows in comparison.axes.items()
+        },
+    }
+
+
+def pooled_json(
+    names: Sequence[str], found: Sequence[Identification], pooled: Mapping[str, PooledChannel]
+) -> dict[str, Any]:
+    """Return the pooled coefficients of every channel, then each record's own identification."""
+    return {
+        "schema": "tuner.pooled/1",
+        "records": list(names),
+        "channels": {
+            axis: {
+                "unit": channel.unit,
+                "coefficients": {row.name: _pooled(row) for row in channel.coefficients},
+                "mean": None if channel.mean is None else _pooled(channel.mean),
+            }
+            for axis, channel in pooled.items()
+        },
+        "identifications": [identification_json(one) for one in found],
+    }
+
+
+def grades_json(grades: Sequence[SensorGrade]) -> dict[str, Any]:
+    """Return the noise terms of every built-in grade, SI."""
+    return {
+        "schema": "tuner.grades/1",
+        "grades": {
+            grade.key: {
+                "title": grade.title,
+                "gyro": grade.noise_model("gyro").as_dict(),
+                "accel": grade.noise_model("accel").as_dict(),
+            }
+            for grade in grades
+        },
+    }
+
+
+def config_json(config: FilterConfig) -> dict[str, Any]:
+    """Return the native configuration as plain values."""
+    content = yaml.safe_load(native.dumps(config))
+    assert isinstance(content, dict)
+    return content
+
+
+def _pooled(row: PooledCoefficient) -> dict[str, Any]:
+    return {
+        "pooled": coefficient_json(row.value),
+        "spread": coefficient_json(row.spread),
+        "values": row.values,
+        "equal_p_value": row.p_value,
+    }
