@@ -1,0 +1,304 @@
+"""Bad input is repaired and counted, or refused in one line: place, expected, found and what to do."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tuner.readers import is_curve, parse_columns, read, read_curve
+from tuner.records import DataError
+
+COUNT = 1000
+T = 0.01 * np.arange(COUNT)
+RNG = np.random.default_rng(2)
+GYRO = RNG.normal(0.0, 1e-2, (COUNT, 3))
+ACCEL = RNG.normal(0.0, 0.02, (COUNT, 3)) + np.array([0.1, -0.2, 9.8])
+HEADER = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+
+
+def rows(t: np.ndarray = T, gyro: np.ndarray = GYRO, accel: np.ndarray = ACCEL) -> list[str]:
+    return [",".join(repr(v) for v in row) for row in np.column_stack([t, gyro, accel]).tolist()]
+
+
+def write(path: Path, lines: list[str], header: str = HEADER) -> Path:
+    path.write_text("\n".join([header, *lines]) + "\n")
+    return path
+
+
+def refused(path: Path, pattern: str, **options: object) -> str:
+    with pytest.raises(DataError, match=pattern) as caught:
+        read(path, **options)  # type: ignore[arg-type]
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+# refused ---------------------------------------------------------------------------------------------------
+
+
+def test_no_file(tmp_path: Path) -> None:
+    refused(tmp_path / "nowhere.csv", "nowhere.csv: no such file")
+    refused(tmp_path, "not a file")
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\n\n", HEADER.encode(), b"\0\1\2" * 50, b"hello world, this is a letter\n"]
+)
+def test_nothing_readable(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(content)
+    refused(path, r"log\.csv: .*expected")
+
+
+@pytest.mark.parametrize("name", ["log.npz", "log.mat", "log.h5", "log.parquet", "log.csv.gz"])
+def test_damaged_binary(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"certainly nothing of that kind")
+    refused(path, "cannot be read")
+
+
+@pytest.mark.parametrize("row", [0, 17, COUNT - 1])
+@pytest.mark.parametrize("piece", [None, 2000])
+def test_text_in_numbers_is_located(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: int, piece: int | None
+) -> None:
+    if piece is not None:
+        monkeypatch.setattr("tuner.readers.text.CHUNK", piece)
+    lines = rows()
+    cells = lines[row].split(",")
+    cells[3] = "oops"
+    lines[row] = ",".join(cells)
+    lines[5:5] = ["", "# remark"]
+    path = write(tmp_path / "log.csv", lines)
+    at = path.read_text().splitlines().index(",".join(cells)) + 1
+    if row == 0:
+        refused(path, "the header names|expected", rate=None)
+    else:
+        message = refused(path, "expected a number")
+        assert f"{path}:{at}:4: expected a number in column 'gyro_z', found 'oops'" in message
+
+
+def test_too_many_cells_are_located(tmp_path: Path) -> None:
+    lines = rows()
+    lines[99] = lines[99].replace(".", ",", 1)
+    refused(write(tmp_path / "log.csv", lines), r"log\.csv:101: expected 7 columns, found 8")
+
+
+def test_more_than_one_percent_unreadable(tmp_path: Path) -> None:
+    gyro = GYRO.copy()
+    gyro[::50, 1] = np.nan
+    refused(write(tmp_path / "log.csv", rows(gyro=gyro)), "19 of 999 rows hold NaN.*more than 1 %")
+
+
+@pytest.mark.parametrize(
+    ("sensor", "factor", "hint"),
+    [
+        ("accel", 1 / 9.80665e-3, "accel-unit mg"),
+        ("accel", 0.005, "accel-unit m/s"),
+        ("accel", 1e-3, "accel-unit"),
+        ("gyro", 648000 / np.pi, "gyro-unit deg/h"),
+    ],
+)
+def test_unit_off_by_more_than_100(tmp_path: Path, sensor: str, factor: float, hint: str) -> None:
+    gyro, accel = (GYRO * factor, ACCEL) if sensor == "gyro" else (GYRO, ACCEL * factor)
+    refused(write(tmp_path / "log.csv", rows(0.5 * T, gyro, accel)), f"{sensor} reads .*{hint}")
+
+
+def test_all_axes_constant(tmp_path: Path) -> None:
+    refused(write(tmp_path / "log.csv", rows(gyro=0 * GYRO, accel=0 * ACCEL + 9.8)), "every axis is constant")
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_short_for_one_allan_point(tmp_path: Path, count: int) -> None:
+    refused(write(tmp_path / "log.csv", rows()[:count]), "one Allan point needs 3")
+
+
+def test_one_column(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", [str(v) for v in range(10)], header="t")
+    refused(path, "no gyro or accel column")
+    path = write(tmp_path / "log.csv", [str(v) for v in range(10)], header="gyro_x")
+    refused(path, "no time column and no rate: pass --rate")
+
+
+def test_no_header(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(rows()))
+    refused(path, "no gyro or accel column.*--columns")
+
+
+@pytest.mark.parametrize(
+    ("options", "pattern"),
+    [
+        ({"gyro_unit": "furlong"}, "--gyro-unit: unknown unit 'furlong': expected one of rad/s, deg/s"),
+        ({"accel_unit": "deg/s"}, "--accel-unit: unknown unit 'deg/s': expected one of m/s"),
+        ({"rate": 200.0}, "the stamps give 100 Hz, --rate says 200 Hz"),
+        ({"rate": -1.0}, "--rate: expected a positive number"),
+        ({"gyro_scale": float("nan")}, "--gyro-scale: expected a positive number"),
+        ({"columns": {"gyro": "nothing"}}, "no column 'nothing': found t, gyro_x"),
+        ({"columns": {"gyro": "gyro_x[0:3]"}}, "has one column and cannot be sliced"),
+    ],
+)
+def test_bad_options(tmp_path: Path, options: dict[str, object], pattern: str) -> None:
+    refused(write(tmp_path / "log.csv", rows()), pattern, **options)
+
+
+def test_unknown_unit_in_header(tmp_path: Path) -> None:
+    header = HEADER.replace("gyro_x", "gyro_x [furlong/h]")
+    refused(write(tmp_path / "log.csv", rows(), header), "different units")
+    header = re.sub(r"(gyro_.)", r"\1 [furlong/h]", HEADER)
+    refused(
+        write(tmp_path / "log.csv", rows(), header), "gyro: unknown unit 'furlong/h': expected one of rad/s"
+    )
+
+
+def test_same_column_twice(tmp_path: Path) -> None:
+    refused(write(tmp_path / "log.csv", rows(), HEADER.replace("gyro_y", "gyro_x")), "'gyro_x' appears twice")
+
+
+def test_equal_candidates(tmp_path: Path) -> None:
+    header = "t,a_gyro_x,b_gyro_x,c_gyro_x,p_accel_x,q_accel_x,r_accel_x"
+    refused(
+        write(tmp_path / "log.csv", rows(), header),
+        "several columns could be gyro_x: a_gyro_x, b_gyro_x.*--columns",
+    )
+
+
+def test_clock_that_was_reset(tmp_path: Path) -> None:
+    refused(write(tmp_path / "log.csv", rows(np.where(T < 5, T, T - 5))), "time runs backwards at row 501")
+    refused(write(tmp_path / "log.csv", rows(0 * T)), "the time column is constant")
+
+
+def test_lengths_that_differ(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", gyro=GYRO, accel=ACCEL[:-1], t=T)
+    refused(tmp_path / "log.npz", "columns must have one length")
+
+
+def test_counts_without_scale(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", gyro_counts=np.rint(GYRO * 1e4).astype(np.int16), t=T)
+    refused(tmp_path / "log.npz", "holds counts: pass --gyro-scale")
+
+
+def test_streams_without_overlap(tmp_path: Path) -> None:
+    gyro, accel = GYRO.copy(), ACCEL.copy()
+    gyro[:600], accel[500:] = np.nan, np.nan
+    refused(write(tmp_path / "log.csv", rows(gyro=gyro, accel=accel)), "do not overlap")
+
+
+def test_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, module, extra in (("log.h5", "h5py", "hdf5"), ("log.parquet", "pyarrow", "parquet")):
+        (tmp_path / name).write_bytes(b"x")
+        monkeypatch.setitem(sys.modules, module, None)
+        refused(tmp_path / name, rf"install the extra '{extra}'")
+
+
+def test_mapping_that_is_none() -> None:
+    with pytest.raises(DataError, match="expected NAME=COLUMN, found 'gyro'"):
+        parse_columns("gyro")
+
+
+# repaired and counted --------------------------------------------------------------------------------------
+
+
+def notes(path: Path, **options: object) -> str:
+    return "; ".join(read(path, **options)[0].notes)  # type: ignore[arg-type]
+
+
+def test_order_duplicates_and_gaps_are_repaired_and_counted(tmp_path: Path) -> None:
+    lines = rows()
+    lines[10], lines[11] = lines[11], lines[10]
+    lines.insert(50, lines[49])
+    del lines[701:801]
+    path = write(tmp_path / "log.csv", lines)
+    gyro, _ = read(path)
+    said = "; ".join(gyro.notes)
+    assert "1 rows were out of order" in said
+    assert "1 duplicate rows were dropped" in said
+    assert "1 gaps with 100 missing samples" in said
+    assert gyro.segments == ((0, 700), (700, 900))
+    np.testing.assert_array_equal(gyro.y, np.delete(GYRO, np.s_[700:800], axis=0))
+    np.testing.assert_allclose(gyro.t, np.delete(T, np.s_[700:800]), atol=1e-9)
+    expected = {"gap_count": 1.0, "missing": 100.0, "duplicates": 1.0, "disordered": 1.0, "bridged": 0.0}
+    assert expected.items() <= dict(gyro.timing).items()
+
+
+def test_streams_that_start_at_different_times(tmp_path: Path) -> None:
+    gyro, accel = GYRO.copy(), ACCEL.copy()
+    gyro[:200], accel[900:] = np.nan, np.nan
+    record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro, accel=accel)))
+    np.testing.assert_array_equal(record.y, GYRO[200:900])
+    assert any("300 rows before or after" in note for note in record.notes)
+
+
+def test_a_few_nan_rows(tmp_path: Path) -> None:
+    gyro = GYRO.copy()
+    gyro[[100, 101, 500], [0, 1, 2]] = [np.nan, np.inf, -np.inf]
+    assert "3 rows with NaN or infinity" in notes(write(tmp_path / "log.csv", rows(gyro=gyro)))
+
+
+def test_short_row_counts_as_missing(tmp_path: Path) -> None:
+    lines = rows()
+    lines[400] = "4.0,1.0"
+    assert "1 rows with NaN or infinity" in notes(write(tmp_path / "log.csv", lines))
+
+
+def test_constant_axis_is_left_out(tmp_path: Path) -> None:
+    gyro = GYRO * np.array([1.0, 0.0, 1.0])
+    record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro)))
+    assert record.axes == ("gyro_x", "gyro_z")
+    assert any("1 constant axes were left out: gyro_y" in note for note in record.notes)
+
+
+def test_missing_temperature_is_interpolated(tmp_path: Path) -> None:
+    lines = [f"{row},{20 + i / 100 if i % 10 == 0 else ''}" for i, row in enumerate(rows())]
+    record, _ = read(write(tmp_path / "log.csv", lines, HEADER + ",temperature [degC]"))
+    np.testing.assert_allclose(record.covariates["temperature"][:991], 20 + np.arange(991) / 100, rtol=1e-12)
+    assert any("temperature: 900 missing values were interpolated" in note for note in record.notes)
+
+
+def test_noise_without_gravity_is_not_refused(tmp_path: Path) -> None:
+    accel = ACCEL - ACCEL.mean(axis=0)
+    assert "unit could not be checked" in notes(write(tmp_path / "log.csv", rows(accel=accel)))
+
+
+def test_probable_g_is_told(tmp_path: Path) -> None:
+    assert "pass --accel-unit g" in notes(write(tmp_path / "log.csv", rows(accel=ACCEL / 9.80665)))
+
+
+# curves ----------------------------------------------------------------------------------------------------
+
+
+def test_curve(tmp_path: Path) -> None:
+    path = write(tmp_path / "c.csv", ["4,1,10", "1,2,30", "2,1.5,20"], "tau,deviation [deg/h],dof")
+    assert is_curve(path)
+    curve = read_curve(path)
+    np.testing.assert_array_equal(curve.tau, [1, 2, 4])
+    np.testing.assert_allclose(curve.deviation()[:, 0], np.deg2rad([2, 1.5, 1]) / 3600, rtol=1e-12)
+    np.testing.assert_array_equal(curve.dof[:, 0], [30, 20, 10])
+    assert (curve.unit, curve.axes) == ("rad/s", ("gyro",))
+    assert not is_curve(write(tmp_path / "log.csv", rows()))
+    assert not is_curve(tmp_path / "nowhere.csv")
+
+
+def test_curve_of_an_accelerometer_without_dof(tmp_path: Path) -> None:
+    curve = read_curve(write(tmp_path / "c.csv", ["1,2", "2,1"], "tau,adev [mg]"))
+    assert (curve.unit, curve.axes) == ("m/s^2", ("accel",))
+    assert np.isnan(curve.dof).all()
+
+
+@pytest.mark.parametrize(
+    ("lines", "header", "pattern"),
+    [
+        (["1,2", "2,-1"], "tau,deviation", "data row 2: expected a positive deviation, found -1"),
+        (["1,2", "2,x"], "tau,deviation", ":3:2: expected a number in column 'deviation', found 'x'"),
+        (["1,2", "1,3"], "tau,deviation", "at least two different tau"),
+        (["1,2", "2,3"], "tau,value", "no column 'deviation': expected tau,deviation"),
+        (["1,2", "2,3"], "tau,deviation [V]", "unknown unit 'V'"),
+    ],
+)
+def test_bad_curves(tmp_path: Path, lines: list[str], header: str, pattern: str) -> None:
+    with pytest.raises(DataError, match=pattern):
+        read_curve(write(tmp_path / "c.csv", lines, header))

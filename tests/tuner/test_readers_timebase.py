@@ -1,0 +1,155 @@
+"""Laws of the time base: the right interval from rounded stamps; jitter is no gap; every loss is found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tuner.readers.timebase import BRIDGE, even_timebase, stamped_timebase
+from tuner.records import DataError
+
+COUNT = 20_000
+
+
+@pytest.mark.parametrize(
+    "rate", [10.0, 97.0, 99.97, 100.0, 125.0, 400.0, 760.0, 800.0, 950.0, 1000.0, 2000.0, 3333.0]
+)
+@pytest.mark.parametrize("resolution", [1e-3, 1e-6, 0.0])
+def test_rounded_stamps_give_the_right_rate(rate: float, resolution: float) -> None:
+    t = np.arange(COUNT) / rate
+    stamps = np.floor(t / resolution + 0.5) * resolution if resolution else t
+    base = stamped_timebase(stamps)
+    assert base.interval * rate == pytest.approx(1.0, abs=max(resolution, 1e-9) * rate / COUNT)
+    assert (base.gaps, base.duplicates, len(base.t)) == (0, 0, COUNT)
+    assert np.abs(base.t - t).max() <= resolution + 1e-6 / rate
+    np.testing.assert_allclose(np.diff(base.t), base.interval, rtol=1e-6)
+
+
+@pytest.mark.parametrize("jitter", [0.01, 0.1, 0.3, 0.6])
+def test_jitter_is_no_gap(jitter: float) -> None:
+    rng = np.random.default_rng(11)
+    t = 0.01 * np.arange(COUNT)
+    base = stamped_timebase(np.sort(t + rng.normal(0.0, jitter * 0.01, COUNT)))
+    assert base.missing == 0
+    assert base.interval == pytest.approx(0.01, rel=1e-5)
+    if jitter <= 0.1:
+        assert base.jitter == pytest.approx(jitter * 0.01, rel=0.05)
+
+
+def test_stamps_written_late_in_bursts_are_no_gap() -> None:
+    rng = np.random.default_rng(12)
+    delay = np.where(rng.random(COUNT) < 0.01, rng.exponential(0.05, COUNT), 0.0)
+    stamps = np.maximum.accumulate(0.01 * np.arange(COUNT) + delay) + 1e-6 * np.arange(COUNT)
+    base = stamped_timebase(stamps)
+    assert base.interval == pytest.approx(0.01, rel=2e-4)
+    assert base.missing <= 0.001 * COUNT
+
+
+def test_batches_with_one_stamp_are_spread() -> None:
+    t = 0.001 * np.arange(COUNT)
+    base = stamped_timebase(t[::10].repeat(10))
+    assert base.interval == pytest.approx(0.001, rel=1e-6)
+    assert (base.missing, base.duplicates) == (0, 0)
+
+
+def test_duplicates_are_dropped_only_where_values_are_equal() -> None:
+    t = 0.01 * np.arange(COUNT)
+    twice = np.sort(np.concatenate([t, t[::20]]))
+    base = stamped_timebase(twice, equal=lambda i, j: np.ones(len(i), bool))
+    assert base.duplicates == COUNT // 20
+    assert base.interval == pytest.approx(0.01, rel=1e-9)
+    assert base.rows is not None
+    np.testing.assert_array_equal(twice[base.rows], t)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    gaps=st.dictionaries(st.integers(20, 4970), st.integers(1, 400), min_size=1, max_size=6),
+    jitter=st.sampled_from([0.0, 0.02, 0.1]),
+    rounded=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_every_loss_is_found(gaps: dict[int, int], jitter: float, rounded: bool, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    number = np.arange(5000) + np.cumsum(np.bincount(list(gaps), list(gaps.values()), 5000).astype(int))
+    stamps = 0.005 * number + 0.005 * jitter * rng.uniform(-1.0, 1.0, 5000)
+    if rounded:
+        stamps = np.round(stamps, 4)
+    base = stamped_timebase(stamps)
+    assert base.gaps == len(gaps)
+    assert base.missing == sum(gaps.values())
+    assert base.interval == pytest.approx(0.005, rel=1e-5)
+    kept = base.rows if base.rows is not None else np.arange(5000)
+    assert len(kept) == 5000
+    short = [g for g in gaps.values() if g <= BRIDGE]
+    assert base.bridged == sum(short)
+    assert len(base.t) == 5000 + sum(short)
+    for start, stop in base.segments:
+        np.testing.assert_allclose(np.diff(base.t[start:stop]), base.interval, rtol=1e-6)
+    assert (np.diff(base.t) > 0).all()
+
+
+def test_many_losses_are_not_bridged() -> None:
+    rng = np.random.default_rng(13)
+    kept = np.sort(rng.choice(COUNT, int(0.97 * COUNT), replace=False))
+    base = stamped_timebase(0.01 * kept)
+    assert base.bridged == 0
+    assert base.positions is None
+    assert base.missing == kept[-1] - kept[0] + 1 - len(kept)
+    assert base.interval == pytest.approx(0.01, rel=1e-9)
+
+
+def test_bias_of_white_density_stays_in_the_stated_bounds() -> None:
+    # Mean of 400 records: the relative sd of the ratio of two variances of the same noise is below 0.1 %.
+    rng = np.random.default_rng(14)
+    count, reach = 2000, 40
+    gaps = rng.choice(np.arange(20, count - 20, 25), 5, replace=False)
+    lost = np.concatenate([np.arange(g, g + size) for g, size in zip(gaps, (1, 2, 3, 5, 5), strict=True)])
+    kept = np.setdiff1d(np.arange(count), lost)
+    base = stamped_timebase(0.01 * kept)
+    white = rng.standard_normal((400, count))
+    bridged = np.array([base.regrid(row[kept]) for row in white])
+    low, high = base.bias
+    for size in (1, reach):
+        variance = [
+            np.mean(np.diff(x.reshape(400, -1, size).sum(axis=2), axis=1) ** 2) for x in (white, bridged)
+        ]
+        change = np.sqrt(variance[1] / variance[0]) - 1.0
+        assert low - 1e-3 <= change <= high + 1e-3
+
+
+def test_missing_rows_without_stamps() -> None:
+    valid = np.ones(1000, bool)
+    valid[[100, 500, 501]] = False
+    base = even_timebase(1000, 0.01, valid)
+    assert (base.gaps, base.missing, base.bridged) == (2, 3, 3)
+    np.testing.assert_allclose(base.t, 0.01 * np.arange(1000), atol=1e-12)
+    ramp = np.where(valid, np.arange(1000.0), np.nan)
+    np.testing.assert_allclose(base.regrid(ramp), np.arange(1000.0), rtol=1e-12)
+
+
+def test_shift_and_scale_of_time() -> None:
+    rng = np.random.default_rng(15)
+    number = np.delete(np.arange(3000), [700, 1500, 1501])
+    stamps = 0.01 * number + rng.normal(0.0, 1e-4, len(number))
+    base, moved = stamped_timebase(stamps), stamped_timebase(3.0 * stamps + 70.0)
+    assert moved.interval == pytest.approx(3.0 * base.interval, rel=1e-9)
+    assert moved.segments == base.segments
+    np.testing.assert_allclose(moved.t, 3.0 * base.t + 70.0, atol=1e-8)
+
+
+def test_pieces_too_short_are_left_out() -> None:
+    t = np.concatenate([np.arange(100.0), [150.0, 151.0], 200.0 + np.arange(100.0)])
+    base = stamped_timebase(t)
+    assert base.segments == ((0, 100), (102, 202))
+    assert base.left_out == 2
+
+
+@pytest.mark.parametrize(
+    "stamps", [[], [0.0], [0.0, 1.0], [1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 10.0, 11.0, 20.0, 21.0]]
+)
+def test_too_little_is_refused(stamps: list[float]) -> None:
+    with pytest.raises(DataError):
+        stamped_timebase(np.array(stamps))
