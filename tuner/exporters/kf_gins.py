@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from models.units import from_si
-from tuner.exporters.figures import Target, provenance, triad
+from tuner.exporters.figures import Target, provenance, rms, triad
 from tuner.exporters.yamltext import Inline, Noted, yaml_text
 from tuner.results import ChannelNoise, FilterConfig
 from tuner.synthesis.equivalents import equivalent_markov_sd
@@ -56,14 +56,18 @@ def write(config: FilterConfig, target: Target) -> str:
     noise["corrtime"] = Noted(time_constant / 3600.0, "h; T/3600, one for all states")
     header = (
         *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
-        f"one T = {time_constant:g} s for all states (the longest of the configuration, or 1 h); each σ makes the "
-        f"bias wander as far as the modelled one in {target.memory:g} s (assumed memory of the filter)",
+        f"one T = {time_constant:g} s for all states (the longest in the configuration, or 1 h); each σ lets "
+        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled one",
     )
     return yaml_text({"imunoise": noise, **start}, header=header)
 
 
 def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Noted:
-    return Noted(Inline([quantity(channel) for channel in channels]), note)
+    """Return the three values a vector needs; where an axis is missing, the rms of the others thrice."""
+    if len(channels) == 3:
+        return Noted(Inline([quantity(channel) for channel in channels]), note)
+    figure = rms(channels, quantity, note)
+    return Noted(Inline([figure.value] * 3), f"{figure.note}, as the configuration lacks an axis")
 
 
 def _scale() -> Noted:

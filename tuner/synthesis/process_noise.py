@@ -69,8 +69,13 @@ def step_noise(channel: ChannelNoise, step: float) -> tuple[FloatArray, FloatArr
     return discretize(axis_system(channel), step)
 
 
-def shaping_states(fit: ArmaFit) -> StateSpace:
-    """Return an ARMA fit as the shaping states of a filter.
+def shaping_states(fit: ArmaFit) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return an ARMA fit as discrete shaping states of a filter that steps at `fit.interval`.
+
+    Returns
+    -------
+    Phi, Qd, P0 : ndarray, shape (r, r)
+        Transition, process noise and stationary covariance; the noise is the first state.
 
     Raises
     ------
@@ -83,4 +88,4 @@ def shaping_states(fit: ArmaFit) -> StateSpace:
         raise ValueError(msg)
     p, _ = fit.order
     values = tuple(float(value) for value in coefficients if value is not None)
-    return Arma(values[:p], values[p:], fit.variance, fit.interval).state_space()
+    return Arma(values[:p], values[p:], fit.variance, fit.interval).transition()
