@@ -152,7 +152,7 @@ def _fourier_grid(interval: float, span: float) -> tuple[FloatArray, FloatArray]
     last = int(span / interval) // 2
     edges = np.unique(np.round(np.geomspace(1, last + 1, 600)).astype(np.int64))
     first, beyond = edges[:-1], edges[1:]
-    return (0.5 * (first + beyond - 1)) / span, (beyond - first).astype(float)
+    return np.asarray(0.5 * (first + beyond - 1) / span, float), np.asarray(beyond - first, float)
 
 
 def _hours_needed(model: NoiseModel, interval: float, accuracy: float) -> list[float | None]:

@@ -38,8 +38,8 @@ def command(
         output.write(grades_json(grades))
         return
     if len(sources) < 2:
-        grades = " ".join(grade_names())
-        msg = f"compare: expected two sources or more, got {sources[0]}; add a log or a grade ({grades})"
+        known = " ".join(grade_names())
+        msg = f"compare: expected two sources or more, got {sources[0]}; add a log or a grade ({known})"
         raise DataError(msg)
     names = [source_name(source) for source in sources]
     found = [load_identification(source, reading, messages, arma=None) for source in sources]

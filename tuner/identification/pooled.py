@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import chi2, norm, t
 
@@ -48,12 +48,12 @@ class RandomEffects:
     p_value: float
 
 
-def random_effects(estimate: Sequence[float], sd: Sequence[float]) -> RandomEffects:
+def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
     """Pool estimates with known standard deviations.
 
     Parameters
     ----------
-    estimate, sd : sequence of float, length n ≥ 2
+    estimate, sd : array_like, shape (n,), n ≥ 2
         Estimates and their standard deviations, in one unit.
 
     Raises
@@ -127,10 +127,9 @@ def pool_coefficients(
     if len(usable) < 2:
         return None
     quantile = float(norm.ppf(0.5 + 0.5 * LEVEL))
-    scale = np.log if logarithmic else np.asarray
-    centre = [float(scale(v.value)) for v in usable]
-    sd = [float(np.ptp(scale(np.array(v.interval)))) / (2.0 * quantile) for v in usable]
-    result = random_effects(centre, sd)
+    numbers = np.array([(v.value, *(v.interval or ())) for v in usable], float)
+    scaled = np.log(numbers) if logarithmic else numbers
+    result = random_effects(scaled[:, 0], (scaled[:, 2] - scaled[:, 1]) / (2.0 * quantile))
     back = math.exp if logarithmic else float
     unit = usable[0].unit
     low, high = result.mean_interval

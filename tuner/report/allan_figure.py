@@ -7,7 +7,7 @@ faded: fewer than about four independent differences stand behind each point the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -97,7 +97,9 @@ def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
     panel.grid(which="major", color="0.88", lw=0.6)
 
 
-def _draw_model(panel: Axes, channel: ChannelIdentification, tau: FloatArray, shown) -> None:  # type: ignore[no-untyped-def]
+def _draw_model(
+    panel: Axes, channel: ChannelIdentification, tau: FloatArray, shown: Callable[[FloatArray], FloatArray]
+) -> None:
     if not channel.model.terms:
         return
     total = channel.model.allan_variance(tau, interval=None)

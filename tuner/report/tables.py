@@ -24,6 +24,13 @@ from tuner.results import (
     Spectrum,
 )
 
+_LEVELS = {
+    "mean": "mean",
+    "sigma_10s": "σ(10 s)",
+    "minimum": "smallest Allan deviation",
+    "floor": "… ÷ 0.664",
+}
+UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 SENSOR_TITLES = {"rad/s": "Gyro", "m/s^2": "Accelerometer"}
 
 
@@ -153,13 +160,9 @@ def _sensor_table(channels: Sequence[ChannelIdentification]) -> Table:
         table.add_row(head, *cells)
     table.add_section()
     level = pretty(customary_unit("level", unit))
-    for head, pick in (
-        (f"mean, {level}", lambda c: c.mean),
-        (f"σ(10 s), {level}", lambda c: c.sigma_10s),
-        (f"smallest Allan deviation, {level}", lambda c: c.minimum),
-        (f"… ÷ 0.664, {level}", lambda c: c.floor),
-    ):
-        table.add_row(head, *(phrase(pick(c), "level", unit, with_unit=False) for c in channels))
+    for head, level_of in _LEVELS.items():
+        values: list[Coefficient] = [getattr(channel, head) for channel in channels]
+        table.add_row(f"{level_of}, {level}", *(phrase(v, "level", unit, with_unit=False) for v in values))
     table.add_row("… at τ, s", *(digits(c.minimum_tau) for c in channels))
     table.add_row("time-series model", *(_arma(c) for c in channels))
     return table
@@ -236,9 +239,6 @@ def comparison_tables(comparison: Comparison) -> list[Table | str]:
     return answer
 
 
-_LEVELS = {"sigma_10s": "σ(10 s)", "minimum": "smallest Allan deviation", "floor": "… ÷ 0.664"}
-
-
 def _ratio(row: ComparedCoefficient) -> str:
     if row.ratio is None:
         return "–"
@@ -273,9 +273,6 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
         ]
         table.add_row(grade.key, grade.title, *cells)
     return [table]
-
-
-UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
 def dialect_tables(dialects: Mapping[str, Exporter]) -> list[Table | str]:
