@@ -13,7 +13,8 @@ interval
     Pooled least-squares slope of t on k; it starts from the median difference. If one straight line explains
     all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing.
 gaps
-    A step over 1.5 p plus the slack of the stamping error is a gap if it shifts the clock against the row
+    A step over 1.5 p, or over p by more than the stamping error explains, is a gap if it shifts the clock
+    against the row
     number for good: a stamp that is late, with hurried ones behind it, is not.
 """
 
@@ -104,9 +105,10 @@ def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray]:
     if resolution == 0.0:
         interval = usual
     scatter = 1.4826 * float(np.median(np.abs(step - usual)))
-    slack = resolution if scatter <= 2.0 * resolution else 4.0 * scatter
+    rounded = scatter <= 2.0 * resolution
     for _ in range(3):
-        candidates = np.flatnonzero(step > 1.5 * interval + slack)
+        excess = 0.5 * interval + resolution if rounded else max(0.5 * interval, 4.0 * scatter)
+        candidates = np.flatnonzero(step > interval + excess)
         missing[:] = 0
         if len(candidates):
             missing[candidates] = _lost(t, step, candidates, interval)
