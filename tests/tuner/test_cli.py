@@ -1,0 +1,317 @@
+"""The command line from end to end: files written, JSON contracts, exit status, one line for bad input."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from tuner.cli import COMMANDS, run
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("log") / "unit.npz"
+    assert run(["simulate", "mpu9250", "--hours", "0.2", "--seed", "3", "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def tuned(log, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("tuned")
+    assert (
+        run(
+            [
+                "tune",
+                str(log),
+                "-o",
+                str(directory),
+                "--gnss",
+                "spp",
+                "--quiet",
+                "--json",
+                str(directory / "all.json"),
+            ]
+        )
+        == 0
+    )
+    return directory
+
+
+def said(capsys):
+    captured = capsys.readouterr()
+    return captured.out, captured.err
+
+
+def refused(capsys, arguments):
+    """Run a command that must fail: status 2, one line, no traceback, nothing on standard output."""
+    assert run([str(a) for a in arguments]) == 2
+    out, err = said(capsys)
+    assert out == ""
+    assert err.startswith("tuner: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    return err
+
+
+def test_every_command_has_help(capsys):
+    for name in COMMANDS:
+        assert run([name, "--help"]) == 0
+        out, _ = said(capsys)
+        assert out.startswith("Usage: tuner " + name)
+
+
+def test_tune_writes_everything_and_names_what_is_absent(tuned):
+    files = {path.name for path in tuned.iterdir()}
+    assert {"noise.yaml", "kalibr.yaml", "kf-gins.yaml", "allan.png", "allan.svg", "result.json"} <= files
+    result = json.loads((tuned / "result.json").read_text())
+    assert result == json.loads((tuned / "all.json").read_text())
+    assert result["schema"] == "tuner.result/1"
+    for part in ("identification", "diagnosis", "consistency", "config"):
+        assert part in result or result["absent"][part]
+
+
+def test_tuned_yaml_is_the_configuration_of_the_result(tuned):
+    config = yaml.safe_load((tuned / "noise.yaml").read_text())
+    assert config["format"] == "tuner-noise/1"
+    assert config == json.loads((tuned / "result.json").read_text())["config"]
+
+
+def test_identification_follows_the_contract(tuned):
+    found = json.loads((tuned / "result.json").read_text())["identification"]
+    assert found["schema"] == "tuner.identification/1"
+    assert set(found["channels"]) == {f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"}
+    for channel in found["channels"].values():
+        assert channel["rate_hz"] == pytest.approx(100.0)
+        assert {"quantization", "white", "bias_instability", "random_walk", "ramp", "gauss_markov"} <= set(
+            channel["terms"]
+        )
+        density = channel["terms"]["white"]["density"]
+        assert density["interval"][0] < density["value"] < density["interval"][1]
+        for name, term in channel["terms"].items():
+            for coefficient in [] if name == "gauss_markov" else term.values():
+                assert set(coefficient) >= {"value", "interval", "upper", "unit"}
+                assert coefficient["value"] is not None or coefficient["upper"] > 0
+
+
+def test_identification_finds_the_simulated_white_noise(tuned, log):
+    truth = json.loads(log.with_name("unit.key.json").read_text())["channels"]
+    found = json.loads((tuned / "result.json").read_text())["identification"]["channels"]
+    for axis, channel in found.items():
+        expected = truth[axis]["terms"]["white"]["density"]
+        # sd(ln N) = 1/√(2n) = 0.26 % at 72 000 samples: six of them.
+        assert channel["terms"]["white"]["density"]["value"] == pytest.approx(expected, rel=0.016)
+
+
+def test_same_seed_same_result(log, tmp_path, capsys):
+    texts = []
+    for name in ("a", "b"):
+        assert run(["tune", str(log), "-o", str(tmp_path / name), "--quiet"]) == 0
+        texts.append((tmp_path / name / "noise.yaml").read_text())
+    assert texts[0] == texts[1]
+
+
+def test_json_on_standard_output_is_alone_there(log, capsys):
+    assert run(["identify", str(log), "--json", "-", "--quiet"]) == 0
+    out, err = said(capsys)
+    assert json.loads(out)["schema"] == "tuner.identification/1"
+    assert err == ""
+
+
+def test_several_logs_are_pooled(log, tmp_path, capsys):
+    other = tmp_path / "again.npz"
+    assert run(["simulate", "mpu9250", "--hours", "0.2", "--seed", "4", "-o", str(other), "--quiet"]) == 0
+    assert run(["identify", str(log), str(other), "--json", "-", "--quiet"]) == 0
+    pooled = json.loads(said(capsys)[0])
+    assert pooled["records"] == ["unit", "again"]
+    white = pooled["channels"]["gyro_x"]["coefficients"]["white.density"]
+    assert len(white["values"]) == 2
+    assert min(white["values"]) <= white["pooled"]["value"] <= max(white["values"])
+
+
+def test_curve_gives_one_value_a_tau(log, capsys):
+    assert run(["curve", str(log), "--tau", "1,10", "--json", "-", "--quiet"]) == 0
+    channel = json.loads(said(capsys)[0])["channels"]["gyro_x"]
+    assert channel["tau"] == pytest.approx([1.0, 10.0])
+    assert channel["estimator"] == "oadev"
+    for low, value, high in zip(channel["lower"], channel["deviation"], channel["upper"], strict=True):
+        assert low < value < high
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        "adev",
+        "twogroup",
+        "mdev",
+        "hdev",
+        "ohdev",
+        "totdev",
+        "theo1",
+        "theobr",
+        "theoh",
+        "nsec",
+        "psd",
+        "acf",
+        "pacf",
+    ],
+)
+def test_every_estimator_answers(log, capsys, estimator):
+    assert run(["curve", str(log), "--estimator", estimator, "--json", "-", "--quiet"]) == 0
+    found = json.loads(said(capsys)[0])
+    assert found["schema"] == "tuner.curve/1"
+    assert set(found["channels"]) == {f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"}
+
+
+def test_plan_of_a_grade_and_of_a_log(log, capsys):
+    for source in ("mpu9250", str(log)):
+        assert run(["plan", source, "--accuracy", "0.2", "--hours", "3", "--json", "-", "--quiet"]) == 0
+        plan = json.loads(said(capsys)[0])["channels"]["gyro_x"]
+        assert plan["parameters"]["white.density"]["shown"]
+
+
+def test_compare_lists_grades_and_compares(log, capsys):
+    assert run(["compare", "--json", "-", "--quiet"]) == 0
+    grades = json.loads(said(capsys)[0])["grades"]
+    assert {
+        "mpu9250",
+        "adis16405",
+        "adis16465",
+        "icm20602",
+        "stim300",
+        "ln200",
+        "kvh1750",
+        "rlg",
+        "fog",
+    } <= set(grades)
+    assert run(["compare", "mpu9250", str(log), "--json", "-", "--quiet"]) == 0
+    ratio = json.loads(said(capsys)[0])["channels"]["gyro_x"]["coefficients"]["white.density"]["ratio"]
+    assert ratio == pytest.approx(1.0, rel=0.02)
+
+
+def test_export_of_a_tuned_configuration(tuned, tmp_path, capsys):
+    file = tmp_path / "imu.yaml"
+    assert run(["export", str(tuned / "noise.yaml"), "--to", "kalibr", "-o", str(file), "--quiet"]) == 0
+    written = yaml.safe_load(file.read_text())
+    assert run(["export", str(tuned / "noise.yaml"), "--to", "kalibr", "--quiet"]) == 0
+    assert yaml.safe_load(said(capsys)[0]) == written
+    assert all(written[key] > 0 for key in written if key != "rostopic")
+
+
+def test_simulated_logs_read_back_in_every_format(tmp_path, capsys):
+    texts = []
+    for ending in ("npz", "csv", "csv.gz"):
+        path = tmp_path / f"unit.{ending}"
+        assert (
+            run(["simulate", "stim300", "--hours", "0.02", "--hide", "line", "-o", str(path), "--quiet"]) == 0
+        )
+        assert run(["curve", str(path), "--tau", "0.1", "--json", "-", "--quiet"]) == 0
+        texts.append(json.loads(said(capsys)[0])["channels"]["gyro_x"]["deviation"])
+    assert texts[1] == pytest.approx(texts[0])
+    assert texts[2] == pytest.approx(texts[0])
+
+
+def test_a_figure_is_drawn(log, tmp_path):
+    figure = tmp_path / "allan.png"
+    assert (
+        run(["identify", str(log), "--figure", str(figure), "--quiet", "--json", str(tmp_path / "x.json")])
+        == 0
+    )
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
+
+
+def csv(rows, header="t,gyro_x,gyro_y,gyro_z"):
+    return header + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n"
+
+
+def noisy(n=2000, rate=100.0, scale=1e-3, seed=1):
+    y = scale * np.random.default_rng(seed).standard_normal((n, 3))
+    return np.column_stack([np.arange(n) / rate, y])
+
+
+def mostly_nan():
+    rows = noisy()
+    rows[::2, 1:] = np.nan
+    return rows
+
+
+def text_in_a_number():
+    lines = csv(noisy()).splitlines()
+    lines[41] = lines[41].replace(lines[41].split(",")[1], "abc")
+    return "\n".join(lines)
+
+
+BAD = {
+    "empty": "",
+    "header only": "t,gyro_x,gyro_y,gyro_z\n",
+    "one column": "t\n" + "\n".join(str(i) for i in range(100)),
+    "text in a number": text_in_a_number(),
+    "mostly NaN rows": csv(mostly_nan()),
+    "constant data": csv(np.column_stack([np.arange(2000) / 100, np.ones((2000, 3))])),
+    "too short": csv(noisy(3)),
+    "unit off": csv(noisy(scale=1e6)),
+    "unknown unit": csv(noisy(), "t,gyro_x [furlong/s],gyro_y [furlong/s],gyro_z [furlong/s]"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("command", ["tune", "identify"])
+def test_bad_logs_are_refused_in_one_line(case, command, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = write(tmp_path / "bad.csv", BAD[case])
+    message = refused(capsys, [command, path, "--quiet"])
+    assert "bad.csv" in message
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_the_place_of_bad_text_is_named(tmp_path, capsys):
+    message = refused(capsys, ["identify", write(tmp_path / "bad.csv", text_in_a_number()), "--quiet"])
+    assert "42" in message
+    assert "abc" in message
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["tune", "absent.csv"],
+        ["identify", "absent.npz"],
+        ["identify"],
+        ["curve", "absent.csv"],
+        ["plan", "nosuchgrade"],
+        ["plan", "mpu9250", "--accuracy", "-1"],
+        ["plan", "mpu9250", "--hours", "0"],
+        ["compare", "mpu9250"],
+        ["compare", "mpu9250", "nosuchgrade"],
+        ["export", "mpu9250", "--to", "nosuchdialect"],
+        ["export", "nosuchgrade", "--to", "kalibr"],
+        ["export"],
+        ["simulate", "nosuchgrade"],
+        ["simulate", "mpu9250", "--hide", "nosucheffect"],
+        ["tune", "--gnss", "nosuchgrade"],
+        ["tune", "--terms", "nosuchterm"],
+        ["identify", "x.csv", "--json", "out.txt"],
+        ["nosuchcommand"],
+        ["tune", "--nosuchoption"],
+    ],
+)
+def test_bad_usage_is_refused_in_one_line(arguments, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(capsys, [*arguments, "--quiet"] if arguments[0] in COMMANDS else arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_rate_is_refused(tmp_path, capsys):
+    message = refused(
+        capsys, ["identify", write(tmp_path / "log.csv", csv(noisy())), "--rate", "400", "--quiet"]
+    )
+    assert "--rate" in message
+
+
+def test_a_configuration_that_is_none_is_refused(tmp_path, capsys):
+    message = refused(capsys, ["export", write(tmp_path / "x.yaml", "format: other/1\n"), "--to", "kalibr"])
+    assert "x.yaml" in message
