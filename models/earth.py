@@ -59,6 +59,13 @@ def radii(sin_lat: Scalar) -> tuple[Scalar, Scalar]:
     return (1.0 - ECCENTRICITY_SQUARED) * normal / w2, normal
 
 
+def radii_gradient(sin_lat: Scalar, cos_lat: Scalar) -> tuple[Scalar, Scalar]:
+    """Return dM/dL and dN/dL, m per rad."""
+    meridian, normal = radii(sin_lat)
+    bend = ECCENTRICITY_SQUARED * sin_lat * cos_lat / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat)
+    return 3.0 * meridian * bend, normal * bend
+
+
 def gravity(sin_lat: Scalar, height: Scalar) -> Scalar:
     """Return normal gravity γ, m/s², pointing down."""
     s2 = sin_lat * sin_lat
@@ -94,7 +101,7 @@ def transport_rate(sin_lat: Scalar, cos_lat: Scalar, height: Scalar, vel_n: Vec)
     return (east, -vel_n[0] / (meridian + height), -east * sin_lat / cos_lat)
 
 
-KERNELS = (radii, gravity, gravity_gradient, earth_rate, transport_rate)
+KERNELS = (radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate)
 
 
 def ecef_from_llh(llh: ArrayLike) -> FloatArray:

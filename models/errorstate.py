@@ -24,10 +24,10 @@ the mechanisation, each with the mean of its driver over the step::
     b⁺ = e^{−dt/T} b                      exact, with variance q² T/2 (1 − e^{−2dt/T}), or q² dt for T = ∞
     Qd = Γ diag(N²/dt) Γᵀ                 Γ: answer of the same step to a constant sensor error
 
-C and f_n belong to the middle of the step. The chain bias → attitude → velocity → position is of second
-order: after n steps its relative error is at most 1/n². Terms with the Earth or transport rate are of first
-order, with a relative error of 1/n on top of their own size; holding a Gauss–Markov bias changes its
-integrated variance by (dt/T)²/12.
+C and f_n belong to the middle of the step. Against the continuous equations, after n steps: the chain bias →
+attitude → velocity → position has the relative error 1/n²; terms with the Earth or transport rate 1/n of
+their own, small, size; and since the drive of a bias acts from the next step on, its share of the variance is
+smaller by 3/(2n) at most. A stationary Gauss–Markov bias integrates to a variance larger by (dt/T)²/12.
 
 References
 ----------
@@ -49,12 +49,12 @@ from models import rotation
 from models.calibration import IDEAL, Calibration, sensor_jacobian
 from models.earth import (
     EARTH_RATE,
-    ECCENTRICITY_SQUARED,
     earth_rate,
     gravity_gradient,
     llh_displaced,
     ned_between,
     radii,
+    radii_gradient,
     transport_rate,
 )
 from models.layout import ErrorModel
@@ -79,9 +79,8 @@ def coupling(pos: Vec, vel: Vec) -> tuple[Mat, Mat, Mat, Mat, Mat, Vec]:
     north, east, down = vel
     meridian, normal = radii(sin_lat)
     m, n = meridian + height, normal + height
-    # Derivatives of the radii by a displacement to the north: (dM/dL)/m and (dN/dL)/m.
-    bend = ECCENTRICITY_SQUARED * sin_lat * cos_lat / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat) / m
-    dm, dn = 3.0 * meridian * bend, normal * bend
+    by_lat_m, by_lat_n = radii_gradient(sin_lat, cos_lat)
+    dm, dn = by_lat_m / m, by_lat_n / m  # by a metre to the north
     e, p = east / n, north / m
 
     f_rr = (

@@ -100,6 +100,15 @@ class Motion(Protocol):
         """Return the motion at the times t, s, shape (n,)."""
 
 
+def times_within(t: ArrayLike, duration: float) -> FloatArray:
+    """Return the times as an array, or refuse those outside 0 … `duration` (a nanosecond is let pass)."""
+    t = np.atleast_1d(np.asarray(t, dtype=float))
+    if t.size and not (t.min() >= -1e-9 and t.max() <= duration + 1e-9):
+        msg = f"'t' must lie in 0 … {duration} s, got {t.min()} … {t.max()}"
+        raise ValueError(msg)
+    return t
+
+
 def motion_state(
     t: FloatArray, llh: FloatArray, vel_n: FloatArray, acc_n: FloatArray, rpy: FloatArray, rpy_dot: FloatArray
 ) -> MotionState:
@@ -199,10 +208,7 @@ class Trajectory:
 
     def evaluate(self, t: ArrayLike) -> MotionState:
         """Return the motion at the times t, s, shape (n,)."""
-        t = np.atleast_1d(np.asarray(t, dtype=float))
-        if t.size and not (t.min() >= -1e-9 and t.max() <= self.duration + 1e-9):
-            msg = f"'t' must lie in 0 … {self.duration} s, got {t.min()} … {t.max()}"
-            raise ValueError(msg)
+        t = times_within(t, self.duration)
         s, s_dot = self.speed(t), self.speed.derivative(t)
         rpy = np.stack([self.roll(t), self.pitch(t), self.heading(t)], axis=-1)
         rpy_dot = np.stack([p.derivative(t) for p in (self.roll, self.pitch, self.heading)], axis=-1)

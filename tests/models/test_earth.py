@@ -105,6 +105,14 @@ def test_gravity_gradient_against_finite_difference():
         np.testing.assert_allclose(by_height, numeric / 20.0, atol=1e-14)
 
 
+def test_radii_gradient_against_finite_difference():
+    step = 1e-5
+    numeric = (np.array(earth.radii(np.sin(LATITUDES + step))) - earth.radii(np.sin(LATITUDES - step))) / (
+        2 * step
+    )
+    np.testing.assert_allclose(earth.radii_gradient(np.sin(LATITUDES), np.cos(LATITUDES)), numeric, atol=1e-3)
+
+
 def test_transport_rate_is_the_turning_of_the_local_axes():
     lat, lon, height, vel = 0.7, 0.3, 500.0, (120.0, -80.0, 5.0)
     metres = earth.metres_per_radian([lat, lon, height])

@@ -1,0 +1,89 @@
+"""Motions through given points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models import earth, rotation
+from models.motion import imu_increments
+from models.strapdown import mechanize
+from models.track import Track, smoothed_track
+from models.trajectories import TRAJECTORIES
+
+
+def _sampled(name, duration, interval=1.0):
+    motion = TRAJECTORIES[name](duration)
+    t = np.arange(0.0, duration + 1e-9, interval)
+    return motion, t, motion.position(t)
+
+
+def test_track_passes_through_its_points():
+    _, t, llh = _sampled("s_turns", 60.0)
+    state = Track("track", t + 5.0, llh).evaluate(t)
+    np.testing.assert_allclose(earth.ned_between(state.llh, llh), 0.0, atol=1e-7)
+
+
+def test_dense_track_resembles_the_motion_it_came_from():
+    motion, t, llh = _sampled("s_turns", 60.0)
+    inner = np.linspace(10.0, 50.0, 401)
+    track, truth = Track("track", t, llh).evaluate(inner), motion.evaluate(inner)
+    np.testing.assert_allclose(earth.ned_between(track.llh, truth.llh), 0.0, atol=2e-3)
+    np.testing.assert_allclose(track.vel_n, truth.vel_n, atol=5e-3)
+    np.testing.assert_allclose(track.acc_n, truth.acc_n, atol=3e-2)
+    np.testing.assert_allclose(track.rpy[:, 1:], truth.rpy[:, 1:], atol=2e-3)
+
+
+def test_acceleration_is_the_derivative_of_velocity():
+    _, t, llh = _sampled("climb", 60.0)
+    track, at, step = Track("track", t, llh), np.linspace(1.0, 59.0, 100), 1e-3
+    numeric = (track.evaluate(at + step).vel_n - track.evaluate(at - step).vel_n) / (2 * step)
+    np.testing.assert_allclose(track.evaluate(at).acc_n, numeric, atol=1e-5)
+
+
+def test_perfect_increments_lead_back_to_the_track():
+    _, t, llh = _sampled("s_turns", 60.0)
+    track = Track("track", t, llh)
+    dtheta, dvel = imu_increments(track, 0.01)
+    end = mechanize(track.evaluate([0.0]).at(0), dtheta, dvel, 0.01)
+    truth = track.evaluate(0.01 * np.arange(len(dtheta) + 1))
+    assert np.abs(earth.ned_between(end.llh, truth.llh)).max() < 1e-3
+
+
+def test_standstill_keeps_its_course():
+    _, t, llh = _sampled("city", 120.0)
+    state = Track("track", t, llh).evaluate(np.linspace(110.0, 119.0, 50))
+    assert np.ptp(state.rpy[:, 2]) < 0.02
+
+
+def test_banked_turn_feels_no_side_force():
+    _, t, llh = _sampled("circle", 60.0)
+    state = Track("track", t, llh, banked=True).evaluate(np.linspace(10.0, 50.0, 200))
+    assert np.abs(state.f_b[:, 1]).max() < 0.02
+    assert state.rpy[:, 0].min() > 0.15
+
+
+def test_smoothing_takes_noise_away():
+    motion, t, llh = _sampled("s_turns", 200.0)
+    noisy = earth.llh_displaced(llh, 0.5 * np.random.default_rng(5).standard_normal((len(t), 3)))
+    track = smoothed_track("track", t, noisy).evaluate(t)
+    error = earth.ned_between(track.llh, motion.position(t))
+    assert np.sqrt(np.mean(error**2)) < 0.45
+    assert np.sqrt(np.mean((track.vel_n - motion.evaluate(t).vel_n) ** 2)) < 0.5
+    np.testing.assert_allclose(
+        track.mat_nb @ np.swapaxes(track.mat_nb, -1, -2), np.tile(np.eye(3), (len(t), 1, 1)), atol=1e-12
+    )
+    assert rotation.rpy_from_mat(track.mat_nb).shape == (len(t), 3)
+
+
+@pytest.mark.parametrize(
+    ("t", "llh"),
+    [
+        (np.arange(5.0), np.zeros((5, 3))),
+        (np.arange(8.0), np.zeros((8, 2))),
+        (np.zeros(8), np.zeros((8, 3))),
+    ],
+)
+def test_impossible_points_are_refused(t, llh):
+    with pytest.raises(ValueError, match="'t'"):
+        Track("track", t, llh)
