@@ -40,7 +40,7 @@ def sizes(m: ArrayLike, *, least: int, most: int, samples: int) -> IntArray:
         If a size lies outside ``least … most``.
     """
     given = np.atleast_1d(np.asarray(m))
-    whole: IntArray = np.rint(given).astype(np.int64)
+    whole: IntArray = np.where(np.isfinite(given), np.rint(given), -1).astype(np.int64)
     wrong = given[(whole < least) | (whole > most) | (whole != given)]
     if wrong.size:
         bounds = f"whole numbers from {least} to {most}" if most >= least else "a longer record: none fits"

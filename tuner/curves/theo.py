@@ -69,7 +69,7 @@ def averaged(n: int) -> int:
 
 
 def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
-    """Return the sizes nearest to m that `theo1` takes for a record of n samples."""
+    """Return the sizes nearest to m, shape (q,), up to n, that `theo1` takes for a record of n samples."""
     wanted = np.atleast_1d(np.asarray(m, dtype=float))
     pair = 2 * stride(n, np.rint(wanted).astype(np.int64))
     size = np.rint(wanted / pair).astype(np.int64) * pair
@@ -158,7 +158,8 @@ def bias_ratio(y: ArrayLike, *, reach: float = 0.1) -> float:
     steps = np.arange(count)
     reference = overlapping_allan(samples, 9 + 3 * steps)
     every = theo1_all(samples, 12 + 4 * (count - 1))
-    return float(np.mean(reference / every[1 + 2 * steps]))
+    raw = every[1 + 2 * steps]
+    return float(np.mean(np.divide(reference, raw, out=np.ones_like(raw), where=raw > 0.0)))
 
 
 def theo_br(y: ArrayLike, m: ArrayLike, *, reach: float = 0.1) -> FloatArray:
