@@ -7,38 +7,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from types import MappingProxyType
 
-from tuner.exporters import kalibr, kf_gins, native
-from tuner.exporters.figures import Target
+from tuner.exporters import (
+    ardupilot,
+    fastlio,
+    gazebo,
+    gnss_ins_sim,
+    gtsam,
+    kalibr,
+    kf_gins,
+    liosam,
+    matlab,
+    native,
+    navego,
+    openvins,
+    orbslam3,
+    px4,
+    pyins,
+    robot_localization,
+    vins,
+)
+from tuner.exporters.figures import Exporter, Target
 from tuner.records import DataError
 from tuner.results import FilterConfig
 from tuner.synthesis.equivalents import MEMORY
 
 __all__ = ["DIALECTS", "Exporter", "Target", "export"]
 
-
-@dataclass(frozen=True)
-class Exporter:
-    """A dialect: what it is for, its units, and the function that writes it."""
-
-    name: str
-    title: str
-    units: str
-    write: Callable[[FilterConfig, Target], str]
-
+_NATIVE = Exporter("native", "our own configuration", "SI", lambda config, _: native.dumps(config))
+_OTHERS = (
+    kalibr,
+    openvins,
+    vins,
+    orbslam3,
+    liosam,
+    fastlio,
+    kf_gins,
+    navego,
+    gtsam,
+    px4,
+    ardupilot,
+    robot_localization,
+    gnss_ins_sim,
+    matlab,
+    gazebo,
+    pyins,
+)
 
 DIALECTS: Mapping[str, Exporter] = MappingProxyType(
-    {
-        exporter.name: exporter
-        for exporter in (
-            Exporter("native", "our own configuration", "SI", lambda config, _: native.dumps(config)),
-            Exporter("kalibr", "Kalibr imu.yaml", kalibr.UNITS, kalibr.write),
-            Exporter("kf-gins", "KF-GINS kf-gins.yaml", kf_gins.UNITS, kf_gins.write),
-        )
-    }
+    {exporter.name: exporter for exporter in (_NATIVE, *(module.EXPORTER for module in _OTHERS))}
 )
 """Every dialect by name."""
 
@@ -64,8 +83,7 @@ def export(
     step : float, optional
         Prediction step of the target, s, for filters that predict at another rate than the IMU's.
     memory : float, optional
-        Time over which the target renews its biases, s: where a random walk or one state stands for richer
-        models.
+        Time over which the target renews its biases, s: where a random walk or one state stands for more.
 
     Raises
     ------

@@ -20,6 +20,10 @@ SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
 
 
+DEFAULT_TIME_CONSTANT = 3600.0
+"""Time constant, s, of one-state targets where the configuration has no Gauss–Markov state."""
+
+
 @dataclass(frozen=True)
 class Target:
     """The filter that will read an export.
@@ -37,6 +41,16 @@ class Target:
     interval: float
     step: float = 0.01
     memory: float = MEMORY
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """A dialect: its name, what it is for, its units, and the function that writes it."""
+
+    name: str
+    title: str
+    units: str
+    write: Callable[[FilterConfig, Target], str]
 
 
 @dataclass(frozen=True)
@@ -64,6 +78,50 @@ def rms(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], f
         return Figure(value, note)
     spread = ", ".join(f"{c.axis.rpartition('_')[2]} {v:.4g}" for c, v in zip(channels, values, strict=True))
     return Figure(value, f"{note}; rms of {spread}")
+
+
+def mean(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
+    """Return the mean of a variance over the axes, with its spread in the note."""
+    figure = rms(channels, lambda channel: math.sqrt(quantity(channel)), note)
+    if len(channels) == 1:
+        return Figure(figure.value**2, note)
+    spread = ", ".join(f"{c.axis.rpartition('_')[2]} {quantity(c):.4g}" for c in channels)
+    return Figure(figure.value**2, f"{note}; mean of {spread}")
+
+
+def triple(
+    channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str
+) -> tuple[list[float], str]:
+    """Return three values, one an axis, and a note; where axes are missing, the rms of the others thrice."""
+    if len(channels) == 3:
+        return [quantity(channel) for channel in channels], note
+    figure = rms(channels, quantity, note)
+    return [figure.value] * 3, f"{figure.note} ({len(channels)} of 3 axes known)"
+
+
+def longest_time(config: FilterConfig) -> float:
+    """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
+    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
+    return max(times, default=DEFAULT_TIME_CONSTANT)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Range a target clamps a parameter to."""
+
+    low: float
+    high: float
+
+
+def limited(figure: Figure, limits: Limits) -> Figure:
+    """Return a figure within the limits of its target; where it had to be moved, the note says so."""
+    value = min(max(figure.value, limits.low), limits.high)
+    if value == figure.value:
+        return figure
+    moved = (
+        f"WARNING {figure.value:.4g} is outside [{limits.low:g}, {limits.high:g}] and was set to {value:g}"
+    )
+    return Figure(value, f"{figure.note}; {moved}")
 
 
 def white(channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0) -> Figure:

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.figures import Target, provenance, triad, walk, white
+from tuner.exporters.figures import Exporter, Target, provenance, triad, walk, white
 from tuner.exporters.yamltext import Noted, yaml_text
 from tuner.results import FilterConfig
-
-UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
 
 
 def noise_entries(config: FilterConfig, target: Target) -> dict[str, Any]:
@@ -35,3 +33,8 @@ def write(config: FilterConfig, target: Target) -> str:
         **noise_entries(config, target),
     }
     return yaml_text(tree, header=provenance(config, "Kalibr imu.yaml", walk_memory=target.memory))
+
+
+EXPORTER = Exporter(
+    "kalibr", "Kalibr imu.yaml", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
+)

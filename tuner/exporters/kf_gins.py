@@ -1,10 +1,9 @@
 """KF-GINS ``kf-gins.yaml``: white noise and Gauss–Markov biases with one correlation time.
 
-arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h
-= T/3600; the filter forms 2σ²/T. Its one T is the longest time constant in the configuration (1 h where
-there is none), and each σ is refitted at that T so that the bias wanders as far over the memory as the
-modelled one. Initial sds are the turn-on constants; scale factors are not identified by a static log and
-stay at zero uncertainty only if the user wants so.
+arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5,
+corrtime h = T/3600; the filter forms 2σ²/T. Its one T is the longest time constant of the configuration (1 h
+without any), and each σ is refitted at that T so that the bias wanders as far over the memory as the modelled
+one. Initial sds are the turn-on constants; the sd of scale factors is assumed: a static log does not show it.
 """
 
 from __future__ import annotations
@@ -13,29 +12,18 @@ from collections.abc import Callable
 from typing import Any
 
 from models.units import from_si
-from tuner.exporters.figures import Target, provenance, rms, triad
+from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad, triple
 from tuner.exporters.yamltext import Inline, Noted, yaml_text
 from tuner.results import ChannelNoise, FilterConfig
 from tuner.synthesis.equivalents import equivalent_markov_sd
-
-UNITS = "deg/√h, m/s/√h, deg/h, mGal, ppm, h"
-
-DEFAULT_TIME_CONSTANT = 3600.0
-"""Correlation time, s, where no state of the configuration has one."""
 
 SCALE_FACTOR_SD = 300.0
 """Scale-factor sd, ppm: assumed, as a static log cannot show it."""
 
 
-def correlation_time(config: FilterConfig) -> float:
-    """Return the one time constant of the target, s: the longest in the configuration."""
-    times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
-    return max(times, default=DEFAULT_TIME_CONSTANT)
-
-
 def write(config: FilterConfig, target: Target) -> str:
     """Return the ``imunoise`` and initial-bias entries of KF-GINS."""
-    time_constant = correlation_time(config)
+    time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
 
     def sd(channel: ChannelNoise) -> float:
@@ -63,12 +51,12 @@ def write(config: FilterConfig, target: Target) -> str:
 
 
 def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Noted:
-    """Return the three values a vector needs; where an axis is missing, the rms of the others thrice."""
-    if len(channels) == 3:
-        return Noted(Inline([quantity(channel) for channel in channels]), note)
-    figure = rms(channels, quantity, note)
-    return Noted(Inline([figure.value] * 3), f"{figure.note}, as the configuration lacks an axis")
+    values, words = triple(channels, quantity, note)
+    return Noted(Inline(values), words)
 
 
 def _scale() -> Noted:
     return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")
+
+
+EXPORTER = Exporter("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)

@@ -1,0 +1,45 @@
+"""FAST-LIO and FAST-LIO2: variances per IMU step, as the filter adds (dt F) Q (dt F)'.
+
+acc_cov, gyr_cov = N² / dt        b_acc_cov, b_gyr_cov = K² / dt
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tuner.exporters.figures import Exporter, Target, mean, provenance, triad
+from tuner.exporters.yamltext import yaml_text
+from tuner.results import ChannelNoise, FilterConfig
+from tuner.synthesis.equivalents import equivalent_random_walk
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the mapping entries of FAST-LIO."""
+
+    def white(channel: ChannelNoise) -> float:
+        return channel.white_density**2 / target.interval
+
+    def walk(channel: ChannelNoise) -> float:
+        return equivalent_random_walk(channel, memory=target.memory) ** 2 / target.interval
+
+    entries: dict[str, Any] = {}
+    quantities: tuple[tuple[str, str, str, Callable[[ChannelNoise], float]], ...] = (
+        ("acc_cov", "accel", "(m/s²)²; N²/dt", white),
+        ("gyr_cov", "gyro", "(rad/s)²; N²/dt", white),
+        ("b_acc_cov", "accel", "(m/s³)²; K²/dt", walk),
+        ("b_gyr_cov", "gyro", "(rad/s²)²; K²/dt", walk),
+    )
+    for key, sensor, note, quantity in quantities:
+        if channels := triad(config, sensor):
+            entries[key] = mean(channels, quantity, note).noted()
+    header = (
+        *provenance(config, "FAST-LIO: mapping entries", walk_memory=target.memory),
+        f"dt = {target.interval:g} s of the IMU",
+    )
+    return yaml_text({"mapping": entries}, header=header)
+
+
+EXPORTER = Exporter(
+    "fastlio", "FAST-LIO and FAST-LIO2 YAML", "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)", write
+)

@@ -1,0 +1,51 @@
+"""Gazebo SDF: noise elements of an IMU sensor, per sample, with one Gauss–Markov bias an axis.
+
+stddev = N/√dt of a sample; dynamic_bias_stddev = σ√(2/T), the driving density and not the sd of the bias;
+dynamic_bias_correlation_time = T; bias_stddev = turn-on sd.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad
+from tuner.results import ChannelNoise, FilterConfig
+from tuner.synthesis.equivalents import equivalent_markov_sd
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the ``imu`` element."""
+    time = longest_time(config)
+    header = (
+        *provenance(config, "Gazebo SDF: noise of an IMU sensor"),
+        "stddev = N/√dt; dynamic_bias_stddev = σ√(2/T), a driving density; bias_stddev: turn-on sd",
+        f"dt = {target.interval:g} s; one T = {time:g} s",
+        f"σ lets the bias wander as far in {target.memory:g} s as the modelled one",
+    )
+    body = "".join(
+        f"  <{element}>\n{''.join(_axis(c, time, target) for c in triad(config, sensor))}  </{element}>\n"
+        for sensor, element in (("gyro", "angular_velocity"), ("accel", "linear_acceleration"))
+        if triad(config, sensor)
+    )
+    remarks = "\n".join(" ".join(line.split()).replace("--", "–") for line in header)
+    return f"<!--\n{remarks}\n-->\n<imu>\n{body}</imu>\n"
+
+
+def _axis(channel: ChannelNoise, time: float, target: Target) -> str:
+    letter = channel.axis.rpartition("_")[2]
+    sd = equivalent_markov_sd(channel, time, memory=target.memory)
+    entries = {
+        "mean": 0.0,
+        "stddev": channel.white_density / math.sqrt(target.interval),
+        "bias_mean": 0.0,
+        "bias_stddev": channel.constant_sd,
+        "dynamic_bias_stddev": sd * math.sqrt(2.0 / time),
+        "dynamic_bias_correlation_time": time,
+    }
+    noise = "".join(f"        <{name}>{value!r}</{name}>\n" for name, value in entries.items())
+    return f'    <{letter}>\n      <noise type="gaussian">\n{noise}      </noise>\n    </{letter}>\n'
+
+
+EXPORTER = Exporter(
+    "gazebo", "Gazebo SDF noise elements", "rad/s, m/s² (per sample), rad/s/√s, m/s²/√s, s", write
+)

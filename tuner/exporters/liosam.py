@@ -1,0 +1,32 @@
+"""LIO-SAM ``params.yaml``: continuous densities for GTSAM's preintegration.
+
+imuAccNoise m/s²/√Hz, imuGyrNoise rad/s/√Hz, imuAccBiasN m/s³/√Hz, imuGyrBiasN rad/s²/√Hz, imuGravity m/s².
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from models.units import STANDARD_GRAVITY
+from tuner.exporters.figures import Exporter, Target, provenance, triad, walk, white
+from tuner.exporters.yamltext import Noted, yaml_text
+from tuner.results import FilterConfig
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the IMU entries of LIO-SAM."""
+    entries: dict[str, Any] = {}
+    if accel := triad(config, "accel"):
+        entries["imuAccNoise"] = white(accel, "m/s²/√Hz; N").noted()
+        entries["imuAccBiasN"] = walk(accel, "m/s³/√Hz; K", target).noted()
+    if gyro := triad(config, "gyro"):
+        entries["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N").noted()
+        entries["imuGyrBiasN"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
+    entries["imuGravity"] = Noted(STANDARD_GRAVITY, "m/s²")
+    header = provenance(config, "LIO-SAM: IMU entries of params.yaml", walk_memory=target.memory)
+    return yaml_text({"lio_sam": entries}, header=header)
+
+
+EXPORTER = Exporter(
+    "liosam", "LIO-SAM params.yaml", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
+)

@@ -1,0 +1,37 @@
+"""pyins: a Python snippet with the two ``EstimationModel`` objects, SI; its biases are random walks."""
+
+from __future__ import annotations
+
+from tuner.exporters.figures import Exporter, Target, provenance, triad, triple
+from tuner.exporters.scripts import commented, vector
+from tuner.results import ChannelNoise, FilterConfig
+from tuner.synthesis.equivalents import equivalent_random_walk
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return a Python module with ``gyro_model`` and ``accel_model``."""
+
+    def walk(channel: ChannelNoise) -> float:
+        return equivalent_random_walk(channel, memory=target.memory)
+
+    text = "from pyins.inertial_sensor import EstimationModel\n"
+    for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s²")):
+        channels = triad(config, sensor)
+        if not channels:
+            continue
+        constant, constant_note = triple(channels, lambda c: c.constant_sd, f"{unit}; turn-on sd")
+        white, white_note = triple(channels, lambda c: c.white_density, f"{unit}/√Hz; N")
+        drive, drive_note = triple(channels, walk, f"{unit}/√s; K")
+        text += (
+            f"\n{sensor}_model = EstimationModel(\n"
+            f"    bias_sd={vector(constant)},  # {constant_note}\n"
+            f"    noise={vector(white)},  # {white_note}\n"
+            f"    bias_walk={vector(drive)},  # {drive_note}\n)\n"
+        )
+    header = provenance(config, "pyins estimation models", walk_memory=target.memory)
+    return commented(header, "#") + text
+
+
+EXPORTER = Exporter(
+    "pyins", "pyins estimation models (Python)", "rad/s, rad/s/√Hz, rad/s/√s, m/s², m/s²/√Hz, m/s²/√s", write
+)

@@ -1,0 +1,58 @@
+"""robot_localization: it has no bias state, so the noise of the IMU belongs into the messages of its driver.
+
+angular_velocity_covariance = N²/dt (rad/s)², linear_acceleration_covariance = N²/dt (m/s²)², per sample. The
+filter's own ``process_noise_covariance`` (state² per second) describes the vehicle, which a sensor does not
+know: it is left alone. initial_estimate_covariance, 15 values, comes from P0.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tuner.exporters.figures import Exporter, Target, provenance, triad, triple
+from tuner.exporters.yamltext import Inline, Noted, yaml_text
+from tuner.results import FilterConfig
+
+_ORDER = "diagonal: m², rad², (m/s)², (rad/s)², (m/s²)²; for the last two the turn-on variance"
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return driver covariances and the initial covariance."""
+    message: dict[str, Any] = {}
+    rates: dict[str, list[float]] = {"gyro": [1e-9] * 3, "accel": [1e-9] * 3}
+    for sensor, key, unit in (
+        ("gyro", "angular_velocity_covariance", "(rad/s)²"),
+        ("accel", "linear_acceleration_covariance", "(m/s²)²"),
+    ):
+        if channels := triad(config, sensor):
+            variances, note = triple(
+                channels, lambda c: c.white_density**2 / target.interval, f"{unit}; N²/dt"
+            )
+            message[key] = Noted(Inline(_diagonal(variances)), note)
+            rates[sensor], _ = triple(channels, lambda c: c.constant_sd**2, "")
+    start = config.initial
+    diagonal = [
+        *[start.position**2] * 3,
+        *[start.tilt**2] * 2,
+        start.heading**2,
+        *[start.velocity**2] * 3,
+        *rates["gyro"],
+        *rates["accel"],
+    ]
+    parameters = {"initial_estimate_covariance": Noted(Inline(diagonal), _ORDER)}
+    tree = {"imu_message": message, "ekf_filter_node": {"ros__parameters": parameters}}
+    header = (
+        *provenance(config, "robot_localization: covariances of the sensor_msgs/Imu messages, and P0"),
+        "no bias state in this filter: biases are left out; process_noise_covariance describes the vehicle",
+        f"dt = {target.interval:g} s of the IMU",
+    )
+    return yaml_text(tree, header=header)
+
+
+def _diagonal(values: list[float]) -> list[float]:
+    return [values[i] if i == j else 0.0 for i in range(3) for j in range(3)]
+
+
+EXPORTER = Exporter(
+    "robot-localization", "robot_localization YAML", "(rad/s)², (m/s²)² (per sample); m², rad², (m/s)²", write
+)

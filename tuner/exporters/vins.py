@@ -1,0 +1,43 @@
+"""VINS-Mono, VINS-Fusion, GVINS: figures per sample of a mid-point integration, whatever their names say.
+
+The code adds (0.25 + 0.25) dt² acc_n² to the variance of a velocity increment and dt² acc_w² to that of a
+bias. The true growth N² dt and K² dt is had with
+
+    acc_n, gyr_n = N √(2/dt)        acc_w, gyr_w = K / √dt
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from models.units import STANDARD_GRAVITY
+from tuner.exporters.figures import Exporter, Target, provenance, triad, walk, white
+from tuner.exporters.yamltext import Noted, yaml_text
+from tuner.results import FilterConfig
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the noise entries of a VINS configuration."""
+    density, drive = math.sqrt(2.0 / target.interval), 1.0 / math.sqrt(target.interval)
+    entries: dict[str, Any] = {}
+    if accel := triad(config, "accel"):
+        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", factor=density).noted()
+        entries["acc_w"] = walk(accel, "m/s³; K/√dt", target, factor=drive).noted()
+    if gyro := triad(config, "gyro"):
+        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", factor=density).noted()
+        entries["gyr_w"] = walk(gyro, "rad/s²; K/√dt", target, factor=drive).noted()
+    entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
+    header = (
+        *provenance(config, "VINS: noise entries of the estimator's YAML", walk_memory=target.memory),
+        f"dt = {target.interval:g} s of the IMU",
+    )
+    return "%YAML:1.0\n" + yaml_text(entries, header=header)
+
+
+EXPORTER = Exporter(
+    "vins",
+    "VINS-Mono, VINS-Fusion, GVINS YAML",
+    "rad/s, rad/s², m/s², m/s³ (per IMU sample, mid-point)",
+    write,
+)
