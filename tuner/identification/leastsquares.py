@@ -30,7 +30,8 @@ from scipy.stats import chi2
 
 from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 from tuner.identification.covariance import allan_covariance
-from tuner.identification.octaves import CurveProblem, OctaveCurve, parameter_names
+from tuner.identification.estimates import parameter_names
+from tuner.identification.octaves import CurveProblem, OctaveCurve
 
 FloatArray = NDArray[np.float64]
 
@@ -170,35 +171,41 @@ def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, F
     return dof, covariance / np.outer(sd, sd) * np.outer(log_sd, log_sd)
 
 
-def misfit(curve: OctaveCurve, model: NoiseModel, parameters: int) -> tuple[float, int, float, FloatArray]:
-    """Judge a model that was fitted by other means against the Allan curve.
+@dataclass(frozen=True)
+class Misfit:
+    """How an Allan curve contradicts a sum of terms.
 
-    Parameters
+    Attributes
     ----------
-    curve : OctaveCurve
-        What was measured.
-    model : NoiseModel
-        Fitted sum of terms.
-    parameters : int
-        Number of its parameters that came from the same record.
+    statistic, freedom, p_value
+        χ² of ln(measured/model) under its full covariance, its degrees of freedom (points less parameters, at
+        least 1) and its upper tail.
+    tau : float
+        Cluster time of the point that stands out most, s.
+    ratio : float
+        Measured ÷ modelled Allan deviation there.
+    """
 
-    Returns
-    -------
-    statistic : float
-        χ² of ln(measured/model) under its full covariance.
-    freedom : int
-        Points less parameters, at least 1.
-    p_value : float
-        Upper tail of χ²; the fit need not minimise this statistic, so that it errs to the small side.
-    residual : ndarray, shape (k,)
-        Measured ÷ modelled Allan deviation.
+    statistic: float
+    freedom: int
+    p_value: float
+    tau: float
+    ratio: float
+
+
+def misfit(curve: OctaveCurve, model: NoiseModel) -> Misfit:
+    """Judge a model that was fitted to the same record by other means against the Allan curve.
+
+    The fit need not minimise this χ², so that its probability errs to the small side.
     """
     dof, sigma = log_covariance(model, curve)
     mean = model.allan_variance(curve.tau, interval=curve.interval)
     residual = np.log(curve.variance) - _log_bias(dof) - np.log(mean)
     statistic = float(residual @ np.linalg.solve(sigma, residual))
-    freedom = max(len(curve.m) - parameters, 1)
-    return statistic, freedom, float(chi2.sf(statistic, freedom)), np.exp(0.5 * residual)
+    freedom = max(len(curve.m) - len(parameter_names(model)), 1)
+    worst = int(np.argmax(np.abs(residual) / np.sqrt(np.diag(sigma))))
+    ratio = float(np.exp(0.5 * residual[worst]))
+    return Misfit(statistic, freedom, float(chi2.sf(statistic, freedom)), float(curve.tau[worst]), ratio)
 
 
 def _log_bias(dof: FloatArray) -> FloatArray:

@@ -87,18 +87,6 @@ class OctaveCurve:
         return cls(m, total / number, lengths, interval)
 
 
-def parameter_names(model: NoiseModel) -> tuple[str, ...]:
-    """Return the names of the parameters of a sum, such as ``white.density`` and ``gauss_markov_2.sd``."""
-    names: list[str] = []
-    seen: list[str] = []
-    for term in model.terms:
-        seen.append(term.name)
-        repeat = seen.count(term.name)
-        label = term.name if repeat == 1 else f"{term.name}_{repeat}"
-        names += [f"{label}.{parameter}" for parameter in term.PARAMETERS]
-    return tuple(names)
-
-
 @dataclass(frozen=True)
 class CurveProblem:
     """ln AVAR of a sum of terms as a function of the logarithms of its parameters."""
@@ -138,7 +126,7 @@ class CurveProblem:
         for unit in self.terms:
             own = np.exp(theta[at : at + len(unit.PARAMETERS)]).tolist()
             values = dict(zip(unit.PARAMETERS, own, strict=True))
-            terms.append(replace(unit, **values))  # type: ignore[type-var]
+            terms.append(replace(unit, **values))
             at += len(values)
         return NoiseModel(tuple(terms))
 
@@ -153,7 +141,7 @@ class CurveProblem:
 
             def curve(logs: FloatArray, unit: Term = unit) -> FloatArray:
                 values = dict(zip(unit.PARAMETERS[1:], np.exp(logs).tolist(), strict=True))
-                term = replace(unit, **values)  # type: ignore[type-var]
+                term = replace(unit, **values)
                 return np.asarray(term.allan_variance(self.curve.tau, interval=self.curve.interval))
 
             logs = theta[at + 1 : at + size]

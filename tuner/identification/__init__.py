@@ -1,0 +1,13 @@
+"""What noise is in a sensor: a sum of terms with intervals, from samples at rest.
+
+`identify` answers for all channels of a log, `identify_channel` for one. The parts: `slopes`,
+`leastsquares` and `likelihood` give coefficients; `selection` chooses the terms; `preprocess` and `arma`
+make the time-series model; `means` judges the constants; `pooled` joins several logs of one sensor.
+"""
+
+from __future__ import annotations
+
+from tuner.identification.channel import METHODS, identify_channel
+from tuner.identification.log import identify
+
+__all__ = ["METHODS", "identify", "identify_channel"]

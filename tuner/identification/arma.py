@@ -1,0 +1,259 @@
+"""ARMA model of a channel: order, coefficients with intervals, tests of what is left, and the answer "white".
+
+The series is prepared as the MEMS papers do (`tuner.identification.preprocess`); its correlograms
+suggest a class; orders up to (3, 3) are compared by BIC = −2 ln L + k ln n or AIC = −2 ln L + 2k, L the fast
+likelihood of the log-binned periodogram or, `exact`, the innovations likelihood of statsmodels on a shorter
+block.
+
+A record of white noise often "chooses" an ARMA(1,1) whose roots nearly cancel, with coefficients that
+mean nothing (their standard error is 33/√n for the model of the third paper). The model is called white
+where the criterion prefers order (0, 0), or where a likelihood ratio against white noise is not
+significant.
+
+The covariance of the coefficients is that of the Whittle likelihood::
+
+    cov⁻¹ = n/(4π) ∫_{-π}^{π} (∂ ln S/∂θ) (∂ ln S/∂θ)ᵀ dω
+
+References
+----------
+.. [1] P. J. Brockwell, R. A. Davis, Time Series: Theory and Methods, 2nd ed., ch. 8, 9 and 10.8.
+.. [2] G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models, Biometrika 65, 1978.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import chi2, jarque_bera, norm, normaltest
+
+from tuner.curves import acf, pacf
+from tuner.identification.preprocess import prepare
+from tuner.records import Record
+from tuner.results import LEVEL, ArmaFit, Coefficient
+
+FloatArray = NDArray[np.float64]
+Order = tuple[int, int]
+Likelihood = Literal["fast", "exact"]
+Criterion = Literal["bic", "aic"]
+
+HIGHEST = 3
+"""Highest order on either side."""
+
+FEWEST = 100
+"""Samples below which no model is tried."""
+
+WHITTLE_SAMPLES = 1 << 20
+EXACT_SAMPLES = 20_000
+"""Samples that the exact likelihood looks at; its cost grows with them and with the order."""
+
+SIGNIFICANT = 0.01
+"""Size of the tests that separate an ARMA model from white noise."""
+
+_LAGS = 20
+
+
+def one_step(y: FloatArray, ar: tuple[float, ...], ma: tuple[float, ...]) -> FloatArray:
+    """Return the prediction of each sample from those before it, shape (n,), starting from rest.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Prepared samples (mean 0).
+    ar, ma : tuple of float
+        x_k = Σ ar_i x_{k−i} + e_k + Σ ma_j e_{k−j}.
+    """
+    innovations = lfilter((1.0, *(-a for a in ar)), (1.0, *ma), y)
+    return np.asarray(y - innovations)
+
+
+def coefficient_covariance(ar: tuple[float, ...], ma: tuple[float, ...], n: int) -> FloatArray:
+    """Return the asymptotic covariance of (ar, ma), shape (p + q, p + q), from n samples."""
+    omega = 2.0 * np.pi * (np.arange(8192) + 0.5) / 8192
+    shift = np.exp(-1j * np.outer(np.arange(1, max(len(ar), len(ma)) + 1), omega))
+    poles = 1.0 - np.asarray(ar) @ shift[: len(ar)]
+    zeros = 1.0 + np.asarray(ma) @ shift[: len(ma)]
+    slopes = np.concatenate((2.0 * (shift[: len(ar)] / poles).real, 2.0 * (shift[: len(ma)] / zeros).real))
+    return np.asarray(np.linalg.pinv(0.5 * n * (slopes @ slopes.T) / len(omega), hermitian=True))
+
+
+def suggested_class(correlation: FloatArray, partial: FloatArray, n: int) -> str:
+    """Return the class of model that the correlograms suggest: ``white``, ``AR``, ``MA`` or ``ARMA``.
+
+    Parameters
+    ----------
+    correlation, partial : ndarray, shape (k,)
+        Autocorrelation and partial autocorrelation at lags 1 … k.
+    n : int
+        Samples behind them.
+
+    A correlogram that ends within `HIGHEST` lags where the other trails off names the class; two that
+    trail off mean ARMA. Bounds are widened for the number of lags.
+    """
+    bound = norm.isf(0.5 * SIGNIFICANT / len(correlation)) / np.sqrt(n)
+    ends = [int(np.max(np.flatnonzero(np.abs(c) > bound), initial=-1)) + 1 for c in (correlation, partial)]
+    if ends[0] == 0 and ends[1] == 0:
+        return "white"
+    if ends[0] <= HIGHEST and ends[0] < ends[1]:
+        return f"MA({ends[0]})"
+    if ends[1] <= HIGHEST and ends[1] < ends[0]:
+        return f"AR({ends[1]})"
+    return "ARMA"
+
+
+def fit_arma(
+    y: FloatArray,
+    interval: float,
+    unit: str,
+    *,
+    likelihood: Likelihood = "fast",
+    criterion: Criterion = "bic",
+) -> ArmaFit:
+    """Prepare a series, choose the order of an ARMA model, estimate it and test what it leaves.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples without gaps, at least 100.
+    interval : float
+        Sampling interval, s.
+    unit : str
+        Unit of the samples.
+    likelihood : str
+        ``fast``: the log-binned periodogram of up to a million samples; ``exact``: the innovations likelihood
+        of the first 20 000.
+    criterion : str
+        ``bic`` or ``aic``.
+
+    Returns
+    -------
+    ArmaFit
+        Without coefficients where the series cannot be told from white noise.
+
+    Raises
+    ------
+    ValueError
+        With fewer than `FEWEST` samples.
+    """
+    if len(y) < FEWEST:
+        msg = f"an ARMA model needs at least {FEWEST} samples, got {len(y)}"
+        raise ValueError(msg)
+    looked_at = y[: WHITTLE_SAMPLES if likelihood == "fast" else EXACT_SAMPLES]
+    prepared = prepare(looked_at)
+    n = len(looked_at)
+    record = Record("series", interval * np.arange(n, dtype=np.float64), prepared.y, ("x",), unit, interval)
+    lags = interval * np.arange(min(_LAGS, n // 4) + 1)
+    correlation = acf(record, lag=lags.tolist()).value[1:, 0]
+    partial = pacf(record, lag=lags.tolist()).value[1:, 0]
+    fits = _all_orders(prepared.y, likelihood)
+    penalty = np.log(n) if criterion == "bic" else 2.0
+    scores = {order: f.score + penalty * (sum(order) + 1) for order, f in fits.items()}
+    best = min(scores, key=lambda order: scores[order])
+    p_white = float(chi2.sf(fits[0, 0].score - fits[best].score, max(sum(best), 1)))
+    white = best == (0, 0) or p_white > SIGNIFICANT
+    chosen = fits[0, 0] if white else fits[best]
+    source = {
+        "fast": "likelihood of the log-binned periodogram",
+        "exact": "innovations likelihood",
+    }[likelihood]
+    what = f"first {n} of {len(y)}" if n < len(y) else f"all {n}"
+    steps = (
+        f"series: {what} samples of the longest gap-free stretch, {interval:.6g} s apart",
+        *prepared.steps,
+        f"correlograms of {len(lags) - 1} lags suggest: {suggested_class(correlation, partial, n)}",
+        f"order by {criterion.upper()} over p, q ≤ {HIGHEST}, {source}: ARMA{best}",
+        _whiteness(best, p_white, scores, white),
+        *_residual_report(prepared.y, chosen),
+    )
+    return ArmaFit(
+        *_coefficients(chosen, n),
+        chosen.variance,
+        interval,
+        unit,
+        criterion,
+        scores,
+        white,
+        steps,
+    )
+
+
+@dataclass(frozen=True)
+class _OrderFit:
+    """An ARMA model of given order; `score` is n ln s² + constant, or −2 ln L."""
+
+    ar: tuple[float, ...]
+    ma: tuple[float, ...]
+    variance: float
+    score: float
+
+
+def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, _OrderFit]:
+    orders = [(p, q) for p in range(HIGHEST + 1) for q in range(HIGHEST + 1)]
+    if likelihood == "exact":
+        return {order: _exact(y, order) for order in orders}
+    return {order: _exact(y[:3000], order) for order in orders if max(order) <= 1}
+
+
+def _exact(y: FloatArray, order: Order) -> _OrderFit:
+    """Maximise the innovations likelihood of the normalised series."""
+    from statsmodels.tools.sm_exceptions import ConvergenceWarning
+    from statsmodels.tsa.arima.estimators.innovations import innovations_mle
+    from statsmodels.tsa.innovations.arma_innovations import arma_loglike
+
+    scale = float(np.std(y))
+    x = y / scale
+    if order == (0, 0):
+        ar, ma, variance = np.zeros(0), np.zeros(0), float(np.mean(x**2))
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            found, _ = innovations_mle(x, order=(order[0], 0, order[1]), demean=False)
+        ar, ma, variance = found.ar_params, found.ma_params, float(found.sigma2)
+    score = -2.0 * float(arma_loglike(x, ar, ma, variance))
+    return _OrderFit(tuple(map(float, ar)), tuple(map(float, ma)), variance * scale**2, score)
+
+
+def _coefficients(fit: _OrderFit, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
+    """Return the coefficients with their intervals."""
+    reach = norm.isf(0.5 * (1.0 - LEVEL)) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
+    every = [
+        Coefficient.known(value, value - float(r), value + float(r), "1")
+        for value, r in zip((*fit.ar, *fit.ma), reach, strict=True)
+    ]
+    return tuple(every[: len(fit.ar)]), tuple(every[len(fit.ar) :])
+
+
+def _whiteness(best: Order, p_white: float, scores: Mapping[Order, float], white: bool) -> str:
+    """Say whether the model can be told from white noise."""
+    if best == (0, 0):
+        runner = min((score, order) for order, score in scores.items() if order != (0, 0))
+        gap = runner[0] - scores[0, 0]
+        return f"not distinguishable from white: the next best, ARMA{runner[1]}, scores {gap:.3g} worse"
+    figures = f"likelihood ratio against white noise p = {p_white:.2g}"
+    return f"not distinguishable from white: {figures}" if white else f"not white: {figures}"
+
+
+def _residual_report(y: FloatArray, fit: _OrderFit) -> tuple[str, ...]:
+    """Test the one-step residuals for correlation and normality, in words."""
+    residual = y - one_step(y, fit.ar, fit.ma)
+    n, lags = len(residual), min(_LAGS, len(residual) // 5)
+    centred = residual - residual.mean()
+    correlation = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / (centred @ centred)
+    statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
+    p_value = float(chi2.sf(statistic, max(lags - len(fit.ar) - len(fit.ma), 1)))
+    if not np.ptp(residual) > 0.0:
+        return ("residuals: none",)
+    jb, dp = jarque_bera(residual), normaltest(residual)
+    kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2 - 3.0)
+    normal = min(float(jb.pvalue), float(dp.pvalue)) >= SIGNIFICANT
+    return (
+        f"residuals: Ljung–Box of {lags} lags {statistic:.3g}, p = {p_value:.2g}: "
+        + ("no correlation left" if p_value >= SIGNIFICANT else "correlation is left"),
+        f"residuals: Jarque–Bera p = {float(jb.pvalue):.2g}, D'Agostino p = {float(dp.pvalue):.2g}, "
+        f"excess kurtosis {kurtosis:.2g}: {'normal' if normal else 'not normal'}",
+    )

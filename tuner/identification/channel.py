@@ -1,0 +1,212 @@
+"""One axis of a record: curve, terms, coefficients by the chosen method, and the doubts that remain.
+
+The terms are chosen by the likelihood whatever the method of the coefficients, so that methods differ in
+numbers and not in what they call noise. Where the Allan curve, judged with its full covariance,
+disagrees with the fitted sum, a warning says at which τ: there is something in the data that the terms
+do not describe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.curves import curve as empirical_curve
+from tuner.identification.arma import FEWEST, Likelihood, fit_arma
+from tuner.identification.estimates import Estimates, from_fit, from_powers, from_segments
+from tuner.identification.leastsquares import fit as fit_curve
+from tuner.identification.leastsquares import misfit, unweighted
+from tuner.identification.likelihood import LikelihoodFit
+from tuner.identification.likelihood import fit as fit_likelihood
+from tuner.identification.means import mean_of_noise
+from tuner.identification.octaves import OctaveCurve
+from tuner.identification.slopes import FLOOR, read_segments
+from tuner.records import DataError, Record
+from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
+
+FloatArray = NDArray[np.float64]
+
+METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
+
+DISAGREES = 1e-3
+"""Probability below which the Allan curve and the fitted sum are said to disagree."""
+
+_ORDER = (
+    "quantization",
+    "white",
+    "bias_instability",
+    "gauss_markov",
+    "random_walk",
+    "ramp",
+    "low_pass_white",
+    "sinusoid",
+    "arma",
+)
+_BASE = ("quantization", "white", "bias_instability", "random_walk", "ramp")
+_SHORTEST = 16
+"""Fewest samples of a gap-free segment."""
+
+
+def identify_channel(
+    record: Record,
+    axis: str,
+    *,
+    terms: Sequence[str] | None = None,
+    method: str = "likelihood",
+    arma: Likelihood | None = "fast",
+) -> ChannelIdentification:
+    """Identify the noise of one axis.
+
+    Parameters
+    ----------
+    record : Record
+        Samples at rest.
+    axis : str
+        Which of its channels.
+    terms : sequence of str, optional
+        Fit exactly this sum instead of choosing one.
+    method : str
+        Where the coefficients come from: ``likelihood``, ``leastsquares``, ``slopes`` or ``unweighted``.
+    arma : str, optional
+        Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
+
+    Returns
+    -------
+    ChannelIdentification
+
+    Raises
+    ------
+    DataError
+        If the channel is constant or too short for an Allan variance.
+    ValueError
+        If the method or a term is unknown.
+    """
+    if method not in METHODS:
+        msg = f"'method' must be one of {', '.join(METHODS)}, got {method!r}"
+        raise ValueError(msg)
+    single = _single(record, axis)
+    pieces = [piece for piece in single.pieces(axis) if len(piece) >= _SHORTEST]
+    octaves = OctaveCurve.of(pieces, single.interval)
+    chosen, bounds, candidates = _choose(pieces, single, terms)
+    allan = empirical_curve(single, "oadev", noise=chosen.model)
+    estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
+    minimum, floor, minimum_tau = _minimum(allan, single.span)
+    longest = max(pieces, key=len)
+    series = (
+        None
+        if arma is None or len(longest) < FEWEST
+        else fit_arma(longest, single.interval, single.unit, likelihood=arma)
+    )
+    return ChannelIdentification(
+        axis=axis,
+        unit=single.unit,
+        interval=single.interval,
+        span=single.span,
+        method=method,
+        model=estimates.model,
+        terms=tuple(sorted((*estimates.terms, *bounds), key=lambda term: _ORDER.index(term.name))),
+        parameters=estimates.parameters,
+        covariance=estimates.covariance,
+        mean=mean_of_noise(float(np.mean(np.concatenate(pieces))), chosen.model, single.span, single.unit),
+        sigma_10s=_deviation_at(single, chosen.model, 10.0),
+        minimum=minimum,
+        floor=floor,
+        minimum_tau=minimum_tau,
+        allan=allan,
+        candidates=candidates,
+        arma=series,
+        warnings=_warnings(octaves, estimates, method),
+    )
+
+
+def _single(record: Record, axis: str) -> Record:
+    """Return the record of one axis, without segments that are too short."""
+    segments = tuple(s for s in record.segments if s[1] - s[0] >= _SHORTEST)
+    if not segments:
+        where = f"{record.source or record.name}: {axis}"
+        msg = (
+            f"{where}: expected a gap-free stretch of {_SHORTEST} samples, found none: too short to identify"
+        )
+        raise DataError(msg)
+    return replace(record, y=record.column(axis)[:, None], axes=(axis,), segments=segments, covariates={})
+
+
+def _deviation_at(record: Record, model: NoiseModel, tau: float) -> Coefficient:
+    """Return the Allan deviation at one cluster time, or why there is none."""
+    longest = max(stop - start for start, stop in record.segments) * record.interval
+    if tau < record.interval:
+        return Coefficient(None, None, None, record.unit, f"samples are {record.interval:g} s apart")
+    if 2.0 * tau > longest:
+        reason = f"the longest stretch without a gap has {longest:.3g} s, {2.0 * tau:g} s are needed"
+        return Coefficient(None, None, None, record.unit, reason)
+    point = empirical_curve(record, "oadev", tau=[tau], noise=model)
+    low, high = point.interval()
+    value = float(point.deviation()[0, 0])
+    return Coefficient.known(value, float(low[0, 0]), float(high[0, 0]), record.unit)
+
+
+def _minimum(allan: AllanCurve, span: float) -> tuple[Coefficient, Coefficient, float]:
+    """Return the smallest Allan deviation up to a quarter of the span, that ÷ 0.664, and its cluster time."""
+    within = np.flatnonzero(allan.tau <= 0.25 * span)
+    usable = within if len(within) else np.array([0])
+    deviation = allan.deviation()[usable, 0]
+    low, high = (limit[usable, 0] for limit in allan.interval())
+    at = int(np.argmin(deviation))
+    value, ends = float(deviation[at]), (float(low[at]), float(high[at]))
+    tau = float(allan.tau[usable[at]])
+    if at == len(usable) - 1:
+        reason = f"the curve still falls at {tau:.3g} s, a quarter of the record"
+        limits = [Coefficient.bounded(ends[1] / by, allan.unit, reason) for by in (1.0, FLOOR)]
+        return limits[0], limits[1], tau
+    reason = f"smallest measured Allan deviation, at {tau:.3g} s"
+    known = [
+        Coefficient.known(value / by, ends[0] / by, ends[1] / by, allan.unit, reason) for by in (1.0, FLOOR)
+    ]
+    return known[0], known[1], tau
+
+
+def _warnings(octaves: OctaveCurve, estimates: Estimates, method: str) -> tuple[str, ...]:
+    """Say where the Allan curve contradicts the fitted sum."""
+    if method not in ("likelihood", "leastsquares") or not estimates.model.terms:
+        return ()
+    found = misfit(octaves, estimates.model)
+    if found.p_value >= DISAGREES:
+        return ()
+    side = "above" if found.ratio > 1.0 else "below"
+    return (
+        f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
+        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, {100 * abs(found.ratio - 1.0):.2g} % {side} it: "
+        "something in the data is not among the terms",
+    )
+
+
+def _by_method(
+    chosen: LikelihoodFit, method: str, octaves: OctaveCurve, allan: AllanCurve, *, forced: bool
+) -> Estimates:
+    """Return the coefficients of the chosen terms by the method asked for."""
+    if method == "leastsquares":
+        found = fit_curve(octaves, chosen.model)
+        return from_fit(found.model, found.covariance, found.intervals, allan.unit, forced=forced)
+    estimates = from_fit(chosen.model, chosen.covariance, chosen.intervals, allan.unit, forced=forced)
+    if method == "slopes":
+        return from_segments(estimates, read_segments(allan.tau, allan.deviation()[:, 0], allan.dof[:, 0]))
+    if method == "unweighted":
+        return from_powers(estimates, unweighted(allan.tau, allan.variance[:, 0]))
+    return estimates
+
+
+def _choose(
+    pieces: Sequence[FloatArray], record: Record, terms: Sequence[str] | None
+) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
+    """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
+    if terms is not None:
+        return fit_likelihood(pieces, record.interval, terms), (), ()
+    every = fit_likelihood(pieces, record.interval, _BASE)
+    estimates = from_fit(every.model, every.covariance, every.intervals, record.unit, forced=True)
+    present = [term.name for term in estimates.terms if term.present] or ["white"]
+    bounds = tuple(term for term in estimates.terms if term.name not in present)
+    return fit_likelihood(pieces, record.interval, present), bounds, ()

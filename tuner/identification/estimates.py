@@ -1,0 +1,162 @@
+"""From fitted parameters to what a user sees: every term with its coefficients, their intervals or bounds.
+
+The five ways to coefficients (`likelihood`, `leastsquares`, `slopes`, `unweighted`, and a tabulated
+curve) end in one form, `Estimates`: the model, the logarithms' covariance, and one `TermEstimate` a term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from models.noise import NoiseModel, Term
+from tuner.identification.slopes import Segment
+from tuner.results import LEVEL, Coefficient, TermEstimate
+
+FloatArray = NDArray[np.float64]
+Interval = tuple[float, float]
+
+ALLOWS_NONE = "asked for, but the data allow none of it"
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Fitted terms in the form of a result.
+
+    Attributes
+    ----------
+    model : NoiseModel
+        Sum of the terms that have values.
+    terms : tuple of TermEstimate
+        Every fitted term.
+    parameters : tuple of str
+        Names of the parameters of `model`.
+    covariance : ndarray, shape (p, p)
+        Of the logarithms of the parameters; NaN where the method gives none.
+    """
+
+    model: NoiseModel
+    terms: tuple[TermEstimate, ...]
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+
+
+def from_fit(
+    model: NoiseModel, covariance: FloatArray, intervals: Sequence[Interval], unit: str, *, forced: bool
+) -> Estimates:
+    """Return the estimates of a fit with intervals.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        Fitted terms.
+    covariance : ndarray, shape (p, p)
+        Of the logarithms of all their parameters.
+    intervals : sequence of (float, float)
+        95 % interval of each parameter.
+    unit : str
+        Unit of the samples.
+    forced : bool
+        The terms were asked for, not found: one whose amplitude may be zero becomes a bound.
+    """
+    terms: list[TermEstimate] = []
+    kept: list[Term] = []
+    rows: list[int] = []
+    at = 0
+    for term in model.terms:
+        size = len(term.PARAMETERS)
+        ends = intervals[at : at + size]
+        units = term.units(unit)
+        absent = forced and ends[0][0] <= 0.0
+        coefficients = {
+            name: Coefficient.bounded(high, u, ALLOWS_NONE)
+            if absent
+            else Coefficient.known(float(getattr(term, name)), low, high, u)
+            for name, (low, high), u in zip(term.PARAMETERS, ends, units, strict=True)
+        }
+        terms.append(TermEstimate(term.name, coefficients))
+        if not absent:
+            kept.append(term)
+            rows += range(at, at + size)
+        at += size
+    remaining = NoiseModel(tuple(kept))
+    return Estimates(remaining, tuple(terms), parameter_names(remaining), covariance[np.ix_(rows, rows)])
+
+
+def from_segments(estimates: Estimates, segments: Sequence[Segment]) -> Estimates:
+    """Return estimates whose coefficients are read off the segments; a term without a segment is bounded.
+
+    Terms that have no segment by nature (Gauss–Markov, …) keep their coefficients, with the reason.
+    """
+    read = {segment.term: segment for segment in segments}
+    spread = 2.0 * norm.isf(0.5 * (1.0 - LEVEL))
+    answers = {
+        name: (s.value, s.interval, (np.log(s.interval[1] / s.interval[0]) / spread) ** 2, _stretch(s))
+        for name, s in read.items()
+    }
+    return _replaced(estimates, answers, "no stretch of the curve has its slope")
+
+
+def from_powers(estimates: Estimates, coefficients: Mapping[str, float]) -> Estimates:
+    """Return estimates whose coefficients are those of the unweighted fit, which has no intervals."""
+    answers = {
+        name: (value, None, np.nan, "unweighted fit: no interval")
+        for name, value in coefficients.items()
+        if value > 0.0
+    }
+    return _replaced(estimates, answers, "the unweighted fit gives a negative variance")
+
+
+def parameter_names(model: NoiseModel) -> tuple[str, ...]:
+    """Return the names of the parameters of a sum, such as ``white.density`` and ``gauss_markov_2.sd``."""
+    names: list[str] = []
+    seen: list[str] = []
+    for term in model.terms:
+        seen.append(term.name)
+        repeat = seen.count(term.name)
+        label = term.name if repeat == 1 else f"{term.name}_{repeat}"
+        names += [f"{label}.{parameter}" for parameter in term.PARAMETERS]
+    return tuple(names)
+
+
+_Answer = tuple[float, Interval | None, float, str]
+_POWERS = ("quantization", "white", "bias_instability", "random_walk", "ramp")
+
+
+def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str) -> Estimates:
+    """Return estimates with the answers of another method in place of those of the five power-law terms."""
+    terms: list[TermEstimate] = []
+    kept: list[Term] = []
+    variances: list[float] = []
+    present = iter(estimates.model.terms)
+    for estimate in estimates.terms:
+        if not estimate.present:
+            terms.append(estimate)
+            continue
+        term = next(present)
+        (name, own), *others = estimate.coefficients.items()
+        if estimate.name not in _POWERS:
+            kept.append(term)
+            variances += [np.nan] * (1 + len(others))
+            terms.append(estimate)
+        elif estimate.name in answers:
+            value, ends, variance, reason = answers[estimate.name]
+            kept.append(term.scaled(value / float(getattr(term, name))))
+            variances.append(variance)
+            terms.append(
+                TermEstimate(estimate.name, {name: Coefficient(value, ends, None, own.unit, reason)})
+            )
+        else:
+            high = own.interval[1] if own.interval else np.inf
+            terms.append(TermEstimate(estimate.name, {name: Coefficient.bounded(high, own.unit, missing)}))
+    model = NoiseModel(tuple(kept))
+    return Estimates(model, tuple(terms), parameter_names(model), np.diag(variances))
+
+
+def _stretch(segment: Segment) -> str:
+    low, high = segment.tau
+    return f"read on the stretch {low:.3g} … {high:.3g} s of slope {segment.slope:+g}"
