@@ -116,8 +116,7 @@ def ecef_from_llh(llh: ArrayLike) -> FloatArray:
 def llh_from_ecef(vec_e: ArrayLike) -> FloatArray:
     """Return latitude, longitude (rad) and height (m); shape (..., 3).
 
-    Bowring's start and three fixed-point rounds of his formula in the reduced latitude: exact to rounding for
-    every point farther than 100 km from the Earth's centre.
+    Four rounds of Bowring's formula in the reduced latitude: exact to rounding for heights above −100 km.
     """
     x, y, z = np.moveaxis(np.asarray(vec_e, dtype=float), -1, 0)
     across = np.hypot(x, y)

@@ -29,6 +29,10 @@ attitude → velocity → position has the relative error 1/n²; terms with the 
 their own, small, size; and since the drive of a bias acts from the next step on, its share of the variance is
 smaller by 3/(2n) at most. A stationary Gauss–Markov bias integrates to a variance larger by (dt/T)²/12.
 
+The covariance may therefore be advanced in longer steps than the mechanisation, about their `middle`: in steps
+of 0.1 s every standard deviation of a filter stays within 2e-4 of that at the rate of the sensors on the
+built-in road trajectories.
+
 References
 ----------
 .. [1] E.-H. Shin, Estimation techniques for low-cost inertial navigation, UCGE Report
@@ -58,7 +62,7 @@ from models.earth import (
     transport_rate,
 )
 from models.layout import ErrorModel
-from models.strapdown import NavigationState
+from models.strapdown import NavigationState, mean_attitude
 from models.triples import Mat, Vec, add
 
 FloatArray = NDArray[np.float64]
@@ -157,6 +161,31 @@ class Linearization:
         """Return C times the rows of −A⁻¹ for the angular rate and for the force, each (3, 6)."""
         inverse = -np.linalg.inv(self.calibration.matrix)
         return self.mat_nb @ inverse[:3], self.mat_nb @ inverse[3:]
+
+
+def middle(
+    start: NavigationState,
+    end: NavigationState,
+    omega_b: ArrayLike,
+    force_n: ArrayLike,
+    calibration: Calibration = IDEAL,
+) -> Linearization:
+    """Return the place of `transition` and `process_noise` for a step of one or more sensor samples.
+
+    Parameters
+    ----------
+    start, end : NavigationState
+        At both ends of the step, arrays of shapes (3,), (3,), (4,).
+    omega_b, force_n : array_like, shape (3,)
+        Means over the step of the calibrated angular rate in b, rad/s, and of the specific force in n, m/s².
+    calibration : Calibration
+        Sensor errors as estimated.
+    """
+    w, x, y, z = start.quat_nb
+    w_end, x_end, y_end, z_end = end.quat_nb
+    mat_nb: FloatArray = np.array(mean_attitude((w, x, y, z), (w_end, x_end, y_end, z_end)))
+    llh, vel_n = 0.5 * (start.llh + end.llh), 0.5 * (start.vel_n + end.vel_n)
+    return Linearization(llh, vel_n, mat_nb, np.asarray(omega_b), mat_nb.T @ np.asarray(force_n), calibration)
 
 
 def dynamics(model: ErrorModel, at: Linearization) -> FloatArray:

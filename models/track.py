@@ -2,9 +2,9 @@
 
 Latitude, longitude and height are quintic splines of time through the points, so that velocity, acceleration
 and jerk are continuous. Attitude follows the path: yaw is its course, pitch its slope; below the speed
-`STANDSTILL`, where a course means nothing, both are carried over from the last faster point. Roll is level, or
-banked for a coordinated turn. The angles are splines through their values at the points: the sensors are exact
-for that attitude, which between the points follows the path only as closely as the points are dense.
+`STANDSTILL`, where a course means nothing, both are carried over from the last faster point. Roll is level,
+or banked for a coordinated turn. The angles are splines through their values at the points: the sensors are
+exact for that attitude, which between the points follows the path only as closely as the points are dense.
 """
 
 from __future__ import annotations

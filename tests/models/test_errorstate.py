@@ -13,15 +13,18 @@ from models.errorstate import (
     corrected,
     driven_variance,
     dynamics,
+    middle,
     navigation_error,
     noise_density,
     process_noise,
     transition,
 )
 from models.layout import OPTIONAL, AxisNoise, StateLayout, error_model
+from models.motion import imu_increments
 from models.noise import GaussMarkov
 from models.statespace import StateSpace, discretize
 from models.strapdown import NavigationState, correct_increments, mean_attitude, step
+from models.trajectories import TRAJECTORIES
 
 LADDER = (GaussMarkov(1e-5, 3.0), GaussMarkov(2e-5, 40.0))
 GYRO = (
@@ -257,6 +260,34 @@ def test_process_noise_compounds_to_the_exact_integral(model, place):
     driven = sd > 0
     normalised = ((sampled - exact)[np.ix_(driven, driven)]) / np.outer(sd[driven], sd[driven])
     assert np.max(np.abs(normalised)) < 1.5 / 400
+
+
+@pytest.mark.parametrize("name", ["city", "s_turns"])
+def test_covariance_in_long_steps_is_that_of_every_sample(name):
+    """Aided once a second for 40 s, then not for 20 s; one step of the mechanisation is 0.02 s."""
+    dt, seconds = 0.02, 60
+    motion = TRAJECTORIES[name](float(seconds))
+    dtheta, dvel = imu_increments(motion, dt)
+    ends = motion.evaluate(dt * np.arange(len(dtheta) + 1))
+    turned = (motion.evaluate(dt * (np.arange(len(dtheta)) + 0.5)).mat_nb @ dvel[..., None])[..., 0]
+    prior = np.repeat([2.0, 0.3, 0.01, 1e-3, 0.05], 3) ** 2
+
+    def deviations(samples):
+        p, out = np.diag(np.r_[prior, np.full(BASE.layout.size - 15, 1e-8)]), []
+        for k in range(0, len(dtheta), samples):
+            mean = [a[k : k + samples].sum(axis=0) / (samples * dt) for a in (dtheta, turned)]
+            place = middle(ends.at(k), ends.at(k + samples), *mean)
+            phi = transition(BASE, place, samples * dt)
+            p = phi @ p @ phi.T + process_noise(BASE, place, samples * dt)
+            second = (k + samples) * dt
+            if second < 40.5 and (k + samples) % round(1.0 / dt) == 0:
+                gain = p[:, :3] @ np.linalg.inv(p[:3, :3] + np.eye(3))
+                p = p - gain @ p[:3]
+                p = 0.5 * (p + p.T)
+                out.append(np.sqrt(np.diag(p)))
+        return np.array([*out, np.sqrt(np.diag(p))])
+
+    np.testing.assert_allclose(deviations(5), deviations(1), rtol=2e-4)
 
 
 def test_process_noise_is_symmetric_and_not_negative(model, place):
