@@ -1,0 +1,158 @@
+"""Noise of any colour is not motion (stated error rate); a turn, a push and a change of pose are."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tuner.readers import read
+from tuner.records import DataError, Record
+from tuner.stillness import find_motion, keep_still, still_segments
+
+RATE = 50.0
+
+
+def colour(rng: np.random.Generator, count: int, exponent: float) -> np.ndarray:
+    """Return noise with the spectrum f^-exponent, shape (count, 3), unit variance of its innovations."""
+    spectrum = np.fft.rfft(rng.standard_normal((2 * count, 3)), axis=0)
+    frequency = np.fft.rfftfreq(2 * count)
+    spectrum[1:] *= frequency[1:, None] ** (-exponent / 2)
+    spectrum[0] = 0.0
+    return np.fft.irfft(spectrum, axis=0)[:count]
+
+
+def gyro_of(y: np.ndarray, segments: tuple[tuple[int, int], ...] = ()) -> Record:
+    axes = ("gyro_x", "gyro_y", "gyro_z")
+    return Record("gyro", np.arange(len(y)) / RATE, y, axes, "rad/s", 1 / RATE, segments)
+
+
+def accel_of(y: np.ndarray) -> Record:
+    axes = ("accel_x", "accel_y", "accel_z")
+    return Record("accel", np.arange(len(y)) / RATE, y, axes, "m/s^2", 1 / RATE)
+
+
+@pytest.mark.parametrize("weights", [(1.0, 0.0, 0.0), (0.1, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.3, 0.02)])
+@pytest.mark.parametrize("channels", [3, 6])
+def test_false_alarms(weights: tuple[float, float, float], channels: int) -> None:
+    # One record of a thousand may alarm; 600 records give Poisson(0.6) or fewer: P(more than 7) < 3e-7.
+    rng = np.random.default_rng(21)
+    alarms = 0
+    for _ in range(600):
+        y = [
+            sum(
+                w * colour(rng, 3000, exponent)
+                for w, exponent in zip(weights, (0.0, 1.0, 2.0), strict=True)
+                if w
+            )
+            for _ in range(channels // 3)
+        ]
+        records = [gyro_of(1e-4 * y[0])] + ([accel_of(1e-3 * y[1])] if channels == 6 else [])
+        alarms += bool(find_motion(records).episodes)
+    assert alarms <= 7
+
+
+def test_one_jumping_channel_is_not_motion() -> None:
+    rng = np.random.default_rng(22)
+    y = 1e-3 * rng.standard_normal((20_000, 3))
+    y[7777:, 1] += 0.02
+    y[12_000:12_100, 2] *= 20.0
+    assert still_segments(gyro_of(y)) == ((0, 20_000),)
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.5])
+def test_a_turn_is_found_where_it_is(rate: float) -> None:
+    rng = np.random.default_rng(23)
+    y = 1e-3 * rng.standard_normal((20_000, 3))
+    turn = slice(8000, 8300)
+    shape = np.sin(np.linspace(0.0, np.pi, 300))[:, None]
+    y[turn] += rate * shape * np.array([0.6, -0.5, 0.4]) + 0.2 * rate * rng.standard_normal((300, 3))
+    motion = find_motion(gyro_of(y))
+    ((start, stop),) = motion.moving
+    assert 7800 <= start <= 8010
+    assert 8290 <= stop <= 8500
+    assert motion.still == ((0, start), (stop, 20_000))
+    assert motion.episodes == ((start / RATE, pytest.approx((stop - start) / RATE)),)
+    described = motion.describe()
+    assert described is not None
+    assert described.startswith("the sensor moved in")
+
+
+def test_steady_turn_of_one_axis_is_motion() -> None:
+    rng = np.random.default_rng(24)
+    y = 1e-3 * rng.standard_normal((20_000, 3))
+    y[5000:7000, 2] += 0.15
+    ((start, stop),) = find_motion(gyro_of(y)).moving
+    assert 4900 <= start <= 5000
+    assert 7000 <= stop <= 7100
+
+
+def test_scale_and_bias_change_nothing() -> None:
+    rng = np.random.default_rng(25)
+    y = 1e-4 * rng.standard_normal((10_000, 3))
+    y[3000:3200] *= 30.0
+    bias = np.array([0.01, -0.02, 0.03])
+    assert find_motion(gyro_of(y)).moving == find_motion(gyro_of(3.0 * y + bias)).moving != ()
+
+
+def test_blocks_respect_gaps_and_short_logs_are_refused() -> None:
+    rng = np.random.default_rng(26)
+    y = 1e-3 * rng.standard_normal((6000, 3))
+    assert still_segments(gyro_of(y, ((0, 2500), (2600, 6000)))) == ((0, 2500), (2600, 6000))
+    with pytest.raises(DataError, match="too short to tell motion from noise"):
+        find_motion(gyro_of(y[:200]))
+
+
+def test_keep_still_cuts_the_segments() -> None:
+    rng = np.random.default_rng(27)
+    y = 1e-3 * rng.standard_normal((10_000, 3))
+    assert keep_still((gyro_of(y),))[0].segments == ((0, 10_000),)
+    y[3000:3500] += rng.standard_normal((500, 3))
+    (kept,) = keep_still((gyro_of(y),))
+    assert len(kept.segments) == 2
+    assert kept.span < 190.5
+    assert any("the sensor moved" in note for note in kept.notes)
+
+
+def test_lattice_coarser_than_noise() -> None:
+    rng = np.random.default_rng(28)
+    y = 0.01 * np.rint(0.12 * rng.standard_normal((20_000, 3)))
+    assert still_segments(gyro_of(y)) == ((0, 20_000),)
+
+
+# measured --------------------------------------------------------------------------------------------------
+
+DATA = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static"
+measured = pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
+
+
+@measured
+@pytest.mark.parametrize(
+    "name", ["adis16405_run1", "adis16405_run2", "adis16405_run3", "galaxy_s5_static", "stim300_static"]
+)
+def test_measured_static_logs_are_still(name: str) -> None:
+    records = read(DATA / f"{name}.npz")
+    assert find_motion(records).episodes == ()
+    for record in records:
+        assert find_motion(record).episodes == ()
+
+
+@measured
+def test_measured_moves_of_the_animal_tag() -> None:
+    hours = [start / 3600 for start, _ in find_motion(read(DATA / "cats_tag_temperature.npz")).episodes]
+    assert all(h < 0.11 or 22.4 < h < 26.0 or 38.3 < h < 38.5 for h in hours)
+    assert any(h < 0.1 for h in hours)
+    assert any(22.4 < h < 26.0 for h in hours)
+    assert any(38.3 < h < 38.5 for h in hours)
+
+
+@measured
+def test_measured_poses() -> None:
+    still = still_segments(read(DATA / "imu_tk_xsens_multipos.npz", gyro_scale=2e-4, accel_scale=2.5e-3))
+    assert still[0][0] == 0
+    assert 4900 < still[0][1] < 5300
+    assert 35 <= len(still) <= 42
+    columns = {"gyro": "imu0[3:6]", "accel": "imu0[0:3]"}
+    assert 15 <= len(still_segments(read(DATA / "mpu9150_multipos.npz", rate=100.0, columns=columns))) <= 30
