@@ -29,6 +29,7 @@ scale_factor_sd, misalignment_sd, g_sensitivity_sd, bandwidth, range: as named
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -139,17 +140,16 @@ def parse_sheet(text: str, *, source: str) -> SensorGrade:
         root.refuse("an entry 'gyro' or 'accel'", "neither")
     title, notes = root.get("title"), root.get("notes")
     name = root["name"]
-    try:
-        return SensorGrade(
-            name.text(),
-            title.text() if title else name.text(),
-            Sourced(root["rate"].number(positive=True), origin.words()),
-            triads["gyro"],
-            triads["accel"],
-            tuple(note.text() for note in notes.elements()) if notes else (),
-        )
-    except ValueError:
+    if not re.fullmatch("[a-z0-9]+", name.text()):
         name.refuse("lower-case letters and digits", repr(name.value))
+    return SensorGrade(
+        name.text(),
+        title.text() if title else name.text(),
+        Sourced(root["rate"].number(positive=True), origin.words()),
+        triads["gyro"],
+        triads["accel"],
+        tuple(note.text() for note in notes.elements()) if notes else (),
+    )
 
 
 def _triad(root: Node, kind: str, inherited: _Origin) -> TriadGrade:

@@ -1,8 +1,8 @@
 """GTSAM: a Python function that returns ``PreintegrationCombinedParams``; its "covariances" are densities.
 
 accelerometerCovariance N² (m/s²)²/Hz, gyroscopeCovariance N² (rad/s)²/Hz, biasAccCovariance and
-biasOmegaCovariance K²; the code divides by and multiplies with dt itself. The 6×6 prior of the biases is their
-turn-on variance (newer releases ignore it with a warning: set the prior of the first bias instead).
+biasOmegaCovariance K²; the code takes care of dt itself. The 6×6 prior of the biases is their turn-on
+variance (newer releases ignore it with a warning: set the prior of the first bias instead).
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """PX4 EKF2 parameters: noises per prediction step of the filter, not per IMU sample.
 
-Each step of dt = EKF2_PREDICT_US the filter adds (dt·EKF2_GYR_NOISE)² to an angle and (dt·EKF2_GYR_B_NOISE)² to
-a bias. So EKF2_GYR_NOISE = N/√dt, EKF2_GYR_B_NOISE = K/√dt, the like for ACC, and EKF2_GBIAS_INIT and
-EKF2_ABIAS_INIT are turn-on sds.
+Each step of dt = EKF2_PREDICT_US the filter adds (dt·EKF2_GYR_NOISE)² to an angle and
+(dt·EKF2_GYR_B_NOISE)² to a bias. So EKF2_GYR_NOISE = N/√dt, EKF2_GYR_B_NOISE = K/√dt, the like for ACC, and
+EKF2_GBIAS_INIT and EKF2_ABIAS_INIT are turn-on sds.
 
-The firmware clamps to a range (those of the two turn-on sds are recalled). A figure outside is written as the
-limit, with a warning: there is no room below 1e-4 rad/s and 0.01 m/s².
+The firmware clamps to a range (those of the two turn-on sds are recalled). A figure outside is written as
+the limit, with a warning: there is no room below 1e-4 rad/s and 0.01 m/s².
 """
 
 from __future__ import annotations

@@ -1,0 +1,308 @@
+"""Every dialect has its own units and hidden step; figures here are computed by hand from its formulas.
+
+N = 2e-4 rad/s/√Hz and 3e-3 m/s²/√Hz, one Gauss–Markov state each, 100 Hz. With the memory much shorter than
+T the equivalent random walk is K = σ √(2/T), and with T the same the equivalent σ is σ.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from models.units import DEG
+from tuner.exporters import DIALECTS, export
+from tuner.records import DataError
+from tuner.results import ChannelNoise, FilterConfig, GnssNoise, Inflation, InitialUncertainty, MarkovState
+from tuner.synthesis import equivalent_random_walk
+
+DT = 0.01
+STEP = 0.008
+MEMORY = 30.0
+TIME = 1800.0
+N_GYRO, S_GYRO, B_GYRO = 2e-4, 5e-5, 1e-3
+N_ACCEL, S_ACCEL, B_ACCEL = 3e-3, 4e-4, 0.05
+
+
+def channel(axis: str, white: float, sd: float, constant: float, unit: str) -> ChannelNoise:
+    return ChannelNoise(axis, unit, white, (MarkovState(sd, TIME),), 0.0, constant)
+
+
+def make(*, spread: float = 0.0) -> FilterConfig:
+    factors = dict(zip("xyz", (1.0 - spread, 1.0, 1.0 + spread), strict=True))
+    gyro = [channel(f"gyro_{a}", f * N_GYRO, S_GYRO, B_GYRO, "rad/s") for a, f in factors.items()]
+    accel = [channel(f"accel_{a}", f * N_ACCEL, S_ACCEL, B_ACCEL, "m/s^2") for a, f in factors.items()]
+    return FilterConfig(
+        "made by hand",
+        DT,
+        {c.axis: c for c in (*gyro, *accel)},
+        InitialUncertainty(1.0, 0.1, 0.005, 0.1),
+        GnssNoise((1.0, 1.0, 2.0), None, 1.0, 5.0),
+        inflations=(Inflation("gyro_x.white.density", 1.5, "vibration"),),
+    )
+
+
+CONFIG = make()
+K_GYRO = equivalent_random_walk(CONFIG.channels["gyro_x"], memory=MEMORY)
+K_ACCEL = equivalent_random_walk(CONFIG.channels["accel_x"], memory=MEMORY)
+
+
+def written(dialect: str, config: FilterConfig = CONFIG) -> str:
+    return export(config, dialect, step=STEP, memory=MEMORY)
+
+
+def entries(dialect: str, config: FilterConfig = CONFIG) -> dict:
+    return yaml.safe_load(written(dialect, config).removeprefix("%YAML:1.0\n"))
+
+
+def near(value: object) -> object:
+    return pytest.approx(value, rel=1e-8)
+
+
+def python_values(text: str) -> dict[str, list[float]]:
+    return {
+        name: [float(x) for x in row.split(",")]
+        for name, row in re.findall(r"(\w+)\W+?(?:np\.\w+\()?\[(.*?)\]", text)
+    }
+
+
+def test_the_equivalent_walk_here_is_the_driving_density() -> None:
+    assert pytest.approx(S_GYRO * math.sqrt(2.0 / TIME), rel=0.01) == K_GYRO
+
+
+@pytest.mark.parametrize("dialect", ["kalibr", "openvins"])
+def test_kalibr_and_openvins_take_continuous_densities(dialect: str) -> None:
+    found = entries(dialect)
+    found = found["imu0"] if dialect == "openvins" else found
+    assert found["gyroscope_noise_density"] == near(2e-4)
+    assert found["gyroscope_random_walk"] == near(K_GYRO)
+    assert found["accelerometer_noise_density"] == near(3e-3)
+    assert found["accelerometer_random_walk"] == near(K_ACCEL)
+    assert found["update_rate"] == near(100.0)
+    assert isinstance(found["rostopic"], str)
+
+
+def test_openvins_has_its_geometry() -> None:
+    imu = entries("openvins")["imu0"]
+    assert np.array_equal(imu["T_i_b"], np.eye(4))
+    assert all(np.array_equal(imu[key], np.eye(3)) for key in ("Tw", "Ta", "R_IMUtoGYRO", "R_IMUtoACC"))
+    assert np.array_equal(imu["Tg"], np.zeros((3, 3)))
+    assert written("openvins").startswith("%YAML:1.0\n")
+
+
+def test_vins_restores_the_true_growth() -> None:
+    found = entries("vins")
+    assert 0.5 * DT**2 * found["gyr_n"] ** 2 == near(N_GYRO**2 * DT)
+    assert 0.5 * DT**2 * found["acc_n"] ** 2 == near(N_ACCEL**2 * DT)
+    assert DT**2 * found["gyr_w"] ** 2 == near(K_GYRO**2 * DT)
+    assert DT**2 * found["acc_w"] ** 2 == near(K_ACCEL**2 * DT)
+    assert found["gyr_n"] == near(2e-4 * 14.142135623730951)
+
+
+def test_orbslam3_takes_continuous_densities_as_real_numbers() -> None:
+    found = entries("orbslam3")
+    assert found["IMU.NoiseGyro"] == near(2e-4)
+    assert found["IMU.NoiseAcc"] == near(3e-3)
+    assert found["IMU.GyroWalk"] == near(K_GYRO)
+    assert found["IMU.AccWalk"] == near(K_ACCEL)
+    assert all(isinstance(value, float) for value in found.values())
+
+
+def test_liosam_takes_continuous_densities() -> None:
+    found = entries("liosam")["lio_sam"]
+    assert found["imuGyrNoise"] == near(2e-4)
+    assert found["imuAccNoise"] == near(3e-3)
+    assert found["imuGyrBiasN"] == near(K_GYRO)
+    assert found["imuAccBiasN"] == near(K_ACCEL)
+
+
+def test_fastlio_takes_variances_of_a_step() -> None:
+    found = entries("fastlio")["mapping"]
+    assert found["gyr_cov"] == near(4e-6)
+    assert found["acc_cov"] == near(9e-4)
+    assert DT**2 * found["b_gyr_cov"] == near(K_GYRO**2 * DT)
+    assert DT**2 * found["b_acc_cov"] == near(K_ACCEL**2 * DT)
+
+
+def test_kf_gins_takes_customary_units_and_one_time_constant() -> None:
+    found = entries("kf-gins")
+    noise = found["imunoise"]
+    assert noise["arw"] == near([2e-4 * 180.0 / math.pi * 60.0] * 3)
+    assert noise["vrw"] == near([0.18] * 3)
+    assert noise["gbstd"] == near([5e-5 * 180.0 / math.pi * 3600.0] * 3)
+    assert noise["abstd"] == near([40.0] * 3)
+    assert noise["corrtime"] == near(0.5)
+    assert found["initbgstd"] == near([1e-3 * 180.0 / math.pi * 3600.0] * 3)
+    assert found["initbastd"] == near([5000.0] * 3)
+    assert "assumed memory" in written("kf-gins")
+
+
+def test_kf_gins_refits_at_its_time_constant() -> None:
+    mixed = dict(CONFIG.channels)
+    mixed["gyro_x"] = replace(mixed["gyro_x"], markov=(MarkovState(S_GYRO, 100.0),))
+    noise = entries("kf-gins", replace(CONFIG, channels=mixed))["imunoise"]
+    sd = noise["gbstd"][0] * DEG / 3600.0
+    assert sd**2 * -math.expm1(-MEMORY / TIME) == near(S_GYRO**2 * -math.expm1(-MEMORY / 100.0))
+    assert noise["gbstd"][1] == near(5e-5 * 180.0 / math.pi * 3600.0)
+
+
+def test_navego_gives_its_filter_the_driving_density() -> None:
+    found = python_values(written("navego"))
+    assert found["arw"] == near([2e-4] * 3)
+    assert found["vrw"] == near([3e-3] * 3)
+    assert found["gb_psd"] == near([S_GYRO * math.sqrt(2.0 / TIME)] * 3)
+    assert found["ab_psd"] == near([S_ACCEL * math.sqrt(2.0 / TIME)] * 3)
+    assert found["g_std"] == near([2e-3] * 3)
+    assert found["gb_corr"] == near([TIME] * 3)
+    assert found["ab_sta"] == near([B_ACCEL] * 3)
+
+
+def test_gtsam_takes_densities_squared() -> None:
+    text = written("gtsam")
+    compile(text, "params.py", "exec")
+    found = python_values(text)
+    assert found["setGyroscopeCovariance"] == near([4e-8] * 3)
+    assert found["setAccelerometerCovariance"] == near([9e-6] * 3)
+    assert found["setBiasOmegaCovariance"] == near([K_GYRO**2] * 3)
+    assert found["setBiasAccCovariance"] == near([K_ACCEL**2] * 3)
+    assert found["setBiasAccOmegaInit"] == near([B_ACCEL**2] * 3 + [B_GYRO**2] * 3)
+
+
+def parameters(dialect: str, config: FilterConfig = CONFIG) -> dict[str, float]:
+    lines = [line for line in written(dialect, config).splitlines() if not line.startswith("#")]
+    split = [line.split("\t")[2:4] if dialect == "px4" else line.split(",") for line in lines]
+    return {name: float(value) for name, value in split}
+
+
+def test_px4_takes_noise_of_its_prediction_step() -> None:
+    found = parameters("px4")
+    assert found["EKF2_GYR_NOISE"] == near(2e-4 / math.sqrt(STEP))
+    assert found["EKF2_ACC_NOISE"] == near(3e-3 / math.sqrt(STEP))
+    assert STEP**2 * found["EKF2_GYR_B_NOISE"] ** 2 == pytest.approx(K_GYRO**2 * STEP, rel=1e-7)
+    assert found["EKF2_ACC_B_NOISE"] == near(K_ACCEL / math.sqrt(STEP))
+    assert found["EKF2_GBIAS_INIT"] == near(B_GYRO)
+    assert found["EKF2_ABIAS_INIT"] == near(B_ACCEL)
+
+
+def test_ardupilot_takes_noise_of_its_step() -> None:
+    found = parameters("ardupilot")
+    assert found["EK3_GYRO_P_NSE"] == near(2e-4 / math.sqrt(STEP))
+    assert found["EK3_ACC_P_NSE"] == near(3e-3 / math.sqrt(STEP))
+    assert (STEP**2 * found["EK3_GBIAS_P_NSE"]) ** 2 == pytest.approx(STEP**2 * K_GYRO**2 * STEP, rel=1e-7)
+    assert found["EK3_ABIAS_P_NSE"] == near(K_ACCEL / math.sqrt(STEP))
+
+
+@pytest.mark.parametrize(
+    ("dialect", "name", "low"), [("px4", "EKF2_GYR_NOISE", 1e-4), ("ardupilot", "EK3_GYRO_P_NSE", 1e-4)]
+)
+def test_figures_outside_the_range_are_moved_with_a_warning(dialect: str, name: str, low: float) -> None:
+    quiet = {axis: replace(c, white_density=1e-9) for axis, c in CONFIG.channels.items()}
+    config = replace(CONFIG, channels=quiet)
+    assert parameters(dialect, config)[name] == low
+    assert f"{name}: " in written(dialect, config)
+    assert "WARNING" in written(dialect, config)
+    assert "WARNING" not in written(dialect)
+
+
+def test_robot_localization_puts_noise_into_the_messages() -> None:
+    found = entries("robot-localization")
+    message = found["imu_message"]
+    assert np.reshape(message["angular_velocity_covariance"], (3, 3)) == near(np.eye(3) * 4e-6)
+    assert np.reshape(message["linear_acceleration_covariance"], (3, 3)) == near(np.eye(3) * 9e-4)
+    start = found["ekf_filter_node"]["ros__parameters"]["initial_estimate_covariance"]
+    expected = [1.0] * 3 + [2.5e-5] * 2 + [0.01] + [0.01] * 3 + [B_GYRO**2] * 3 + [B_ACCEL**2] * 3
+    assert start == near(expected)
+
+
+def test_gnss_ins_sim_takes_customary_units_and_a_finite_time() -> None:
+    text = written("gnss-ins-sim")
+    compile(text, "imu.py", "exec")
+    found = python_values(text)
+    assert found["gyro_arw"] == near([2e-4 * 180.0 / math.pi * 60.0] * 3)
+    assert found["gyro_b_stability"] == near([5e-5 * 180.0 / math.pi * 3600.0] * 3)
+    assert found["accel_vrw"] == near([0.18] * 3)
+    assert found["accel_b_stability"] == near([4e-4] * 3)
+    assert found["gyro_b_corr"] == near([TIME] * 3)
+
+
+def test_matlab_random_walk_is_the_walk_of_the_bias() -> None:
+    gyro, accel = written("matlab").split("imu.Accelerometer")
+    for text, white, walk in ((gyro, 2e-4, K_GYRO), (accel, 3e-3, K_ACCEL)):
+        found = python_values(text)
+        assert found["NoiseDensity"] == near([white] * 3)
+        assert found["RandomWalk"] == near([walk] * 3)
+
+
+def test_gazebo_takes_sample_noise_and_driving_density() -> None:
+    root = ET.fromstring(written("gazebo"))
+    noise = root.find("angular_velocity/z/noise")
+    values = {child.tag: float(child.text) for child in noise}
+    assert values["stddev"] == near(2e-3)
+    assert values["dynamic_bias_stddev"] == near(S_GYRO * math.sqrt(2.0 / TIME))
+    assert values["dynamic_bias_correlation_time"] == near(TIME)
+    assert values["bias_stddev"] == near(B_GYRO)
+    assert float(root.find("linear_acceleration/x/noise/stddev").text) == near(0.03)
+
+
+def test_pyins_takes_continuous_densities() -> None:
+    text = written("pyins")
+    compile(text, "models.py", "exec")
+    gyro, accel = text.split("accel_model")
+    assert python_values(gyro)["noise"] == near([2e-4] * 3)
+    assert python_values(gyro)["bias_walk"] == near([K_GYRO] * 3)
+    assert python_values(accel)["bias_sd"] == near([B_ACCEL] * 3)
+
+
+OTHERS = [name for name in DIALECTS if name != "native"]
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+def test_every_dialect_says_its_source_and_its_inflation(dialect: str) -> None:
+    text = written(dialect)
+    assert "made by hand" in text
+    assert "gyro_x.white.density × 1.5: vibration" in text
+    assert "0.0002 rad/s/√Hz" in text
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_missing_sensor_is_left_out_with_a_comment(dialect: str, sensor: str) -> None:
+    half = {axis: c for axis, c in CONFIG.channels.items() if axis.startswith(sensor)}
+    text = written(dialect, replace(CONFIG, channels=half))
+    assert "are left out" in text
+    assert "nan" not in text.lower().replace("covariance", "")
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+def test_one_axis_is_enough(dialect: str) -> None:
+    one = {"gyro_z": CONFIG.channels["gyro_z"]}
+    assert "0.0002 rad/s/√Hz" in written(dialect, replace(CONFIG, channels=one))
+
+
+def test_axes_are_combined_as_rms_with_their_spread() -> None:
+    text = written("kalibr", make(spread=0.5))
+    found = yaml.safe_load(text)
+    assert found["gyroscope_noise_density"] == near(N_GYRO * math.sqrt((0.25 + 1.0 + 2.25) / 3.0))
+    assert "rms of x 0.0001, y 0.0002, z 0.0003" in text
+    assert entries("fastlio", make(spread=0.5))["mapping"]["gyr_cov"] == near(
+        found["gyroscope_noise_density"] ** 2 / DT
+    )
+
+
+def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
+    still = {axis: replace(c, markov=()) for axis, c in CONFIG.channels.items()}
+    found = entries("kalibr", replace(CONFIG, channels=still))
+    assert all(found[key] > 0.0 for key in found if key.endswith(("density", "walk")))
+    noise = entries("kf-gins", replace(CONFIG, channels=still))["imunoise"]
+    assert min(noise["gbstd"] + noise["abstd"]) > 0.0
+    assert noise["corrtime"] == near(1.0)
+
+
+def test_an_unknown_dialect_is_refused() -> None:
+    with pytest.raises(DataError, match="expected one of native kalibr"):
+        export(CONFIG, "klingon")
