@@ -1,7 +1,7 @@
 """Outputs of Stable32 (the program of W. J. Riley) with their input series, in TUNER_DATA/reference/stable32.
 
-Compared to one unit of the last printed digit. Data: PHASE.DAT (1001 phases), 1PPS of a GPS receiver against a
-maser (phase, 241 218 s) and an OCXO (frequency, 19 982 s).
+Compared to one unit of the last printed digit. Data: PHASE.DAT (1001 phases), 1PPS of a GPS receiver against
+a maser (phase, 241 218 s) and an OCXO (frequency, 19 982 s).
 """
 
 from __future__ import annotations

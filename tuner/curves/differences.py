@@ -16,8 +16,8 @@ random walk                   K² |t|³/12
 Gauss–Markov                  -σ² T² (|t|/T - 1 + e^{-|t|/T})
 ============================  =====================================
 
-A sum of terms sums c. Beyond 32 samples a cluster s is a smooth function of l/m, and the sum runs over 32
-points a cluster; the result then depends on M/m alone.
+A sum of terms sums c. Where there are many lags s is a smooth function of l/m, and the sum runs over 32
+points a cluster.
 
 References
 ----------
@@ -43,8 +43,11 @@ from models.noise import (
 
 FloatArray = NDArray[np.float64]
 
+LAGS = 2048
+"""Most lags that are summed one by one."""
+
 GRID = 32
-"""Points a cluster on which a smooth autocovariance is summed."""
+"""Points a cluster on which a smooth autocovariance is summed where there would be more."""
 
 REACH = 32
 """Longest lag of the sums, clusters: the squares of what is left beyond add less than 1e-4."""
@@ -111,34 +114,34 @@ class Difference:
 
 def overlapping(z: Difference, m: int, terms: int) -> float:
     """Return ν of the mean of z² over so many successive samples, m a cluster."""
-    step, lags, pairs = _lags(m, terms)
-    s = z.smooth(lags / min(m, GRID))
+    grid, lags, pairs = _lags(m, terms)
+    s = z.smooth(lags / grid)
     spikes = z.spikes()
     whole = np.arange(spikes.size)
     smooth = z.smooth(whole.astype(float))
     # quantization is correlated at whole clusters only: single samples, whatever the grid
     single = np.where(whole == 0, 1.0, 2.0) * np.maximum(terms - m * whole, 0)
-    total = step * np.sum(pairs * s**2) + np.sum(single * ((smooth + spikes) ** 2 - smooth**2))
+    total = m / grid * np.sum(pairs * s**2) + np.sum(single * ((smooth + spikes) ** 2 - smooth**2))
     return float((terms * z.variance()) ** 2 / total)
 
 
 def averaged(z: Difference, m: int, terms: int) -> float:
     """Return ν of the mean of squares of z averaged over m samples, at so many successive samples."""
-    step, lags, pairs = _lags(m, terms)
-    grid = min(m, GRID)
+    grid, lags, pairs = _lags(m, terms)
     reach = np.arange(1 - grid, lags.size + grid - 1)
     s = z.smooth(reach / grid)
     for j, spike in enumerate(z.spikes()):
-        s[np.abs(reach) == j * grid] += spike / step
+        s[np.abs(reach) == j * grid] += spike * grid / m
     s = np.convolve(s, grid - np.abs(np.arange(1 - grid, grid)), mode="valid")
-    return float((terms * s[0]) ** 2 / (step * np.sum(pairs * s**2)))
+    return float((terms * s[0]) ** 2 / (m / grid * np.sum(pairs * s**2)))
 
 
-def _lags(m: int, terms: int) -> tuple[float, NDArray[np.int64], FloatArray]:
-    """Return the samples a grid point, the lags in grid points, and how many pairs lie at ± each."""
-    step = m / min(m, GRID)
-    lags = np.arange(min(int(np.ceil(terms / step)), REACH * min(m, GRID)))
-    return step, lags, np.where(lags == 0, 1.0, 2.0) * (terms - step * lags)
+def _lags(m: int, terms: int) -> tuple[int, NDArray[np.int64], FloatArray]:
+    """Return the grid points a cluster, the lags in grid points, and how many pairs lie at ± each."""
+    grid = m if min(terms, REACH * m) <= LAGS else min(m, GRID)
+    step = m / grid
+    lags = np.arange(min(int(np.ceil(terms / step)), REACH * grid))
+    return grid, lags, np.where(lags == 0, 1.0, 2.0) * (terms - step * lags)
 
 
 def adjoining(z: Difference, terms: int) -> float:

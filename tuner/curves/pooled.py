@@ -172,14 +172,15 @@ def _asked(estimator: str, n: int, tau: FloatArray, interval: float) -> IntArray
     """Return the sizes nearest to cluster times in s, or say which one is out of range."""
     statistic = ESTIMATORS[estimator]
     wanted = tau / (statistic.factor * interval)
+    possible = (wanted >= statistic.least - 0.5) & (wanted <= n + 0.5)
+    wanted = np.where(possible, wanted, statistic.least)
     m = np.rint(wanted).astype(np.int64) if statistic.factor == 1.0 else theo.nearest_theo1_size(n, wanted)
-    low = ~(wanted >= statistic.least - 0.5)
-    wrong = np.flatnonzero(low | (statistic.count(n, np.maximum(m, 1)) == 0))
+    wrong = tau[~possible | (statistic.count(n, m) == 0)]
     if wrong.size:
         every = np.arange(statistic.least, n + 1)
         feasible = every[statistic.count(n, every) > 0] * statistic.factor * interval
         bounds = f"{feasible[0]:g} to {feasible[-1]:g} s" if feasible.size else "a longer record"
-        msg = f"{estimator} at tau {tau[wrong[0]]:g} s: expected {bounds}"
+        msg = f"{estimator} at tau {wrong[0]:g} s: expected {bounds}"
         raise DataError(msg)
     return m
 

@@ -155,7 +155,8 @@ def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
     columns = []
     for axis in record.axes:
         correlation = _autocorrelation(record, axis, most)
-        partial = levinson_durbin(correlation, nlags=most, isacov=True)[2] if most else correlation
+        known = most > 0 and np.isfinite(correlation[0])
+        partial = levinson_durbin(correlation, nlags=most, isacov=True)[2] if known else correlation
         columns.append(np.asarray(partial)[steps])
     return Correlogram(
         "pacf", _seconds(record, steps), np.stack(columns, axis=-1), _band(record), record.axes
@@ -167,12 +168,12 @@ def _steps(record: Record, lag: Sequence[float] | None) -> IntArray:
     if lag is None:
         return np.arange(min(_LAGS, longest // 4) + 1)
     seconds = np.atleast_1d(np.asarray(lag, dtype=float))
-    steps: IntArray = np.rint(seconds / record.interval).astype(np.int64)
-    wrong = seconds[(steps < 0) | (steps >= longest)]
+    steps = np.rint(seconds / record.interval)
+    wrong = seconds[~((steps >= 0) & (steps < longest))]
     if wrong.size:
         msg = f"lag {wrong[0]:g} s: expected 0 to {(longest - 1) * record.interval:g} s"
         raise DataError(msg)
-    return steps
+    return steps.astype(np.int64)
 
 
 def _seconds(record: Record, steps: IntArray) -> FloatArray:
