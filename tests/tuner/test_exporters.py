@@ -265,7 +265,7 @@ OTHERS = [name for name in DIALECTS if name != "native"]
 def test_every_dialect_says_its_source_and_its_inflation(dialect: str) -> None:
     text = written(dialect)
     assert "made by hand" in text
-    assert "gyro_x.white.density × 1.5: vibration" in text
+    assert "white.density × 1.5 (gyro_x): vibration" in text
     assert "0.0002 rad/s/√Hz" in text
 
 

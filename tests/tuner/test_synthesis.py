@@ -126,6 +126,13 @@ def test_white_density_comes_from_the_curve_where_no_term_tells_it() -> None:
     assert config.inflations[0].reason.startswith("bounded")
 
 
+def test_a_term_without_figures_is_left_out_with_that_fate() -> None:
+    nothing = Coefficient(None, None, None, "SI", "the fit failed")
+    _, noise = only(found(channel(BASE[1], term("bias_instability", level=nothing))))
+    assert noise.markov == ()
+    assert "left out" in noise.fates["bias_instability"]
+
+
 def test_gauss_markov_becomes_one_state_each() -> None:
     one = term("gauss_markov", sd=known(2e-5), time_constant=known(100.0))
     two = term("gauss_markov", sd=known(1e-5), time_constant=known(9.0))

@@ -167,5 +167,14 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):
             yield f"{name} are left out: the configuration has none (--complete GRADE fills them in)"
+    yield from _inflations(config)
+
+
+def _inflations(config: FilterConfig) -> Iterator[str]:
+    """Yield every inflation, those of like axes in one line."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
     for inflation in config.inflations:
-        yield f"{inflation.quantity} × {inflation.factor:.4g}: {inflation.reason}"
+        axis, _, quantity = inflation.quantity.partition(".")
+        groups.setdefault((quantity, f"{inflation.factor:.4g}", inflation.reason), []).append(axis)
+    for (quantity, factor, reason), axes in groups.items():
+        yield f"{quantity} × {factor} ({', '.join(axes)}): {reason}"

@@ -30,13 +30,12 @@ from tuner.results import (
     ArmaFit,
     ChannelIdentification,
     ChannelNoise,
-    Coefficient,
     Inflation,
     MarkovState,
     TermEstimate,
 )
 from tuner.synthesis.equivalents import structure_function
-from tuner.synthesis.markov import BOUND, RULES, FlickerView, bounding_state
+from tuner.synthesis.markov import BOUND, FLOOR, RULES, FlickerView, bounding_state
 
 BOUNDED_SHARE = 0.5
 """Share of an upper limit that stands in for a term the data only bound."""
@@ -90,13 +89,15 @@ def channel_noise(
         Every figure that is not the estimate itself.
     """
     task = _Task(channel, rule, horizon)
-    white = [(t.name, _white(task, t)) for t in channel.terms if t.name in _WHITE_TERMS]
+    terms = [term for term in channel.terms if _told(term)]
+    untold = [(term.name, _Share(_UNTOLD)) for term in channel.terms if not _told(term)]
+    white = [(t.name, _white(task, t)) for t in terms if t.name in _WHITE_TERMS]
     if not any(share.white_variance for _, share in white):
         white.append(("white", _white_from_curve(channel)))
     density = math.sqrt(sum(share.white_variance for _, share in white))
     task = replace(task, white=density)
-    slow = [(t.name, _SLOW_TERMS[t.name](task, t)) for t in channel.terms if t.name in _SLOW_TERMS]
-    shares = white + slow
+    slow = [(t.name, _SLOW_TERMS[t.name](task, t)) for t in terms if t.name in _SLOW_TERMS]
+    shares = untold + white + slow
     noise = ChannelNoise(
         channel.axis,
         channel.unit,
@@ -106,7 +107,7 @@ def channel_noise(
         constant_sd=constant_sd,
         identified=channel.terms,
     )
-    ramp = channel.term("ramp")
+    ramp = next((term for term in terms if term.name == "ramp"), None)
     if ramp is not None:
         share, rate = _ramp(task, ramp, wander=math.sqrt(structure_function(noise, horizon)))
         shares.append(("ramp", share))
@@ -119,25 +120,24 @@ def channel_noise(
     return replace(noise, fates=fates), tuple(i for _, share in shares for i in share.inflations)
 
 
+def _told(term: TermEstimate) -> bool:
+    """Tell whether the amplitude of a term has a positive value or limit."""
+    amplitude = next(iter(term.coefficients.values()))
+    return bool(amplitude.value or amplitude.upper)
+
+
 def _figure(task: _Task, term: TermEstimate, name: str) -> tuple[float, tuple[Inflation, ...]]:
     """Return the figure the filter takes for a coefficient, and how it differs from the estimate."""
     coefficient = term.coefficients[name]
     quantity = f"{task.channel.axis}.{term.name}.{name}"
     if coefficient.value is None:
         why = f"bounded: half of the 95 % upper limit ({coefficient.reason or 'no value in the data'})"
-        return BOUNDED_SHARE * _upper(coefficient, quantity), (Inflation(quantity, BOUNDED_SHARE, why),)
+        return BOUNDED_SHARE * (coefficient.upper or 0.0), (Inflation(quantity, BOUNDED_SHARE, why),)
     value = abs(coefficient.value)
     if task.rule == BOUND and coefficient.interval is not None and value > 0.0:
         top = max(abs(x) for x in coefficient.interval)
         return top, (Inflation(quantity, top / value, "rule bound: upper end of the 95 % interval"),)
     return value, ()
-
-
-def _upper(coefficient: Coefficient, quantity: str) -> float:
-    if coefficient.upper is None:
-        msg = f"'{quantity}' must have a value or an upper limit, got neither"
-        raise ValueError(msg)
-    return coefficient.upper
 
 
 def _white(task: _Task, term: TermEstimate) -> _Share:
@@ -155,18 +155,16 @@ def _white_from_curve(channel: ChannelIdentification) -> _Share:
 
 
 def _quantization(task: _Task, term: TermEstimate) -> _Share:
-    increment, inflations = _figure(task, term, "increment_sd")
+    increment, _ = _figure(task, term, "increment_sd")
     unit = "rad" if task.channel.unit == "rad/s" else "m/s"
     fate = f"kept out of the white density: the integral errs by {increment:.4g} {unit}, which does not grow"
-    return _Share(fate, inflations)
+    return _Share(fate)
 
 
 def _flicker(task: _Task, term: TermEstimate) -> _Share:
     channel = task.channel
     level, inflations = _figure(task, term, "level")
-    minimum = channel.minimum.value
-    if minimum is None:
-        minimum = BOUNDED_SHARE * _upper(channel.minimum, f"{channel.axis}.minimum")
+    minimum = channel.minimum.value or channel.minimum.upper or FLOOR * level
     chosen = RULES["ladder" if task.rule == BOUND else task.rule]
     view = FlickerView(level, task.white, minimum, channel.minimum_tau, task.horizon, channel.interval)
     states = chosen.states(view)
@@ -184,11 +182,7 @@ def _gauss_markov(task: _Task, term: TermEstimate) -> _Share:
         )
     else:
         level, inflations = _figure(task, term, "sd")
-        if time_constant.value is None:
-            seconds = _upper(time_constant, f"{task.channel.axis}.gauss_markov.time_constant")
-        else:
-            seconds = time_constant.value
-        state = MarkovState(level, seconds)
+        state = MarkovState(level, time_constant.value or time_constant.upper or task.horizon)
     return _Share(
         f"one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s",
         inflations,
@@ -208,9 +202,7 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
         state = MarkovState(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
         fate = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
         return _Share(fate, inflations, markov=(state,))
-    return _Share(
-        "fast line: no state, as its integral stays bounded; to be removed at its source", inflations
-    )
+    return _Share("fast line: no state, as its integral stays bounded; to be removed at its source")
 
 
 def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, float]:
@@ -224,7 +216,7 @@ def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, fl
         f"no state: at half its limit it reaches {reach:.4g} {unit} in {task.horizon:g} s, "
         f"less than the {wander:.4g} the other bias states wander"
     )
-    return _Share(fate, inflations), 0.0
+    return _Share(fate), 0.0
 
 
 def _arma_fate(fit: ArmaFit) -> str:
@@ -237,6 +229,7 @@ def _arma_fate(fit: ArmaFit) -> str:
     )
 
 
+_UNTOLD = "left out: the identification gives neither a value nor a limit"
 _WHITE_TERMS = frozenset({"white", "low_pass_white"})
 _SLOW_TERMS: Mapping[str, Callable[[_Task, TermEstimate], _Share]] = {
     "quantization": _quantization,
