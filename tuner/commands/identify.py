@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tuner.commands.options import Output, Reading, common, reading
+from tuner.commands.options import Output, Reading, common, reading, term_list
 from tuner.commands.sources import load_identification, source_name
 from tuner.progress import Messages
 
@@ -15,7 +15,12 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
 @click.command("identify", short_help="Noise terms of a log, with intervals.")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG…]")
-@click.option("--terms", metavar="LIST", help="Fit exactly this sum, such as white,gauss_markov,random_walk.")
+@click.option(
+    "--terms",
+    callback=term_list,
+    metavar="LIST",
+    help="Fit exactly this sum, such as white,gauss_markov,random_walk.",
+)
 @click.option(
     "--method",
     type=click.Choice(METHODS),
@@ -41,7 +46,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 @common
 def command(
     logs: tuple[str, ...],
-    terms: str | None,
+    terms: tuple[str, ...] | None,
     method: str,
     arma: str,
     latitude: float | None,
@@ -61,13 +66,12 @@ def command(
     from tuner.jsonviews import pooled_json
     from tuner.report.tables import identification_tables, pooled_tables, show
 
-    wanted = tuple(t.strip() for t in terms.split(",")) if terms else None
     found = [
         load_identification(
             log,
             reading,
             messages,
-            terms=wanted,
+            terms=terms,
             method=method,
             arma=None if arma == "off" else arma,
             latitude=latitude,

@@ -101,6 +101,22 @@ def reading(command: Command) -> Command:
     return wrapped
 
 
+def term_list(
+    _context: click.Context, _parameter: click.Parameter, value: str | None
+) -> tuple[str, ...] | None:
+    """Turn ``white,random_walk`` into names of noise terms that can be fitted (a callback of click)."""
+    if value is None:
+        return None
+    from models.noise import TERMS
+
+    fitted = [name for name in TERMS if name not in ("sinusoid", "arma")]
+    names = tuple(part.strip() for part in value.split(","))
+    if unknown := [name for name in names if name not in fitted]:
+        msg = f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}"
+        raise click.BadParameter(msg)
+    return names
+
+
 def _json_file(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str | None:
     if value is not None and value != "-" and not value.endswith(".json"):
         msg = f"expected a file that ends in .json, or - for standard output, got {value!r}"

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tuner.commands.options import Reading
 from tuner.progress import Messages
 from tuner.records import DataError, Record
 from tuner.results import Identification
+
+if TYPE_CHECKING:
+    from tuner.identification.arma import Likelihood
 
 
 def source_name(source: str) -> str:
@@ -48,7 +52,7 @@ def load_identification(
     *,
     terms: tuple[str, ...] | None = None,
     method: str = "likelihood",
-    arma: str | None = "fast",
+    arma: Likelihood | None = "fast",
     latitude: float | None = None,
 ) -> Identification:
     """Identify whatever the source is: a grade, a datasheet, a measured curve or a log.
@@ -72,7 +76,7 @@ def load_identification(
     if is_datasheet(Path(source)):
         return read_datasheet(Path(source))
     if is_curve(Path(source)):
-        return identify_curve(read_curve(Path(source)), terms=terms)
+        return identify_curve(read_curve(Path(source)), source=source_name(source), terms=terms)
     records = load_records(source, reading, messages)
     messages.say("identifying")
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tuner.commands.options import Output, Reading, common, reading
+from tuner.commands.options import Output, Reading, common, reading, term_list
 from tuner.commands.sources import load_identification, source_name
 from tuner.progress import Messages
 
@@ -48,7 +48,7 @@ EXPORTED = ("kalibr", "kf-gins")
 )
 @click.option("--complete", metavar="GRADE", help="Built-in grade for a sensor the log lacks.")
 @click.option("--gnss", metavar="GRADE", help="Built-in GNSS grade.")
-@click.option("--terms", metavar="LIST", help="Fit exactly this sum of noise terms.")
+@click.option("--terms", callback=term_list, metavar="LIST", help="Fit exactly this sum of noise terms.")
 @click.option(
     "--latitude",
     type=click.FloatRange(-90, 90),
@@ -63,7 +63,7 @@ def command(
     horizon: float,
     complete: str | None,
     gnss: str | None,
-    terms: str | None,
+    terms: tuple[str, ...] | None,
     latitude: float | None,
     reading: Reading,
     seed: int,
@@ -88,17 +88,16 @@ def command(
 
     completion = load_grade(complete) if complete else None
     receiver = load_gnss(gnss) if gnss else None
-    wanted = tuple(t.strip() for t in terms.split(",")) if terms else None
     key: Mapping[str, Any] | None = None
     if log is None:
         name = f"simulated-{seed}"
         messages.say("simulating an IMU with a hidden effect")
         records, key = demo(seed)
         messages.say("identifying")
-        found = identify(records, terms=wanted, latitude=latitude)
+        found = identify(records, terms=terms, latitude=latitude)
     else:
         name = source_name(log)
-        found = load_identification(log, reading, messages, terms=wanted, latitude=latitude)
+        found = load_identification(log, reading, messages, terms=terms, latitude=latitude)
     messages.say("synthesising the filter configuration")
     config = synthesize(found, name=name, horizon=horizon, complete=completion, gnss=receiver, seed=seed)
     texts = {
