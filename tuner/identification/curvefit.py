@@ -5,9 +5,8 @@ Generalised least squares of ln AVAR with the full covariance of overlapping est
 freedom tells it: at the longest τ, flicker noise has v = 5u²/(4(u + 3)) for u = T/τ. Without one, T = 2τ is
 taken, the shortest record that has such a point, which makes the intervals as wide as they can be.
 
-Terms are added one at a time, each the one that lowers −2 ln L most, as long as the fall exceeds the 95 %
-point
-of the largest of as many boundary tests as terms are tried.
+Terms are added one at a time, each the one that lowers −2 ln L most, as long as the fall exceeds the
+95 % point of the largest of as many boundary tests as terms are tried.
 
 References
 ----------
@@ -81,8 +80,8 @@ def identify_curve(
     note = (
         "fitted to a curve: the length of the record follows from the stated degrees of freedom"
         if known
-        else "fitted to a curve without degrees of freedom: intervals assume the shortest record that
-        reaches "
+        else "fitted to a curve without degrees of freedom: intervals assume the shortest record "
+        "that reaches "
         "the longest τ"
     )
     return Identification({"name": source or "curve", "files": [source] if source else []}, channels, (note,))
