@@ -116,7 +116,7 @@ def _theo1_of_phase(x: FloatArray, m: IntArray, step: IntArray) -> FloatArray:
         def stretch(
             begin: int, end: int, clusters: FloatArray = clusters, half: IntArray = half
         ) -> FloatArray:
-            return kernels.theo1_sums(clusters, half, begin, end, kernels.BLOCK)
+            return kernels.theo1_sums(clusters, half, begin, end, kernels.THEO_BLOCK)
 
         sums = kernels.in_threads(stretch, clusters.size, stretch=_STRETCH)
         variance[chosen] = sums / (0.75 * (clusters.size - 2 * half) * m[chosen].astype(float) ** 2)
@@ -131,7 +131,7 @@ def theo1_all(y: ArrayLike, most: int) -> FloatArray:
     x = kernels.integrate(np.ascontiguousarray(y, dtype=float))
     half = np.arange(SMALLEST // 2, most // 2 + 1)
     direct = half[half < _DIRECT]
-    sums = kernels.theo1_sums(x, direct, 0, x.size, kernels.BLOCK)
+    sums = kernels.theo1_sums(x, direct, 0, x.size, kernels.THEO_BLOCK)
     if direct.size < half.size:
         length = next_fast_len(x.size + 2 * int(half[-1]) + 2, real=True)
         lagged = irfft(np.abs(rfft(x, length)) ** 2, length)
