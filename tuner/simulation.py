@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from models.effects import Effect, Samples, hide
 from models.effects.base import log_uniform, sign
 from models.effects.events import Spikes, Step, Telegraph
-from models.effects.profiles import Profile, Warming, thermometer
+from models.effects.profiles import Diurnal, Profile, Warming, thermometer
 from models.effects.sampling import Duplicates
 from models.effects.spectral import Line, LowPass, Vibration
 from models.effects.tails import Burst, HeavyTails
@@ -30,6 +30,7 @@ from models.effects.thermal import TemperatureSlope, Warmup
 from models.noise import NoiseModel, White
 from models.sensors import KINDS, SensorGrade
 from tuner.hidden import Hidden, noise_scale, resolve, sensor_of
+from tuner.readers.timebase import stamped_timebase
 from tuner.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -166,7 +167,14 @@ def demo(seed: int) -> tuple[tuple[Record, ...], dict[str, Any]]:
         if isinstance(effect, Duplicates | LowPass)
         else (f"gyro_{rng.choice(list('xyz'))}",)
     )
-    return simulate(grade, duration=DEMO_DURATION, rate=DEMO_RATE, seed=seed, hidden=(Hidden(effect, axes),))
+    return simulate(
+        grade,
+        duration=DEMO_DURATION,
+        rate=DEMO_RATE,
+        seed=seed,
+        hidden=(Hidden(effect, axes),),
+        temperature=Diurnal(30.0, 5.0, period=log_uniform(rng, 1200.0, 2400.0)),
+    )
 
 
 def _clear_effect(rng: np.random.Generator, white_sd: float, floor: float) -> Effect:
@@ -227,6 +235,12 @@ def _records(
         sd=THERMOMETER_SD,
         rng=rng,
     )
+    stamps = stamped_timebase(block.t)
+    timing = {
+        "gap_count": float(stamps.gaps),
+        "jitter_sd": stamps.jitter,
+        "clock_ratio": stamps.interval / block.interval,
+    }
     records = []
     for sensor in dict.fromkeys(map(sensor_of, axes)):
         columns = [j for j, axis in enumerate(axes) if sensor_of(axis) == sensor]
@@ -240,6 +254,7 @@ def _records(
             segments=tuple(pairwise((0, *block.breaks, len(block.t)))),
             covariates={"temperature": celsius},
             source=name,
+            timing=timing,
         )
         records.append(record)
     return tuple(records)

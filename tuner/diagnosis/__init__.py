@@ -1,0 +1,1 @@
+"""What a simulation of the fitted noise gets wrong, and why."""

@@ -1,0 +1,178 @@
+"""The lattice of digital codes: its step, its dead band, codes that never come.
+
+A converter of step D returns y = D round(x/D). Adjacent values of the data differ by whole steps; the step is
+their greatest common divisor. As long as D ≤ 2σ, with σ the white sd of a sample, the lattice adds D²/12 to
+the variance and nothing else [1]_: that is a note, not a finding. What is a finding:
+
+- a coarser step: the error is no longer independent of the signal;
+- a code without samples between two that have many: a histogram without a hole there has at least half the
+  lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
+- a dead band |x| < b that reads 0: such holes beside code 0, or, for b ≤ D, more zeros than the parabola
+  through the logarithms of the counts of codes ±1 and ±2 allows (exact for a Gaussian).
+
+References
+----------
+.. [1] B. Widrow, I. Kollár, Quantization Noise, 2008 (the conditions of Sheppard's correction).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import norm
+
+FloatArray = NDArray[np.float64]
+
+SAMPLE = 200_000
+"""Values that are enough to find the step."""
+WINDOW = 257
+"""Width in samples of the moving mean that parts slow from fast."""
+FLOOR = 0.01
+"""Least variance of the noise beside a lattice, step²."""
+MANY = 30
+"""Samples in a code that make a hole beside it remarkable."""
+MOST = 1e6
+"""Codes in the range above which they are too many to be counted."""
+REACH = 16
+"""Longest run of empty codes that counts as a hole, codes."""
+EXCESS = np.log(1.5)
+"""Excess of zeros that is left to the shape of the noise, in the logarithm."""
+SMOOTH = 0.7
+"""Largest step ÷ σ for which the counts of five codes are a parabola."""
+
+
+@dataclass(frozen=True)
+class Codes:
+    """What the codes of a channel are like.
+
+    Attributes
+    ----------
+    white_sd : float
+        White sd of a sample without the rounding, unit; at least a tenth of the step.
+    coarse : bool
+        Whether the step exceeds two white sd.
+    deadband : float
+        Half-width b of the dead band, unit; 0 for none.
+    missing : int
+        Codes that never come between codes that often do.
+    p_value : float
+        Chance of the most remarkable hole or excess, times the codes looked at.
+    """
+
+    white_sd: float
+    coarse: bool
+    deadband: float
+    missing: int
+    p_value: float
+
+
+def lattice_step(pieces: Sequence[FloatArray]) -> float:
+    """Return the step of the lattice that all values lie on, unit; 0 where there is none.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        Samples; steps may carry the rounding of a decimal print-out (2 % of a step).
+    """
+    values = np.unique(np.concatenate(pieces)[:SAMPLE])
+    if len(values) < 2:
+        return 0.0
+    grain = 8.0 * np.spacing(np.abs(values).max())
+    gaps = np.diff(values)
+    gaps = gaps[gaps > grain]
+    if not len(gaps):
+        return 0.0
+    least = float(gaps.min())
+    for divisor in range(1, 7):
+        step = least / divisor
+        for _ in range(3):
+            whole = np.maximum(np.round(gaps / step), 1.0)
+            near = whole <= 1000
+            step = float(gaps[near].sum() / whole[near].sum())
+        if step > 4.0 * grain and np.all(np.abs(gaps - whole * step)[near] < 0.02 * step + grain):
+            return step
+    return 0.0
+
+
+def fast_part(piece: FloatArray) -> FloatArray:
+    """Return a gap-free piece (n,) less its moving mean, scaled to keep the variance of white noise."""
+    width = min(WINDOW, len(piece))
+    mean: FloatArray = uniform_filter1d(piece, width, mode="nearest")
+    noise: FloatArray = (piece - mean) / np.sqrt(1.0 - 1.0 / max(width, 2))
+    return noise
+
+
+def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
+    """Look at the codes of one channel.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        Gap-free samples of the channel.
+    step : float
+        Distance of its codes, unit.
+
+    Returns
+    -------
+    Codes
+        Coarseness, dead band and holes.
+    """
+    y = np.concatenate(pieces)
+    variance = float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
+    white_sd = float(np.sqrt(max(variance - step**2 / 12.0, FLOOR * step**2)))
+    coarse = step > 2.0 * white_sd
+    if coarse or np.ptp(y) / step > MOST:
+        return Codes(white_sd, coarse, 0.0, 0, 1.0)
+    code = np.round(y / step).astype(np.int64)
+    low = int(code.min())
+    count = np.bincount(code - low)
+    holes, p_hole = _holes(count)
+    zero = -low
+    deadband, p_zero = 0.0, 1.0
+    if 0 <= zero < len(count) and count[zero] >= MANY:
+        beside = set(range(max(zero - REACH, 0), zero)) | set(range(zero + 1, zero + REACH))
+        is_dead = bool(beside & set(holes.tolist()))
+        if not is_dead and step <= SMOOTH * white_sd:
+            p_zero = _zero_excess(count, zero)
+        if is_dead or p_zero < 1e-3:
+            deadband = step * _deadband(count, zero)
+    p_value = min(1.0, len(count) * min(p_hole, p_zero))
+    return Codes(white_sd, coarse, deadband, len(holes), p_value)
+
+
+def _holes(count: NDArray[np.int64]) -> tuple[NDArray[np.intp], float]:
+    """Return the empty codes between well-filled ones, and the chance of the most remarkable of them."""
+    filled = np.flatnonzero(count)
+    empty = np.flatnonzero(count == 0)
+    after = np.searchsorted(filled, empty)
+    left, right = filled[after - 1], filled[after]
+    least = np.minimum(count[left], count[right])
+    hole = (least >= MANY) & (right - left <= REACH)
+    return empty[hole], float(np.exp(-0.5 * least[hole].max())) if hole.any() else 1.0
+
+
+def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
+    """Return the chance of so many zeros, given the counts of codes ±1 and ±2."""
+    if not 2 <= zero < len(count) - 2:
+        return 1.0
+    near, far = count[[zero - 1, zero + 1]], count[[zero - 2, zero + 2]]
+    if min(near.min(), far.min()) < MANY:
+        return 1.0
+    excess = np.log(count[zero]) - (4.0 * np.log(near).mean() - np.log(far).mean()) / 3.0
+    variance = 1.0 / count[zero] + 4.0 / 9.0 * np.sum(1.0 / near) + np.sum(1.0 / far) / 36.0
+    return float(norm.sf((excess - EXCESS) / np.sqrt(variance)))
+
+
+def _deadband(count: NDArray[np.int64], zero: int) -> float:
+    """Return the half-width of the dead band in steps: to the first filled code, less what is left of it."""
+    halves = []
+    for side in (count[zero + 1 :], count[:zero][::-1]):
+        filled = np.flatnonzero(side)
+        if len(filled) and filled[0] + 1 < len(side) and side[filled[0] + 1] >= MANY:
+            first = filled[0]
+            halves.append(first + 0.5 + max(0.0, 1.0 - side[first] / side[first + 1]))
+    return float(np.mean(halves)) if halves else 0.0

@@ -1,0 +1,171 @@
+"""Hygiene: what is wrong with the samples themselves, before any noise is modelled.
+
+Each test is exact or free of the distribution of the noise: held readings (`tuner.diagnosis.duplicates`),
+rails (`tuner.diagnosis.clipping`), the lattice of codes (`tuner.diagnosis.codes`) and what the time stamps
+said. A lattice whose step is at most two white sd is a note: it only adds step²/12 to the variance. Where
+readings are held, rails and codes are judged by the samples that are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.clipping import rails
+from tuner.diagnosis.codes import lattice_step, read_codes
+from tuner.diagnosis.duplicates import held_readings
+from tuner.records import Record
+from tuner.results import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+JITTER = 1e-3
+"""Jitter of the stamps that is worth a word, share of the interval."""
+CERTAIN = 1e-4
+"""Chance below which a test decides how the others are made and what is said."""
+DRIFT = 1e-6
+"""Deviation of the clock that is worth a word, relative."""
+
+
+@dataclass(frozen=True)
+class HygieneTest:
+    """One test of one channel or sensor.
+
+    Attributes
+    ----------
+    cause : str
+        ``duplicates timing clipping lattice``.
+    channels : tuple of str
+        Axes it concerns.
+    statistic : float
+        Size of the effect in the unit of the test.
+    p_value : float
+        Chance of such data without the cause; 0 where there is nothing to chance about it.
+    parameters : mapping of str to Coefficient
+        By the names of `models.effects`.
+    note : bool
+        Present, but harmless: to be told, not to be treated.
+    text : str
+        The same in words.
+    """
+
+    cause: str
+    channels: tuple[str, ...]
+    statistic: float
+    p_value: float
+    parameters: Mapping[str, Coefficient] = field(default_factory=lambda: MappingProxyType({}))
+    note: bool = False
+    text: str = ""
+
+
+def hygiene(record: Record) -> tuple[HygieneTest, ...]:
+    """Run every test on a record.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+
+    Returns
+    -------
+    tuple of HygieneTest
+        All tests, passed or not: the caller holds the p-values against its budget of false alarms.
+    """
+    steps = {axis: lattice_step(record.pieces(axis)) for axis in record.axes}
+    held = duplicates(record, steps)
+    tests = [timing(record), *held]
+    for axis in record.axes:
+        pieces = record.pieces(axis)
+        if any(test.p_value < CERTAIN and axis in test.channels for test in held):
+            pieces = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
+        tests += [
+            clipping(pieces, steps[axis], axis=axis, unit=record.unit),
+            lattice(pieces, steps[axis], axis=axis, unit=record.unit),
+        ]
+    return tuple(tests)
+
+
+def timing(record: Record) -> HygieneTest:
+    """Judge what the time stamps said: gaps, jitter, the rate of the clock."""
+    said = record.timing
+    gaps, jitter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0) / record.interval
+    ratio = said.get("clock_ratio", 1.0)
+    bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT
+    parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
+    if said:
+        sd, error = said["jitter_sd"], 1.96 / np.sqrt(2.0 * len(record))
+        parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
+        spread = 1.96 * sd * np.sqrt(12.0 / len(record) ** 3) / record.interval
+        parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
+    text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval, clock ratio {ratio:.8g}"
+    return HygieneTest("timing", record.axes, gaps, 0.0 if bad else 1.0, parameters, text=text)
+
+
+def duplicates(record: Record, steps: Mapping[str, float]) -> tuple[HygieneTest, ...]:
+    """Test for held readings: of all axes together, and of each axis where the axes do not hold together.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+    steps : mapping of str to float
+        Lattice step of each axis, unit; 0 for none.
+    """
+    tests = [_duplicates(record, record.axes, steps)]
+    if len(record.axes) > 1 and tests[0].p_value > CERTAIN:
+        tests += [_duplicates(record, (axis,), steps) for axis in record.axes]
+    return tuple(tests)
+
+
+def _duplicates(record: Record, axes: tuple[str, ...], steps: Mapping[str, float]) -> HygieneTest:
+    columns = [record.axes.index(axis) for axis in axes]
+    pieces = [record.y[start:stop, columns] for start, stop in record.segments if stop - start > 2]
+    held = held_readings(pieces, [steps[axis] for axis in axes])
+    fraction = Coefficient.known(held.fraction, *held.interval, "1")
+    text = f"{100 * held.fraction:.3g} % of the samples repeat the one before"
+    return HygieneTest("duplicates", axes, held.statistic, held.p_value, {"fraction": fraction}, text=text)
+
+
+def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+    """Test whether the range of an axis, given as gap-free pieces (n,), ends at rails."""
+    low, high = rails(pieces, step)
+    worst = min((low, high), key=lambda rail: rail.p_value)
+    parameters = {
+        name: Coefficient.known(rail.level, rail.level - 0.5 * step, rail.level + 0.5 * step, unit)
+        for name, rail in (("low", low), ("high", high))
+        if rail.p_value < CERTAIN
+    }
+    text = (
+        f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
+        f"{worst.crossings:.3g} were to be expected there"
+    )
+    return HygieneTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
+
+
+def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+    """Judge the lattice of an axis: a note, or a finding where it is coarse, has a dead band or holes."""
+    if step == 0.0:
+        return HygieneTest("lattice", (axis,), 0.0, 1.0, text="no lattice")
+    codes = read_codes(pieces, step)
+    p_value = 0.0 if codes.coarse else codes.p_value
+    parameters = {"step": Coefficient.known(step, step, step, unit)}
+    if codes.deadband > 0:
+        half = 0.5 * step
+        parameters["deadband"] = Coefficient.known(
+            codes.deadband, max(codes.deadband - half, 0.0), codes.deadband + half, unit
+        )
+    ratio = step / codes.white_sd
+    text = f"codes lie {step:.6g} {unit} apart, {ratio:.3g} white sd; {codes.missing} are missing"
+    return HygieneTest(
+        "lattice",
+        (axis,),
+        ratio,
+        p_value,
+        parameters,
+        note=p_value > CERTAIN,
+        text=text,
+    )
