@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.earth import EARTH_RATE
 from models.noise import NoiseModel, White
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.records import DataError
@@ -29,7 +30,7 @@ from tuner.synthesis import (
     synthesize,
     turn_on_spread,
 )
-from tuner.synthesis.initial import EARTH_RATE, GRAVITY_SPREAD
+from tuner.synthesis.initial import GRAVITY_SPREAD
 
 TAU = np.array([0.1, 1.0, 10.0])
 

@@ -4,7 +4,7 @@ Allan methods cannot see a constant. Its prior comes, best first, from the sprea
 runs, from a turn-on figure of a grade or datasheet, or from the mean of the one log at hand:
 
 * accelerometer: | ‖mean‖ − g |, the part along gravity, at least 0.03 m/s², as gravity varies that much;
-* gyro: rms of the three means, at least Earth's rate, which they contain;
+* gyro: rms of the three means, at least Earth's rate, which may be in them;
 * no usable mean: ten times the bias instability.
 
 A stationary filter levels by gravity, so tilt errs by accelerometer bias ÷ g; it finds north by Earth's
@@ -18,11 +18,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from models.earth import EARTH_RATE
 from models.units import STANDARD_GRAVITY
 from tuner.results import ChannelIdentification, ChannelNoise, GnssNoise, Identification, InitialUncertainty
-
-EARTH_RATE = 7.292115e-5
-"""Rotation rate of the Earth, rad/s (WGS 84)."""
 
 GRAVITY_SPREAD = 0.03
 """Half the range of gravity on the Earth's surface, m/s²."""
@@ -72,7 +70,9 @@ def turn_on_sd(identification: Identification, axis: str, spread: Mapping[str, f
     if known.any():
         if channel.unit == "rad/s":
             rms = float(np.sqrt(np.mean(known**2)))
-            return max(rms, EARTH_RATE), "rms of the means of the axes, which contain Earth's rate"
+            return max(
+                rms, EARTH_RATE
+            ), "rms of the means of the axes, at least Earth's rate, which may be in them"
         if len(known) == 3 and abs(float(np.linalg.norm(known)) - STANDARD_GRAVITY) < 0.5 * STANDARD_GRAVITY:
             excess = abs(float(np.linalg.norm(known)) - STANDARD_GRAVITY)
             return max(excess, GRAVITY_SPREAD), "length of the mean minus gravity, at least 0.03 m/s²"

@@ -1,0 +1,46 @@
+"""From a measured log to every dialect: a STIM300 at rest (needs TUNER_DATA)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tuner.exporters import DIALECTS, export, native
+from tuner.grades import load_gnss, load_grade
+from tuner.identification import identify
+from tuner.readers import read
+from tuner.results import FilterConfig
+from tuner.synthesis import synthesize
+
+
+@pytest.fixture(scope="module")
+def config() -> FilterConfig:
+    folder = os.environ.get("TUNER_DATA")
+    if not folder:
+        pytest.skip("TUNER_DATA names no folder of measured data")
+    log = Path(folder) / "static" / "stim300_static.npz"
+    if not log.exists():
+        pytest.skip(f"no {log.name} in TUNER_DATA")
+    return synthesize(identify(read(log), arma=None), gnss=load_gnss("rtk"))
+
+
+def test_white_noise_is_that_of_the_data_sheet(config: FilterConfig) -> None:
+    grade = load_grade("stim300")
+    for axis, channel in config.channels.items():
+        promised = grade.triad(axis.partition("_")[0]).white
+        assert promised is not None
+        assert channel.white_density == pytest.approx(promised.value, rel=0.3)
+
+
+def test_what_160_seconds_cannot_show_is_bounded_and_said(config: FilterConfig) -> None:
+    assert any(i.reason.startswith("bounded") for i in config.inflations)
+    for channel in config.channels.values():
+        assert set(channel.fates) >= {term.name for term in channel.identified}
+
+
+def test_it_survives_the_yaml_and_reaches_every_dialect(config: FilterConfig) -> None:
+    assert native.loads(native.dumps(config)) == config
+    for dialect in DIALECTS:
+        assert "stim300_static" in export(config, dialect)
