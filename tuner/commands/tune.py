@@ -126,7 +126,10 @@ def command(
 
 def _summary(directory: Path, config: FilterConfig, found: Identification, *, simulated: bool) -> list[str]:
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
-    lines += [f"  inflated {i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations]
+    changed: dict[tuple[float, str], list[str]] = {}
+    for i in config.inflations:
+        changed.setdefault((i.factor, i.reason), []).append(i.quantity)
+    lines += [f"  × {factor:g}: {', '.join(what)}: {why}" for (factor, why), what in changed.items()]
     lines += [f"  {note}" for note in config.notes if note not in found.notes]
     lines += [f"  no {part}: {reason}" for part, reason in ABSENT.items()]
     if simulated:

@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from models.noise import NoiseModel
 from tuner.files import whole_file
 from tuner.report.customary import SYMBOLS, customary_unit, digits, in_customary, pretty
 from tuner.results import ChannelIdentification, Identification
@@ -83,17 +82,17 @@ def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
     if tau[-1] > limit:
         panel.axvline(limit, color="0.6", lw=0.8, ls=":")
         panel.annotate(
-            "beyond T/5:\nfew differences",
+            "beyond T/5: few differences →",
             (limit, 0.02),
             xycoords=("data", "axes fraction"),
-            xytext=(3, 0),
+            xytext=(-3, 0),
             textcoords="offset points",
             fontsize=7,
             color="0.45",
-            va="bottom",
+            ha="right",
         )
     panel.set(xscale="log", yscale="log", xlabel="cluster time τ, s", title=channel.axis)
-    panel.set_ylim(0.4 * np.nanmin(deviation), 2.5 * np.nanmax(deviation))
+    panel.set_ylim(0.4 * np.nanmin(deviation), 6.0 * np.nanmax(deviation))
     panel.grid(which="major", color="0.88", lw=0.6)
 
 
@@ -102,21 +101,25 @@ def _draw_model(
 ) -> None:
     if not channel.model.terms:
         return
-    total = channel.model.allan_variance(tau, interval=None)
+    total = channel.model.allan_variance(tau)
     panel.plot(tau, shown(np.sqrt(total)), color=MODEL, lw=1.3, label="fitted sum")
-    for k, term in enumerate(channel.model.terms):
-        variance = NoiseModel((term,)).allan_variance(tau, interval=None)
+    for term in channel.model.terms:
+        variance = term.allan_variance(tau)
         colour = TERM_COLOURS.get(term.name, "0.4")
-        panel.plot(tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--")
-        at = int(np.argmax(variance / total))
-        panel.annotate(
-            _label(channel, term.name),
-            (tau[at], shown(np.sqrt(variance[at : at + 1]))[0]),
-            xytext=(4, 14 + 9 * (k % 2)),
-            textcoords="offset points",
-            fontsize=7.5,
-            color=colour,
+        panel.plot(
+            tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--", label=_label(channel, term.name)
         )
+        at = int(np.argmax(np.where((tau > 2 * tau[0]) & (tau < 0.3 * tau[-1]), variance / total, 0.0)))
+        panel.annotate(
+            SYMBOLS.get(f"{term.name}.{term.PARAMETERS[0]}", term.name),
+            (tau[at], shown(np.sqrt(variance[at : at + 1]))[0]),
+            xytext=(3, 5),
+            textcoords="offset points",
+            fontweight="bold",
+            color=colour,
+            annotation_clip=True,
+        )
+    panel.legend(fontsize=7, loc="upper right", framealpha=0.85, handlelength=1.6)
 
 
 def _label(channel: ChannelIdentification, name: str) -> str:

@@ -94,15 +94,26 @@ def digits(value: float, significant: int = 3) -> str:
     return f"{value:.{significant - 1}e}"
 
 
+def digits_to(value: float, half_width: float) -> str:
+    """Format a value as finely as two digits of its half width call for."""
+    if not (math.isfinite(half_width) and half_width > 0 and math.isfinite(value)):
+        return digits(value)
+    places = 1 - math.floor(math.log10(half_width))
+    if not -1 <= places <= 6:
+        return digits(value)
+    return f"{value:.{max(0, places)}f}"
+
+
 def phrase(coefficient: Coefficient, quantity: str, unit: str, *, with_unit: bool = True) -> str:
-    """Say a coefficient in words: ``0.152 (0.150 … 0.154) deg/√h``, ``< 1.2 deg/h``."""
+    """Say a coefficient in words: ``0.1520 (0.1504 … 0.1536) deg/√h``, ``< 1.2 deg/h``."""
     name = f" {pretty(customary_unit(quantity, unit))}" if with_unit else ""
     if coefficient.value is not None:
-        text = digits(in_customary(coefficient.value, quantity, unit))
-        if coefficient.interval is not None:
-            low, high = (in_customary(x, quantity, unit) for x in coefficient.interval)
-            text += f" ({digits(low)} … {digits(high)})"
-        return text + name
+        value = in_customary(coefficient.value, quantity, unit)
+        if coefficient.interval is None:
+            return digits(value) + name
+        low, high = (in_customary(x, quantity, unit) for x in coefficient.interval)
+        half = 0.5 * (high - low)
+        return f"{digits_to(value, half)} ({digits_to(low, half)} … {digits_to(high, half)}){name}"
     if coefficient.upper is not None:
         return f"< {digits(in_customary(coefficient.upper, quantity, unit))}{name}"
     return "–"
