@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -283,6 +284,19 @@ def test_progress_runs_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert len(seen) > 3
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
     assert seen[-1] == (path.stat().st_size,) * 2
+
+
+def test_memory_is_the_arrays_and_little_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tuner.readers.text.CHUNK", 1 << 16)
+    count = 60_000
+    columns = {name: np.resize(value, count) for name, value in COLUMNS.items()}
+    path = write_csv(tmp_path / "log.csv", columns | {"t": 0.01 * np.arange(count)})
+    tracemalloc.start()
+    gyro, accel = read(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    arrays = gyro.t.nbytes + gyro.y.nbytes + accel.y.nbytes + gyro.covariates["temperature"].nbytes
+    assert peak < arrays + 40 * count + 3_000_000
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

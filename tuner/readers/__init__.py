@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tuner.readers.assemble import assemble
+from tuner.readers.assemble import assemble_records
 from tuner.readers.curve import is_curve, read_curve
 from tuner.readers.layout import parse_columns
 from tuner.readers.listing import Listing, Progress, digest
@@ -76,7 +76,7 @@ def read(
         scale={"gyro": gyro_scale, "accel": accel_scale},
         columns=columns,
     )
-    return assemble(listing, digest(path), options)
+    return assemble_records(listing, digest(path), options)
 
 
 def _listing(path: Path, progress: Progress | None) -> Listing:

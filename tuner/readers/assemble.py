@@ -31,7 +31,7 @@ _SI = {"gyro": "rad/s", "accel": "m/s^2"}
 _EPOCH = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 
 
-def assemble(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
+def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
     """Return the records of a file: a gyro record, an accel record or both, on one clock."""
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
@@ -137,17 +137,18 @@ def _load(
 def _seconds(time: NDArray[Any], layout: Layout, notes: list[str]) -> tuple[float, FloatArray]:
     """Return the first stamp in seconds and all stamps relative to it."""
     unit = layout.time_unit
-    finite = time[np.isfinite(time)]
-    if not len(finite):
+    first = time[np.isfinite(time).argmax()]
+    if not np.isfinite(first):
         msg = f"time column '{layout.time}' holds no number"
         raise DataError(msg)
-    first = finite[0]
     if unit is None:
         unit = next((u for size, u in _EPOCH if abs(float(first)) > size), "s")
         if unit != "s":
             notes.append(f"time in {unit} (stamps since 1970)")
     factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{layout.time}'")]
-    relative = (time - first).astype(float)
+    relative = np.subtract(time, first, out=time if time.dtype == np.float64 else None).astype(
+        float, copy=False
+    )
     if factor != 1.0:
         relative *= factor
     return float(first) * factor, relative

@@ -20,7 +20,7 @@ gaps
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ _PATIENCE = 8
 _PIECE = 100_000
 _BATCHES = 32
 _EVEN = 8
+_BLOCK = 1 << 20
 
 
 def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int]:
@@ -91,32 +92,34 @@ def _spread(t: FloatArray) -> tuple[FloatArray, float]:
     return t + usual * within, float(np.median(np.diff(t[first])))
 
 
-def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray]:
-    """Return the interval and how many samples are missing after each stamp but the last, shape (n - 1,)."""
+def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray, IntArray]:
+    """Return the interval, the rows after which samples are missing, and how many."""
     step = np.diff(t)
     usual = float(np.median(step))
     resolution = max(batch, _resolution(t, step))
-    breaks = np.flatnonzero(step > 2.5 * usual + 2.0 * resolution) + 1
-    interval, residual = _pooled_slope(t, np.concatenate(([0], breaks)))
-    missing = np.zeros(len(step), np.int64)
-    if np.abs(residual).max() <= max(resolution, 0.25 * interval):
-        missing[breaks - 1] = np.maximum(np.rint(step[breaks - 1] / interval) - 1, 0)
-        return interval, missing
+    breaks = np.flatnonzero(step > 2.5 * usual + 2.0 * resolution)
+    interval, worst = _pooled_slope(t, breaks + 1)
+    if worst <= max(resolution, 0.25 * interval):
+        return interval, *_present(breaks, np.rint(step[breaks] / interval).astype(np.int64) - 1)
     if resolution == 0.0:
         interval = usual
     scatter = 1.4826 * float(np.median(np.abs(step - usual)))
     rounded = scatter <= 2.0 * resolution
+    at = size = np.zeros(0, np.int64)
     for _ in range(3):
         excess = 0.5 * interval + resolution if rounded else max(0.5 * interval, 4.0 * scatter)
         candidates = np.flatnonzero(step > interval + excess)
-        missing[:] = 0
         if len(candidates):
-            missing[candidates] = _lost(t, step, candidates, interval)
-        refined = _slope(np.concatenate(([0], np.cumsum(missing + 1))), t)
+            at, size = _present(candidates, _lost(t, step, candidates, interval))
+        refined = _slope(t, at, size)
         if abs(refined - interval) <= 1e-9 * interval:
             break
         interval = refined
-    return interval, missing
+    return interval, at, size
+
+
+def _present(at: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:
+    return at[size > 0], size[size > 0]
 
 
 def _resolution(t: FloatArray, step: FloatArray) -> float:
@@ -125,7 +128,7 @@ def _resolution(t: FloatArray, step: FloatArray) -> float:
         unit = 10.0**-digits
         scaled = t[:4096] / unit
         if np.abs(scaled - np.rint(scaled)).max() < 1e-3:
-            return unit if _rounding_shows(np.rint(step / unit)) else 0.0
+            return unit if _rounding_shows(np.rint(step[:_BLOCK] / unit)) else 0.0
     return 0.0
 
 
@@ -143,16 +146,30 @@ def _rounding_shows(step: FloatArray) -> bool:
     return len(odd) > _EVEN and bool(distance.max() <= 1.5 * distance.min() + 1)
 
 
-def _pooled_slope(t: FloatArray, starts: IntArray) -> tuple[float, FloatArray]:
-    """Return the common slope of t on the row number within pieces, and the residuals, shape (n,)."""
-    size = np.diff(np.append(starts, len(t)))
-    number = np.arange(len(t), dtype=float)
-    number -= np.repeat(starts + 0.5 * (size - 1), size)
-    centred = t - np.repeat(np.add.reduceat(t, starts) / size, size)
-    spread = float(number @ number)
-    slope = float(number @ centred) / spread if spread > 0 else float(np.median(np.diff(t)))
-    centred -= slope * number
-    return slope, centred
+def _pooled_slope(t: FloatArray, cuts: IntArray) -> tuple[float, float]:
+    """Return the common slope of t on the row number in the pieces between cuts, and the largest residual."""
+    pieces = np.split(t, cuts)
+    product = spread = 0.0
+    for piece in pieces:
+        spread += len(piece) * (len(piece) ** 2 - 1.0) / 12.0
+        for number, block in _blocks(piece):
+            product += float((number - 0.5 * (len(piece) - 1)) @ block)
+    slope = product / spread if spread > 0.0 else float(np.median(np.diff(t)))
+    worst = 0.0
+    for piece in pieces:
+        residuals = (block - slope * number for number, block in _blocks(piece))
+        extremes = [(r.min(), r.max(), r.sum()) for r in residuals]
+        low, high, total = np.array(extremes).T
+        mean = total.sum() / len(piece)
+        worst = max(worst, float(high.max() - mean), float(mean - low.min()))
+    return slope, worst
+
+
+def _blocks(piece: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield row numbers and stamps from the start of a piece, a block at a time."""
+    for start in range(0, len(piece), _BLOCK):
+        block = piece[start : start + _BLOCK] - piece[0]
+        yield np.arange(start, start + len(block), dtype=float), block
 
 
 def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float) -> IntArray:
@@ -163,9 +180,8 @@ def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float
     late one, and never across another candidate. A shift that is taken back within `_PATIENCE` candidates was
     a delay.
     """
-    settled = np.where(step < 0.5 * interval, len(step), np.arange(len(step)))
-    settled = np.minimum.accumulate(settled[::-1])[::-1]
-    first = np.append(settled, len(step))[candidates + 1]
+    settled = np.append(np.flatnonzero(step >= 0.5 * interval), len(step))
+    first = settled[np.searchsorted(settled, candidates + 1)]
     low = np.concatenate(([0], candidates[:-1] + 1))
     high = np.append(candidates[1:], len(t) - 1)
     shift = np.empty(len(candidates))
@@ -191,6 +207,9 @@ def _quartile(t: FloatArray, rows: IntArray, interval: float) -> FloatArray:
     return quartile
 
 
-def _slope(number: IntArray, t: FloatArray) -> float:
-    x = number - number.mean()
-    return float(x @ t) / float(x @ x)
+def _slope(t: FloatArray, at: IntArray, size: IntArray) -> float:
+    """Return the slope of t on the sample number, which jumps by `size` after the rows `at`."""
+    number = np.arange(len(t), dtype=float)
+    number += np.repeat(np.cumsum(np.append(0, size)), np.diff(at + 1, prepend=0, append=len(t)))
+    number -= number.mean()
+    return float(number @ t) / float(number @ number)

@@ -31,6 +31,7 @@ BRIDGED_SHARE = 0.01
 """Largest share of all samples that may come from bridges."""
 SHORTEST = 3
 """Samples that one Allan point needs; shorter segments are left out."""
+_STAMPS = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -115,14 +116,12 @@ class Timebase:
 
 def even_timebase(count: int, interval: float, valid: BoolArray | None = None) -> Timebase:
     """Return the time base of rows without stamps: sample i at i · interval; rows not `valid` are missing."""
-    if valid is None or valid.all():
-        return _on_grid(
-            interval * np.arange(count, dtype=float), interval, np.zeros(max(count - 1, 0), np.int64)
-        )
-    rows = np.flatnonzero(valid)
+    rows = np.arange(count) if valid is None else np.flatnonzero(valid)
     _require(len(rows))
-    base = _on_grid(interval * rows.astype(float), interval, np.diff(rows) - 1)
-    return replace(base, rows=rows)
+    missing = np.diff(rows) - 1
+    at = np.flatnonzero(missing)
+    base = _on_grid(interval * rows.astype(float), interval, at, missing[at])
+    return base if len(rows) == count else replace(base, rows=rows)
 
 
 def stamped_timebase(
@@ -156,8 +155,7 @@ def stamped_timebase(
     t, rows, disordered = in_order(t, rows)
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
-    interval, missing = interval_and_gaps(t, batch)
-    base = _on_grid(t, interval, missing)
+    base = _on_grid(t, *interval_and_gaps(t, batch))
     return replace(base, rows=rows, disordered=disordered, duplicates=duplicates)
 
 
@@ -167,27 +165,30 @@ def _require(count: int) -> None:
         raise DataError(msg)
 
 
-def _on_grid(t: FloatArray, interval: float, missing: IntArray) -> Timebase:
-    """Return the time base of ordered stamps with a known interval and known gaps."""
-    at = np.flatnonzero(missing)
-    size = missing[at]
+def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Timebase:
+    """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
     short = size <= BRIDGE
     bridged = int(size[short].sum())
     if bridged > BRIDGED_SHARE * len(t):
         short, bridged = np.zeros_like(short), 0
-    number = np.concatenate(([0], np.cumsum(missing + 1)))
-    ends = at[~short] + 1
-    starts = np.concatenate(([0], ends))
-    stops = np.concatenate((ends, [len(t)]))
-    jitter = 1.4826 * float(np.median(np.abs(np.diff(t) - interval * (missing + 1)))) / np.sqrt(2.0)
+    before = np.append(0, np.cumsum(size))
 
+    def number(rows: IntArray) -> IntArray:
+        numbers: IntArray = rows + before[np.searchsorted(at, rows)]
+        return numbers
+
+    some = _some(0, len(t) - 1)
+    error = t[some + 1] - t[some] - interval * (number(some + 1) - number(some))
+    ends = at[~short] + 1
     grid: list[FloatArray] = []
     segments: list[tuple[int, int]] = []
     wander, left_out, filled = 0.0, 0, 0
     floor = -np.inf
-    for start, stop in zip(starts, stops, strict=True):
-        count = int(number[stop - 1] - number[start]) + 1
-        offsets = t[start:stop] - interval * (number[start:stop] - number[start])
+    for start, stop in zip([0, *ends], [*ends, len(t)], strict=True):
+        some = _some(start, stop)
+        first = number(some[:1])
+        count = int(number(some[-1:])[0] - first[0]) + 1
+        offsets = t[some] - interval * (number(some) - first)
         begin = max(float(np.median(offsets)), floor)
         wander = max(wander, float(np.abs(offsets - begin).max()))
         grid.append(begin + interval * np.arange(count, dtype=float))
@@ -202,9 +203,9 @@ def _on_grid(t: FloatArray, interval: float, missing: IntArray) -> Timebase:
         raise DataError(msg)
     positions = None
     if bridged:
-        inserted = np.zeros(len(missing), np.int64)
-        inserted[at[short]] = size[short]
-        positions = np.concatenate(([0], np.cumsum(inserted + 1)))
+        inserted = np.zeros(len(t), np.int64)
+        inserted[at[short] + 1] = size[short]
+        positions = np.arange(len(t)) + np.cumsum(inserted)
     g = size[short]
     return Timebase(
         t=np.concatenate(grid) if len(grid) > 1 else grid[0],
@@ -214,8 +215,13 @@ def _on_grid(t: FloatArray, interval: float, missing: IntArray) -> Timebase:
         gaps=len(at),
         missing=int(size.sum()),
         bridged=bridged,
-        jitter=float(jitter),
+        jitter=1.4826 * float(np.median(np.abs(error))) / np.sqrt(2.0),
         bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
         wander=wander,
         left_out=left_out,
     )
+
+
+def _some(start: int, stop: int) -> IntArray:
+    """Return up to `_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
+    return np.unique(np.linspace(start, stop - 1, min(stop - start, _STAMPS)).astype(np.int64))
