@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from models.noise import NoiseModel
 from tuner.curves import curve as empirical_curve
 from tuner.identification.arma import FEWEST, Likelihood, fit_arma
+from tuner.identification.band import TOLERANCE, Band, curve_within, find_band, periodogram_within
 from tuner.identification.estimates import Estimates, from_fit, from_powers, from_segments
 from tuner.identification.leastsquares import fit as fit_curve
 from tuner.identification.leastsquares import misfit, unweighted
-from tuner.identification.likelihood import LikelihoodFit
-from tuner.identification.likelihood import fit as fit_likelihood
+from tuner.identification.likelihood import LikelihoodFit, fit_periodogram
 from tuner.identification.means import mean_of_noise
 from tuner.identification.octaves import OctaveCurve
+from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.slopes import FLOOR, read_segments
 from tuner.records import DataError, Record
 from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
@@ -90,8 +91,11 @@ def identify_channel(
         raise ValueError(msg)
     single = _single(record, axis)
     pieces = [piece for piece in single.pieces(axis) if len(piece) >= _SHORTEST]
-    octaves = OctaveCurve.of(pieces, single.interval)
-    chosen, bounds, candidates = _choose(pieces, single, terms)
+    whole = OctaveCurve.of(pieces, single.interval)
+    band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
+    octaves = curve_within(whole, band)
+    data = periodogram_within(cosine_periodogram(pieces, single.interval), band)
+    chosen, bounds, candidates = _choose(data, single.unit, terms)
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     minimum, floor, minimum_tau = _minimum(allan, single.span)
@@ -119,7 +123,7 @@ def identify_channel(
         allan=allan,
         candidates=candidates,
         arma=series,
-        warnings=_warnings(octaves, estimates, method),
+        warnings=(*_about_band(band, single.interval), *_disagreement(whole, band, estimates, method)),
     )
 
 
@@ -169,17 +173,30 @@ def _minimum(allan: AllanCurve, span: float) -> tuple[Coefficient, Coefficient, 
     return known[0], known[1], tau
 
 
-def _warnings(octaves: OctaveCurve, estimates: Estimates, method: str) -> tuple[str, ...]:
-    """Say where the Allan curve contradicts the fitted sum."""
+def _about_band(band: Band, interval: float) -> tuple[str, ...]:
+    """Say what part of the record the terms do not describe."""
+    if band.m == 1:
+        return ()
+    part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
+    return (
+        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {part:.2g} % {side} "
+        "it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
+        f"f ≤ {band.highest:.3g} Hz",
+    )
+
+
+def _disagreement(whole: OctaveCurve, band: Band, estimates: Estimates, method: str) -> tuple[str, ...]:
+    """Say where the Allan curve contradicts the fitted sum; in a cut band, where little above it reaches."""
     if method not in ("likelihood", "leastsquares") or not estimates.model.terms:
         return ()
-    found = misfit(octaves, estimates.model)
+    judged = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
+    found = misfit(judged, estimates.model, tolerance=TOLERANCE)
     if found.p_value >= DISAGREES:
         return ()
-    side = "above" if found.ratio > 1.0 else "below"
+    part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (
         f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
-        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, {100 * abs(found.ratio - 1.0):.2g} % {side} it: "
+        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {part:.2g} % {side}: "
         "something in the data is not among the terms",
     )
 
@@ -200,13 +217,13 @@ def _by_method(
 
 
 def _choose(
-    pieces: Sequence[FloatArray], record: Record, terms: Sequence[str] | None
+    data: CosinePeriodogram, unit: str, terms: Sequence[str] | None
 ) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
     """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
     if terms is not None:
-        return fit_likelihood(pieces, record.interval, terms), (), ()
-    every = fit_likelihood(pieces, record.interval, _BASE)
-    estimates = from_fit(every.model, every.covariance, every.intervals, record.unit, forced=True)
+        return fit_periodogram(data, terms), (), ()
+    every = fit_periodogram(data, _BASE)
+    estimates = from_fit(every.model, every.covariance, every.intervals, unit, forced=True)
     present = [term.name for term in estimates.terms if term.present] or ["white"]
     bounds = tuple(term for term in estimates.terms if term.name not in present)
-    return fit_likelihood(pieces, record.interval, present), bounds, ()
+    return fit_periodogram(data, present), bounds, ()

@@ -110,7 +110,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
         raise ValueError(msg)
     for _ in range(3):
         dof, sigma = log_covariance(problem.model(theta), curve)
-        target = np.log(curve.variance) - _log_bias(dof)
+        target = np.log(curve.variance) - log_bias(dof)
         weight = np.asarray(np.linalg.inv(sigma if generalised else np.diag(np.diag(sigma))), dtype=float)
         theta, score = problem.minimise(theta, target, weight)
     log_mean, jacobian = problem(theta)
@@ -193,14 +193,16 @@ class Misfit:
     ratio: float
 
 
-def misfit(curve: OctaveCurve, model: NoiseModel) -> Misfit:
+def misfit(curve: OctaveCurve, model: NoiseModel, *, tolerance: float = 0.0) -> Misfit:
     """Judge a model that was fitted to the same record by other means against the Allan curve.
 
-    The fit need not minimise this χ², so that its probability errs to the small side.
+    Deviations within the relative `tolerance` are granted. The fit need not minimise this χ², so that its
+    probability errs to the small side.
     """
     dof, sigma = log_covariance(model, curve)
     mean = model.allan_variance(curve.tau, interval=curve.interval)
-    residual = np.log(curve.variance) - _log_bias(dof) - np.log(mean)
+    residual = np.log(curve.variance) - log_bias(dof) - np.log(mean)
+    sigma = sigma + (2.0 * tolerance) ** 2 * np.eye(len(curve.m))
     statistic = float(residual @ np.linalg.solve(sigma, residual))
     freedom = max(len(curve.m) - len(parameter_names(model)), 1)
     worst = int(np.argmax(np.abs(residual) / np.sqrt(np.diag(sigma))))
@@ -208,7 +210,7 @@ def misfit(curve: OctaveCurve, model: NoiseModel) -> Misfit:
     return Misfit(statistic, freedom, float(chi2.sf(statistic, freedom)), float(curve.tau[worst]), ratio)
 
 
-def _log_bias(dof: FloatArray) -> FloatArray:
+def log_bias(dof: FloatArray) -> FloatArray:
     """Return E ln(χ²_v/v)."""
     return np.asarray(digamma(0.5 * dof) - np.log(0.5 * dof))
 

@@ -77,7 +77,7 @@ def without_earth_rate(
     if latitude is None:
         reason = f"contains the Earth's rate, at most {EARTH_RATE:.3g} rad/s: no latitude was given"
         return {axis: replace(c, reason=reason) for axis, c in means.items()}, f"gyro mean {reason}"
-    sine, cosine = np.sin(np.radians(latitude)), np.cos(np.radians(latitude))
+    sine, cosine = float(np.sin(np.radians(latitude))), float(np.cos(np.radians(latitude)))
     length = 0.0 if force is None else float(np.linalg.norm(force))
     if force is None or not _GRAVITY[0] < length < _GRAVITY[1] or len(means) != 3:
         why = "accelerometers at rest" if len(means) == 3 else "three axes"
