@@ -124,15 +124,12 @@ def load(path: Path) -> FilterConfig:
 
 
 def _channel(channel: ChannelNoise) -> dict[str, Any]:
-    def noted(value: float, quantity: str, unit: str) -> Noted:
-        target = customary_unit(quantity, channel.unit)
-        shown = digits(in_customary(value, quantity, channel.unit))
-        return Noted(value, f"{channel.unit}{unit}; {shown} {pretty(target)}".rstrip())
+    def noted(value: float, quantity: str, per: str) -> Noted:
+        shown = _in_words(value, quantity, channel.unit) if value else "none"
+        return Noted(value, f"{channel.unit}{per}; {shown}")
 
     def state(markov: MarkovState) -> Noted:
-        shown = digits(in_customary(markov.sd, "gauss_markov.sd", channel.unit))
-        note = f"{shown} {pretty(customary_unit('gauss_markov.sd', channel.unit))}"
-        return Noted(Inline({"sd": markov.sd, "time_constant": markov.time_constant}), note)
+        return Noted(_state(markov), f"{channel.unit}, s; {_in_words(markov.sd, 'level', channel.unit)}")
 
     return {
         "unit": channel.unit,
@@ -148,12 +145,20 @@ def _channel(channel: ChannelNoise) -> dict[str, Any]:
     }
 
 
+def _in_words(value: float, quantity: str, unit: str) -> str:
+    return f"{digits(in_customary(value, quantity, unit))} {pretty(customary_unit(quantity, unit))}"
+
+
 def _term(term: TermEstimate, unit: str) -> dict[str, Any]:
-    entries = {
-        name: Noted(Inline(vars(coefficient)), phrase(coefficient, f"{term.name}.{name}", unit))
-        for name, coefficient in term.coefficients.items()
-    }
-    return {"term": term.name, "coefficients": entries}
+    entries: dict[str, Any] = {"term": term.name}
+    for name, coefficient in term.coefficients.items():
+        told = {key: entry for key, entry in vars(coefficient).items() if entry is not None}
+        entries[name] = Noted(Inline(told), phrase(coefficient, f"{term.name}.{name}", unit))
+    return entries
+
+
+def _state(markov: MarkovState) -> Inline:
+    return Inline({"sd": markov.sd, "time_constant": markov.time_constant})
 
 
 def _initial(initial: InitialUncertainty) -> dict[str, Any]:
@@ -167,14 +172,13 @@ def _initial(initial: InitialUncertainty) -> dict[str, Any]:
 
 
 def _gnss(gnss: GnssNoise) -> dict[str, Any]:
-    correlated = [Inline({"sd": state.sd, "time_constant": state.time_constant}) for state in gnss.correlated]
     velocity = None if gnss.velocity_sd is None else Inline(gnss.velocity_sd)
     return {
         "position_sd": Noted(Inline(gnss.position_sd), "m; north, east, down"),
         "velocity_sd": Noted(velocity, "m/s; north, east, down"),
         "interval": Noted(gnss.interval, "s"),
         "gate": Noted(gnss.gate, "sigmas"),
-        "correlated": [Noted(state, "m, s") for state in correlated],
+        "correlated": [Noted(_state(markov), "m, s") for markov in gnss.correlated],
         "reference": gnss.reference,
     }
 
@@ -199,7 +203,7 @@ def _read_markov(node: Node) -> MarkovState:
 
 
 def _read_term(node: Node) -> TermEstimate:
-    coefficients = {name: _read_coefficient(entry) for name, entry in node["coefficients"].items()}
+    coefficients = {name: _read_coefficient(entry) for name, entry in node.items() if name != "term"}
     return TermEstimate(node["term"].text(), coefficients)
 
 
