@@ -1,0 +1,43 @@
+"""Comparing coefficients: what differs and what does not."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from tuner.comparison import compare
+from tuner.grades import grade_identification, load_grade
+from tuner.identification import identify
+from tuner.records import Record
+
+
+def white_log(density, seed, n=4000, interval=0.01):
+    y = density / np.sqrt(interval) * np.random.default_rng(seed).standard_normal((n, 1))
+    return identify([Record("gyro", np.arange(n) * interval, y, ("gyro_x",), "rad/s", interval)], arma=None)
+
+
+def test_a_grade_agrees_with_itself():
+    grade = grade_identification(load_grade("stim300"))
+    comparison = compare(["a", "b"], [grade, grade])
+    for rows in comparison.axes.values():
+        for row in rows:
+            assert row.ratio in (None, pytest.approx(1.0))
+            assert row.differs is None
+
+
+def row_of(comparison, name):
+    return next(row for row in comparison.axes["gyro_x"] if row.name == name)
+
+
+def test_a_real_difference_is_told():
+    row = row_of(compare(["a", "b"], [white_log(1.0, 1), white_log(2.0, 2)]), "white.density")
+    assert row.differs
+    assert row.ratio_interval[0] < row.ratio < row.ratio_interval[1]
+    assert row.ratio == pytest.approx(2.0, rel=0.06)
+
+
+def test_equal_sensors_differ_at_the_stated_rate():
+    runs = [white_log(1.0, seed) for seed in range(60)]
+    found = [
+        row_of(compare(["a", "b"], [runs[i], runs[i + 1]]), "white.density").differs for i in range(0, 60, 2)
+    ]
+    assert sum(found) <= binom.ppf(1 - 1e-5, 30, 0.05)
