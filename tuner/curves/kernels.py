@@ -4,10 +4,9 @@ All work on the phase x of the samples, the running sum of y without its mean, i
 x_i = Σ_{j<i} (y_j - ȳ). A second difference over m samples is then m times the difference of two neighbouring
 cluster averages; the mean and any linear phase fall out.
 
-The sums run block by block over x with all cluster sizes inside a block, so a block is read from memory once
-and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a few
-long stretches.
-`NUMBA_NUM_THREADS` limits the threads.
+The sums run block by block over x with all cluster sizes inside a block, so the block is read from memory once
+and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a few long
+stretches. The environment variable `NUMBA_NUM_THREADS` limits the threads.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def in_threads(kernel: Callable[[int, int], FloatArray], count: int, *, stretch:
     """Add up ``kernel(begin, end)`` over a few equal stretches of ``range(count)``, none below `stretch`."""
     workers = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     parts = max(1, min(4 * workers, count // stretch))
-    bounds = [count * i // parts // BLOCK * BLOCK for i in range(parts)] + [count]
+    bounds = [count * i // parts for i in range(parts + 1)]
     if workers == 1 or parts == 1:
         return kernel(0, count)
     with ThreadPoolExecutor(workers) as pool:
@@ -60,7 +59,7 @@ def _mean_excess(y: FloatArray) -> float:
     total = 0.0
     for i in range(y.shape[0]):
         total += y[i] - first
-    return total / y.shape[0]
+    return float(total / y.shape[0])
 
 
 @njit(cache=True, nogil=True)

@@ -42,7 +42,7 @@ class Estimator:
     terms : callable
         ``terms(n, m)``: how many terms n samples give; none where m is too large.
     useful : float
-        The largest m used by default is n / useful.
+        The largest m used by default is n / useful, where a few degrees of freedom are left.
     least : int
         Smallest m.
     factor : float
@@ -124,7 +124,10 @@ def curve(
     weight = np.zeros(m.size)
     variance = np.zeros((m.size, len(record.axes)))
     freedom = np.zeros((m.size, len(record.axes)))
-    types = [noise_types(_longest_piece(record, axis), m) if noise is None else noise for axis in record.axes]
+    types = [
+        noise_types(max(record.pieces(axis), key=len), statistic.factor * m) if noise is None else noise
+        for axis in record.axes
+    ]
     for start, stop in record.segments:
         terms = statistic.count(stop - start, m)
         fits = np.flatnonzero(terms)
@@ -183,10 +186,6 @@ def _asked(estimator: str, n: int, tau: FloatArray, interval: float) -> IntArray
         msg = f"{estimator} at tau {wrong[0]:g} s: expected {bounds}"
         raise DataError(msg)
     return m
-
-
-def _longest_piece(record: Record, axis: str) -> FloatArray:
-    return max(record.pieces(axis), key=len)
 
 
 def _hybrid(
