@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from models.sensors import SensorGrade, Sourced, TriadGrade
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.documents import Node, document
 from tuner.records import DataError
 from tuner.results import (
@@ -25,7 +26,7 @@ from tuner.results import (
     MarkovState,
     TermEstimate,
 )
-from tuner.sheets import FLOOR, parse_sheet
+from tuner.sheets import parse_sheet
 
 GNSS_FORMAT = "tuner-gnss/1"
 
@@ -198,7 +199,7 @@ def _channel(
         Coefficient(None, None, None, triad.unit, "no data"),
         figure(math.sqrt(float(model.allan_variance(10.0)))),
         figure(lowest),
-        figure(lowest / FLOOR),
+        figure(lowest / ALLAN_FLOOR),
         float(tau[first]),
         AllanCurve("none", np.zeros(0), np.zeros((0, 1)), np.zeros((0, 1)), triad.unit, (axis,)),
     )

@@ -28,13 +28,13 @@ scale_factor_sd, misalignment_sd, g_sensitivity_sd, bandwidth, range: as named
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 from models.sensors import SensorGrade, Sourced, SourcedMarkov, TriadGrade
+from models.terms.flicker import ALLAN_FLOOR
 from models.units import canonical_unit, to_si, two_sided
 from tuner.documents import Node, document
 
@@ -44,9 +44,6 @@ KINDS: Mapping[str, str] = MappingProxyType(
     {"typical": "datasheet typical", "maximum": "datasheet maximum", "measured": "measured"}
 )
 """What a number may be, and how to say it."""
-
-FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
-"""Allan minimum of flicker ÷ B, 0.664."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ _KEYS: Mapping[str, _Key] = MappingProxyType(
             "rad/s/√Hz deg/s/√Hz mdeg/s/√Hz deg/h/√Hz rad/√s deg/√s deg/√h arcsec/√s",
             "m/s^2/√Hz g/√Hz mg/√Hz ug/√Hz mGal/√Hz m/s/√s m/s/√h ft/s/√h m/s^1.5",
         ),
-        "bias_instability": _key("bias_instability", _RATE, _FORCE, **{"": 1.0 / FLOOR, "level": 1.0}),
+        "bias_instability": _key("bias_instability", _RATE, _FORCE, **{"": 1.0 / ALLAN_FLOOR, "level": 1.0}),
         "random_walk": _key(
             "random_walk",
             "rad/s^1.5 deg/s^1.5 deg/h^1.5 rad/s^2/√Hz deg/s^2/√Hz deg/h/√s deg/h/√h",

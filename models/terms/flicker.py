@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NoReturn
+from typing import ClassVar, Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,9 @@ from scipy import fft
 from scipy.special import digamma
 
 from models.terms.base import FloatArray, Term, as_array
+
+ALLAN_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
+"""Allan deviation of flicker ÷ B, 0.664."""
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from models.terms.flicker import ALLAN_FLOOR
 from models.units import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from tuner.results import ChannelNoise
-from tuner.sheets import FLOOR
 from tuner.synthesis import RULES, equivalent_markov_sd
 from tuner.synthesis.markov import FlickerView
 
@@ -26,7 +26,9 @@ TABLE = {  # IMU: (bias instability, tuned gbstd) in deg/h, tuned arw in deg/√
 
 def predicted(instability: float, walk: float) -> float:
     white = walk * DEG_PER_SQRT_HOUR
-    view = FlickerView(instability * DEG_PER_HOUR / FLOOR, white, 0.0, 1.0, horizon=1000.0, interval=0.005)
+    view = FlickerView(
+        instability * DEG_PER_HOUR / ALLAN_FLOOR, white, 0.0, 1.0, horizon=1000.0, interval=0.005
+    )
     noise = ChannelNoise("gyro_x", "rad/s", white, RULES["ladder"].states(view), 0.0, 1e-3)
     return equivalent_markov_sd(noise, 3600.0) / DEG_PER_HOUR
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from models.sensors import Sourced, TriadGrade
+from models.terms.flicker import ALLAN_FLOOR
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
 from tuner.datasheet import is_datasheet, read_datasheet
 from tuner.grades import (
@@ -21,7 +22,7 @@ from tuner.grades import (
     parse_gnss,
 )
 from tuner.records import DataError
-from tuner.sheets import FLOOR, parse_sheet
+from tuner.sheets import parse_sheet
 from tuner.synthesis import synthesize
 
 SHEET = """\
@@ -111,7 +112,7 @@ def test_datasheet_becomes_an_identification_without_intervals(tmp_path: Path) -
     assert density.interval is None
     assert density.reason == "datasheet maximum"
     level = gyro.term("bias_instability").coefficients["level"]
-    assert level.value == pytest.approx(5.0 * DEG_PER_HOUR / FLOOR)
+    assert level.value == pytest.approx(5.0 * DEG_PER_HOUR / ALLAN_FLOOR)
     assert accel.term("white").coefficients["density"].value == pytest.approx(0.001)
     level = accel.term("bias_instability").coefficients["level"]
     assert level.value == pytest.approx(50.0 * MICRO_G)

@@ -247,11 +247,12 @@ def test_missing_parts_are_left_out_with_a_reason_and_filled_in_on_request() -> 
     assert any("accelerometers" in note and "--complete" in note for note in config.notes)
     assert any("--gnss" in note for note in config.notes)
     whole = synthesize(log, complete=load_grade("stim300"), gnss=load_gnss("rtk"))
-    assert {a for a in whole.channels if a.startswith("accel")} == {"accel_x", "accel_y", "accel_z"}
-    assert "gyro_y" not in whole.channels
+    assert len(whole.channels) == 6
+    assert whole.channels["gyro_y"].white_density == load_grade("stim300").gyro.white.value
     assert whole.gnss == load_gnss("rtk")
-    assert whole.initial.position == 0.03
-    assert any("completed from grade stim300" in note for note in whole.notes)
+    assert whole.initial.position == pytest.approx(math.hypot(0.03, 0.01))
+    assert "gyros gyro_y, gyro_z completed from grade stim300" in whole.notes
+    assert "accelerometers completed from grade stim300" in whole.notes
     assert whole.channels["gyro_x"] == config.channels["gyro_x"]
 
 

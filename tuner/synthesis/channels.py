@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.results import (
     ArmaFit,
     ChannelIdentification,
@@ -35,7 +36,7 @@ from tuner.results import (
     TermEstimate,
 )
 from tuner.synthesis.equivalents import structure_function
-from tuner.synthesis.markov import BOUND, FLOOR, RULES, FlickerView, bounding_state
+from tuner.synthesis.markov import BOUND, RULES, FlickerView, bounding_state
 
 BOUNDED_SHARE = 0.5
 """Share of an upper limit that stands in for a term the data only bound."""
@@ -164,7 +165,7 @@ def _quantization(task: _Task, term: TermEstimate) -> _Share:
 def _flicker(task: _Task, term: TermEstimate) -> _Share:
     channel = task.channel
     level, inflations = _figure(task, term, "level")
-    minimum = channel.minimum.value or channel.minimum.upper or FLOOR * level
+    minimum = channel.minimum.value or channel.minimum.upper or ALLAN_FLOOR * level
     chosen = RULES["ladder" if task.rule == BOUND else task.rule]
     view = FlickerView(level, task.white, minimum, channel.minimum_tau, task.horizon, channel.interval)
     states = chosen.states(view)

@@ -27,8 +27,11 @@ from tuner.synthesis.channels import channel_noise
 from tuner.synthesis.initial import initial_uncertainty, turn_on_sd
 from tuner.synthesis.markov import BOUND, RULES
 
-SENSORS: Mapping[str, str] = {"gyro": "gyros", "accel": "accelerometers"}
-"""Prefix of the axes a navigation filter needs, and what to call them."""
+AXES: Mapping[str, tuple[str, ...]] = {
+    "gyros": ("gyro_x", "gyro_y", "gyro_z"),
+    "accelerometers": ("accel_x", "accel_y", "accel_z"),
+}
+"""The axes a navigation filter needs."""
 
 
 def synthesize(
@@ -55,7 +58,7 @@ def synthesize(
     rule : str, optional
         How flicker becomes states: a key of `RULES`, or ``bound`` for the upper end of every interval.
     complete : SensorGrade, optional
-        Stands in for gyros or accelerometers the identification lacks.
+        Stands in for the axes the identification lacks.
     gnss : GnssNoise, optional
         Errors of the aiding; without it R is left out.
     turn_on : mapping of str to float, optional
@@ -165,20 +168,24 @@ def _enlarged(channel: ChannelNoise, field: str, factor: float) -> ChannelNoise:
 
 
 def _completed(identification: Identification, grade: SensorGrade | None) -> tuple[Identification, list[str]]:
-    """Return the identification with missing sensors filled in from a grade, and what there is to say."""
-    missing = [p for p in SENSORS if not any(axis.startswith(p) for axis in identification.channels)]
-    if not missing:
-        return identification, []
+    """Return the identification with missing axes filled in from a grade, and what there is to say."""
+    missing = {
+        name: [axis for axis in axes if axis not in identification.channels] for name, axes in AXES.items()
+    }
+    said = {
+        name: name if len(axes) == 3 else f"{name} {', '.join(axes)}"
+        for name, axes in missing.items()
+        if axes
+    }
     if grade is None:
         return identification, [
-            f"no {SENSORS[p]} in the log: their part is left out; --complete GRADE fills it in"
-            for p in missing
+            f"no {words} in the log: left out; --complete GRADE fills them in" for words in said.values()
         ]
     other = grade_identification(grade)
-    added = {axis: c for axis, c in other.channels.items() if any(axis.startswith(p) for p in missing)}
+    added = {axis: c for axes in missing.values() for axis in axes if (c := other.channels.get(axis))}
     sd = {axis: value for axis, value in other.source["turn_on_sd"].items() if axis in added}
-    source = {**identification.source, "turn_on_sd": {**sd, **identification.source.get("turn_on_sd", {})}}
-    notes = [f"{SENSORS[p]} completed from grade {grade.key}" for p in missing]
+    source = {**identification.source, "turn_on_sd": {**identification.source.get("turn_on_sd", {}), **sd}}
+    notes = [f"{words} completed from grade {grade.key}" for words in said.values()]
     return replace(identification, source=source, channels={**identification.channels, **added}), notes
 
 

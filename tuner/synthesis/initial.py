@@ -107,8 +107,8 @@ def initial_uncertainty(
     why["position"] = f"no GNSS figures: {POSITION_DEFAULT:g} m assumed"
     why["velocity"] = f"standing still within {VELOCITY_DEFAULT:g} m/s assumed"
     if gnss is not None:
-        position = max(gnss.position_sd)
-        why["position"] = "largest position sd of GNSS"
+        position = math.hypot(max(gnss.position_sd), *(state.sd for state in gnss.correlated))
+        why["position"] = "largest position sd of GNSS, with its correlated part"
         if gnss.velocity_sd is not None:
             velocity = max(gnss.velocity_sd)
             why["velocity"] = "largest velocity sd of GNSS"

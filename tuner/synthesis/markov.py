@@ -37,10 +37,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from models.statespace import flicker_ladder
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.results import MarkovState
-
-FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
-"""Allan deviation of flicker ÷ B, 0.664."""
 
 PEAK_TIME = 1.89262
 """Cluster time of the Allan peak of a Gauss–Markov process ÷ its time constant."""
@@ -77,7 +75,7 @@ class FlickerView:
     @property
     def corner(self) -> float:
         """Cluster time where white noise meets the flicker floor, s."""
-        return (self.density / (FLOOR * self.level)) ** 2
+        return (self.density / (ALLAN_FLOOR * self.level)) ** 2
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def ladder(view: FlickerView) -> tuple[MarkovState, ...]:
 
 
 def _peak(view: FlickerView) -> tuple[MarkovState, ...]:
-    return (MarkovState(FLOOR / PEAK_SD * view.level, view.minimum_tau / PEAK_TIME),)
+    return (MarkovState(ALLAN_FLOOR / PEAK_SD * view.level, view.minimum_tau / PEAK_TIME),)
 
 
 def _level(view: FlickerView) -> tuple[MarkovState, ...]:
