@@ -44,8 +44,8 @@ _GRANTED = (2.0 * TOLERANCE) ** 2
 """Variance of ln AVAR that the tolerance grants."""
 
 _NEIGHBOURS = 0.5
-"""Correlation of ln AVAR at neighbouring octaves, as of white noise; that of slower noise is higher, which only
-makes the test milder."""
+"""Correlation of ln AVAR at neighbouring octaves, as of white noise; slower noise has more, which makes the
+test milder."""
 
 _STEP = 4
 _OCTAVES = 6

@@ -11,10 +11,11 @@ covariance is a quadratic form in the amplitudes of the terms. Each term contrib
     γ_ij(l) = √(AVAR(τ_i) AVAR(τ_j)) ρ_ij(l)
     ρ_ij(l) ∝ Σ_ab w_a w_b g(l + a m_i + b m_j),     a, b ∈ {−1, 0, 1},  w = (1, −2, 1)
 
-where g is the generalised covariance of the integrated term: a spike at 0 (quantization), −|t| (white),
-t² ln|t| (flicker), |t|³ (random walk), and the integrated exponential (Gauss–Markov). These closed forms hold
-down to zero frequency, which a transform of the spectrum does not for a random walk. c_ij is smooth
-between the nine knots ±m_i ± m_j, …: the sum over up to 2N lags is taken on a grid that thins away from them.
+where g is the generalised covariance of the summed samples, t in samples: a spike at 0 (quantization), −|t|
+(white), t² ln|t| (flicker), |t|³ − |t| (random walk), and the summed exponential (Gauss–Markov). These
+closed forms hold down to zero frequency, which a transform of the spectrum does not for a random walk.
+c_ij is smooth between the nine knots ±m_i ± m_j, …: the sum over up to 2N lags is taken on a grid that
+thins away from them.
 
 References
 ----------
@@ -165,7 +166,7 @@ def _white(lag: FloatArray, m1: int, m2: int) -> FloatArray:
 def _random_walk(lag: FloatArray, m1: int, m2: int) -> FloatArray:
     scale = np.sqrt(m1 * m2)
     inside = np.clip(lag, -(m1 + m2), m1 + m2)  # nothing is left beyond, but rounding would be
-    return _differences(inside, m1, m2, lambda d: (d / scale) ** 3)
+    return _differences(inside, m1, m2, lambda d: (d / scale) ** 3 - d / scale**3)
 
 
 def _flicker(lag: FloatArray, m1: int, m2: int) -> FloatArray:
@@ -180,7 +181,9 @@ def _flicker(lag: FloatArray, m1: int, m2: int) -> FloatArray:
 def _gauss_markov(lag: FloatArray, m1: int, m2: int, *, samples: float) -> FloatArray:
     if samples > _FAR * (m1 + m2):
         return _random_walk(lag, m1, m2) * float(np.sqrt(m1 * m2) / samples) ** 3 / 6.0
-    return _differences(lag, m1, m2, lambda d: _integrated_exponential(d / samples))
+    rate = min(1.0 / samples, 50.0)
+    sampled = rate**3 / 6.0 * (1.0 + rate**2 / 20.0) if rate < 0.1 else float(np.sinh(rate)) - rate
+    return _differences(lag, m1, m2, lambda d: _integrated_exponential(d * rate) - d * sampled)
 
 
 def _integrated_exponential(x: FloatArray) -> FloatArray:
