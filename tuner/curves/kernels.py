@@ -5,8 +5,8 @@ x_i = Σ_{j<i} (y_j - ȳ). A second difference over m samples is then m times th
 cluster averages; the mean and any linear phase fall out.
 
 The sums run block by block over x with all cluster sizes inside a block, so the block is read from memory
-once and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a few
-long stretches. The environment variable `NUMBA_NUM_THREADS` limits the threads.
+once and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a
+few long stretches. The environment variable `NUMBA_NUM_THREADS` limits the threads.
 """
 
 from __future__ import annotations
