@@ -29,9 +29,9 @@ attitude → velocity → position has the relative error 1/n²; terms with the 
 their own, small, size; and since the drive of a bias acts from the next step on, its share of the variance is
 smaller by 3/(2n) at most. A stationary Gauss–Markov bias integrates to a variance larger by (dt/T)²/12.
 
-The covariance may therefore be advanced in longer steps than the mechanisation, about their `middle`: in steps
-of 0.1 s every standard deviation of a filter stays within 2e-4 of that at the rate of the sensors on the
-built-in road trajectories.
+The covariance may therefore be advanced in longer steps than the mechanisation, about their `middle`: in
+steps of 0.1 s every standard deviation of a filter stays within 2e-4 of that at the rate of the sensors on
+the built-in road trajectories.
 
 References
 ----------

@@ -8,9 +8,11 @@ from scipy.linalg import expm
 
 from models import rotation, strapdown
 from models.calibration import calibration, sensor_jacobian
+from models.earth import metres_per_radian
 from models.errorstate import (
     Linearization,
     corrected,
+    coupling,
     driven_variance,
     dynamics,
     middle,
@@ -155,6 +157,48 @@ def test_dynamics_against_finite_differences(model, place):
         np.testing.assert_array_less(np.abs(f[:9, k] - numeric), 1e-4 * np.abs(numeric) + rounding)
     bias = f[9:, 9:]
     np.testing.assert_array_equal(np.diag(bias), -1.0 / model.time_constant[9:])
+
+
+def test_small_couplings_against_finite_differences():
+    """All terms of the Earth and the transport rate, fast and far north, without any force."""
+    llh, vel, zero = np.array([1.2, 0.4, 1e4]), np.array([250.0, -180.0, 20.0]), (0.0, 0.0, 0.0)
+
+    def flow(position, velocity):
+        return np.concatenate(strapdown.rates(tuple(position), tuple(velocity), tuple(np.eye(3)), zero, zero))
+
+    by_llh, by_vel = np.empty((9, 3)), np.empty((9, 3))
+    for i, (angle, speed) in enumerate(zip((1e-4, 1e-4, 100.0), (1.0, 1.0, 1.0), strict=True)):
+        e, d = angle * np.eye(3)[i], speed * np.eye(3)[i]
+        by_llh[:, i] = (flow(llh + e, vel) - flow(llh - e, vel)) / (2 * angle)
+        by_vel[:, i] = (flow(llh, vel + d) - flow(llh, vel - d)) / (2 * speed)
+    metres = metres_per_radian(llh)
+    step = 0.1
+    ahead, behind = (metres_per_radian(llh + s * flow(llh, vel)[:3]) for s in (step, -step))
+    stretch = np.diag((ahead - behind) / (2 * step) / metres)
+
+    f_rr, f_vr, f_vv, f_ar, f_av, omega_in = (np.array(block) for block in coupling(tuple(llh), tuple(vel)))
+    for block, expected, size in (
+        (f_rr, metres[:, None] * by_llh[:3] / metres + stretch, 1e-4),
+        (np.eye(3), metres[:, None] * by_vel[:3], 1.0),
+        (f_vr, by_llh[3:6] / metres, 1e-8),
+        (f_vv, by_vel[3:6], 1e-4),
+        (f_ar, by_llh[6:] / metres, 1e-11),
+        (f_av, by_vel[6:], 1e-7),
+        (omega_in, -flow(llh, vel)[6:], 1e-4),
+    ):
+        np.testing.assert_allclose(block, expected, rtol=1e-6, atol=1e-6 * size)
+
+
+def test_middle_of_a_step_is_half_way():
+    start = NavigationState(
+        np.array([0.7, 0.2, 300.0]), np.array([1.0, 2.0, 3.0]), rotation.quat_from_rotvec([0, 0, 0.2])
+    )
+    end = NavigationState(start.llh + 1e-6, -3.0 * start.vel_n, rotation.quat_from_rotvec([0, 0, 0.6]))
+    place = middle(start, end, [1.0, 2.0, 3.0], [9.0, 0.0, 0.0])
+    np.testing.assert_allclose(place.llh, start.llh + 5e-7, rtol=1e-15)
+    np.testing.assert_allclose(place.vel_n, -start.vel_n)
+    np.testing.assert_allclose(place.mat_nb, rotation.mat_from_rotvec([0, 0, 0.4]), atol=1e-15)
+    np.testing.assert_allclose(place.mat_nb @ place.force_b, [9.0, 0.0, 0.0], atol=1e-14)
 
 
 def test_vertical_channel_is_unstable_and_tilt_has_the_period_of_schuler():

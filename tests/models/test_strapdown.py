@@ -43,6 +43,7 @@ def _errors(name, duration, interval):
     dtheta, dvel = imu_increments(motion, interval)
     truth = motion.evaluate(interval * np.arange(1, len(dtheta) + 1))
     end = _compiled(motion.evaluate([0.0]).at(0), dtheta, dvel, interval)
+    np.testing.assert_allclose(np.linalg.norm(end.quat_nb, axis=1), 1.0, atol=1e-14)
     turn = np.swapaxes(truth.mat_nb, -1, -2) @ rotation.mat_from_quat(end.quat_nb)
     return (
         np.abs(earth.ned_between(end.llh, truth.llh)).max(),
@@ -169,8 +170,12 @@ def test_alignment_finds_tilt():
 
 
 def test_mean_attitude_is_half_way():
-    a = rotation.quat_from_rotvec([0.3, 0.2, -0.4])
-    b = rotation.quat_multiply(a, rotation.quat_from_rotvec([0.2, -0.1, 0.3]))
-    half = rotation.mat_from_quat(a) @ rotation.mat_from_rotvec([0.1, -0.05, 0.15])
-    for sign in (1.0, -1.0):
-        np.testing.assert_allclose(strapdown.mean_attitude(tuple(a), tuple(sign * b)), half, atol=1e-15)
+    for axis in np.eye(3):
+        for angle in (0.3, np.pi):
+            a = rotation.quat_from_rotvec(angle * axis)
+            b = rotation.quat_multiply(a, rotation.quat_from_rotvec([0.2, -0.1, 0.3]))
+            half = rotation.mat_from_quat(a) @ rotation.mat_from_rotvec([0.1, -0.05, 0.15])
+            for sign in (1.0, -1.0):
+                np.testing.assert_allclose(
+                    strapdown.mean_attitude(tuple(a), tuple(sign * b)), half, atol=1e-15
+                )
