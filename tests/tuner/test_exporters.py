@@ -301,6 +301,8 @@ def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
     noise = entries("kf-gins", replace(CONFIG, channels=still))["imunoise"]
     assert min(noise["gbstd"] + noise["abstd"]) > 0.0
     assert noise["corrtime"] == near(1.0)
+    assert "stands in, as no target may get 0" in written("kalibr", replace(CONFIG, channels=still))
+    assert "stands in" not in written("kalibr")
 
 
 def test_an_unknown_dialect_is_refused() -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from tuner.exporters.yamltext import Noted
 from tuner.report.customary import phrase
 from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import MEMORY, equivalent_random_walk
+from tuner.synthesis.equivalents import MEMORY, equivalent_random_walk, structure_function
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
@@ -73,20 +73,22 @@ def triad(config: FilterConfig, sensor: str) -> tuple[ChannelNoise, ...]:
 def rms(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
     """Return the rms of a quantity over the axes, with its spread in the note."""
     values = [quantity(channel) for channel in channels]
+    if len(set(values)) == 1:
+        return Figure(values[0], note if len(values) == 1 else f"{note}; the same on all axes")
     value = math.sqrt(sum(v * v for v in values) / len(values))
-    if len(values) == 1:
-        return Figure(value, note)
-    spread = ", ".join(f"{c.axis.rpartition('_')[2]} {v:.4g}" for c, v in zip(channels, values, strict=True))
-    return Figure(value, f"{note}; rms of {spread}")
+    return Figure(value, f"{note}; rms of {_spread(channels, values)}")
 
 
 def mean(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
     """Return the mean of a variance over the axes, with its spread in the note."""
-    figure = rms(channels, lambda channel: math.sqrt(quantity(channel)), note)
-    if len(channels) == 1:
-        return Figure(figure.value**2, note)
-    spread = ", ".join(f"{c.axis.rpartition('_')[2]} {quantity(c):.4g}" for c in channels)
-    return Figure(figure.value**2, f"{note}; mean of {spread}")
+    values = [quantity(channel) for channel in channels]
+    if len(set(values)) == 1:
+        return Figure(values[0], note if len(values) == 1 else f"{note}; the same on all axes")
+    return Figure(sum(values) / len(values), f"{note}; mean of {_spread(channels, values)}")
+
+
+def _spread(channels: tuple[ChannelNoise, ...], values: list[float]) -> str:
+    return ", ".join(f"{c.axis.rpartition('_')[2]} {v:.4g}" for c, v in zip(channels, values, strict=True))
 
 
 def triple(
@@ -163,6 +165,11 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         yield (
             f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) "
             "and D the growth of the modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
+        )
+    if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
+        yield (
+            f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise over "
+            "the memory τ, stands in, as no target may get 0"
         )
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):
