@@ -168,8 +168,8 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         )
     if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
         yield (
-            f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise over "
-            "the memory τ, stands in, as no target may get 0"
+            f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise "
+            "over the memory τ, stands in, as no target may get 0"
         )
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):
