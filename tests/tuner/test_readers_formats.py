@@ -241,6 +241,15 @@ def test_columns_map_slices_and_single_columns(tmp_path: Path) -> None:
     np.testing.assert_array_equal(gyro.covariates["pressure"], TEMPERATURE)
 
 
+def test_too_many_columns_for_a_role(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", imu0=np.hstack([ACCEL, GYRO]), t=T)
+    for name, value in (("gyro", "imu0"), ("gyro_x", "imu0[0:3]"), ("t", "imu0")):
+        with pytest.raises(DataError, match=r"expected .*slice it, such as"):
+            read(tmp_path / "log.npz", columns={name: value})
+    with pytest.raises(DataError, match="'imu0' has columns 0 to 5"):
+        read(tmp_path / "log.npz", columns={"gyro": "imu0[4:7]"})
+
+
 def test_choice_between_arrays_is_told(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", gyro_filtered=2 * GYRO, gyro_raw=GYRO, t=T)
     (gyro,) = read(tmp_path / "log.npz")

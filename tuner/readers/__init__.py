@@ -13,8 +13,8 @@ from pathlib import Path
 
 from tuner.readers.assemble import assemble_records
 from tuner.readers.curve import is_curve, read_curve
-from tuner.readers.layout import parse_columns
 from tuner.readers.listing import Listing, Progress, digest
+from tuner.readers.mapping import parse_columns
 from tuner.readers.npz import list_npz
 from tuner.readers.stated import Options
 from tuner.readers.text import list_text

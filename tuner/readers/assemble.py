@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from models.units import unit_value
 from tuner.readers import names
-from tuner.readers.layout import Layout, choose
+from tuner.readers.layout import Channel, Layout, choose
 from tuner.readers.listing import Listing, Part
 from tuner.readers.plausibility import check_units
-from tuner.readers.stated import Options, stated_rate, stated_unit
+from tuner.readers.stated import Options, sensor_unit, stated_rate
 from tuner.readers.timebase import Timebase, even_timebase, stamped_timebase
 from tuner.records import DataError, Record
 
@@ -35,7 +35,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     """Return the records of a file: a gyro record, an accel record or both, on one clock."""
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
-    units = {s.name: stated_unit(listing, s, options, notes) for s in layout.sensors}
+    units = {s.name: sensor_unit(listing, s, options, notes) for s in layout.sensors}
     time, blocks, covariates = _load(listing, layout)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     count = len(blocks[0])
@@ -47,13 +47,13 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
         return same
 
     try:
-        if time is None:
+        if time is None or layout.time is None:
             if rate is None:
                 msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
                 raise DataError(msg)
             origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
         else:
-            origin, stamps = _seconds(time, layout, notes)
+            origin, stamps = _seconds(time, layout.time, notes)
             base = stamped_timebase(stamps, valid=valid, equal=equal)
             _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     except DataError as error:
@@ -65,7 +65,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     channels = {
         name: filled
         for name, column in covariates.items()
-        if (filled := _covariate(base, name, column, notes)) is not None
+        if (filled := _covariate(base, name, column, layout.covariates[name].unit, notes)) is not None
     }
     records = []
     for sensor, block in zip(layout.sensors, blocks, strict=True):
@@ -98,8 +98,8 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     live = _without_constant_axes(records, notes)
     if not live:
         msg = (
-            f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns (see "
-            "--columns)"
+            f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
+            "choose others with --columns"
         )
         raise DataError(msg)
     return tuple(replace(record, notes=tuple(notes)) for record in live)
@@ -110,9 +110,9 @@ def _load(
 ) -> tuple[NDArray[Any] | None, list[NDArray[Any]], dict[str, FloatArray]]:
     """Return the time column, one block a sensor, and the covariates."""
     groups: list[tuple[Part, ...]] = [s.parts for s in layout.sensors]
-    groups += [(part,) for part in layout.covariates.values()]
+    groups += [(channel.part,) for channel in layout.covariates.values()]
     if layout.time is not None:
-        groups.append((layout.time,))
+        groups.append((layout.time.part,))
     loaded = listing.load(groups)
     count = len(layout.sensors)
     blocks = list(loaded[:count])
@@ -134,18 +134,18 @@ def _load(
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 
-def _seconds(time: NDArray[Any], layout: Layout, notes: list[str]) -> tuple[float, FloatArray]:
+def _seconds(time: NDArray[Any], channel: Channel, notes: list[str]) -> tuple[float, FloatArray]:
     """Return the first stamp in seconds and all stamps relative to it."""
-    unit = layout.time_unit
+    unit = channel.unit
     first = time[np.isfinite(time).argmax()]
     if not np.isfinite(first):
-        msg = f"time column '{layout.time}' holds no number"
+        msg = f"time column '{channel.part}' holds no number"
         raise DataError(msg)
     if unit is None:
         unit = next((u for size, u in _EPOCH if abs(float(first)) > size), "s")
         if unit != "s":
             notes.append(f"time in {unit} (stamps since 1970)")
-    factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{layout.time}'")]
+    factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{channel.part}'")]
     relative = np.subtract(time, first, out=time if time.dtype == np.float64 else None).astype(
         float, copy=False
     )
@@ -162,8 +162,7 @@ def _check_rate(interval: float, rate: float | None, notes: list[str], *, explic
         whose = "--rate says" if explicit else "the file's meta says"
         msg = (
             f"the stamps give {measured:.6g} Hz, {whose} {rate:.6g} Hz: correct the rate, or state the unit "
-            "of the "
-            "time column, such as --columns 't=NAME [ms]'"
+            "of the time column, such as --columns 't=NAME [ms]'"
         )
         raise DataError(msg)
     if abs(measured / rate - 1.0) > 1e-3:
@@ -197,8 +196,7 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
         row = first + int(np.argmin(valid[first:last])) + 1
         msg = (
             f"{listing.path}: {bad} of {last - first} rows hold NaN or infinity (first: data row {row}); "
-            "more than "
-            f"{100 * UNREADABLE_SHARE:g} % cannot be repaired"
+            f"more than {100 * UNREADABLE_SHARE:g} % cannot be repaired"
         )
         raise DataError(msg)
     if count - (last - first):
@@ -210,8 +208,13 @@ def _valid_rows(listing: Listing, groups: Mapping[str, NDArray[Any]], notes: lis
     return valid
 
 
-def _covariate(base: Timebase, name: str, column: FloatArray, notes: list[str]) -> FloatArray | None:
-    """Return a covariate on the grid, its own missing values interpolated; None where it holds no number."""
+def _covariate(
+    base: Timebase, name: str, column: FloatArray, unit: str | None, notes: list[str]
+) -> FloatArray | None:
+    """Return a covariate on the grid, its own missing values interpolated; None where it holds no number.
+
+    A temperature in kelvin becomes °C; other units stay as found.
+    """
     finite = np.isfinite(column)
     if not finite.any():
         notes.append(f"{name}: no numbers; left out")
@@ -219,6 +222,12 @@ def _covariate(base: Timebase, name: str, column: FloatArray, notes: list[str]) 
     if not finite.all():
         notes.append(f"{name}: {int((~finite).sum())} missing values were interpolated")
         column = np.interp(np.arange(len(column)), np.flatnonzero(finite), column[finite])
+    if name == "temperature" and unit is not None:
+        known = names.known_unit(unit)
+        if known == "K":
+            column = column - 273.15
+        elif known != "degC":
+            notes.append(f"temperature is kept in '{unit}' as found")
     return base.regrid(column)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,13 @@ from tuner.records import DataError
 
 def list_npz(path: Path) -> Listing:
     """Return the arrays of an NPZ file; single numbers and the entries of ``meta`` become meta."""
+    if not zipfile.is_zipfile(path):
+        msg = f"{path}: cannot be read as NPZ: not an archive of arrays"
+        raise DataError(msg)
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         msg = f"{path}: cannot be read as NPZ (plain numeric arrays and a JSON string 'meta'): {error}"
         raise DataError(msg) from None
     meta: dict[str, Any] = {name: a.item() for name, a in arrays.items() if a.ndim == 0}

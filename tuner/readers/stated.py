@@ -25,7 +25,7 @@ class Options:
     columns: Mapping[str, str] | None
 
 
-def stated_unit(
+def sensor_unit(
     listing: Listing, sensor: Sensor, options: Options, notes: list[str]
 ) -> tuple[str, float, float]:
     """Return a sensor's unit, the offset of its counts, and its scale, unit a count."""

@@ -2,7 +2,8 @@
 
 The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM); lines that
 begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `CHUNK` bytes into
-arrays of the final size: memory is 8 bytes a row and column that is used, 24 bytes a row for the time base, and some ten pieces.
+arrays of the final size. Memory is 8 bytes a row and column that is used, 24 bytes a row for the time base,
+and some ten pieces; a log that needs repair is copied once.
 
 Without a header the columns are called c1, c2, …; a ``.txt`` of seven numeric columns is the increment log of
 KF-GINS: week seconds, three angle increments (rad), three velocity increments (m/s), forward-right-down.
@@ -13,6 +14,7 @@ from __future__ import annotations
 import gzip
 import io
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +71,11 @@ def list_text(path: Path, *, progress: Progress | None = None) -> Listing:
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
         columns = [[names.index(part.array) for part in group] for group in groups]
-        return read_numbers(path, dialect, columns, progress=progress)
+        try:
+            return read_numbers(path, dialect, columns, progress=progress)
+        except (OSError, EOFError, zlib.error) as error:
+            msg = f"{path}: cannot be read to the end: {error}"
+            raise DataError(msg) from None
 
     return Listing(path=path, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes)
 
@@ -90,7 +96,7 @@ def find_dialect(path: Path) -> Dialect:
     try:
         with open_bytes(path) as file:
             head = file.read(_HEAD)
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         msg = f"{path}: cannot be read: {error}"
         raise DataError(msg) from None
     if not head.strip():
@@ -100,43 +106,37 @@ def find_dialect(path: Path) -> Dialect:
         msg = f"{path}: not a text file: expected a header and rows of numbers"
         raise DataError(msg)
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
-    above: str | None = None
-    skip = 0
-    for number, line in enumerate(lines):
-        bare = line.strip().lstrip("#%").strip()
-        comment = line.lstrip().startswith(("#", "%"))
-        if not bare:
-            continue
-        if not comment and _is_numbers(_split(bare, _separator(bare))):
-            break
-        above, skip = bare, number + 1
-    else:
+    at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
+    if at is None:
         found = lines[0].strip()[:40]
-        msg = (
-            f"{path}: no row of numbers below the header: expected a header and rows of numbers, found "
-            f"'{found}'"
-        )
+        msg = f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'"
         raise DataError(msg)
-    data = lines[number].strip()
-    separator = _separator(data if above is None else above)
-    if above is not None and len(_split(data, separator)) == 1:
-        separator = _separator(data)
-    width = len(_split(data, separator))
-    header = _split(above, separator) if above is not None else []
-    if above is None or (len(header) != width and len(header) == 1):
-        return Dialect(tuple(f"c{j + 1}" for j in range(width)), separator, skip, header=False)
-    if len(header) == width - 1 and not _split(data, separator)[-1].strip():
-        header = [*header, ""]
-    if len(header) != width:
-        msg = (
-            f"{path}:{skip}: the header names {len(header)} columns, the row below it has {width} "
-            f"(separator {_shown(separator)})"
-        )
-        raise DataError(msg)
-    stripped = (name.strip().strip('"').strip() for name in header)
-    return Dialect(
-        tuple(name or f"c{j + 1}" for j, name in enumerate(stripped)), separator, skip, header=True
+    skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
+    return _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
+
+
+def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
+    """Return how a file is written whose first row is `data` and whose last line before it is `above`."""
+    separator = _separator(data)
+    cells = _split(data, separator)
+    unnamed = tuple(f"c{j + 1}" for j in range(len(cells)))
+    if above is None:
+        return Dialect(unnamed, separator, skip, header=False)
+    bare = above.strip().lstrip("#%").strip()
+    for header in (_split(bare, separator), _split(bare, _separator(bare))):
+        if len(header) == len(cells) - 1 and not cells[-1].strip():
+            header.append("")
+        if len(header) == len(cells):
+            plain = (name.strip().strip('"').strip() for name in header)
+            named = tuple(name or c for name, c in zip(plain, unnamed, strict=True))
+            return Dialect(named, separator, skip, header=True)
+    if above.lstrip().startswith(("#", "%")):
+        return Dialect(unnamed, separator, skip, header=False)
+    msg = (
+        f"{path}:{skip}: the header names {len(_split(bare, _separator(bare)))} columns, "
+        f"the row below it has {len(cells)} (separated by {_shown(separator)})"
     )
+    raise DataError(msg)
 
 
 def read_numbers(
@@ -260,15 +260,21 @@ def _shown(separator: str | None) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    if cell.strip().lower() in _MISSING:
+    text = cell.strip().strip('"')
+    if text.lower() in _MISSING:
         return True
     try:
-        float(cell)
+        float(text)
     except ValueError:
         return False
-    return "_" not in cell
+    return "_" not in text
 
 
-def _is_numbers(cells: Sequence[str]) -> bool:
-    """Tell whether cells are a row of data: numbers or missing values, at least one number."""
-    return all(map(_is_number, cells)) and any(c.strip().lower() not in _MISSING for c in cells)
+def _is_data(line: str) -> bool:
+    """Tell whether a line is a row of data: no comment, and mostly numbers."""
+    bare = line.strip()
+    if not bare or bare.startswith(("#", "%")):
+        return False
+    cells = [cell.strip().lower() for cell in _split(bare, _separator(bare))]
+    numbers = sum(cell not in _MISSING and _is_number(cell) for cell in cells)
+    return 2 * numbers > sum(cell != "" for cell in cells)
