@@ -11,6 +11,7 @@ import pytest
 from models.sensors import Sourced, TriadGrade
 from models.terms.flicker import ALLAN_FLOOR
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
+from tuner import grades
 from tuner.datasheet import is_datasheet, read_datasheet
 from tuner.grades import (
     config_directory,
@@ -90,6 +91,19 @@ def test_ring_laser_gyro_has_the_figures_of_the_paper() -> None:
     sigma = found.sigma_10s.value
     assert sigma is not None
     assert sigma == pytest.approx(0.0577 * DEG_PER_HOUR, rel=2e-3)
+
+
+def test_an_installed_package_finds_its_own_configurations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "tuner"
+    (package / "configs" / "sensors").mkdir(parents=True)
+    monkeypatch.setattr(grades, "__file__", str(package / "grades.py"))
+    assert config_directory() == package / "configs"
+    assert grade_names() == ()
+    monkeypatch.setattr(grades, "__file__", str(tmp_path / "elsewhere" / "grades.py"))
+    with pytest.raises(DataError, match="expected a folder 'configs'"):
+        config_directory()
 
 
 def test_unknown_names_are_refused_with_the_known_ones() -> None:
