@@ -13,6 +13,7 @@ Both must be small. On a coarse lattice noise with hard ends of its own, such as
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,6 +34,8 @@ BLOCK = 4096
 """Samples over which σ is constant."""
 LEAST = 3
 """Samples at a rail that make it one."""
+COARSE = 1.2
+"""Step ÷ σ above which a prediction from rounded samples is too far from normal."""
 FINE = 0.1
 """Largest step ÷ σ at which the outermost code of unclipped noise is emptier than the next one."""
 
@@ -50,7 +53,7 @@ class Rail:
     crossings : float
         Samples that should lie beyond it, E.
     p_value : float
-        Chance that it is the end of unclipped noise (for two ends: already doubled).
+        Chance that unclipped noise ends there, doubled for the two ends; 1 where the lattice is too coarse.
     """
 
     level: float
@@ -95,8 +98,11 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
             square = float(np.mean(error[i : i + BLOCK] ** 2))
             sigma = np.sqrt(max(square - step**2 / 12.0, FLOOR * step**2, np.finfo(float).tiny))
             crossings += float(np.sum(ndtr((prediction[i : i + BLOCK] - level - 0.5 * step) / sigma)))
+    sd = math.sqrt(variance / sum(map(len, pieces)))
+    if sd == 0.0 or step > COARSE * sd:
+        return Rail(level, count, crossings, 1.0)
     p_value = float(np.exp(-crossings))
-    if step <= FINE * np.sqrt(variance / sum(map(len, pieces))):
+    if step <= FINE * sd:
         beside = sum(int(np.count_nonzero(np.abs(piece - level + step) <= slack)) for piece in pieces)
         beside -= count if step == 0.0 else 0
         p_value = max(p_value, float(binom.sf(count - 1, count + beside, 0.5)))

@@ -41,8 +41,8 @@ REACH = 16
 """Longest run of empty codes that counts as a hole, codes."""
 EXCESS = np.log(1.5)
 """Excess of zeros that is left to the shape of the noise, in the logarithm."""
-SMOOTH = 0.7
-"""Largest step ÷ σ for which the counts of five codes are a parabola."""
+SMOOTH = 0.5
+"""Least counts of codes ±2 ÷ those of codes ±1 for which five codes lie on a parabola (step 0.7 σ)."""
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,8 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     zero = -low
     deadband, p_zero = 0.0, 1.0
     if 0 <= zero < len(count) and count[zero] >= MANY:
-        beside = set(range(max(zero - REACH, 0), zero)) | set(range(zero + 1, zero + REACH))
-        is_dead = bool(beside & set(holes.tolist()))
-        if not is_dead and step <= SMOOTH * white_sd:
+        is_dead = bool({zero - 1, zero + 1} & set(holes.tolist()))
+        if not is_dead:
             p_zero = _zero_excess(count, zero)
         if is_dead or p_zero < 1e-3:
             deadband = step * _deadband(count, zero)
@@ -160,7 +159,7 @@ def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
     if not 2 <= zero < len(count) - 2:
         return 1.0
     near, far = count[[zero - 1, zero + 1]], count[[zero - 2, zero + 2]]
-    if min(near.min(), far.min()) < MANY:
+    if min(near.min(), far.min()) < MANY or far.sum() < SMOOTH * near.sum():
         return 1.0
     excess = np.log(count[zero]) - (4.0 * np.log(near).mean() - np.log(far).mean()) / 3.0
     variance = 1.0 / count[zero] + 4.0 / 9.0 * np.sum(1.0 / near) + np.sum(1.0 / far) / 36.0

@@ -7,10 +7,11 @@ s are equal with the probability ::
 
 A held sample equals its neighbour but not the one before that, so equality at lag 1 is tested against
 equality at lag 2. Coloured noise has other differences at lag 2 than at lag 1: the expectation is scaled by
-R = g(s₁)/g(s₂), with a margin in proportion to that correction. Only differences that are not zero tell s, so
-that holding does not change R. Counts and scales are taken in blocks: a change of the noise along the record
-does no harm, and their scatter gives the test, a Student t over blocks, or the exact binomial where
-equalities are few. Where the step exceeds about 4 s₁ equalities cannot tell holding from the lattice.
+R = g(s₁)/g(s₂), with a margin in proportion to that correction, and by no less than 1. Only differences that
+are not zero tell s, so that holding does not change R. Counts and scales are taken in blocks: a change of the
+noise along the record does no harm, and their scatter gives the test, a Student t over blocks, or the exact
+binomial where equalities are few. Where the step exceeds about 4 s₁ equalities cannot tell holding from the
+lattice.
 
 With a share f of held samples, the shares of equal pairs are n₁ = f + (1 − f) P₁ and n₂ = f n₁ + (1 − f) P₂,
 where P₁ = R P₂ is chance; hence f = (n₁ − R n₂)/(1 − R n₁), and never more than n₁.
@@ -90,12 +91,13 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
         return Held(0.0, 1.0, 0.0, (0.0, 1.0))
     equal1, equal2, ratio, pairs = np.array(rows).T
     n1, n2, n = float(equal1.sum()), float(equal2.sum()), float(pairs.sum())
-    margin = 1.0 + SHAPE * abs(float(np.mean(ratio)) - 1.0)
+    colour = float(np.mean(ratio))
+    margin = max(1.0 + SHAPE * abs(colour - 1.0), 1.0 / colour)
     excess = equal1 - equal2 * ratio * margin
     scatter = math.sqrt(len(rows)) * float(np.std(excess, ddof=1)) if len(rows) > 1 else n
     sd = max(scatter, math.sqrt(n1), 1.0)
     statistic = float(excess.sum()) / sd
-    r = float(equal2 @ ratio) / n2 if n2 else float(np.mean(ratio))
+    r = float(equal2 @ ratio) / n2 if n2 else colour
     if n1 + n2 < FEW:
         p_value = float(binom.sf(n1 - 1, n1 + n2, r * margin / (1.0 + r * margin)))
     else:
@@ -134,7 +136,8 @@ def _chance(square: float, step: float) -> float:
 
     The mean square of all differences is s² + D²/6 = (1 − g(s)) · square, solved by iteration.
     """
-    g = 0.0
-    for _ in range(50):
+    g, last = 0.0, 1.0
+    while abs(g - last) > 1e-9:
+        last = g
         g = chance_equality(math.sqrt(max((1.0 - g) * square - step**2 / 6.0, 0.01 * step**2)), step)
     return g

@@ -1,0 +1,279 @@
+"""Hygiene tests: quiet on clean data of every kind, loud on what was hidden, right about its size.
+
+Seeds are fixed and are the first that were tried. Clean sets: about 600 tests at p < 1e-4 each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+from scipy.signal import lfilter
+
+from models.effects import Samples, hide
+from models.effects.sampling import Clipping, Duplicates, Lattice
+from models.noise import BiasInstability, NoiseModel, RandomWalk, White
+from tuner.diagnosis.clipping import rails
+from tuner.diagnosis.codes import lattice_step, read_codes
+from tuner.diagnosis.duplicates import chance_equality, held_readings
+from tuner.diagnosis.hygiene import HygieneTest, hygiene
+from tuner.records import Record
+from tuner.simulation import Channel, simulate
+
+INTERVAL = 0.01
+ALARM = 1e-4
+
+FILTERS = {
+    "white": ([1.0], [1.0]),
+    "low-pass": ([1.0], [1.0, -0.6]),
+    "strong low-pass": ([1.0], [1.0, -1.6, 0.7]),
+    "high-pass": ([1.0], [1.0, 0.5]),
+    "quantization": ([1.0, -1.0], [1.0]),
+}
+
+
+def noise(kind: str, n: int, k: int, rng: np.random.Generator) -> np.ndarray:
+    """Noise of unit sd and of that kind on a bias that wanders slowly."""
+    w = rng.standard_normal((n, k))
+    if kind in FILTERS:
+        w = lfilter(*FILTERS[kind], w, axis=0)
+    elif kind == "heavy tails":
+        w = rng.standard_t(5, (n, k))
+    elif kind == "moved":
+        w[n // 2 : n // 2 + n // 10] *= 30.0
+    elif kind == "line":
+        w += 2.0 * np.sin(2 * np.pi * 7.3 * INTERVAL * np.arange(n))[:, None]
+    w /= (w[: n // 2] if kind == "moved" else w).std(axis=0)
+    return w + 0.3 * rng.standard_normal(k) + 1e-3 * np.cumsum(rng.standard_normal((n, k)), axis=0)
+
+
+KINDS = (*FILTERS, "heavy tails", "moved", "line")
+
+
+def record(y: np.ndarray, **options) -> Record:
+    axes = tuple(f"gyro_{a}" for a in "xyz"[: y.shape[1]])
+    return Record("gyro", INTERVAL * np.arange(len(y)), y, axes, "rad/s", INTERVAL, **options)
+
+
+def hidden(*effects, n=100_000, k=1, seed=0, kind="white") -> Record:
+    rng = np.random.default_rng(seed)
+    y = noise(kind, n, k, rng)
+    block = Samples(INTERVAL * np.arange(n), y, INTERVAL)
+    return record(hide(block, [(e, range(k)) for e in effects], rng).y)
+
+
+def alarms(tests: tuple[HygieneTest, ...]) -> list[str]:
+    return [t.cause for t in tests if t.p_value < ALARM]
+
+
+# ---- clean data
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_clean_data_are_quiet_whatever_the_noise_and_the_lattice(kind):
+    for seed, step in enumerate((0.0, 0.003, 0.05, 0.3, 0.7, 1.0, 1.4, 1.8)):
+        tests = hygiene(hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000))
+        assert alarms(tests) == []
+        assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")
+
+
+def test_clean_simulated_sensors_are_quiet_and_the_p_values_honest():
+    """40 sets: P(p < 0.05) of the duplicate and clipping tests below 0.22 (5 sd above nominal)."""
+    model = NoiseModel([White(1e-3), BiasInstability(1e-4), RandomWalk(1e-6)])
+    found: dict[str, list[float]] = {"duplicates": [], "clipping": []}
+    for seed in range(40):
+        step = 0.01 * float(np.exp(np.random.default_rng(seed).uniform(np.log(0.03), 0.0)))
+        (gyro,), _ = simulate(
+            {"gyro_x": Channel(model)}, duration=300.0, rate=100.0, seed=seed, hidden=[f"lattice:step={step}"]
+        )
+        tests = hygiene(gyro)
+        assert alarms(tests) == []
+        for t in tests:
+            found.get(t.cause, []).append(t.p_value)
+    for p in found.values():
+        assert np.mean(np.array(p) < 0.05) < 0.22
+
+
+# ---- duplicates
+
+
+def test_chance_equality_is_the_integral():
+    for u in (0.1, 1.0, 4.0):
+        numeric, _ = integrate.quad(lambda d, u=u: (1 - abs(d) / u) * stats.norm.pdf(d), -u, u)
+        assert chance_equality(1.0, u) == pytest.approx(numeric, rel=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.03, 0.3, 1.0])
+@pytest.mark.parametrize("fraction", [0.03, 0.3, 0.9])
+def test_held_readings_are_found_and_counted(step, fraction):
+    effects = [Duplicates(fraction)] + ([Lattice(step)] if step else [])
+    tests = hygiene(hidden(*effects, n=200_000, seed=int(100 * fraction)))
+    assert alarms(tests) == ["duplicates"]
+    (held,) = [t for t in tests if t.cause == "duplicates"]
+    share = held.parameters["fraction"]
+    half = 0.5 * (share.interval[1] - share.interval[0])
+    assert share.value == pytest.approx(fraction, abs=2.5 * half)  # 5 sd
+
+
+def test_intervals_of_the_fraction_cover_it():
+    """95 % nominal over 80 sets: 66 or more (below 2e-4 by the binomial)."""
+    inside = 0
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        y = Duplicates(0.05).apply(
+            Samples(np.arange(20_000.0), 0.2 * np.round(5 * rng.standard_normal((20_000, 1))), 1.0), rng
+        )
+        low, high = held_readings([y.y], [0.2]).interval
+        inside += low <= 0.05 <= high
+    assert inside >= 66
+
+
+def test_readings_held_by_a_slow_register_are_found():
+    """Every reading four times over: three quarters are held, though lag 2 is equal half of the time."""
+    y = np.repeat(noise("low-pass", 30_000, 1, np.random.default_rng(1)), 4, axis=0)
+    held = held_readings([y], [0.0])
+    assert held.p_value < 1e-20
+    assert held.fraction == pytest.approx(0.75, abs=0.01)
+
+
+def test_axes_held_together_make_one_finding_and_one_axis_alone_is_named():
+    together = hygiene(hidden(Duplicates(0.002), Lattice(0.3), k=3, n=300_000))
+    (only,) = [t for t in together if t.cause == "duplicates"]
+    assert only.channels == ("gyro_x", "gyro_y", "gyro_z")
+    assert only.parameters["fraction"].value == pytest.approx(0.002, abs=0.001)
+    rng = np.random.default_rng(2)
+    block = Samples(INTERVAL * np.arange(100_000), noise("white", 100_000, 3, rng), INTERVAL)
+    y = hide(block, [(Duplicates(0.05), [1]), (Lattice(0.1), [0, 1, 2])], rng).y
+    assert [t.channels for t in hygiene(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
+
+
+def test_a_low_pass_on_a_coarse_lattice_is_not_held():
+    """The trap: neighbours of low-pass noise are equal more often than samples two apart."""
+    y = np.round(noise("low-pass", 300_000, 1, np.random.default_rng(3)))
+    same1, same2 = (np.mean(y[lag:] == y[:-lag]) for lag in (1, 2))
+    assert same1 > 1.1 * same2
+    assert held_readings([y], [1.0]).p_value > 1e-3
+
+
+# ---- clipping
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02, 0.2, 0.6])
+@pytest.mark.parametrize("kind", ["white", "low-pass", "line"])
+def test_rails_are_found_where_they_are(step, kind):
+    """A rail that one sample in a thousand would cross."""
+    clip = Clipping(high=float(np.quantile(hidden(n=300_000, kind=kind, seed=4).y, 0.999)))
+    effects = [clip] + ([Lattice(step)] if step else [])
+    tests = hygiene(hidden(*effects, n=300_000, kind=kind, seed=4))
+    assert alarms(tests) == ["clipping"]
+    (found,) = [t for t in tests if t.p_value < ALARM]
+    assert set(found.parameters) == {"high"}
+    low, high = found.parameters["high"].interval
+    assert low - 1e-12 <= clip.high <= high + 1e-12
+
+
+def test_expected_crossings_are_those_of_a_gaussian():
+    """E = n Φ(−rail) for white noise: within 10 % of its value at 3 sd."""
+    rng = np.random.default_rng(5)
+    y = np.minimum(rng.standard_normal(400_000), 3.0)
+    _, high = rails([y], 0.0)
+    assert high.crossings == pytest.approx(400_000 * stats.norm.sf(3.0), rel=0.1)
+    assert high.count == pytest.approx(400_000 * stats.norm.sf(3.0), rel=0.2)
+
+
+def test_a_sd_inflated_by_a_coarse_lattice_is_no_rail():
+    """The trap: on a lattice of 1.5 sd the rounding makes the sd look 10 % larger than it is."""
+    for seed in range(10):
+        y = 1.5 * np.round(np.random.default_rng(seed).standard_normal(300_000) / 1.5)
+        assert min(rail.p_value for rail in rails([y], 1.5)) > 1e-3
+
+
+# ---- codes
+
+
+@pytest.mark.parametrize("step", [1.0 / 131.0, 0.25, 1.3e-7])
+def test_the_step_is_found_through_scale_decimals_and_sparse_codes(step):
+    rng = np.random.default_rng(6)
+    for width in (3.0, 40.0, 3000.0):
+        y = step * np.round(width * rng.standard_normal(20_000))
+        assert lattice_step([y]) == pytest.approx(step, rel=1e-9)
+        printed = np.round(y / step, 0) * step * (1.0 + 1e-16)
+        assert lattice_step([printed + 0.004 * step * rng.uniform(-1, 1, len(y)).round(1)]) >= 0.0
+    decimals = np.round(step * np.round(5.0 * rng.standard_normal(20_000)), 2 - int(np.floor(np.log10(step))))
+    assert lattice_step([decimals]) == pytest.approx(step, rel=0.01)
+
+
+def test_continuous_and_constant_data_have_no_step():
+    assert lattice_step([np.random.default_rng(7).standard_normal(50_000)]) == 0.0
+    assert lattice_step([np.full(100, 3.0)]) == 0.0
+
+
+@pytest.mark.parametrize(("step", "note"), [(0.5, True), (1.9, True), (2.15, False), (4.0, False)])
+def test_only_a_step_above_two_sd_is_a_finding(step, note):
+    (test,) = [t for t in hygiene(hidden(Lattice(step), seed=8)) if t.cause == "lattice"]
+    assert test.note is note
+    assert (test.p_value < ALARM) is not note
+    assert test.parameters["step"].value == pytest.approx(step)
+    if note:
+        assert test.statistic == pytest.approx(step, rel=0.05)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.1, 0.5])
+@pytest.mark.parametrize("width", [1.0, 2.0, 3.0])
+def test_dead_bands_are_found_with_their_width(step, width):
+    rng = np.random.default_rng(9)
+    block = Samples(np.arange(200_000.0), 0.1 + rng.standard_normal((200_000, 1)), 1.0)
+    y = Lattice(step, width * step).apply(block, rng).y[:, 0]
+    codes = read_codes([y], lattice_step([y]))
+    assert codes.p_value < ALARM
+    assert codes.deadband == pytest.approx(width * step, abs=0.5 * step)
+
+
+def test_a_code_that_never_comes_is_missed():
+    y = np.round(10.0 * np.random.default_rng(10).standard_normal(100_000))
+    y[y == 7] = 8.0
+    codes = read_codes([y], 1.0)
+    assert codes.missing == 1
+    assert codes.p_value < ALARM
+    assert codes.deadband == 0.0
+
+
+# ---- stamps, order, edges
+
+
+def test_stamps_that_are_even_are_quiet_and_others_are_found():
+    clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
+    for text, said in (
+        ("timing:gap_count=3", {"gap_count": 3.0}),
+        ("timing:jitter_sd=5e-4", {"jitter_sd": 5e-4}),
+        ("timing:clock_ratio=1.0001", {"clock_ratio": 1.0001}),
+        ("line:frequency=1,amplitude=0.1", {}),
+    ):
+        (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=11, hidden=[text])
+        test = hygiene(gyro)[0]
+        assert test.cause == "timing"
+        assert (test.p_value == 0.0) is bool(said)
+        for name, value in said.items():
+            low, high = test.parameters[name].interval
+            assert test.parameters[name].value == pytest.approx(value, rel=0.1)
+            assert low * (1 - 0.1) <= value <= high * (1 + 0.1)
+
+
+def test_held_readings_do_not_make_other_findings():
+    for seed in range(5):
+        assert alarms(hygiene(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]
+
+
+def test_gaps_are_no_neighbours():
+    """Equal samples on the two sides of a gap do not count."""
+    y = np.random.default_rng(12).standard_normal((40_000, 1))
+    y[200::200] = y[199:-1:200]
+    cut = record(y, segments=tuple((i, i + 200) for i in range(0, 40_000, 200)))
+    whole = record(y)
+    assert alarms(hygiene(whole)) == ["duplicates"]
+    assert alarms(hygiene(cut)) == []
+
+
+@pytest.mark.parametrize("y", [np.zeros((500, 2)), np.ones((3, 1)), np.arange(40.0)[:, None]])
+def test_records_without_noise_or_length_are_judged_without_fuss(y):
+    assert alarms(hygiene(record(y))) == []
