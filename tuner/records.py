@@ -56,7 +56,8 @@ class Record:
         Every repair that was made, with its count.
     timing : mapping of str to float
         What the stamps said: ``gap_count``, ``missing``, ``bridged``, ``duplicates``, ``disordered``
-        (counts), ``jitter_sd`` (s), ``clock_ratio`` (stated ÷ measured rate); empty where there were no stamps.
+        (counts), ``jitter_sd`` (s) and
+        ``clock_ratio`` (stated ÷ measured rate); empty where there were no stamps.
     """
 
     name: str

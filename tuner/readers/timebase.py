@@ -53,7 +53,7 @@ class Timebase:
     duplicates, disordered, gaps, missing, bridged : int
         Rows dropped, rows out of order, gaps, samples missing in them, samples made by bridges.
     jitter : float
-        Robust sd of the stamping error between neighbours, s.
+        Sd of the stamping error between neighbours, s; rare late stamps left out.
     bias : (float, float)
         Bounds of the relative bias of white density N from bridges (lowest, highest).
     wander : float
@@ -215,7 +215,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         gaps=len(at),
         missing=int(size.sum()),
         bridged=bridged,
-        jitter=1.4826 * float(np.median(np.abs(error))) / np.sqrt(2.0),
+        jitter=_jitter(error, interval),
         bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
         wander=wander,
         left_out=left_out,
@@ -225,3 +225,10 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
 def _some(start: int, stop: int) -> IntArray:
     """Return up to `_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
     return np.unique(np.linspace(start, stop - 1, min(stop - start, _STAMPS)).astype(np.int64))
+
+
+def _jitter(error: FloatArray, interval: float) -> float:
+    """Return the sd of one stamp from the errors of steps, rare large ones apart."""
+    usual = 1.4826 * float(np.median(np.abs(error)))
+    inner = error[np.abs(error) <= max(0.5 * interval, 5.0 * usual)]
+    return float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
