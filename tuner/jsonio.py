@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from models.noise import BiasInstability, Quantization, Ramp, RandomWalk, Term, White
+from tuner.identification.estimates import BASE
 from tuner.results import (
     AllanCurve,
     ArmaFit,
@@ -24,9 +24,6 @@ from tuner.results import (
     Spectrum,
     TermEstimate,
 )
-
-BASE: tuple[Term, ...] = (Quantization(1.0), White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0))
-"""Terms that every channel answers for."""
 
 
 def plain(value: Any) -> Any:
@@ -122,7 +119,7 @@ def _channel(channel: ChannelIdentification) -> dict[str, Any]:
 def _terms(channel: ChannelIdentification) -> dict[str, Any]:
     """Return the base terms as one mapping each, every other kind of term as a list."""
     terms: dict[str, Any] = {}
-    for kind in BASE:
+    for kind in BASE.values():
         found = channel.term(kind.name)
         unknown = dict(zip(kind.PARAMETERS, kind.units(channel.unit), strict=True))
         terms[kind.name] = (
@@ -131,9 +128,8 @@ def _terms(channel: ChannelIdentification) -> dict[str, Any]:
             else _coefficients(found)
         )
     terms["gauss_markov"] = []
-    base = {kind.name for kind in BASE}
     for estimate in channel.terms:
-        if estimate.name not in base:
+        if estimate.name not in BASE:
             terms.setdefault(estimate.name, []).append(_coefficients(estimate))
     return terms
 

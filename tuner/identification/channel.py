@@ -14,17 +14,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import NoiseModel
+from models.noise import NoiseModel, Quantization
 from tuner.curves import curve as empirical_curve
 from tuner.identification.arma import FEWEST, Likelihood, fit_arma
 from tuner.identification.band import TOLERANCE, Band, curve_within, find_band, periodogram_within
-from tuner.identification.estimates import Estimates, from_fit, from_powers, from_segments
+from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.leastsquares import fit as fit_curve
 from tuner.identification.leastsquares import misfit, unweighted
 from tuner.identification.likelihood import LikelihoodFit, fit_periodogram
 from tuner.identification.means import mean_of_noise
 from tuner.identification.octaves import OctaveCurve
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.slopes import FLOOR, read_segments
 from tuner.records import DataError, Record
 from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
@@ -47,7 +48,6 @@ _ORDER = (
     "sinusoid",
     "arma",
 )
-_BASE = ("quantization", "white", "bias_instability", "random_walk", "ramp")
 _SHORTEST = 16
 """Fewest samples of a gap-free segment."""
 
@@ -95,7 +95,7 @@ def identify_channel(
     band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
     octaves = curve_within(whole, band)
     data = periodogram_within(cosine_periodogram(pieces, single.interval), band)
-    chosen, bounds, candidates = _choose(data, single.unit, terms)
+    chosen, bounds, candidates = _choose(data, whole, band, single.unit, terms)
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     minimum, floor, minimum_tau = _minimum(allan, single.span)
@@ -217,13 +217,32 @@ def _by_method(
 
 
 def _choose(
-    data: CosinePeriodogram, unit: str, terms: Sequence[str] | None
+    data: CosinePeriodogram, whole: OctaveCurve, band: Band, unit: str, terms: Sequence[str] | None
 ) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
     """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
     if terms is not None:
         return fit_periodogram(data, terms), (), ()
-    every = fit_periodogram(data, _BASE)
-    estimates = from_fit(every.model, every.covariance, every.intervals, unit, forced=True)
-    present = [term.name for term in estimates.terms if term.present] or ["white"]
-    bounds = tuple(term for term in estimates.terms if term.name not in present)
-    return fit_periodogram(data, present), bounds, ()
+    selection = select_periodogram(data)
+    fit, absent = selection.fit, selection.bounded
+    if band.m > 1:
+        if Quantization.name in fit.terms:
+            fit = fit_periodogram(
+                data, next(c.terms for c in selection.candidates if Quantization.name not in c.terms)
+            )
+        absent = (_below_band(whole), *(b for b in absent if b.name != Quantization.name))
+    return fit, tuple(_bounded(b, unit) for b in absent if b.name not in fit.terms), selection.candidates
+
+
+def _below_band(whole: OctaveCurve) -> Bound:
+    """Return the largest quantization that the samples themselves allow."""
+    highest = float(np.sqrt(whole.variance[0]) * whole.interval / np.sqrt(3.0))
+    reason = "hidden: it shows only in clusters shorter than those that the terms describe"
+    return Bound(Quantization.name, Quantization.PARAMETERS[0], highest, reason)
+
+
+def _bounded(bound: Bound, unit: str) -> TermEstimate:
+    """Return the estimate of an absent term."""
+    (of_parameter,) = BASE[bound.name].units(unit)
+    return TermEstimate(
+        bound.name, {bound.parameter: Coefficient.bounded(bound.upper, of_parameter, bound.reason)}
+    )

@@ -13,14 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from models.noise import NoiseModel, Term
+from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 from tuner.identification.slopes import Segment
 from tuner.results import LEVEL, Coefficient, TermEstimate
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
-ALLOWS_NONE = "asked for, but the data allow none of it"
+BASE: dict[str, Term] = {
+    term.name: term
+    for term in (Quantization(1.0), White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0))
+}
+"""The terms whose Allan variance is one power of τ, of unit amplitude, in the order of their slopes."""
+
+ALLOWS_NONE = {True: "asked for, but the data allow none of it", False: "the data allow none of it"}
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,12 @@ def from_fit(
     unit : str
         Unit of the samples.
     forced : bool
-        The terms were asked for, not found: one whose amplitude may be zero becomes a bound.
+        Whether the terms were asked for, not found.
+
+    Returns
+    -------
+    Estimates
+        A term whose amplitude may be zero is a bound.
     """
     terms: list[TermEstimate] = []
     kept: list[Term] = []
@@ -71,9 +82,9 @@ def from_fit(
         size = len(term.PARAMETERS)
         ends = intervals[at : at + size]
         units = term.units(unit)
-        absent = forced and ends[0][0] <= 0.0
+        absent = ends[0][0] <= 0.0
         coefficients = {
-            name: Coefficient.bounded(high, u, ALLOWS_NONE)
+            name: Coefficient.bounded(high, u, ALLOWS_NONE[forced])
             if absent
             else Coefficient.known(float(getattr(term, name)), low, high, u)
             for name, (low, high), u in zip(term.PARAMETERS, ends, units, strict=True)
@@ -124,7 +135,6 @@ def parameter_names(model: NoiseModel) -> tuple[str, ...]:
 
 
 _Answer = tuple[float, Interval | None, float, str]
-_POWERS = ("quantization", "white", "bias_instability", "random_walk", "ramp")
 
 
 def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str) -> Estimates:
@@ -139,7 +149,7 @@ def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str
             continue
         term = next(present)
         (name, own), *others = estimate.coefficients.items()
-        if estimate.name not in _POWERS:
+        if estimate.name not in BASE:
             kept.append(term)
             variances += [np.nan] * (1 + len(others))
             terms.append(estimate)
