@@ -30,8 +30,8 @@ their own, small, size; and since the drive of a bias acts from the next step on
 smaller by 3/(2n) at most. A stationary Gauss–Markov bias integrates to a variance larger by (dt/T)²/12.
 
 The covariance may therefore be advanced in longer steps than the mechanisation, about their `middle`: in
-steps of 0.1 s every standard deviation of a filter stays within 2e-4 of that at the rate of the sensors on
-the built-in road trajectories.
+steps of 0.1 s every standard deviation of an aided filter stays within 2e-4 of that at the sensors' rate on
+the city drive and the slalom of `models.trajectories`.
 
 References
 ----------

@@ -112,6 +112,19 @@ def test_left_jacobian_against_finite_difference(a, size):
     np.testing.assert_allclose(rotation.left_jacobian(a), np.stack(columns, axis=-1), atol=1e-8)
 
 
+@pytest.mark.parametrize("length", [1e-9, 0.1, 0.49, 0.51, 3.0])
+def test_left_jacobian_is_its_power_series(length):
+    """J = Σ [a ×]ᵏ/(k + 1)!"""
+    k = rotation.skew(length * np.array([0.6, -0.64, 0.48]))
+    term, total = np.eye(3), np.eye(3)
+    for i in range(1, 40):
+        term = term @ k / (i + 1)
+        total = total + term
+    np.testing.assert_allclose(
+        rotation.left_jacobian(length * np.array([0.6, -0.64, 0.48])), total, atol=2e-15
+    )
+
+
 @settings(max_examples=30)
 @given(arrays(float, 3, elements=st.floats(-1.4, 1.4)), arrays(float, 3, elements=st.floats(-3.0, 3.0)))
 def test_rate_from_euler_rates_against_finite_difference(rpy, rpy_dot):
