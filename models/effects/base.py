@@ -79,7 +79,7 @@ class Samples:
         """Return the white part, or `y` less its moving mean over `FAST_WINDOW` samples; shape (n, k)."""
         if self.white is not None:
             return self.white
-        slow: FloatArray = uniform_filter1d(self.y, FAST_WINDOW, axis=0, mode="nearest")
+        slow: FloatArray = uniform_filter1d(self.y, FAST_WINDOW, axis=0, mode="reflect")
         return self.y - slow
 
     def add(self, signal: FloatArray) -> Samples:

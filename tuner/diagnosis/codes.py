@@ -101,7 +101,7 @@ def lattice_step(pieces: Sequence[FloatArray]) -> float:
 def fast_part(piece: FloatArray) -> FloatArray:
     """Return a gap-free piece (n,) less its moving mean, scaled to keep the variance of white noise."""
     width = min(WINDOW, len(piece))
-    mean: FloatArray = uniform_filter1d(piece, width, mode="nearest")
+    mean: FloatArray = uniform_filter1d(piece, width, mode="reflect")
     noise: FloatArray = (piece - mean) / np.sqrt(1.0 - 1.0 / max(width, 2))
     return noise
 
