@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,6 +13,10 @@ from tuner.commands.options import Output, Reading, common, reading, term_list
 from tuner.commands.sources import load_identification, source_name
 from tuner.progress import Messages
 
+if TYPE_CHECKING:
+    from tuner.identification.arma import Likelihood
+
+ARMA: Mapping[str, Likelihood | None] = MappingProxyType({"fast": "fast", "exact": "exact", "off": None})
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
 
@@ -30,7 +37,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 )
 @click.option(
     "--arma",
-    type=click.Choice(["fast", "exact", "off"]),
+    type=click.Choice(list(ARMA)),
     default="fast",
     show_default=True,
     help="Time-series model.",
@@ -73,7 +80,7 @@ def command(
             messages,
             terms=terms,
             method=method,
-            arma=None if arma == "off" else arma,
+            arma=ARMA[arma],
             latitude=latitude,
         )
         for log in logs
