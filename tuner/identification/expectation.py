@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 
 
 def expected_power(term: Any, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
-    """Return E a² of a term on the grid, shape (m,), and its derivatives by the logs of its parameters, (p, m)."""
+    """Return E a² of a term on the grid, shape (m,), and its derivatives by the logs of its parameters."""
     spectrum = term.psd(grid.frequency, interval=grid.interval)
     gradient = term.psd_gradient(grid.frequency, interval=grid.interval)
     factor, slope = _edge(term, grid)
@@ -39,13 +39,13 @@ def expected_power(term: Any, grid: CosinePeriodogram) -> tuple[FloatArray, Floa
 
 
 @singledispatch
-def _edge(term: Any, grid: CosinePeriodogram) -> tuple[Any, Any]:
+def _edge(_term: Any, _grid: CosinePeriodogram) -> tuple[Any, Any]:
     """Return the edge factor and its derivatives by the logs of the parameters."""
     return 1.0, 0.0
 
 
 @_edge.register
-def _(term: BiasInstability, grid: CosinePeriodogram) -> tuple[Any, Any]:
+def _(_term: BiasInstability, grid: CosinePeriodogram) -> tuple[Any, Any]:
     k = grid.order
     exact = 2.0 / np.pi * sici(np.pi * k)[0] - 2.0 / (np.pi**2 * k) * (1.0 - grid.parity)
     return np.where(k <= SINGLE, exact, 1.0 - 2.0 / (np.pi**2 * k)), 0.0
@@ -61,6 +61,6 @@ def _(term: GaussMarkov, grid: CosinePeriodogram) -> tuple[Any, Any]:
 
 
 @_edge.register
-def _(term: Quantization, grid: CosinePeriodogram) -> tuple[Any, Any]:
+def _(_term: Quantization, grid: CosinePeriodogram) -> tuple[Any, Any]:
     half = np.pi * grid.frequency * grid.interval
     return 1.0 + grid.interval / grid.span / np.tan(half) ** 2, 0.0

@@ -1,77 +1,50 @@
-"""Maximum likelihood of a sum of noise terms on the cosine periodogram.
+"""Maximum-likelihood fit of a given sum of noise terms, with intervals.
 
-The coefficients a_k of `tuner.identification.periodogram` are nearly independent and Gaussian, so with the
-expected power E(θ) = Σ_terms E_term(θ), edges and aliasing included::
-
-    -2 ln L = Σ_cells c [ln E + (a - R l)²/E]
-
-c coefficients in a cell, l the coefficients of a unit ramp, whose rate R is profiled out by generalised
-least squares. θ are the logs of the parameters of the terms; the gradient is analytic, the step is Fisher
-scoring with damping, and the time constants of a grid are the starts.
-
-References
-----------
-.. [1] P. Whittle, Estimation and information in stationary time series, Ark. Mat. 2 (1953).
-.. [2] K. Levenberg, A method for the solution of certain non-linear problems in least squares (1944).
-.. [3] C. Févotte, N. Bertin, J.-L. Durrieu, Nonnegative matrix factorization with the Itakura-Saito
-   divergence, Neural Computation 21 (2009): the multiplicative step that finds the starts.
+`fit` summarises the record once (`periodogram`), maximises the likelihood of the sum (`objective`) and
+puts an interval on every parameter (`intervals`). The rate of a ramp is the one parameter that may be
+negative; its interval is the profile likelihood over every noise that could have made the line, so it is
+wide where a random walk does as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations_with_replacement, groupby, product
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import (
-    BiasInstability,
-    GaussMarkov,
-    LowPassWhite,
-    NoiseModel,
-    Quantization,
-    RandomWalk,
-    Ramp,
-    White,
-)
-from tuner.identification.expectation import expected_power
+from models.noise import NoiseModel, Ramp, Term
+from tuner.identification.intervals import interval as score_interval
+from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 
 FloatArray = NDArray[np.float64]
-
-TERMS: dict[str, type] = {
-    kind.name: kind for kind in (Quantization, White, BiasInstability, GaussMarkov, RandomWalk, LowPassWhite)
-}
-"""Random terms that can be fitted; ``ramp`` may join them."""
-
-NEGLIGIBLE = 1e-7
-"""Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
-
-_GRID_POINTS = 8
-_REFINED = 3
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class LikelihoodFit:
-    """Terms fitted to a cosine periodogram.
+    """Terms fitted to a record.
 
     Attributes
     ----------
     terms : tuple of str
         Names of the terms, ramp last.
     names : tuple of str
-        Parameters, such as ``white.density``; those of a second Gauss–Markov term are ``gauss_markov_2.sd`` and so on.
+        Parameters, such as ``white.density``; a second Gauss–Markov term has ``gauss_markov_2.sd`` and so on.
     estimate : ndarray, shape (p,)
         Natural logs of the parameters.
     covariance : ndarray, shape (p, p)
         Covariance of the logs by the Fisher information; huge where the data do not hold the parameter.
+    intervals : tuple of (float, float)
+        95 % interval of each parameter: from 0 where the data allow none, to inf where they set no limit.
     log_likelihood : float
-        Up to a constant that all fits to the same periodogram share.
-    slope, slope_sd : float
-        Rate of the ramp with its sign, and its standard error given the noise; 0 and inf without a ramp.
+        Up to a constant that all fits to the same record share.
+    slope : float
+        Rate of the ramp with its sign, 0 without a ramp.
+    slope_interval : (float, float)
+        95 % interval of the slope.
     model : NoiseModel
         The same as a noise model.
     """
@@ -80,10 +53,19 @@ class LikelihoodFit:
     names: tuple[str, ...]
     estimate: FloatArray
     covariance: FloatArray
+    intervals: tuple[Interval, ...]
     log_likelihood: float
     slope: float
-    slope_sd: float
+    slope_interval: Interval
     model: NoiseModel
+
+    def value(self, name: str) -> float:
+        """Return a parameter by its name."""
+        return float(np.exp(self.estimate[self.names.index(name)]))
+
+    def interval(self, name: str) -> Interval:
+        """Return the 95 % interval of a parameter by its name."""
+        return self.intervals[self.names.index(name)]
 
 
 def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> LikelihoodFit:
@@ -112,186 +94,84 @@ def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> 
 
 def fit_periodogram(data: CosinePeriodogram, terms: Sequence[str]) -> LikelihoodFit:
     """Fit a given sum of terms to a cosine periodogram; see `fit`."""
-    problem = Problem.of(data, terms)
-    return problem.result(
-        min((problem.minimise(start) for start in problem.starts()), key=lambda found: found[1])[0]
+    objective = Objective.of(data, terms)
+    return describe(objective, objective.maximum())
+
+
+def describe(objective: Objective, theta: FloatArray) -> LikelihoodFit:
+    """Return the fit whose maximum is at these logs of the parameters."""
+    terms: list[Term] = []
+    names: list[str] = []
+    at = 0
+    for number, kind in enumerate(objective.kinds):
+        repeat = objective.kinds[:number].count(kind)
+        label = kind.name if not repeat else f"{kind.name}_{repeat + 1}"
+        size = len(kind.PARAMETERS)
+        terms.append(kind(*np.exp(theta[at : at + size]).tolist()))
+        names += [f"{label}.{parameter}" for parameter in kind.PARAMETERS]
+        at += size
+    information = objective(theta)[2]
+    covariance = np.asarray(2.0 * np.linalg.inv(information + 1e-9 * np.eye(len(theta))), dtype=np.float64)
+    intervals = [score_interval(objective, theta, j) for j in range(len(theta))]
+    log_likelihood = objective.log_likelihood(theta)
+    slope, slope_sd = objective.slope(objective.expected(theta)[0])
+    ends = (0.0, 0.0)
+    if objective.ramp:
+        ends = slope_interval(objective, theta)
+        rate = max(abs(slope), 1e-6 * slope_sd)
+        terms.append(Ramp(rate))
+        names.append("ramp.rate")
+        covariance = np.pad(covariance, (0, 1))
+        covariance[-1, -1] = (slope_sd / rate) ** 2
+        theta = np.append(theta, np.log(rate))
+        intervals.append(magnitude(ends))
+    kinds = tuple(term.name for term in terms)
+    model = NoiseModel(tuple(terms))
+    return LikelihoodFit(
+        kinds, tuple(names), theta, covariance, tuple(intervals), log_likelihood, slope, ends, model
     )
 
 
-@dataclass(frozen=True)
-class Problem:
-    """Minus twice the log likelihood of one sum of terms, as a function of the logs of its parameters.
+def magnitude(ends: Interval) -> Interval:
+    """Return the interval of |x| for an interval of x."""
+    low, high = sorted((abs(ends[0]), abs(ends[1])))
+    return (0.0 if ends[0] <= 0.0 <= ends[1] else low), high
 
-    Attributes
+
+def slope_interval(objective: Objective, theta: FloatArray, *, drop: float = 3.841) -> Interval:
+    """Return where the likelihood, the noise refitted for each slope, lies within `drop`/2 of its greatest.
+
+    Parameters
     ----------
-    data : CosinePeriodogram
-        What was measured.
-    kinds : tuple of type
-        Classes of the random terms, in the order of `TERMS`.
-    ramp : bool
-        Whether a ramp is profiled out.
-    lower, upper : ndarray, shape (p,)
-        Bounds of the logs.
-    shapes : tuple of (ndarray or None)
-        Expected power of the unit amplitude where it is the only parameter.
+    objective : Objective
+        Terms with a ramp, and data.
+    theta : ndarray, shape (p,)
+        Logs of the parameters at the maximum.
+    drop : float
+        Quantile of χ²₁: 95 % by default.
+
+    Returns
+    -------
+    (float, float)
+        Ends of the interval, unit/s.
     """
+    centre, sd = objective.slope(objective.expected(theta)[0])
 
-    data: CosinePeriodogram
-    kinds: tuple[type, ...]
-    ramp: bool
-    lower: FloatArray
-    upper: FloatArray
-    shapes: tuple[FloatArray | None, ...]
+    def value(slope: float) -> float:
+        data = replace(objective.data, amplitude=objective.data.amplitude - slope * objective.data.line)
+        return replace(objective, data=data, ramp=False).minimise(theta)[1]
 
-    @classmethod
-    def of(cls, data: CosinePeriodogram, terms: Sequence[str]) -> Problem:
-        """Prepare the terms of these names."""
-        unknown = [name for name in terms if name not in TERMS and name != Ramp.name]
-        names = [name for name in TERMS for given in terms if given == name]
-        if unknown or not names:
-            msg = f"'terms' must hold {', '.join(TERMS)} (and ramp), got {', '.join(terms)}"
-            raise ValueError(msg)
-        kinds = tuple(TERMS[name] for name in names)
-        power = np.maximum(data.power, 1e-3 * data.power[data.count > 1].min(initial=data.power.max()))
-        lower, upper, shapes = [], [], []
-        for kind in kinds:
-            scales = _scales(kind, data)
-            ratios = np.stack([power / _shape(kind, scale, data) for scale in scales])
-            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([s / 10.0 for s in scales[0]])]
-            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([s * 100.0 for s in scales[-1]])]
-            shapes.append(None if scales[0] else _shape(kind, (), data))
-        return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), tuple(shapes))
-
-    def starts(self) -> list[FloatArray]:
-        """Return promising logs of parameters: the best of a grid of time constants, amplitudes by multiplicative steps."""
-        groups = [(kind, len(list(same))) for kind, same in groupby(self.kinds)]
-        grids = [combinations_with_replacement(_scales(kind, self.data), number) for kind, number in groups]
-        found = []
-        for choice in product(*grids):
-            scales = [scale for group in choice for scale in group]
-            shapes = np.stack(
-                [_shape(kind, scale, self.data) for kind, scale in zip(self.kinds, scales, strict=True)]
-            )
-            variances = self._shares(shapes)
-            start = np.concatenate(
-                [(0.5 * np.log(v), *np.log(s)) for v, s in zip(variances, scales, strict=True)]
-            )
-            start = np.clip(start, self.lower, self.upper)
-            found.append((self(start)[0], start))
-        found.sort(key=lambda pair: pair[0])
-        return [start for _, start in found[:_REFINED]]
-
-    def _shares(self, shapes: FloatArray) -> FloatArray:
-        """Return variances that make Σ v·shapes resemble the power, by 30 multiplicative steps from equal shares."""
-        count = self.data.count
-        power = self.residual(np.full_like(count, np.median(self.data.power)))[0] ** 2
-        variances = np.mean(power / shapes, axis=1) / len(shapes)
-        for _ in range(30):
-            expected = variances @ shapes
-            variances = variances * np.sqrt(
-                shapes @ (count * power / expected**2) / (shapes @ (count / expected))
-            )
-        return np.maximum(variances, 1e-300)
-
-    def residual(self, expected: FloatArray) -> tuple[FloatArray, float, float]:
-        """Return amplitudes without the ramp, its rate by generalised least squares, and the standard error of that."""
-        if not self.ramp:
-            return self.data.amplitude, 0.0, np.inf
-        weight = self.data.line / expected
-        information = weight @ self.data.line
-        slope = float(weight @ self.data.amplitude / information)
-        return self.data.amplitude - slope * self.data.line, slope, float(information**-0.5)
-
-    def expected(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the expected power, shape (m,), and its derivatives by θ, shape (p, m)."""
-        rows, total, at = [], np.zeros_like(self.data.frequency), 0
-        for kind, shape in zip(self.kinds, self.shapes, strict=True):
-            gain = np.exp(2.0 * theta[at])
-            if shape is not None:
-                power, gradient = gain * shape, 2.0 * gain * shape[None]
-            else:
-                scale = np.exp(theta[at + 1 : at + len(kind.PARAMETERS)])
-                power, gradient = expected_power(kind(1.0, *scale), self.data)
-                power, gradient = gain * power, gain * gradient
-            total += power
-            rows.append(gradient)
-            at += len(gradient)
-        return total, np.concatenate(rows)
-
-    def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return -2 ln L, its gradient (p,) and its expected second derivatives (p, p)."""
-        expected, gradient = self.expected(theta)
-        ratio = self.residual(expected)[0] ** 2 / expected
-        relative = gradient / expected
-        weighted = relative * self.data.count
-        value = float(self.data.count @ (np.log(expected) + ratio))
-        return value, weighted @ (1.0 - ratio), weighted @ relative.T
-
-    def minimise(self, start: FloatArray, *, fixed: int | None = None) -> tuple[FloatArray, float]:
-        """Return the logs of the parameters at the minimum next to `start`, and the value there.
-
-        Damped Fisher scoring inside the bounds; the parameter number `fixed` keeps its value.
-        """
-        free = np.arange(len(start)) != fixed
-        theta, damping = start.copy(), 1e-3
-        value, gradient, information = self(theta)
-        for _ in range(100):
-            at_edge = ((theta <= self.lower) & (gradient > 0)) | ((theta >= self.upper) & (gradient < 0))
-            move = np.flatnonzero(free & ~at_edge)
-            if not len(move):
-                break
-            matrix = information[np.ix_(move, move)]
-            scale = np.diag(matrix) + 1e-3
-            step = np.linalg.solve(matrix + damping * np.diag(scale), -gradient[move])
-            trial = theta.copy()
-            trial[move] = np.clip(theta[move] + np.clip(step, -2.0, 2.0), self.lower[move], self.upper[move])
-            attempt = self(trial)
-            if attempt[0] <= value:
-                gain, theta = value - attempt[0], trial
-                value, gradient, information = attempt
-                damping = max(0.1 * damping, 1e-9)
-                if gain < 1e-6:
-                    break
-            else:
-                damping = 10.0 * damping
-                if damping > 1e6:
-                    break
-        return theta, value
-
-    def result(self, theta: FloatArray) -> LikelihoodFit:
-        """Return the fit at these logs of the parameters."""
-        expected, _ = self.expected(theta)
-        value, _, information = self(theta)
-        terms, names, at = [], [], 0
-        for number, kind in enumerate(self.kinds):
-            repeat = self.kinds[:number].count(kind)
-            label = kind.name if not repeat else f"{kind.name}_{repeat + 1}"
-            size = len(kind.PARAMETERS)
-            terms.append(kind(*np.exp(theta[at : at + size]).tolist()))
-            names += [f"{label}.{parameter}" for parameter in kind.PARAMETERS]
-            at += size
-        covariance = 2.0 * np.linalg.inv(information + 1e-9 * np.eye(len(theta)))
-        _, slope, slope_sd = self.residual(expected)
-        if self.ramp:
-            terms.append(Ramp(max(abs(slope), 1e-300)))
-            names.append("ramp.rate")
-            theta = np.append(theta, np.log(terms[-1].rate))
-            covariance = np.pad(covariance, (0, 1))
-            covariance[-1, -1] = (slope_sd / terms[-1].rate) ** 2
-        kinds = tuple(term.name for term in terms)
-        return LikelihoodFit(
-            kinds, tuple(names), theta, covariance, -0.5 * value, slope, slope_sd, NoiseModel(tuple(terms))
-        )
+    best = value(centre)
+    return _reach(value, centre, -sd, best + drop), _reach(value, centre, sd, best + drop)
 
 
-def _scales(kind: type, data: CosinePeriodogram) -> list[tuple[float, ...]]:
-    """Return starting values of the parameter after the amplitude, s or Hz; one empty tuple where there is none."""
-    if len(kind.PARAMETERS) == 1:
-        return [()]
-    times = np.geomspace(3.0 * data.interval, 0.5 * data.longest, _GRID_POINTS)
-    return [(float(t),) for t in (times if kind is GaussMarkov else 0.5 / times[::-1])]
-
-
-def _shape(kind: type, scale: tuple[float, ...], data: CosinePeriodogram) -> FloatArray:
-    """Return the expected power of the unit amplitude."""
-    return expected_power(kind(1.0, *scale), data)[0]
+def _reach(value: Callable[[float], float], centre: float, step: float, goal: float) -> float:
+    """Return where a function that rises from `centre` along `step` reaches `goal`, by bisection."""
+    far = 2.0
+    while value(centre + far * step) < goal and far < 1e4:
+        far *= 2.0
+    near = 0.0 if far == 2.0 else 0.5 * far
+    while far - near > 0.01 * far:
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if value(centre + middle * step) < goal else (near, middle)
+    return centre + far * step

@@ -16,7 +16,7 @@ Coefficients up to `SINGLE` stay single; above, their squares are averaged in na
 
 References
 ----------
-.. [1] G. Strang, The discrete cosine transform, SIAM Review 41 (1999): DCT-II diagonalises free-end differences.
+.. [1] G. Strang, The discrete cosine transform, SIAM Review 41 (1999): DCT-II diagonalises differences.
 .. [2] P. Whittle, Estimation and information in stationary time series, Ark. Mat. 2 (1953).
 """
 
@@ -158,7 +158,7 @@ def _edges(lowest: float, nyquist: float, resolution: float, widest: float) -> F
     """Return cell edges that grow by `resolution` up to the width `widest`, then evenly, Hz."""
     turn = min(max(widest / resolution, lowest), nyquist)
     growing = lowest * np.exp(resolution * np.arange(np.ceil(np.log(turn / lowest) / resolution) + 1))
-    even = np.arange(growing[-1] + widest, nyquist + widest, widest) if np.isfinite(widest) else []
+    even = np.arange(growing[-1] + widest, nyquist + widest, widest) if np.isfinite(widest) else np.zeros(0)
     return np.concatenate(([0.0], growing, even, [np.inf]))
 
 

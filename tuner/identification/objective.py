@@ -1,0 +1,219 @@
+"""Likelihood of a sum of noise terms on the cosine periodogram, and its maximum.
+
+The coefficients a_k of `tuner.identification.periodogram` are nearly independent and Gaussian, so with the
+expected power E(θ) = Σ_terms E_term(θ), edges and aliasing included::
+
+    -2 ln L = Σ_cells c [ln E + (a - R l)²/E] + ln Σ l²/E
+
+with c coefficients in a cell and l those of a unit ramp, whose rate R is profiled out by generalised least
+squares; the last term (only with a ramp) restores the degree of freedom that R costs. θ are the logs of the
+parameters of the terms. The gradient is analytic, the step is damped Fisher scoring, and the values of a grid
+of time constants are the starts.
+
+References
+----------
+.. [1] P. Whittle, Estimation and information in stationary time series, Ark. Mat. 2 (1953).
+.. [2] H. D. Patterson, R. Thompson, Recovery of inter-block information, Biometrika 58 (1971): the last term.
+.. [3] C. Févotte, N. Bertin, J.-L. Durrieu, Nonnegative matrix factorization with the Itakura-Saito
+   divergence, Neural Computation 21 (2009): the multiplicative step that finds the starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement, groupby, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import (
+    BiasInstability,
+    GaussMarkov,
+    LowPassWhite,
+    Quantization,
+    Ramp,
+    RandomWalk,
+    White,
+)
+from tuner.identification.expectation import expected_power
+from tuner.identification.periodogram import CosinePeriodogram
+
+FloatArray = NDArray[np.float64]
+
+TERMS: dict[str, type[Any]] = {
+    kind.name: kind for kind in (Quantization, White, BiasInstability, GaussMarkov, RandomWalk, LowPassWhite)
+}
+"""Random terms that can be fitted; ``ramp`` may join them."""
+
+NEGLIGIBLE = 1e-7
+"""Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
+
+_GRID_POINTS = 8
+_REFINED = 3
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Minus twice the log likelihood of one sum of terms, as a function of the logs of its parameters.
+
+    Attributes
+    ----------
+    data : CosinePeriodogram
+        What was measured.
+    kinds : tuple of type
+        Classes of the random terms, in the order of `TERMS`.
+    ramp : bool
+        Whether a ramp is profiled out.
+    lower, upper : ndarray, shape (p,)
+        Bounds of the logs.
+    shapes : tuple of (ndarray or None)
+        Expected power of the unit amplitude where that is the only parameter.
+    """
+
+    data: CosinePeriodogram
+    kinds: tuple[type[Any], ...]
+    ramp: bool
+    lower: FloatArray
+    upper: FloatArray
+    shapes: tuple[FloatArray | None, ...]
+
+    @classmethod
+    def of(cls, data: CosinePeriodogram, terms: Sequence[str]) -> Objective:
+        """Prepare the terms of these names; ValueError if one is unknown or none is random."""
+        names = [name for name in TERMS for given in terms if given == name]
+        if not names or not set(terms) <= {*TERMS, Ramp.name}:
+            msg = f"'terms' must hold some of {', '.join(TERMS)} (and ramp), got {', '.join(terms)}"
+            raise ValueError(msg)
+        kinds = tuple(TERMS[name] for name in names)
+        floor = 1e-3 * data.power[data.count > 1].min(initial=data.power.max())
+        power = np.maximum(data.power, floor)
+        lower, upper, shapes = [], [], []
+        for kind in kinds:
+            scales = _scales(kind, data)
+            ratios = np.stack([power / _shape(kind, scale, data) for scale in scales])
+            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([s / 10.0 for s in scales[0]])]
+            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([s * 100.0 for s in scales[-1]])]
+            shapes.append(None if scales[0] else _shape(kind, (), data))
+        return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), tuple(shapes))
+
+    def is_amplitude(self, j: int) -> bool:
+        """Return whether parameter j is the amplitude of its term, which may be zero."""
+        return j in np.cumsum([0, *(len(kind.PARAMETERS) for kind in self.kinds)])
+
+    def expected(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the expected power, shape (m,), and its derivatives by θ, shape (p, m)."""
+        rows, total, at = [], np.zeros_like(self.data.frequency), 0
+        for kind, shape in zip(self.kinds, self.shapes, strict=True):
+            gain = np.exp(2.0 * theta[at])
+            if shape is not None:
+                power, gradient = gain * shape, 2.0 * gain * shape[None]
+            else:
+                scale = np.exp(theta[at + 1 : at + len(kind.PARAMETERS)])
+                power, gradient = expected_power(kind(1.0, *scale), self.data)
+                power, gradient = gain * power, gain * gradient
+            total += power
+            rows.append(gradient)
+            at += len(gradient)
+        return total, np.concatenate(rows)
+
+    def slope(self, expected: FloatArray) -> tuple[float, float]:
+        """Return the rate of the ramp and its standard error; 0 and inf without."""
+        if not self.ramp:
+            return 0.0, np.inf
+        weight = self.data.line / expected
+        information = float(weight @ self.data.line)
+        return float(weight @ self.data.amplitude) / information, information**-0.5
+
+    def excess(self, expected: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the sum of squares of each cell over its expectation, and its degrees of freedom, (m,)."""
+        slope, slope_sd = self.slope(expected)
+        square = (self.data.amplitude - slope * self.data.line) ** 2
+        leverage = self.data.line**2 / expected * slope_sd**2 if self.ramp else 0.0
+        return self.data.count * square / expected, np.maximum(self.data.count - leverage, 0.0)
+
+    def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return -2 ln L, its gradient (p,) and its expected second derivatives (p, p)."""
+        expected, gradient = self.expected(theta)
+        squares, freedom = self.excess(expected)
+        relative = gradient / expected
+        value = float(self.data.count @ np.log(expected) + squares.sum())
+        if self.ramp:
+            value += float(np.log(self.data.line**2 @ (1.0 / expected)))
+        return value, relative @ (freedom - squares), (relative * freedom) @ relative.T
+
+    def log_likelihood(self, theta: FloatArray) -> float:
+        """Return ln L without the last term, to compare sums with and without a ramp."""
+        expected, _ = self.expected(theta)
+        return -0.5 * float(self.data.count @ np.log(expected) + self.excess(expected)[0].sum())
+
+    def maximum(self) -> FloatArray:
+        """Return the logs of the parameters of greatest likelihood, the best of several starts."""
+        return min((self.minimise(start) for start in self._starts()), key=lambda found: found[1])[0]
+
+    def minimise(self, start: FloatArray, *, fixed: int | None = None) -> tuple[FloatArray, float]:
+        """Return the minimum of -2 ln L next to `start` and its value, parameter number `fixed` held."""
+        free = np.arange(len(start)) != fixed
+        theta, damping = start.copy(), 1e-3
+        value, gradient, information = self(theta)
+        for _ in range(100):
+            at_edge = ((theta <= self.lower) & (gradient > 0)) | ((theta >= self.upper) & (gradient < 0))
+            move = np.flatnonzero(free & ~at_edge)
+            if not len(move):
+                break
+            matrix = information[np.ix_(move, move)]
+            step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix) + 1e-3), -gradient[move])
+            trial = theta.copy()
+            trial[move] = np.clip(theta[move] + np.clip(step, -2.0, 2.0), self.lower[move], self.upper[move])
+            attempt = self(trial)
+            if attempt[0] > value:
+                damping *= 10.0
+                if damping > 1e6:
+                    break
+                continue
+            gain, theta = value - attempt[0], trial
+            value, gradient, information = attempt
+            damping = max(0.1 * damping, 1e-9)
+            if gain < 1e-6:
+                break
+        return theta, value
+
+    def _starts(self) -> list[FloatArray]:
+        """Return promising logs: the best of a grid of time constants, each with amplitudes that suit."""
+        groups = [(kind, len(list(same))) for kind, same in groupby(self.kinds)]
+        grids = [combinations_with_replacement(_scales(kind, self.data), number) for kind, number in groups]
+        found = []
+        for choice in product(*grids):
+            scales = [scale for group in choice for scale in group]
+            pairs = list(zip(self.kinds, scales, strict=True))
+            variances = self._shares(np.stack([_shape(kind, scale, self.data) for kind, scale in pairs]))
+            logs = [(0.5 * np.log(v), *np.log(scale)) for v, scale in zip(variances, scales, strict=True)]
+            start = np.clip(np.concatenate(logs), self.lower, self.upper)
+            found.append((self(start)[0], start))
+        found.sort(key=lambda pair: pair[0])
+        return [start for _, start in found[:_REFINED]]
+
+    def _shares(self, shapes: FloatArray) -> FloatArray:
+        """Return variances that make Σ v·shapes resemble the power, from equal shares."""
+        count = self.data.count
+        squares = self.excess(np.ones_like(count))[0]
+        variances: FloatArray = np.sum(squares / shapes, axis=1) / count.sum() / len(shapes)
+        for _ in range(30):
+            expected = variances @ shapes
+            variances = variances * np.sqrt(shapes @ (squares / expected**2) / (shapes @ (count / expected)))
+        return variances + np.finfo(float).tiny
+
+
+def _scales(kind: type[Any], data: CosinePeriodogram) -> list[tuple[float, ...]]:
+    """Return starting values of the parameter after the amplitude, s or Hz; () where there is none."""
+    if len(kind.PARAMETERS) == 1:
+        return [()]
+    times = np.geomspace(3.0 * data.interval, 0.5 * data.longest, _GRID_POINTS)
+    return [(float(t),) for t in (times if kind is GaussMarkov else 0.5 / times[::-1])]
+
+
+def _shape(kind: type[Any], scale: tuple[float, ...], data: CosinePeriodogram) -> FloatArray:
+    """Return the expected power of the unit amplitude."""
+    power: FloatArray = expected_power(kind(1.0, *scale), data)[0]
+    return power

@@ -1,0 +1,203 @@
+"""Which terms a record contains: every sum of the base is fitted, and a term must earn its price.
+
+White noise is always there; quantization, bias instability or one Gauss–Markov process, random walk and ramp
+may join it. Of these 24 sums the one with the least score is chosen::
+
+    score = -2 ln L + Σ prices of its terms
+
+A term enters where it raises 2 ln L by more than its price. For a variance that is zero in truth the rise
+is half χ²₀, half χ²₁ (at most: for a random walk in few coefficients it is smaller), so that the
+price of 5.41 is paid by chance in 1 % of records; for the rate of a ramp it is χ²₁. The four prices and the
+overcharge of the Gauss–Markov term, which has a second parameter that means nothing without the first,
+keep inventions of any kind below 5 % of records.
+
+A term that is not chosen has an upper limit: the one-sided 95 % end of its interval beside the chosen terms,
+its tail counted relative to that at zero (`tuner.identification.intervals`), so that it also holds in
+95 % of just those records that do not show the term.
+
+References
+----------
+.. [1] S. G. Self, K.-Y. Liang, Asymptotic properties of maximum likelihood estimators and likelihood ratio
+   tests under nonstandard conditions, J. Am. Stat. Assoc. 82 (1987).
+.. [2] R. B. Davies, Hypothesis testing when a nuisance parameter is present only under the alternative,
+   Biometrika 64 (1977).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from models.noise import NoiseModel, Ramp, RandomWalk, Term
+from tuner.identification.intervals import end
+from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
+from tuner.identification.objective import TERMS, Objective
+from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.plan import relative_sd
+from tuner.results import Candidate
+
+FloatArray = NDArray[np.float64]
+
+PRICE = {
+    "quantization": 5.41,
+    "white": 0.0,
+    "bias_instability": 5.41,
+    "gauss_markov": 10.0,
+    "random_walk": 5.41,
+    "ramp": 6.63,
+}
+"""Rise of 2 ln L that a term must bring: 1 % of records without it bring as much (Gauss–Markov: fewer)."""
+
+UNSEEN = 0.1
+"""A term whose limit stays below this share of the Allan variance at every cluster time is called absent."""
+
+TWIN = 0.9
+"""Correlation of two amplitudes from which on one hides the other."""
+
+DETECTED = 0.2
+"""Relative standard deviation of an amplitude at which four records of five show the term."""
+
+LONGEST_HOURS = 10_000.0
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A term the record does not show: its parameter, the upper limit of that, and the reason."""
+
+    name: str
+    parameter: str
+    upper: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The chosen sum; every sum, best first, its score relative to that; bounds of the other terms."""
+
+    fit: LikelihoodFit
+    candidates: tuple[Candidate, ...]
+    bounded: tuple[Bound, ...]
+
+
+def select(pieces: Sequence[FloatArray], interval: float) -> Selection:
+    """Choose the terms that gap-free segments of one channel contain, and fit them.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray
+        Samples of each segment, unit.
+    interval : float
+        Sampling interval, s.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    ValueError
+        If all pieces are too short or constant.
+    """
+    return select_periodogram(cosine_periodogram(pieces, interval))
+
+
+def select_periodogram(data: CosinePeriodogram) -> Selection:
+    """Choose the terms that a cosine periodogram contains, and fit them; see `select`."""
+    tried = []
+    for terms in _sums():
+        objective = Objective.of(data, terms)
+        theta = objective.maximum()
+        score = sum(PRICE[name] for name in terms) - 2.0 * objective.log_likelihood(theta)
+        tried.append((score, terms, objective, theta))
+    tried.sort(key=lambda entry: entry[0])
+    least, chosen, objective, theta = tried[0]
+    fit = describe(objective, theta)
+    candidates = tuple(Candidate(terms, score - least, _note(terms, chosen)) for score, terms, _, _ in tried)
+    absent = [name for name in PRICE if name not in chosen and name != "gauss_markov"]
+    return Selection(fit, candidates, tuple(_bound(data, fit, name) for name in absent))
+
+
+def _sums() -> list[tuple[str, ...]]:
+    """Return the sums of the base, in the order of `PRICE`."""
+    optional = (
+        ((), ("quantization",)),
+        ((), ("bias_instability",), ("gauss_markov",)),
+        ((), ("random_walk",)),
+        ((), ("ramp",)),
+    )
+    return [(*q, "white", *slow, *k, *r) for q, slow, k, r in product(*optional)]
+
+
+def _note(terms: tuple[str, ...], chosen: tuple[str, ...]) -> str:
+    """Say how a sum differs from the chosen one."""
+    without = [f"without {name}" for name in chosen if name not in terms]
+    extra = [f"with {name}" for name in terms if name not in chosen]
+    return ", ".join(extra + without) or "chosen"
+
+
+def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
+    """Return the upper limit of a term beside the chosen ones, and the reason why it is no more than that."""
+    objective = Objective.of(data, (*fit.terms, name))
+    theta = objective.maximum()
+    if name == Ramp.name:
+        upper = magnitude(slope_interval(objective, theta))[1]
+        term: Term = Ramp(upper)
+        twin = RandomWalk.name if RandomWalk.name in fit.terms else None
+    else:
+        kinds = [kind.name for kind in objective.kinds]
+        sizes = [len(kind.PARAMETERS) for kind in objective.kinds]
+        j = sum(sizes[: kinds.index(name)])
+        upper, theta = end(objective, theta, j, float(ndtri(0.95)))
+        term = TERMS[name](upper)
+        twin = _twin(objective, theta, j)
+    return Bound(name, term.PARAMETERS[0], upper, _reason(term, fit.model, data, twin))
+
+
+def _twin(objective: Objective, theta: FloatArray, j: int) -> str | None:
+    """Return the term whose amplitude cannot be told from that of parameter j, if there is one."""
+    information = objective(theta)[2]
+    scale = np.sqrt(np.diag(information) + 1e-12)
+    covariance = np.linalg.pinv(information / np.outer(scale, scale))
+    spread = np.sqrt(np.diag(covariance))
+    correlation = np.abs(covariance[j] / (spread * spread[j] + 1e-300))
+    owner = [kind.name for kind in objective.kinds for _ in kind.PARAMETERS]
+    correlation[j] = 0.0
+    strongest = int(np.argmax(correlation))
+    return owner[strongest] if correlation[strongest] > TWIN else None
+
+
+def _reason(term: Term, model: NoiseModel, data: CosinePeriodogram, twin: str | None) -> str:
+    """Say why a term is only bounded."""
+    longest = data.longest
+    tau = data.interval * 2.0 ** np.arange(np.log2(max(longest / data.interval / 4.0, 1.0)) + 1e-9)
+    share = term.allan_variance(tau, interval=data.interval) / model.allan_variance(
+        tau, interval=data.interval
+    )
+    at = int(np.argmax(share))
+    if share[at] < UNSEEN:
+        part = 100.0 * np.sqrt(share[at])
+        return (
+            f"absent: at most {part:.2g} % of the Allan deviation at any cluster time up to {tau[-1]:.3g} s"
+        )
+    if twin is not None:
+        return f"hidden by a twin slope: {twin} explains the same part of the curve"
+    if at == len(tau) - 1 and (hours := _hours_needed(term, model, data)) is not None:
+        return f"record too short: {hours:.3g} hours needed to show half of this limit"
+    each = [other.allan_variance(tau[at : at + 1], interval=data.interval)[0] for other in model.terms]
+    larger = model.terms[int(np.argmax(each))].name
+    return f"masked by a larger term: {larger} at τ = {tau[at]:.3g} s"
+
+
+def _hours_needed(term: Term, model: NoiseModel, data: CosinePeriodogram) -> float | None:
+    """Return the length of a record that shows half of a term, h; None beyond `LONGEST_HOURS`."""
+    extended = NoiseModel((term.scaled(0.5), *(t for t in model.terms if t.name != Ramp.name)))
+    now = data.longest / 3600.0
+    for hours in now * 1.25 ** np.arange(1.0, np.log(LONGEST_HOURS / now) / np.log(1.25)):
+        if relative_sd(extended, interval=data.interval, span=3600.0 * hours)[0] <= DETECTED:
+            return float(hours)
+    return None
