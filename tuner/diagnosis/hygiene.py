@@ -96,12 +96,14 @@ def timing(record: Record) -> HygieneTest:
     ratio = said.get("clock_ratio", 1.0)
     bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
-    if said:
+    text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval"
+    if "jitter_sd" in said:
         sd, error = said["jitter_sd"], 1.96 / np.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
-        spread = 1.96 * sd * np.sqrt(12.0 / len(record) ** 3) / record.interval
+    if "clock_ratio" in said:
+        spread = 1.96 * jitter * np.sqrt(12.0 / len(record) ** 3)
         parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
-    text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval, clock ratio {ratio:.8g}"
+        text += f", clock ratio {ratio:.8g}"
     return HygieneTest("timing", record.axes, gaps, 0.0 if bad else 1.0, parameters, text=text)
 
 

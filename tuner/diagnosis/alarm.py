@@ -1,0 +1,36 @@
+"""What one test of the panel says: how unlikely, how much it would gain, and what to extend the model by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tuner.diagnosis.extension import Extension
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Outcome of one family of tests on one residual.
+
+    Attributes
+    ----------
+    cause : str
+        Name of the family; a cause code, or the name of a statistic that no cause owns.
+    p_value : float
+        Chance of such a residual where the model is right, the scan paid for.
+    gain : float
+        Log likelihood gained by the extension, less a price for its parameters and its scan, nats.
+    statistic : float
+        Value of the test statistic.
+    name : str
+        What the statistic is.
+    propose : callable or None
+        Makes the extensions (one; two for a pair); None where the family can only say that something is wrong.
+    """
+
+    cause: str
+    p_value: float
+    gain: float
+    statistic: float
+    name: str
+    propose: Callable[[], tuple[Extension, ...]] | None = None

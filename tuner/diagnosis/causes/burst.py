@@ -1,0 +1,142 @@
+"""Burst: a stretch of louder (or quieter) noise.
+
+Statistic: mean squares of the residuals in windows of 64, 128, … samples, half overlapping, made normal by the
+cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows; Bonferroni over the
+windows, halved because neighbours overlap. Gain: likelihood of two variances, edges fitted.
+Extension: the residuals inside are divided by the square root of the ratio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.statistics import variance_deviate
+
+FloatArray = NDArray[np.float64]
+
+SHORTEST = 64
+"""Samples in the narrowest window."""
+
+
+@dataclass(frozen=True)
+class Burst(Extension):
+    """Samples first … last − 1 have `ratio` times the variance of the others."""
+
+    cause: ClassVar[str] = "burst"
+    repeats: ClassVar[int] = 4
+    meaning: ClassVar[str] = "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
+    consequence: ClassVar[str] = "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
+    first: int
+    last: int
+    ratio: float
+
+    def whiten(self, e: FloatArray) -> FloatArray:
+        """Bring the stretch to the variance of the rest."""
+        out = e.copy()
+        out[self.first : self.last] /= np.sqrt(self.ratio)
+        return out
+
+
+def test(found: Residual) -> Alarm:
+    """Scan windows for another variance."""
+    e = np.clip(found.e, -CLIP, CLIP)
+    square = e * e
+    square /= square[found.valid].mean()
+    n, kappa = len(square), float(np.var(square))
+    total = np.concatenate(([0.0], np.cumsum(square)))
+    best, tests, width = (0.0, 0, SHORTEST, 1.0), 0, SHORTEST
+    while width < n // 3:
+        start = np.arange(0, n - width, width // 2)
+        mean = (total[start + width] - total[start]) / width
+        deviate = np.abs(variance_deviate(mean, 2.0 * width / kappa * (1.0 - width / n)))
+        tests += len(start)
+        at = int(np.argmax(deviate))
+        if deviate[at] > best[0]:
+            best = (float(deviate[at]), int(start[at]), width, float(mean[at]))
+        width *= 2
+    p_value = float(min(1.0, norm.sf(best[0]) * tests))
+    gain, edges = 0.0, (best[1], best[1] + best[2])
+    if p_value < 1e-2:
+        gain, edges = refine(total, *edges)
+        gain = gain * 2.0 / kappa - 2.0 * float(np.log(n))
+    return Alarm(
+        "burst", p_value, gain, best[3], f"mean square of {best[2]} residuals", lambda: (extension(found, *edges),)
+    )
+
+
+def two_variances(total: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
+    """Return the log likelihood gained by another variance in samples first … last − 1, same shapes."""
+    n = len(total) - 1
+    inside = np.asarray(last - first, dtype=float)
+    energy = total[last] - total[first]
+    outside = np.maximum((total[-1] - energy) / np.maximum(n - inside, 1.0), 1e-12)
+    gain = n * np.log(total[-1] / n) - (n - inside) * np.log(outside)
+    return np.asarray(0.5 * (gain - inside * np.log(np.maximum(energy / inside, 1e-12))))
+
+
+def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, int]]:
+    """Return the best edges next to a window, and their gain, nats."""
+    n, step = len(total) - 1, max(1, (last - first) // 8)
+    gain = float(two_variances(total, np.array(first), np.array(last)))
+    while True:
+        offsets = step * np.arange(-16, 17)
+        a = np.clip(first + offsets, 0, n - 2)[:, None]
+        b = np.clip(last + offsets, 2, n)[None, :]
+        a, b = np.broadcast_arrays(a, b)
+        value = np.where(b - a >= 16, two_variances(total, np.minimum(a, b - 1), b), -np.inf)
+        best = np.unravel_index(int(np.argmax(value)), value.shape)
+        if value[best] > gain + 1e-6:
+            gain, first, last = float(value[best]), int(a[best]), int(b[best])
+        elif step > 1:
+            step = max(1, step // 4)
+        else:
+            return gain, (first, last)
+
+
+def extension(found: Residual, first: int, last: int) -> Burst:
+    """Return the stretch with its place, length and ratio of variances."""
+    dt = found.channel.interval
+    square = np.clip(found.e, -3 * CLIP, 3 * CLIP) ** 2
+    inside = np.zeros(len(square), dtype=bool)
+    inside[first:last] = True
+    quiet = square[~inside & found.valid]
+    loud = square[inside & found.valid]
+    ratio = float(loud.mean() / quiet.mean())
+    kappa = float(np.var(quiet) / quiet.mean() ** 2)
+    relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))
+    total = np.concatenate(([0.0], np.cumsum(square)))
+    start = _reach(total, first, last, move_first=True)
+    stop = _reach(total, first, last, move_first=False)
+    begin = found.channel.start
+    return Burst(
+        first,
+        last,
+        ratio,
+        values={
+            "start": Value(begin + first * dt, begin + start[0] * dt, begin + start[1] * dt, "s"),
+            "duration": Value(
+                (last - first) * dt, max(stop[0] - start[1], 1) * dt, (stop[1] - start[0]) * dt, "s"
+            ),
+            "variance_ratio": Value.log(ratio, relative),
+        },
+    )
+
+
+def _reach(total: FloatArray, first: int, last: int, *, move_first: bool) -> tuple[int, int]:
+    """Return where an edge may lie: the likelihood is within 3 nats of its best (edges are not regular)."""
+    edge, n = (first, len(total) - 1) if move_first else (last, len(total) - 1)
+    width = max(64, last - first)
+    place = np.unique(np.clip(np.linspace(edge - width, edge + width, 4001).astype(int), 0, n))
+    place = place[place < last - 8] if move_first else place[place > first + 8]
+    fixed = np.full(len(place), last if move_first else first)
+    value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
+    near = place[value > value.max() - 3.0]
+    return int(near.min()), int(near.max())

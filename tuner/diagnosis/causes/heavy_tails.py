@@ -1,0 +1,81 @@
+"""Heavy tails: residuals of Student's law in place of the normal one.
+
+Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about the value
+−1.2 (Δ²/12σ²)² of a lattice of step Δ. Gain: likelihood of Student's law.
+Extension: the residuals pass the distribution function of the fitted law and the normal quantile function.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats import norm, t
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.histogram import Histogram, histogram
+from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.statistics import maximum
+
+FloatArray = NDArray[np.float64]
+
+CLIPPED_KURTOSIS = -0.00125
+"""Excess kurtosis of normal numbers cut at five deviations."""
+
+
+@dataclass(frozen=True)
+class HeavyTails(Extension):
+    """Student's law with `nu` degrees of freedom and unit variance."""
+
+    cause: ClassVar[str] = "heavy_tails"
+    meaning: ClassVar[str] = "large deviations are more frequent than normal noise allows, at all sizes"
+    consequence: ClassVar[str] = "the variance is right but its tails are not: a robust update or a wider gate"
+    nu: float
+
+    def whiten(self, e: FloatArray) -> FloatArray:
+        """Map Student's law to the normal one."""
+        size = np.sqrt((self.nu - 2.0) / self.nu)
+        grid = np.concatenate((np.linspace(0.0, 8.0, 1601), np.geomspace(8.01, 1e4, 400)))
+        deviate = -ndtri(np.maximum(t.sf(grid / size, self.nu), 1e-300))
+        return np.asarray(np.sign(e) * np.interp(np.abs(e), grid, deviate))
+
+
+def test(found: Residual) -> Alarm:
+    """Compare the kurtosis of the residuals with that of the normal law."""
+    e = np.clip(found.good, -CLIP, CLIP)
+    square = e * e
+    n = len(e)
+    kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
+    white = found.spread * float(np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval))
+    lattice = -1.2 * (found.channel.lattice**2 / 12.0 / white**2) ** 2
+    deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
+    p_value = float(norm.sf(deviate))
+    gain, nu, spread = 0.0, np.inf, 0.0
+    if p_value < 1e-3:
+        gain, nu, spread = student(histogram(found.good))
+        gain -= 0.5 * float(np.log(n))
+    return Alarm(
+        "heavy_tails", p_value, gain, kurtosis, "excess kurtosis of the residuals", lambda: (extension(nu, spread),)
+    )
+
+
+def student(bins: Histogram) -> tuple[float, float, float]:
+    """Return the gain of Student's law over the normal one, its ν, and the sd of ln(ν − 4)."""
+
+    def cost(x: FloatArray) -> float:
+        nu = 2.0 + np.exp(x[0])
+        return -float(bins.count @ t.logpdf(bins.value, nu, 0.0, np.exp(x[1])))
+
+    x, covariance, value = maximum(cost, [[3.0, 0.0]])
+    nu = 2.0 + float(np.exp(x[0]))
+    relative = float(np.sqrt(covariance[0, 0])) * (nu - 2.0) / max(nu - 4.0, 0.5)
+    return bins.normal_cost() - value, nu, relative
+
+
+def extension(nu: float, spread: float) -> HeavyTails:
+    """Return the extension with the excess kurtosis 6/(ν − 4)."""
+    return HeavyTails(nu, values={"excess_kurtosis": Value.log(6.0 / max(nu - 4.0, 0.05), spread)})

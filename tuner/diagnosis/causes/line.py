@@ -1,0 +1,124 @@
+"""Line: a sinusoid, such as mains, a fan or a dither.
+
+Statistic: largest ordinate of the periodogram of the residuals on a grid of half bins, over the level x̄ of its
+neighbours. With a level from m of them the chance of an ordinate above x is (1 + x/m)^−m; there are n cells.
+Extension: the sinusoid is taken out; frequency and amplitude by least squares, intervals by the bounds of
+Rife and Boorstyn, var f = 6σ²/(π² A² n T²), var A = 2σ²/n.
+
+References
+----------
+.. [1] D. C. Rife, R. R. Boorstyn, Single-tone parameter estimation from discrete-time observations,
+   IEEE Trans. Inform. Theory 20 (1974).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.statistics import any_of
+
+FloatArray = NDArray[np.float64]
+
+NEIGHBOURS = 1024
+"""Ordinates from whose median the level is taken."""
+EFFECTIVE = 490
+"""Independent ordinates that would give the level as well as that median."""
+FIRST = 20
+"""Lowest Fourier frequency that is searched."""
+
+
+@dataclass(frozen=True)
+class Line(Extension):
+    """A sinusoid c cos 2πft + s sin 2πft, t from the first sample, amplitudes in scales."""
+
+    cause: ClassVar[str] = "line"
+    repeats: ClassVar[int] = 8
+    meaning: ClassVar[str] = "a coherent oscillation (mains, fan, dither): a peak one bin wide in the spectrum"
+    consequence: ClassVar[str] = (
+        "distrust this frequency: remove the source or notch it; it needs no filter state unless it is slow"
+    )
+    frequency: float
+    cosine: float
+    sine: float
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the sinusoid out."""
+        return replace(channel, y=channel.y - self.signal(len(channel), channel.interval))
+
+    def signal(self, n: int, interval: float) -> FloatArray:
+        """Return the sinusoid, shape (n,), in scales."""
+        phase = 2.0 * np.pi * self.frequency * interval * np.arange(n)
+        return self.cosine * np.cos(phase) + self.sine * np.sin(phase)
+
+
+def test(found: Residual) -> Alarm:
+    """Search the spectrum of the residuals for a line."""
+    n = len(found.e)
+    frequency, power = found.spectrum
+    level = local_level(power, 2 * NEIGHBOURS)
+    ratio = power / level
+    first = int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))
+    if first >= len(ratio):
+        return Alarm("line", 1.0, -9.0, 0.0, "peak of the spectrum")
+    best = first + int(np.argmax(ratio[first:]))
+    height = float(ratio[best])
+    nats = EFFECTIVE * float(np.log1p(height / EFFECTIVE))
+    return Alarm(
+        "line",
+        any_of(float(np.exp(-nats)), n),
+        height - 1.5 * float(np.log(n)),
+        height,
+        "peak of the spectrum ÷ its neighbourhood",
+        lambda: (extension(found, float(frequency[best])),),
+    )
+
+
+def local_level(power: FloatArray, width: int) -> FloatArray:
+    """Return the level of exponential ordinates by medians over `width` of them, shape of `power`."""
+    width = min(width, len(power))
+    number = len(power) // width
+    median = np.median(power[: number * width].reshape(number, width), axis=1) / np.log(2.0)
+    centre = (np.arange(number) + 0.5) * width
+    return np.asarray(np.maximum(np.interp(np.arange(len(power)), centre, median), 0.2))
+
+
+def extension(found: Residual, near: float) -> Line:
+    """Return the line next to a frequency, Hz."""
+    n, dt = len(found.e), found.channel.interval
+    e = np.clip(found.e, -CLIP, CLIP)
+    span = n * dt
+    index = 2.0 * np.pi * dt * np.arange(n)
+
+    def project(f: float) -> complex:
+        return complex(np.sum(e * np.exp(-1j * f * index)) * 2.0 / n)
+
+    peak = minimize_scalar(
+        lambda f: -abs(project(f)),
+        bounds=(near - 0.6 / span, near + 0.6 / span),
+        method="bounded",
+        options={"xatol": 1e-4 / span},
+    )
+    f = float(peak.x)
+    z = project(f)
+    white = found.spread * float(np.sqrt(found.power_at(f) / dt))
+    amplitude = abs(z)
+    cosine, sine = z.real * white, -z.imag * white
+    sd = float(np.sqrt(6.0 / n)) / (np.pi * amplitude * span)
+    return Line(
+        f,
+        cosine,
+        sine,
+        values={
+            "frequency": Value.of(f, sd, "Hz"),
+            "amplitude": Value.of(amplitude * white, float(np.sqrt(2.0 / n)) * white, "{u}"),
+        },
+    )

@@ -1,0 +1,107 @@
+"""Motion: a stretch in which the sensor was not still.
+
+Statistic: steps between the means of short blocks over their standard deviation, which is the larger of that in the
+rest of the record (from the median) and that of white noise as loud as the samples in the two blocks: a burst of
+white noise is no motion. Several large ones close together make a stretch; the threshold is far beyond chance.
+Extension: the stretch is taken out and the level may differ before and after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.extension import Extension, Value
+
+FloatArray = NDArray[np.float64]
+
+SHORT = 0.25
+"""Length of a short block, s."""
+FEWEST = 16
+"""Fewest samples in a short block."""
+THRESHOLD = 10.0
+"""Deviations that no still sensor reaches: t law of 30 degrees of freedom, 5e-11."""
+TOGETHER = 4
+"""Large steps that make a stretch."""
+APART = 40
+"""Blocks without a large step that end a stretch."""
+RESTLESS, NEAR = 4.0, 12
+"""A stretch grows to the last step of so many deviations with no more than so many quieter ones before it."""
+
+
+@dataclass(frozen=True)
+class Motion(Extension):
+    """Samples first … last − 1 are not used."""
+
+    cause: ClassVar[str] = "motion"
+    meaning: ClassVar[str] = "the sensor was not still: an Allan curve of the whole record would be that of the motion"
+    consequence: ClassVar[str] = "identify from the still parts only; nothing here is sensor noise"
+    first: int
+    last: int
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the stretch out."""
+        missing = np.zeros(len(channel), dtype=bool)
+        missing[self.first : self.last] = True
+        return channel.refilled(missing, np.random.default_rng(self.first))
+
+    def columns(self, channel: Channel) -> FloatArray:
+        """Return a step at its middle: another pose has another level."""
+        middle = 0.5 * (self.first + self.last) / channel.block
+        if not 1.0 <= middle <= channel.blocks - 1.0:
+            return np.empty((channel.blocks, 0))
+        return (np.arange(channel.blocks) >= middle).astype(float)[:, None]
+
+
+def large_steps(y: FloatArray, interval: float) -> tuple[FloatArray, int]:
+    """Return the steps between short blocks over their standard deviation, and the samples in a block."""
+    size = max(FEWEST, round(SHORT / interval))
+    blocks = y[: len(y) // size * size].reshape(-1, size)
+    mean, variance = blocks.mean(axis=1), blocks.var(axis=1, ddof=1)
+    step = np.diff(mean)
+    usual = float(np.median(np.abs(step))) / 0.6745
+    local = (variance[1:] + variance[:-1]) / size
+    return np.abs(step) / np.sqrt(np.maximum(usual**2, local) + 1e-30), size
+
+
+def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
+    """Return the moved stretches of channels with one clock, as sample ranges."""
+    ratio, size = large_steps(channels[0].y, channels[0].interval)
+    for channel in channels[1:]:
+        ratio = np.maximum(ratio, large_steps(channel.y, channel.interval)[0])
+    large = np.flatnonzero(ratio > THRESHOLD)
+    if len(large) < TOGETHER:
+        return []
+    restless = np.flatnonzero(ratio > RESTLESS)
+    found: list[tuple[int, int]] = []
+    for group in np.split(large, np.flatnonzero(np.diff(large) > APART) + 1):
+        if len(group) < TOGETHER:
+            continue
+        first, last = int(group[0]), int(group[-1])
+        while len(near := restless[(restless < first) & (restless >= first - NEAR)]):
+            first = int(near[0])
+        while len(near := restless[(restless > last) & (restless <= last + NEAR)]):
+            last = int(near[-1])
+        start, stop = max(0, (first - NEAR) * size), min(len(channels[0]), (last + 1 + NEAR) * size)
+        if found and start <= found[-1][1]:
+            start, _ = found.pop()
+        found.append((start, stop))
+    return found
+
+
+def extension(channel: Channel, first: int, last: int) -> Motion:
+    """Return the stretch with its place."""
+    dt = channel.interval
+    error = 10.0 * max(FEWEST * dt, SHORT)
+    return Motion(
+        first,
+        last,
+        values={
+            "start": Value.of(channel.start + first * dt, 0.5 * error, "s"),
+            "duration": Value.of((last - first) * dt, 0.5 * error, "s"),
+        },
+    )

@@ -1,0 +1,101 @@
+"""Spikes: single samples far off.
+
+Statistic: the number of residuals beyond five deviations against a Poisson law, and the largest one against the
+normal law; the smaller chance, doubled. Gain: likelihood of a contaminated normal law.
+Extension: the flagged samples are taken out, as a gate in front of a filter would do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+from scipy.stats import norm, poisson
+from scipy.stats import chi2 as chi2_law
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.histogram import Histogram, histogram
+from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.statistics import any_of, maximum
+
+FloatArray = NDArray[np.float64]
+
+THRESHOLD = 5.0
+GATE = 4.8
+"""Deviations beyond which a sample counts as a spike once there are spikes."""
+
+
+@dataclass(frozen=True)
+class Spikes(Extension):
+    """Samples that are taken out: their places, shape (s,)."""
+
+    cause: ClassVar[str] = "spikes"
+    meaning: ClassVar[str] = "single samples far off (glitches of the wire or of the converter)"
+    consequence: ClassVar[str] = "a gate at five deviations in front of the filter; do not widen the white noise for them"
+    places: tuple[int, ...]
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the spikes out."""
+        missing = np.zeros(len(channel), dtype=bool)
+        missing[list(self.places)] = True
+        return channel.refilled(missing, np.random.default_rng(len(self.places)))
+
+
+def test(found: Residual) -> Alarm:
+    """Count what lies beyond five deviations."""
+    size = np.abs(found.good)
+    n = len(size)
+    count = int(np.count_nonzero(size > THRESHOLD))
+    expected = n * 2.0 * float(norm.sf(THRESHOLD))
+    many = float(poisson.sf(count - 1, expected)) if count else 1.0
+    largest = any_of(2.0 * float(norm.sf(size.max())), n)
+    p_value = min(1.0, 2.0 * min(many, largest))
+    gain = 0.0
+    if p_value < 1e-3:
+        bins = histogram(found.good)
+        gain = mixture_gain(bins) - 1.5 * float(np.log(n))
+    return Alarm(
+        "spikes",
+        p_value,
+        gain,
+        float(size.max()),
+        f"largest residual; {count} beyond 5 deviations",
+        lambda: (extension(found),),
+    )
+
+
+def mixture_gain(bins: Histogram) -> float:
+    """Return the log likelihood that a contaminated normal law gains over the normal one."""
+
+    def cost(x: FloatArray) -> float:
+        share, core, wide = expit(x[0]), np.exp(x[1]), np.exp(x[1]) * (1.0 + np.exp(x[2]))
+        density = (1.0 - share) * norm.pdf(bins.value, 0.0, core) + share * norm.pdf(bins.value, 0.0, wide)
+        return -float(bins.count @ np.log(density + 1e-300))
+
+    return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
+
+
+def extension(found: Residual) -> Spikes:
+    """Return the samples to be taken out, with the rate and the typical size."""
+    e, dt = found.e, found.channel.interval
+    places = np.flatnonzero((np.abs(e) > GATE) & found.valid)
+    by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
+    count = len(places)
+    span = len(e) * dt
+    low, high = 0.5 * chi2_law.ppf(0.025, 2 * count), 0.5 * chi2_law.ppf(0.975, 2 * count + 2)
+    white = found.spread * float(np.sqrt(found.power[-max(1, len(found.power) // 2) :].mean() / dt))
+    sizes = np.abs(e[places]) * white
+    middle = float(np.median(sizes))
+    spread = (1.2533 * float(np.std(sizes)) + white) / np.sqrt(max(count, 1))
+    return Spikes(
+        tuple(places.tolist()),
+        values={
+            "rate": Value((count - by_chance) / span, max(low - by_chance, 0.0) / span, high / span, "1/s"),
+            "size": Value.of(middle, spread, "{u}"),
+        },
+    )

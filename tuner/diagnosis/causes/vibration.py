@@ -1,0 +1,147 @@
+"""Vibration: a narrow-band resonance, an AR(2) process added to the noise.
+
+Statistic: means of 8 … 4096 neighbouring ordinates of the periodogram of the residuals over the level about them.
+The level is a median over a stretch far wider than the window, so that a wide resonance does not hide itself; with
+m effective ordinates in it the ratio of a mean of w of them has Fisher's law F(2w, 2m). Bonferroni over the windows.
+Extension: frequency, quality and standard deviation by the likelihood of the ordinates about the peak, over a
+level that may slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc, betaln
+
+from models.arma import Arma
+from models.effects.spectral import Vibration as Effect
+from models.noise import Term
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes.line import FIRST, local_level
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.statistics import maximum
+
+FloatArray = NDArray[np.float64]
+
+WINDOWS = (8, 32, 128, 512, 2048, 4096)
+STRETCH = 16
+"""Stretches that the band is cut into to take the level."""
+CAP = 25.0
+"""Largest ordinate that counts: a line is no resonance."""
+
+
+@dataclass(frozen=True)
+class Vibration(Extension):
+    """An AR(2) resonance, standard deviation in scales."""
+
+    cause: ClassVar[str] = "vibration"
+    repeats: ClassVar[int] = 6
+    meaning: ClassVar[str] = "a narrow-band resonance: a hump in the spectrum, wider than a line"
+    consequence: ClassVar[str] = (
+        "distrust this band: damp or notch it; where it cannot be removed it calls for a two-state shaping filter"
+    )
+    frequency: float
+    quality: float
+    sd: float
+
+    def arma(self, interval: float) -> Arma:
+        """Return the process as an ARMA term in scales."""
+        ar = Effect(self.frequency, self.quality, self.sd).recursion(interval)
+        rho = ar[0] / (1.0 - ar[1])
+        return Arma(ar, (), self.sd**2 * (1.0 - ar[1] ** 2) * (1.0 - rho**2), interval)
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return its spectrum."""
+        return self.arma(interval).psd(f, interval=interval)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the process as a noise term."""
+        return (self.arma(interval),)
+
+
+def test(found: Residual) -> Alarm:
+    """Search the spectrum of the residuals for a hump."""
+    power = found.periodogram
+    n = len(found.e)
+    stretch = max(2048, len(power) // STRETCH)
+    total = np.concatenate(([0.0], np.cumsum(np.minimum(power / local_level(power, stretch), CAP))))
+    best, tests = (0.0, 8, FIRST, 1.0), 0
+    for width in WINDOWS:
+        if width > len(power) // 24:
+            break
+        start = np.arange(FIRST, len(power) - width, width // 2)
+        sums = total[start + width] - total[start]
+        tests += len(start)
+        at = int(np.argmax(sums))
+        nats = -_log_tail(float(sums[at]) / width, width, 0.48 * stretch)
+        if nats > best[0]:
+            best = (nats, width, int(start[at]), float(sums[at]) / width)
+    nats, width, at, mean = best
+    p_value = float(min(1.0, tests * np.exp(-nats)))
+    df = 1.0 / (n * found.channel.interval)
+    middle, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
+    name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
+    if p_value > 1e-3:
+        return Alarm("vibration", p_value, -9.0, mean, name)
+    gain, fitted = extension(found, middle, half)
+    return Alarm("vibration", p_value, gain - 1.5 * float(np.log(n)), mean, name, lambda: (fitted,))
+
+
+def _log_tail(ratio: float, width: float, reference: float) -> float:
+    """Return the log of the chance that F(2w, 2m) exceeds a ratio."""
+    x = reference / (reference + width * ratio)
+    tail = float(betainc(reference, width, x))
+    if tail > 1e-280:
+        return float(np.log(tail))
+    log_density = reference * np.log(x) + (width - 1.0) * np.log1p(-x) - betaln(reference, width)
+    return float(log_density - np.log(reference))
+
+
+def extension(found: Residual, middle: float, half: float) -> tuple[float, Vibration]:
+    """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains."""
+    dt, power = found.channel.interval, found.periodogram
+    df = 1.0 / (len(found.e) * dt)
+    reach = max(12.0 * half, 100.0 * df)
+    first, last = max(FIRST, int((middle - reach) / df)), min(len(power), int((middle + reach) / df))
+    size = max(1, (last - first) // 500)
+    number = (last - first) // size
+    mean = np.minimum(power[first : first + number * size], CAP).reshape(number, size).mean(axis=1)
+    f = (first + 0.5 + (np.arange(number) + 0.5) * size) * df
+    white = found.spread**2 * found.power_at(f)
+    place = (f - middle) / reach
+
+    def likelihood(level: FloatArray) -> float:
+        return float(size * np.sum(np.log(level) + mean / level))
+
+    def cost(x: FloatArray) -> float:
+        frequency, quality, sd = np.exp(x[:3])
+        if not (abs(frequency - middle) < reach and 0.5 < quality < 1e5 and frequency < 0.499 / dt and abs(x[4]) < 0.9):
+            return 1e12
+        hump = 1.0 + Vibration(frequency, quality, sd).power(f, dt) / white
+        return likelihood(np.exp(x[3]) * (1.0 + x[4] * place) * hump)
+
+    def flat(x: FloatArray) -> float:
+        return likelihood(np.exp(x[0]) * (1.0 + x[1] * place)) if abs(x[1]) < 0.9 else 1e12
+
+    excess = max(float(np.mean(np.maximum(mean - np.median(mean), 0.0))), 1e-3)
+    sd = np.sqrt(2.0 * (last - first) * df * excess * float(np.mean(white)))
+    level = float(np.log(np.median(mean)))
+    starts = [[np.log(middle), np.log(middle / w), np.log(sd), level, 0.0] for w in (0.5 * half, 2.0 * half)]
+    x, covariance, value = maximum(cost, starts, scale=0.05)
+    null = maximum(flat, [[level, 0.0]], scale=0.05)[2]
+    spread = np.sqrt(np.diag(covariance))
+    frequency, quality, sd = np.exp(x[:3]).tolist()
+    return null - value, Vibration(
+        frequency,
+        quality,
+        sd,
+        values={
+            "frequency": Value.log(frequency, float(spread[0]), "Hz"),
+            "quality": Value.log(quality, float(spread[1])),
+            "sd": Value.log(sd, float(spread[2]), "{u}"),
+        },
+    )

@@ -1,0 +1,240 @@
+"""One axis made ready for criticism: even, without gaps, in units of its own white noise.
+
+The samples are cut into M blocks of L. Slow effects are seen on the blocks (their cosine coefficients),
+fast ones on the samples. What was never measured (gaps, held readings) is filled with a straight line and noise,
+and kept out of every test of the distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.covariate import code_step, smoothed
+from tuner.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BLOCKS = 4096
+"""Blocks that a record is cut into, where it has that many samples."""
+SHORTEST = 1024
+"""Samples below which nothing is said."""
+LONGEST_GAP = 0.02
+"""Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Samples of one axis.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Name, and unit of the samples before scaling.
+    y : ndarray, shape (n,)
+        Samples ÷ `scale`, less their median; n = M L.
+    valid : ndarray of bool, shape (n,)
+        Samples that were measured.
+    scale : float
+        Robust standard deviation of the differences ÷ √2, unit.
+    level : float
+        Median of the samples, unit.
+    interval, start : float
+        Sampling interval and time of the first sample, s.
+    block : int
+        Samples in a block, L.
+    covariates : mapping of str to ndarray, shape (M,)
+        Block means of further channels.
+    lattice : float
+        Step of the codes ÷ `scale`; 0 for none.
+    """
+
+    axis: str
+    unit: str
+    y: FloatArray
+    valid: BoolArray
+    scale: float
+    level: float
+    interval: float
+    start: float
+    block: int
+    covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    lattice: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks, M."""
+        return len(self.y) // self.block
+
+    @property
+    def span(self) -> float:
+        """Length, s."""
+        return len(self.y) * self.interval
+
+    @property
+    def block_time(self) -> FloatArray:
+        """Time of the middle of each block since the first sample, s, shape (M,)."""
+        return (np.arange(self.blocks) + 0.5) * self.block * self.interval
+
+    def block_mean(self, x: FloatArray) -> FloatArray:
+        """Return the means of n values over the blocks, shape (M,)."""
+        means: FloatArray = x.reshape(self.blocks, self.block).mean(axis=1)
+        return means
+
+    def part(self, first: int, last: int) -> Channel | None:
+        """Return samples first … last − 1 as a channel of their own, or None where they are too few."""
+        length = last - first
+        if length < SHORTEST:
+            return None
+        block = max(1, round(length / BLOCKS))
+        length -= length % block
+        coarse = {
+            name: np.interp(
+                (first + (np.arange(length // block) + 0.5) * block) * self.interval, self.block_time, values
+            )
+            for name, values in self.covariates.items()
+        }
+        inside = slice(first, first + length)
+        return replace(
+            self, y=self.y[inside], valid=self.valid[inside], start=self.start + first * self.interval,
+            block=block, covariates=MappingProxyType(coarse),
+        )  # fmt: skip
+
+    def refilled(self, missing: BoolArray, rng: np.random.Generator) -> Channel:
+        """Return the channel with further samples taken out and filled, shape (n,)."""
+        return replace(
+            self, y=fill(self.y, missing, 1.0, rng), valid=np.asarray(self.valid & ~missing, dtype=bool)
+        )
+
+
+def channel(
+    record: Record, axis: str, *, lattice: float = 0.0, held: BoolArray | None = None, seed: int = 0
+) -> Channel:
+    """Make an axis of a record ready.
+
+    Parameters
+    ----------
+    record : Record
+        Samples; short gaps are bridged, the longest stretch between long ones is taken.
+    axis : str
+        One of its axes.
+    lattice : float
+        Step of the codes, unit.
+    held : ndarray of bool, shape (n,), optional
+        Samples that repeat the one before: not measured.
+    seed : int
+        Seed of the noise that fills gaps.
+
+    Raises
+    ------
+    DataError
+        A channel that is too short or constant.
+    """
+    chosen = _without_long_gaps(record)
+    column = record.column(axis)
+    place = np.concatenate([_index(record, piece) for piece in chosen])
+    place -= place[0]
+    source = np.concatenate([np.arange(*piece) for piece in chosen])
+    n = int(place[-1]) + 1
+    if n < SHORTEST:
+        msg = f"{record.source or record.name}: {axis} has {n} even samples, expected at least {SHORTEST}; record longer"
+        raise DataError(msg)
+    block = max(1, round(n / BLOCKS))
+    n -= n % block
+    keep = place < n
+    if held is not None:
+        keep &= ~held[source]
+    place, source = place[keep], source[keep]
+    measured = column[source]
+    level, scale = float(np.median(measured)), difference_sd(measured)
+    if not scale > 0:
+        msg = f"{record.source or record.name}: {axis} is constant, expected noise; leave it out"
+        raise DataError(msg)
+    valid = np.zeros(n, dtype=bool)
+    valid[place] = True
+    y = np.zeros(n)
+    y[place] = (measured - level) / scale
+    y = fill(y, ~valid, 1.0, np.random.default_rng((seed, 77)))
+    covariates = {
+        name: smoothed(
+            np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1), code_step(values)
+        )
+        for name, values in record.covariates.items()
+        if np.all(np.isfinite(values)) and np.ptp(values) > 0
+    }
+    return Channel(
+        axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
+        MappingProxyType(covariates), lattice / scale,
+    )  # fmt: skip
+
+
+def difference_sd(x: FloatArray) -> float:
+    """Return the robust standard deviation of the white part: that of the differences ÷ √2, outliers capped."""
+    d = np.diff(x)
+    cap = 5.0 * float(np.std(d))
+    for _ in range(4):
+        cap = 5.0 * float(np.sqrt(np.mean(np.minimum(d * d, cap * cap))))
+    return cap / 5.0 / float(np.sqrt(2.0))
+
+
+def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator) -> FloatArray:
+    """Return samples whose missing ones are replaced by lines between the levels beside them, plus noise.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples.
+    missing : ndarray of bool, shape (n,)
+        Those to be replaced.
+    sd : float
+        Standard deviation of the noise.
+    rng : numpy.random.Generator
+        Its source.
+    """
+    if not np.any(missing):
+        return y
+    good = np.flatnonzero(~missing)
+    total = np.concatenate(([0.0], np.cumsum(y[good])))
+    lost = np.flatnonzero(missing)
+    right = np.searchsorted(good, lost)
+    width = 128
+    before, after = np.maximum(right - width, 0), np.minimum(right + width, len(good))
+    left_mean = (total[right] - total[before]) / np.maximum(right - before, 1)
+    right_mean = (total[after] - total[right]) / np.maximum(after - right, 1)
+    left_mean = np.where(right > before, left_mean, right_mean)
+    right_mean = np.where(after > right, right_mean, left_mean)
+    left_end = good[np.maximum(right - 1, 0)]
+    right_end = good[np.minimum(right, len(good) - 1)]
+    share = (lost - left_end) / np.maximum(right_end - left_end, 1)
+    out = y.copy()
+    out[lost] = left_mean + np.clip(share, 0.0, 1.0) * (right_mean - left_mean)
+    out[lost] += sd * rng.standard_normal(len(lost))
+    return out
+
+
+def _index(record: Record, piece: tuple[int, int]) -> NDArray[np.int64]:
+    """Return the place of each sample of a segment on the even grid of the record."""
+    first = round((record.t[piece[0]] - record.t[0]) / record.interval)
+    return first + np.arange(piece[1] - piece[0])
+
+
+def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
+    """Return the segments of the longest stretch that no long gap interrupts."""
+    pieces = [piece for piece in record.segments if piece[1] > piece[0]]
+    longest = LONGEST_GAP * (record.t[-1] - record.t[0])
+    groups: list[list[tuple[int, int]]] = [[pieces[0]]]
+    for before, piece in zip(pieces[:-1], pieces[1:], strict=True):
+        gap = record.t[piece[0]] - record.t[before[1] - 1]
+        overlap = _index(record, piece)[0] <= _index(record, before)[-1]
+        if gap > longest or overlap:
+            groups.append([])
+        groups[-1].append(piece)
+    return max(groups, key=lambda group: sum(stop - start for start, stop in group))

@@ -1,0 +1,108 @@
+"""What the model of a channel may be extended by: each accepted cause is a better map to white residuals.
+
+A channel passes the extensions in this order::
+
+    repair      samples → samples without lines, spikes, stretches of motion
+    columns     templates that are fitted together with the noise (temperature, step, …)
+    gain, power shape of the white noise, and power besides (filter, colour, resonance)
+    whiten      residuals → residuals of unit variance and normal law (burst, drift, tails)
+
+An extension that does not act at a stage inherits the map that changes nothing.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import Term
+from tuner.diagnosis.channel import Channel
+from tuner.results import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter in the units of the residual: its 95 % interval, and how it becomes SI.
+
+    Attributes
+    ----------
+    value, lower, upper : float
+        Estimate and interval.
+    unit : str
+        SI unit; ``{u}`` stands for the unit of the channel, and then the numbers are in its scale.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    unit: str = "1"
+
+    @classmethod
+    def of(cls, value: float, sd: float, unit: str = "1") -> Value:
+        """Make a value with a normal interval."""
+        return cls(value, value - 1.96 * sd, value + 1.96 * sd, unit)
+
+    @classmethod
+    def log(cls, value: float, relative_sd: float, unit: str = "1") -> Value:
+        """Make a positive value with an interval that is even in its logarithm."""
+        factor = float(np.exp(1.96 * min(relative_sd, 5.0)))
+        return cls(value, value / factor, value * factor, unit)
+
+    def coefficient(self, unit: str, scale: float) -> Coefficient:
+        """Return the parameter in SI, for a channel of this unit and scale."""
+        factor = scale if "{u}" in self.unit else 1.0
+        ends = sorted((factor * self.lower, factor * self.upper))
+        return Coefficient.known(factor * self.value, *ends, self.unit.replace("{u}", unit))
+
+
+@dataclass(frozen=True)
+class Extension(ABC):
+    """One accepted cause; amplitudes are in units of the channel's scale.
+
+    Attributes
+    ----------
+    values : dict of str to (value, lower, upper, power)
+        Parameters with 95 % intervals; `power` of the scale turns them into SI.
+    """
+
+    cause: ClassVar[str]
+    repeats: ClassVar[int] = 1
+    """How often the cause may be found in one channel."""
+    values: dict[str, tuple[float, float, float, int]] = field(
+        compare=False, kw_only=True, default_factory=dict
+    )
+
+    def repair(self, channel: Channel) -> Channel:
+        """Return the channel without the effect, as far as that is a matter of samples."""
+        return channel
+
+    def columns(self, channel: Channel) -> FloatArray:
+        """Return templates on the blocks, shape (M, p)."""
+        return np.empty((channel.blocks, 0))
+
+    def gain(self, f: FloatArray, interval: float) -> FloatArray | float:
+        """Return the factor on the spectrum of the white noise at frequencies `f`, Hz."""
+        return 1.0
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray | float:
+        """Return the power added at frequencies `f`, Hz, scale²/Hz."""
+        return 0.0
+
+    def whiten(self, e: FloatArray) -> FloatArray:
+        """Return residuals, shape (n,), whose law is closer to the standard normal one."""
+        return e
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return what the extension adds to the noise model, in units of the scale."""
+        return ()
+
+    def refined(self, sizes: FloatArray, covariance: FloatArray) -> Extension:
+        """Return the extension with the sizes (p,) of its templates from a joint fit, and their covariance."""
+        return self

@@ -1,0 +1,184 @@
+"""From the outcome of each channel to findings: shared causes told once, in SI, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.noise import NoiseModel, Term, White
+from tuner.diagnosis.causes.colour import Colour
+from tuner.diagnosis.causes.lowpass import LowPass
+from tuner.diagnosis.loop import Accepted, Criticism
+from tuner.diagnosis.residual import Residual
+from tuner.results import Alternative, Coefficient, Finding, Inflation
+
+WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
+"""Parameters that must agree for two channels to share a cause."""
+AGREE = 4.0
+"""Standard deviations within which they do."""
+
+
+@dataclass(frozen=True)
+class _Single:
+    """A finding of one channel."""
+
+    axis: str
+    accepted: Accepted
+    parameters: Mapping[str, Coefficient]
+    inflation: Inflation | None
+
+
+def model_of(found: Residual) -> NoiseModel:
+    """Return the noise model of a residual with the terms of its extensions, SI."""
+    dt = found.channel.interval
+    shape = next((x for x in found.extensions if isinstance(x, LowPass | Colour)), None)
+    terms: list[Term] = []
+    for term in found.fit.terms():
+        terms.append(shape.arma(dt, term.density) if shape is not None and isinstance(term, White) else term)
+    terms += [term for x in found.extensions for term in x.terms(dt)]
+    return NoiseModel(terms).scaled(found.channel.scale)
+
+
+def findings(outcomes: Mapping[str, Criticism]) -> tuple[Finding, ...]:
+    """Return the findings of all channels, shared ones once, the clearest first."""
+    singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome)]
+    groups: list[list[_Single]] = []
+    for single in singles:
+        home = next((g for g in groups if _shared(g, single)), None)
+        if home is None:
+            groups.append([single])
+        else:
+            home.append(single)
+    found = [_finding(group) for group in groups]
+    return tuple(sorted(found, key=lambda finding: finding.p_value))
+
+
+def _singles(axis: str, outcome: Criticism) -> list[_Single]:
+    channel = outcome.final.channel
+    return [
+        _Single(
+            axis,
+            accepted,
+            {name: value.coefficient(channel.unit, channel.scale) for name, value in accepted.extension.values.items()},
+            _inflation(axis, outcome, accepted),
+        )
+        for accepted in outcome.accepted
+    ]
+
+
+def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation | None:
+    """Return what to enlarge in a filter that is set from the base model."""
+    values, cause = accepted.extension.values, accepted.extension.cause
+    if cause == "variance_drift":
+        factor = float(np.exp(0.25 * abs(values["slope"].value) * outcome.final.channel.span))
+        return Inflation(f"{axis}.white_density", factor, "variance_drift: the noise at its louder end")
+    if cause == "burst" and values["variance_ratio"].value > 1.0:
+        factor = float(np.sqrt(values["variance_ratio"].value))
+        return Inflation(f"{axis}.white_density", factor, "burst: the noise while it lasts")
+    shape = accepted.extension
+    if isinstance(shape, LowPass | Colour):
+        before, after = outcome.base.model.white_density(), outcome.final.model.white_density()
+        after *= float(np.sqrt(shape.gain(np.zeros(1), outcome.final.channel.interval)[0]))
+        if after > 1.02 * before > 0:
+            return Inflation(f"{axis}.white_density", after / before, f"{cause}: white density at the plateau")
+    return None
+
+
+def _shared(group: Sequence[_Single], single: _Single) -> bool:
+    """Return whether a finding of another channel is the same cause."""
+    first = group[0]
+    if first.accepted.extension.cause != single.accepted.extension.cause or any(g.axis == single.axis for g in group):
+        return False
+    return all(
+        _agree(first.parameters[name], single.parameters[name])
+        for name in WHERE
+        if name in first.parameters and name in single.parameters
+    )
+
+
+def _agree(a: Coefficient, b: Coefficient) -> bool:
+    (mean_a, sd_a), (mean_b, sd_b) = _moments(a), _moments(b)
+    return abs(mean_a - mean_b) <= AGREE * float(np.hypot(sd_a, sd_b)) + 1e-12 * abs(mean_a)
+
+
+def _moments(c: Coefficient) -> tuple[float, float]:
+    assert c.value is not None
+    assert c.interval is not None
+    return c.value, max((c.interval[1] - c.interval[0]) / 3.92, 1e-300)
+
+
+def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
+    """Return the mean weighted by inverse variance where all agree, else the first."""
+    first = coefficients[0]
+    if len(coefficients) == 1 or not all(_agree(first, other) for other in coefficients[1:]):
+        return first
+    moments = [_moments(c) for c in coefficients]
+    weight = np.array([sd**-2 for _, sd in moments])
+    value = float(weight @ [mean for mean, _ in moments] / weight.sum())
+    half = 1.96 * float(weight.sum()) ** -0.5
+    return Coefficient.known(value, value - half, value + half, first.unit)
+
+
+def _finding(group: list[_Single]) -> Finding:
+    clearest = sorted(group, key=lambda single: -single.accepted.alarm.gain)
+    best = clearest[0]
+    extension, alarm = best.accepted.extension, best.accepted.alarm
+    parameters = {
+        name: pooled([s.parameters[name] for s in clearest if name in s.parameters]) for name in best.parameters
+    }
+    channels = tuple(single.axis for single in group)
+    return Finding(
+        cause=extension.cause,
+        channels=channels,
+        statistic=alarm.name,
+        value=alarm.statistic,
+        p_value=min(1.0, alarm.p_value),
+        parameters=parameters,
+        text=words(extension.cause, channels, extension.meaning, parameters),
+        consequence=extension.consequence,
+        extension={"cause": extension.cause, "joins": joins(extension.cause)},
+        alternatives=alternatives([single.accepted for single in group]),
+        inflations=tuple(single.inflation for single in group if single.inflation is not None),
+        by_channel={single.axis: dict(single.parameters) for single in group},
+    )
+
+
+def joins(cause: str) -> str:
+    """Return which part of the model an extension of a cause joins."""
+    if cause in ("vibration", "lowpass", "colour", "gauss_markov"):
+        return "noise model"
+    if cause in ("heavy_tails", "burst", "variance_drift", "cross_axis"):
+        return "law of the noise"
+    return "preprocessing"
+
+
+def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
+    """Return the causes that every channel holds for possible, with the product of their weights."""
+    common = set.intersection(*({a.cause for a in one.alternatives} for one in accepted))
+    scores = {
+        cause: float(np.prod([a.score for one in accepted for a in one.alternatives if a.cause == cause]))
+        for cause in common
+    }
+    return tuple(Alternative(cause, score) for cause, score in sorted(scores.items(), key=lambda item: -item[1]))
+
+
+def words(
+    cause: str, channels: Sequence[str], meaning: str, parameters: Mapping[str, Coefficient]
+) -> str:
+    """Return a finding in one sentence."""
+    figures = ", ".join(f"{name} {figure(value)}" for name, value in parameters.items())
+    return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
+
+
+def figure(c: Coefficient) -> str:
+    """Return a coefficient as text: value, half width of its interval, unit."""
+    unit = "" if c.unit == "1" else f" {c.unit}"
+    if c.value is None:
+        return f"below {c.upper:.3g}{unit}"
+    if c.interval is None or c.interval[0] == c.interval[1]:
+        return f"{c.value:.6g}{unit}"
+    half = 0.5 * (c.interval[1] - c.interval[0])
+    digits = max(3, int(np.ceil(np.log10(max(abs(c.value), 1e-300) / half))) + 2) if half > 0 else 6
+    return f"{c.value:.{min(digits, 12)}g} ± {half:.2g}{unit}"

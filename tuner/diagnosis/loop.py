@@ -1,0 +1,144 @@
+"""The loop: fit, test, extend by what gains most, fit again, until the panel is quiet.
+
+An extension is accepted where its family alarms and its penalised gain is the largest. What alarmed as well and
+falls silent with it is a rival; rivals within `CLOSE` nats are its alternatives. When nothing alarms any more, each
+extension is taken out in turn and stays out unless its own test then alarms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.panel import panel, retest
+from tuner.diagnosis.residual import Residual, relabelled, residual, without
+from tuner.results import Alternative
+
+PASSES = 16
+CLOSE = 3.0
+"""Nats within which a rival counts as an alternative."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An extension and what spoke for it."""
+
+    extension: Extension
+    alarm: Alarm
+    alternatives: tuple[Alternative, ...] = ()
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """Outcome of the loop for one channel.
+
+    Attributes
+    ----------
+    base, final : Residual
+        Before and after all extensions.
+    accepted : tuple of Accepted
+        In the order of `final.extensions`.
+    unexplained : tuple of Alarm
+        What still alarms and has no cause.
+    panels : tuple of tuple of Alarm
+        Every panel, first to last.
+    """
+
+    base: Residual
+    final: Residual
+    accepted: tuple[Accepted, ...]
+    unexplained: tuple[Alarm, ...]
+    panels: tuple[tuple[Alarm, ...], ...] = field(default=(), repr=False)
+
+
+def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> Criticism:
+    """Find the causes in one channel.
+
+    Parameters
+    ----------
+    channel : Channel
+        Samples of one axis.
+    threshold : float
+        Chance below which a family alarms.
+    given : tuple of Extension
+        What is known beforehand, such as stretches of motion.
+
+    Returns
+    -------
+    Criticism
+    """
+    base = found = residual(channel, given)
+    accepted: list[Accepted] = []
+    panels: list[tuple[Alarm, ...]] = []
+    alarms: tuple[Alarm, ...] = ()
+    for _ in range(PASSES):
+        alarms = panel(found)
+        panels.append(alarms)
+        if accepted and len(panels) > 1:
+            accepted = _with_rivals(accepted, panels[-2], alarms, threshold)
+        raised = [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
+        if not raised:
+            break
+        best = max(raised, key=lambda alarm: alarm.gain)
+        assert best.propose is not None
+        new = best.propose()
+        accepted += [Accepted(extension, best) for extension in new]
+        found = residual(channel, (*found.extensions, *new), starts=found.starts)
+    found, accepted = _prune(found, accepted, threshold)
+    found = _refined(found)
+    refined = found.extensions[len(given) :]
+    accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
+    left = tuple(a for a in alarms if a.p_value < threshold and a.propose is None)
+    return Criticism(base, found, tuple(accepted), left, tuple(panels))
+
+
+def _with_rivals(
+    accepted: list[Accepted], before: tuple[Alarm, ...], after: tuple[Alarm, ...], threshold: float
+) -> list[Accepted]:
+    """Return the list with the alternatives of its last entry: what fell silent together with it."""
+    last = accepted[-1]
+    silent = {a.cause for a in before} - {a.cause for a in after if a.p_value < threshold and a.gain > 0}
+    rivals = [
+        Alternative(a.cause, float(np.exp(a.gain - last.alarm.gain)))
+        for a in before
+        if a.propose is not None
+        and a.cause in silent
+        and a.cause != last.alarm.cause
+        and a.p_value < threshold
+        and a.gain > last.alarm.gain - CLOSE
+    ]
+    return [*accepted[:-1], replace(last, alternatives=tuple(rivals))]
+
+
+def _prune(
+    found: Residual, accepted: list[Accepted], threshold: float
+) -> tuple[Residual, list[Accepted]]:
+    """Return the model without the extensions whose own test is silent once they are taken out."""
+    at = 0
+    given = len(found.extensions) - len(accepted)
+    while len(accepted) > 1 and at < len(accepted):
+        fewer = without(found, given + at)
+        alarm = retest(fewer, accepted[at].extension.cause)
+        if alarm is not None and not (alarm.p_value < threshold and alarm.gain > 0):
+            found = fewer
+            accepted = [a for i, a in enumerate(accepted) if i != at]
+        else:
+            at += 1
+    return found, accepted
+
+
+def _refined(found: Residual) -> Residual:
+    """Return the residual whose extensions carry the sizes of the joint fit."""
+    at, refined = 1, []
+    for extension in found.extensions:
+        size = extension.columns(found.channel).shape[1]
+        block = slice(at, at + size)
+        refined.append(
+            extension.refined(found.fit.beta[block], found.fit.beta_covariance[block, block]) if size else extension
+        )
+        at += size
+    return relabelled(found, tuple(refined))

@@ -1,0 +1,115 @@
+"""The panel: every family of tests on one residual.
+
+Families of one channel share the budget of false alarms evenly, `BUDGET` for a whole data set: each gets
+budget ÷ (`FAMILIES` × channels).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+from scipy.stats import chi2
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes import (
+    burst,
+    colour,
+    gauss_markov,
+    heavy_tails,
+    line,
+    lowpass,
+    spikes,
+    step,
+    temperature,
+    thermal_lag,
+    variance_drift,
+    vibration,
+    warmup,
+)
+from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.shape import shape_test
+
+BUDGET = 3e-3
+"""Chance that a data set without any effect gets a finding."""
+FAMILIES = 22
+"""Families of tests a channel, those of hygiene and of several channels included."""
+
+SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
+    {
+        "line": line.test,
+        "vibration": vibration.test,
+        "temperature": temperature.test,
+        "thermal_lag": thermal_lag.test,
+        "step": step.test,
+        "warmup": warmup.test,
+        "gauss_markov": gauss_markov.test,
+        "spikes": spikes.test,
+        "heavy_tails": heavy_tails.test,
+        "burst": burst.test,
+        "variance_drift": variance_drift.test,
+    }
+)
+"""Tests that stand alone, by cause."""
+LIMITS: Mapping[str, int] = MappingProxyType(
+    {
+        "line": line.Line.repeats,
+        "vibration": vibration.Vibration.repeats,
+        "step": step.Step.repeats,
+        "burst": burst.Burst.repeats,
+        "spikes": 2,
+    }
+)
+"""How often a cause may be found in a channel, where not once."""
+EXCLUSIVE: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"temperature": ("temperature", "thermal_lag"), "thermal_lag": ("temperature", "thermal_lag")}
+)
+"""Causes of which a channel has one at most."""
+
+
+def threshold(channels: int) -> float:
+    """Return the chance below which a family of one channel alarms, for a data set of so many channels."""
+    return BUDGET / (FAMILIES * channels)
+
+
+def panel(found: Residual) -> tuple[Alarm, ...]:
+    """Run every test that is still open on a residual."""
+    alarms = [test(found) for cause, test in SINGLE.items() if is_open(found, cause)]
+    return (*(alarm for alarm in alarms if alarm is not None), *spectrum(found), *leftovers(found))
+
+
+def is_open(found: Residual, cause: str) -> bool:
+    """Return whether a channel may have this cause (once more)."""
+    return found.found(*EXCLUSIVE.get(cause, (cause,))) < LIMITS.get(cause, 1)
+
+
+def spectrum(found: Residual) -> tuple[Alarm, ...]:
+    """Test the shape of the fast spectrum."""
+    tested = shape_test(found)
+    shaped = found.found("lowpass", "colour")
+    unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, "shape of the fast spectrum")
+    if shaped:
+        return (unnamed,)
+    return (lowpass.test(tested, found.channel.interval), colour.test(tested), unnamed)
+
+
+def leftovers(found: Residual) -> tuple[Alarm, ...]:
+    """Test the slow spectrum as a whole: bins of the squared residual coefficients against χ²."""
+    singles = found.track.singles
+    square = found.track.grid.amplitude[:singles] - found.track.columns @ found.fit.beta
+    ratio = square**2 / found.fit.expected[:singles]
+    edges = np.unique(np.geomspace(4, singles, 13).astype(int))
+    count = np.diff(edges).astype(float)
+    mean = np.add.reduceat(ratio[: edges[-1]], edges[:-1]) / count
+    deviance = float(np.sum(count * (mean - 1.0 - np.log(mean))))
+    inflation = float(np.mean(1.0 + 1.0 / (3.0 * count)))
+    p_value = float(chi2.sf(deviance / inflation, len(count)))
+    return (Alarm("slow spectrum", p_value, 0.0, deviance, "shape of the slow spectrum"),)
+
+
+def retest(found: Residual, cause: str) -> Alarm | None:
+    """Run the test of one cause."""
+    if cause in SINGLE:
+        return SINGLE[cause](found)
+    return next((alarm for alarm in spectrum(found) if alarm.cause == cause), None)

@@ -1,0 +1,231 @@
+"""The one residual that all tests are tests of.
+
+A channel, its extensions and a fit of its noise make residuals that are independent standard normal numbers where the
+model is right::
+
+    e = DCT⁻¹[ (a − C β) / √E ]
+
+with the whole spectrum E of the model. Zero-phase whitening leaves a spike a spike and a line a line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
+
+from models.noise import GaussMarkov, NoiseModel, White
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.cosine import block_transform, grid, inverse, transform
+from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.track import BASES, Fit, Kinds, Track
+
+FloatArray = NDArray[np.float64]
+
+CLIP = 5.0
+"""Residuals beyond this are cut for tests of the spectrum and of the variance."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residuals of a channel under a model.
+
+    Attributes
+    ----------
+    channel : Channel
+        As measured.
+    repaired : Channel
+        After the repairs of the extensions.
+    extensions : tuple of Extension
+        What has been accepted.
+    track : Track
+        Coefficients and templates of the slow track.
+    fits : tuple of Fit
+        Fits of the kinds of slow noise, the best first.
+    coefficients : ndarray, shape (n,)
+        Cosine coefficients of the repaired samples.
+    """
+
+    channel: Channel
+    repaired: Channel
+    extensions: tuple[Extension, ...]
+    track: Track
+    fits: tuple[Fit, ...]
+    coefficients: FloatArray
+
+    @property
+    def fit(self) -> Fit:
+        """The best fit."""
+        return self.fits[0]
+
+    @property
+    def starts(self) -> dict[Kinds, FloatArray]:
+        """Logs of the parameters of every kind, to start a refit from."""
+        return {fit.kinds: fit.theta for fit in self.fits}
+
+    @property
+    def kinds(self) -> tuple[Kinds, ...]:
+        """Kinds of noise that compete."""
+        return tuple(fit.kinds for fit in self.fits)
+
+    def found(self, *causes: str) -> int:
+        """Return how many extensions have one of these causes."""
+        return sum(extension.cause in causes for extension in self.extensions)
+
+    def refit(self, columns: FloatArray) -> Fit:
+        """Return the best fit with further templates, coefficients of shape (K,) or (K, q)."""
+        track = self.track.with_columns(columns)
+        return max(
+            (track.fit(kinds, self.starts[kinds]) for kinds in self.kinds), key=lambda f: f.log_likelihood
+        )
+
+    @cached_property
+    def model(self) -> NoiseModel:
+        """Noise of the best fit, extensions apart, in units of the scale."""
+        return NoiseModel(self.fit.terms())
+
+    @cached_property
+    def power(self) -> FloatArray:
+        """Expected power of each coefficient 1 … n-1."""
+        n, dt = len(self.repaired), self.channel.interval
+        f = np.arange(1.0, n) / (2.0 * n * dt)
+        white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
+        others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
+        expected = white * gain_of(self.extensions, f, dt) + power_of(self.extensions, f, dt)
+        low = self.track.singles
+        expected = expected + others.psd(f, interval=dt)
+        expected[:low] = self.fit.expected[:low]
+        return expected
+
+    @property
+    def e(self) -> FloatArray:
+        """Residuals, shape (n,), scaled to a robust unit variance."""
+        return self.scaled[0]
+
+    @property
+    def spread(self) -> float:
+        """Robust standard deviation of the residuals before that scaling: 1 where the fit is right."""
+        return self.scaled[1]
+
+    @cached_property
+    def scaled(self) -> tuple[FloatArray, float]:
+        """Residuals of unit robust variance, and what they were divided by."""
+        whitened = np.zeros_like(self.coefficients)
+        whitened[1:] = self.coefficients[1:]
+        whitened[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
+        whitened[1:] /= np.sqrt(self.power)
+        e = inverse(whitened, 1.0)
+        for extension in self.extensions:
+            e = extension.whiten(e)
+        spread = robust_sd(e[self.valid])
+        return e / spread, spread
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Samples that were measured and not repaired."""
+        return self.repaired.valid
+
+    @cached_property
+    def good(self) -> FloatArray:
+        """Residuals of valid samples."""
+        return self.e if bool(self.valid.all()) else self.e[self.valid]
+
+    @cached_property
+    def periodogram(self) -> FloatArray:
+        """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
+        e = np.clip(self.e, -CLIP, CLIP)
+        return np.asarray(np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e))))
+
+    def power_at(self, f: FloatArray | float) -> FloatArray:
+        """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
+        n = len(self.repaired)
+        place = np.arange(1.0, n) / (2.0 * n * self.channel.interval)
+        return np.asarray(np.interp(f, place, self.power))
+
+    @cached_property
+    def spectrum(self) -> tuple[FloatArray, FloatArray]:
+        """Periodogram of the clipped residuals on a grid of at most half a bin: frequency (Hz) and power, mean 1."""
+        e = np.clip(self.e, -CLIP, CLIP)
+        size = next_fast_len(2 * len(e), real=True)
+        power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
+        frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
+        return frequency, power
+
+
+def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the product of the gains of the extensions, shape of `f`."""
+    out = np.ones_like(f)
+    for extension in extensions:
+        out *= extension.gain(f, interval)
+    return out
+
+
+def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the sum of the powers of the extensions, shape of `f`."""
+    out = np.zeros_like(f)
+    for extension in extensions:
+        out += extension.power(f, interval)
+    return out
+
+
+def robust_sd(e: FloatArray) -> float:
+    """Return the standard deviation with squares capped at five deviations."""
+    cap = CLIP * float(np.std(e))
+    square = e * e
+    for _ in range(5):
+        cap = CLIP * float(np.sqrt(np.mean(np.minimum(square, cap * cap))))
+    return cap / CLIP
+
+
+def residual(
+    channel: Channel, extensions: tuple[Extension, ...] = (), *, starts: dict[Kinds, FloatArray] | None = None
+) -> Residual:
+    """Fit a channel with these extensions.
+
+    Parameters
+    ----------
+    channel : Channel
+        What was measured.
+    extensions : tuple of Extension
+        The model beyond the base noise.
+    starts : dict, optional
+        Logs of the parameters of each kind of noise to start from.
+    """
+    repaired = channel
+    for extension in extensions:
+        repaired = extension.repair(repaired)
+    a = transform(repaired.y, channel.interval)
+    singles = channel.blocks // 2
+    cells = grid(a, channel.interval, singles)
+    ramp = channel.block_time / channel.span - 0.5
+    blocks = np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
+    track = Track(
+        cells,
+        block_transform(blocks, channel, singles),
+        gain_of(extensions, cells.frequency, channel.interval),
+        power_of(extensions, cells.frequency, channel.interval),
+    )
+    more = (GaussMarkov,) * sum(x.cause == "gauss_markov" for x in extensions)
+    kinds = [(*base, *more) for base in BASES]
+    known = starts or {}
+    fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
+    return Residual(channel, repaired, extensions, track, tuple(fits), a)
+
+
+def without(found: Residual, index: int) -> Residual:
+    """Return the residual with one extension taken out."""
+    kept = tuple(x for i, x in enumerate(found.extensions) if i != index)
+    return residual(found.channel, kept, starts=found.starts)
+
+
+def extended(found: Residual, extension: Extension) -> Residual:
+    """Return the residual with one extension more."""
+    return residual(found.channel, (*found.extensions, extension), starts=found.starts)
+
+
+def relabelled(found: Residual, extensions: tuple[Extension, ...]) -> Residual:
+    """Return the same residual whose extensions carry other values."""
+    return replace(found, extensions=extensions)

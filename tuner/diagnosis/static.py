@@ -1,0 +1,187 @@
+"""Diagnosis of static records: hygiene, motion, the loop of every channel, what channels share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.causes import motion
+from tuner.diagnosis.channel import Channel, channel
+from tuner.diagnosis.findings import findings, model_of, words
+from tuner.diagnosis.hygiene import HygieneTest, hygiene
+from tuner.diagnosis.loop import Criticism, criticise
+from tuner.diagnosis.panel import threshold
+from tuner.records import DataError, Record
+from tuner.results import Diagnosis, Finding, Unexplained
+
+BoolArray = NDArray[np.bool_]
+
+MEANINGS = {
+    "duplicates": (
+        "readings repeat the one before: the register is polled faster than it is filled",
+        "drop the repetitions: the true rate is lower, and the white density read from all samples is too small",
+    ),
+    "timing": (
+        "the time stamps are not those of an even clock",
+        "put the samples on an even grid, or let the filter use their own times",
+    ),
+    "clipping": ("the samples end at rails", "a wider range, or a likelihood that knows the rails"),
+    "lattice": (
+        "the codes are too coarse for the noise to blur them, or some never come",
+        "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted",
+    ),
+}
+"""What a cause of hygiene is, and what it asks of a filter."""
+MOSTLY = 0.4
+"""Share of a record that may move before only its longest still part is analysed."""
+HELD = 0.3
+"""Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
+
+
+def diagnose(
+    records: Record | Sequence[Record],
+    *,
+    seed: int = 0,
+) -> Diagnosis:
+    """Find what a simulation of the fitted noise gets wrong in static records, and why.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        Sensors of one log; a covariate ``temperature`` is used where there is one.
+    seed : int
+        Seed of the noise that bridges gaps.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    DataError
+        Where no channel can be analysed.
+    """
+    sensors = [records] if isinstance(records, Record) else list(records)
+    width = sum(len(record.axes) for record in sensors)
+    limit = threshold(width)
+    found: list[Finding] = []
+    notes: list[str] = []
+    outcomes: dict[str, Criticism] = {}
+    refused: list[str] = []
+    for record in sensors:
+        tests = hygiene(record)
+        found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
+        notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
+        channels = _channels(record, tests, limit, seed, refused)
+        moved, kept = _motion(channels)
+        found += moved
+        for ready, extensions in kept:
+            outcomes[ready.axis] = criticise(ready, limit, extensions)
+    if not outcomes:
+        raise DataError(refused[0] if refused else "no channel to diagnose; give a record with at least one axis")
+    found += findings(outcomes)
+    unexplained = tuple(
+        Unexplained(alarm.name, (axis,), alarm.p_value)
+        for axis, outcome in outcomes.items()
+        for alarm in outcome.unexplained
+    )
+    return Diagnosis(
+        tuple(found),
+        unexplained,
+        (*notes, *refused),
+        {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
+        {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
+    )
+
+
+def _channels(
+    record: Record, tests: Sequence[HygieneTest], limit: float, seed: int, refused: list[str]
+) -> list[Channel]:
+    """Return the axes of a record made ready, held readings bridged or dropped."""
+    ready = []
+    for axis in record.axes:
+        mine = {t.cause: t for t in tests if axis in t.channels and (t.p_value < limit or t.note)}
+        lattice = mine["lattice"].parameters.get("step") if "lattice" in mine else None
+        held = _held(record, mine["duplicates"]) if "duplicates" in mine else None
+        source = record
+        if held is not None and held.mean() > HELD:
+            source, held = _thinned(record, ~held), None
+        try:
+            step = lattice.value if lattice is not None and lattice.value is not None else 0.0
+            ready.append(channel(source, axis, lattice=step, held=held, seed=seed))
+        except DataError as error:
+            refused.append(str(error))
+    return ready
+
+
+def _held(record: Record, test: HygieneTest) -> BoolArray:
+    """Return which samples repeat the one before in all channels of a test, shape (n,)."""
+    columns = [record.axes.index(axis) for axis in test.channels]
+    same = np.all(np.diff(record.y[:, columns], axis=0) == 0.0, axis=1)
+    return np.concatenate(([False], same))
+
+
+def _thinned(record: Record, kept: BoolArray) -> Record:
+    """Return a record of the kept samples, even at their mean interval."""
+    interval = record.interval * len(record) / int(kept.sum())
+    n = int(kept.sum())
+    return replace(
+        record,
+        t=record.t[0] + interval * np.arange(n),
+        y=record.y[kept],
+        interval=interval,
+        segments=((0, n),),
+        covariates={name: values[kept] for name, values in record.covariates.items()},
+    )
+
+
+def _motion(
+    channels: list[Channel],
+) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]]]:
+    """Return the findings of motion in one sensor, and its channels with the stretches to leave out."""
+    if not channels or len({len(c) for c in channels}) > 1:
+        return [], [(c, ()) for c in channels]
+    stretches = motion.stretches(channels)
+    if not stretches:
+        return [], [(c, ()) for c in channels]
+    axes = tuple(c.axis for c in channels)
+    extensions = tuple(motion.extension(channels[0], first, last) for first, last in stretches)
+    found = []
+    for extension in extensions:
+        parameters = {k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()}
+        found.append(
+            Finding(
+                "motion", axes, "steps between short means ÷ their deviation", motion.THRESHOLD, 1e-10, parameters,
+                words("motion", axes, motion.Motion.meaning, parameters), motion.Motion.consequence,
+            )  # fmt: skip
+        )
+    share = sum(last - first for first, last in stretches) / len(channels[0])
+    if share <= MOSTLY:
+        return found, [(c, extensions) for c in channels]
+    first, last = _longest_still(stretches, len(channels[0]))
+    return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]
+
+
+def _longest_still(stretches: Sequence[tuple[int, int]], n: int) -> tuple[int, int]:
+    """Return the longest range of samples between the stretches."""
+    edges = [0, *(edge for stretch in stretches for edge in stretch), n]
+    gaps = list(zip(edges[::2], edges[1::2], strict=True))
+    return max(gaps, key=lambda gap: gap[1] - gap[0])
+
+
+def _finding(test: HygieneTest) -> Finding:
+    meaning, consequence = MEANINGS[test.cause]
+    return Finding(
+        test.cause,
+        test.channels,
+        test.text,
+        test.statistic,
+        test.p_value,
+        test.parameters,
+        f"{test.cause} in {', '.join(test.channels)}: {meaning} ({test.text})",
+        consequence,
+        {"cause": test.cause, "joins": "preprocessing"},
+    )

@@ -1,0 +1,101 @@
+"""Null distributions and small fits that several causes share.
+
+References
+----------
+.. [1] R. B. Davies, Hypothesis testing when a nuisance parameter is present only under the alternative,
+   Biometrika 64 (1977), 74 (1987): the bound for scans.
+.. [2] E. B. Wilson, M. M. Hilferty, The distribution of chi-square, PNAS 17 (1931).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+FloatArray = NDArray[np.float64]
+
+SHRINK = 0.8
+"""Factor on likelihood ratios of slow templates: the noise at their frequencies is itself known from few numbers."""
+
+
+def davies(ratio: float, correlation: FloatArray) -> float:
+    """Return the bound on the chance that a scan of χ²₁ statistics exceeds `ratio`.
+
+    Parameters
+    ----------
+    ratio : float
+        Largest likelihood ratio of the scan.
+    correlation : ndarray
+        Correlation of adjacent whitened templates; empty for a single one.
+    """
+    crossings = float(np.sum(np.arccos(np.clip(correlation, -1.0, 1.0)))) / np.pi
+    return float(min(1.0, chi2.sf(ratio, 1) + crossings * np.exp(-0.5 * ratio)))
+
+
+def any_of(p_value: float, number: float) -> float:
+    """Return the chance that one of `number` independent tests is as extreme as `p_value`."""
+    return float(-np.expm1(number * np.log1p(-min(p_value, 1.0 - 1e-16))))
+
+
+def variance_deviate(mean_square: FloatArray | float, freedom: FloatArray | float) -> FloatArray:
+    """Return the normal deviate of a mean square of unit expectation with so many degrees of freedom."""
+    spread = 2.0 / (9.0 * np.asarray(freedom))
+    return np.asarray((np.cbrt(mean_square) - (1.0 - spread)) / np.sqrt(spread))
+
+
+def maximum(
+    cost: Callable[[FloatArray], float], starts: Sequence[Sequence[float]], *, scale: float = 0.3
+) -> tuple[FloatArray, FloatArray, float]:
+    """Minimise a smooth cost (minus a log likelihood) of a few parameters.
+
+    Parameters
+    ----------
+    cost : callable
+        (p,) → value, nats.
+    starts : sequence
+        Starting points.
+    scale : float
+        Size of the first simplex.
+
+    Returns
+    -------
+    x, covariance, value
+        Minimum (p,), inverse of the second derivatives there (p, p), and its value.
+    """
+    best = None
+    for start in starts:
+        x0 = np.asarray(start, dtype=float)
+        simplex = np.vstack([x0, x0 + scale * np.eye(len(x0))])
+        options = {"xatol": 1e-5, "fatol": 1e-5, "maxiter": 200 * len(x0), "initial_simplex": simplex}
+        found = minimize(cost, x0, method="Nelder-Mead", options=options)
+        if best is None or found.fun < best.fun:
+            best = found
+    assert best is not None
+    return best.x, curvature(cost, best.x), float(best.fun)
+
+
+def curvature(cost: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:
+    """Return the inverse of the second derivatives of a cost, by differences of the size that costs a tenth of a nat."""
+    p, middle = len(x), cost(x)
+    h = np.empty(p)
+    for i in range(p):
+        step = 1e-4
+        for _ in range(30):
+            moved = x.copy()
+            moved[i] += step
+            if abs(cost(moved) - middle) > 0.1 or step > 0.5:
+                break
+            step *= 1.7
+        h[i] = step
+    eye = np.diag(h)
+    second = np.empty((p, p))
+    for i in range(p):
+        for j in range(i + 1):
+            corners = [cost(x + s * eye[i] + t * eye[j]) for s, t in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            second[i, j] = second[j, i] = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * h[i] * h[j])
+    values, vectors = np.linalg.eigh(np.where(np.isfinite(second), second, 0.0))
+    return np.asarray((vectors / np.maximum(values, 1e-8)) @ vectors.T)

@@ -1,0 +1,55 @@
+"""A diagnosis as plain values ready for JSON, schema ``tuner.diagnosis/1``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tuner.jsonio import coefficient_json, plain
+from tuner.results import Diagnosis, Finding, Gain
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis; numbers are SI, NaN and infinity become null."""
+    return {
+        "schema": "tuner.diagnosis/1",
+        "quiet": diagnosis.quiet,
+        "findings": [finding_json(finding) for finding in diagnosis.findings],
+        "unexplained": [
+            {"statistic": u.statistic, "channels": list(u.channels), "p_value": plain(float(u.p_value))}
+            for u in diagnosis.unexplained
+        ],
+        "notes": list(diagnosis.notes),
+        "models": {axis: plain(model.as_dict()) for axis, model in diagnosis.models.items()},
+    }
+
+
+def finding_json(finding: Finding) -> dict[str, Any]:
+    """Return one finding."""
+    return {
+        "cause": finding.cause,
+        "channels": list(finding.channels),
+        "statistic": {"name": finding.statistic, "value": plain(float(finding.value))},
+        "p_value": plain(float(finding.p_value)),
+        "parameters": {name: coefficient_json(value) for name, value in finding.parameters.items()},
+        "by_channel": {
+            axis: {name: coefficient_json(value) for name, value in values.items()}
+            for axis, values in finding.by_channel.items()
+        },
+        "gain": None if finding.gain is None else gain_json(finding.gain),
+        "alternatives": [{"cause": a.cause, "score": plain(a.score)} for a in finding.alternatives],
+        "text": finding.text,
+        "consequence": finding.consequence,
+        "extension": plain(dict(finding.extension)),
+        "inflations": [vars(inflation) for inflation in finding.inflations],
+    }
+
+
+def gain_json(gain: Gain) -> dict[str, Any]:
+    """Return a gain."""
+    return {
+        "split": gain.split,
+        "held_out_log_likelihood_per_sample": {"before": plain(gain.before), "after": plain(gain.after)},
+        "nats": plain(gain.nats),
+        "coverage": {name: {"before": a, "after": b} for name, (a, b) in gain.coverage.items()},
+        "user": {name: {"before": plain(a), "after": plain(b)} for name, (a, b) in gain.user.items()},
+    }
