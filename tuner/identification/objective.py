@@ -39,6 +39,7 @@ from models.noise import (
 )
 from tuner.identification.expectation import expected_power
 from tuner.identification.periodogram import CosinePeriodogram
+from tuner.identification.scoring import minimise
 
 FloatArray = NDArray[np.float64]
 
@@ -154,30 +155,7 @@ class Objective:
 
     def minimise(self, start: FloatArray, *, fixed: int | None = None) -> tuple[FloatArray, float]:
         """Return the minimum of -2 ln L next to `start` and its value, parameter number `fixed` held."""
-        free = np.arange(len(start)) != fixed
-        theta, damping = start.copy(), 1e-3
-        value, gradient, information = self(theta)
-        for _ in range(100):
-            at_edge = ((theta <= self.lower) & (gradient > 0)) | ((theta >= self.upper) & (gradient < 0))
-            move = np.flatnonzero(free & ~at_edge)
-            if not len(move):
-                break
-            matrix = information[np.ix_(move, move)]
-            step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix) + 1e-3), -gradient[move])
-            trial = theta.copy()
-            trial[move] = np.clip(theta[move] + np.clip(step, -2.0, 2.0), self.lower[move], self.upper[move])
-            attempt = self(trial)
-            if attempt[0] > value:
-                damping *= 10.0
-                if damping > 1e6:
-                    break
-                continue
-            gain, theta = value - attempt[0], trial
-            value, gradient, information = attempt
-            damping = max(0.1 * damping, 1e-9)
-            if gain < 1e-6:
-                break
-        return theta, value
+        return minimise(self, start, lower=self.lower, upper=self.upper, fixed=fixed)
 
     def _starts(self) -> list[FloatArray]:
         """Return promising logs: the best of a grid of time constants, each with amplitudes that suit."""
