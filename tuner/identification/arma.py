@@ -24,15 +24,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from scipy.stats import chi2, jarque_bera, norm, normaltest
+from scipy.stats import chi2, jarque_bera, kurtosis, norm, normaltest
 
-from tuner.curves import acf, pacf
+from tuner.curves import acf
+from tuner.identification.arma_whittle import WhittleArma, fit_orders
 from tuner.identification.preprocess import prepare
 from tuner.records import Record
 from tuner.results import LEVEL, ArmaFit, Coefficient
@@ -146,15 +146,13 @@ def fit_arma(
     looked_at = y[: WHITTLE_SAMPLES if likelihood == "fast" else EXACT_SAMPLES]
     prepared = prepare(looked_at)
     n = len(looked_at)
-    record = Record("series", interval * np.arange(n, dtype=np.float64), prepared.y, ("x",), unit, interval)
-    lags = interval * np.arange(min(_LAGS, n // 4) + 1)
-    correlation = acf(record, lag=lags.tolist()).value[1:, 0]
-    partial = pacf(record, lag=lags.tolist()).value[1:, 0]
+    lags = min(_LAGS, n // 4)
+    correlation, partial = _correlograms(prepared.y, lags)
     fits = _all_orders(prepared.y, likelihood)
-    penalty = np.log(n) if criterion == "bic" else 2.0
-    scores = {order: f.score + penalty * (sum(order) + 1) for order, f in fits.items()}
+    penalty = float(np.log(n)) if criterion == "bic" else 2.0
+    scores = {order: found.score(penalty) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
-    p_white = float(chi2.sf(fits[0, 0].score - fits[best].score, max(sum(best), 1)))
+    p_white = float(chi2.sf(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1)))
     white = best == (0, 0) or p_white > SIGNIFICANT
     chosen = fits[0, 0] if white else fits[best]
     source = {
@@ -165,7 +163,7 @@ def fit_arma(
     steps = (
         f"series: {what} samples of the longest gap-free stretch, {interval:.6g} s apart",
         *prepared.steps,
-        f"correlograms of {len(lags) - 1} lags suggest: {suggested_class(correlation, partial, n)}",
+        f"correlograms of {lags} lags suggest: {suggested_class(correlation, partial, n)}",
         f"order by {criterion.upper()} over p, q ≤ {HIGHEST}, {source}: ARMA{best}",
         _whiteness(best, p_white, scores, white),
         *_residual_report(prepared.y, chosen),
@@ -182,24 +180,15 @@ def fit_arma(
     )
 
 
-@dataclass(frozen=True)
-class _OrderFit:
-    """An ARMA model of given order; `score` is n ln s² + constant, or −2 ln L."""
-
-    ar: tuple[float, ...]
-    ma: tuple[float, ...]
-    variance: float
-    score: float
+def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, WhittleArma]:
+    """Fit every order up to `HIGHEST` on either side."""
+    if likelihood == "fast":
+        return fit_orders(y, (HIGHEST, HIGHEST))
+    orders = range(HIGHEST + 1)
+    return {(p, q): _exact(y, (p, q)) for p in orders for q in orders}
 
 
-def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, _OrderFit]:
-    orders = [(p, q) for p in range(HIGHEST + 1) for q in range(HIGHEST + 1)]
-    if likelihood == "exact":
-        return {order: _exact(y, order) for order in orders}
-    return {order: _exact(y[:3000], order) for order in orders if max(order) <= 1}
-
-
-def _exact(y: FloatArray, order: Order) -> _OrderFit:
+def _exact(y: FloatArray, order: Order) -> WhittleArma:
     """Maximise the innovations likelihood of the normalised series."""
     from statsmodels.tools.sm_exceptions import ConvergenceWarning
     from statsmodels.tsa.arima.estimators.innovations import innovations_mle
@@ -214,11 +203,21 @@ def _exact(y: FloatArray, order: Order) -> _OrderFit:
             warnings.simplefilter("ignore", ConvergenceWarning)
             found, _ = innovations_mle(x, order=(order[0], 0, order[1]), demean=False)
         ar, ma, variance = found.ar_params, found.ma_params, float(found.sigma2)
-    score = -2.0 * float(arma_loglike(x, ar, ma, variance))
-    return _OrderFit(tuple(map(float, ar)), tuple(map(float, ma)), variance * scale**2, score)
+    deviance = -2.0 * float(arma_loglike(x, ar, ma, variance))
+    return WhittleArma(tuple(map(float, ar)), tuple(map(float, ma)), variance * scale**2, deviance)
 
 
-def _coefficients(fit: _OrderFit, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
+def _correlograms(y: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
+    """Return autocorrelation and partial autocorrelation at lags 1 …, both of shape (lags,)."""
+    from statsmodels.tsa.stattools import levinson_durbin
+
+    record = Record("series", np.arange(len(y), dtype=np.float64), y, ("x",), "1", 1.0)
+    correlation = acf(record, lag=np.arange(lags + 1.0).tolist()).value[:, 0]
+    partial = levinson_durbin(correlation, nlags=lags, isacov=True)[2]
+    return correlation[1:], np.asarray(partial, dtype=np.float64)[1:]
+
+
+def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tuple[Coefficient, ...]]:
     """Return the coefficients with their intervals."""
     reach = norm.isf(0.5 * (1.0 - LEVEL)) * np.sqrt(np.diag(coefficient_covariance(fit.ar, fit.ma, n)))
     every = [
@@ -238,22 +237,20 @@ def _whiteness(best: Order, p_white: float, scores: Mapping[Order, float], white
     return f"not distinguishable from white: {figures}" if white else f"not white: {figures}"
 
 
-def _residual_report(y: FloatArray, fit: _OrderFit) -> tuple[str, ...]:
+def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
     """Test the one-step residuals for correlation and normality, in words."""
     residual = y - one_step(y, fit.ar, fit.ma)
-    n, lags = len(residual), min(_LAGS, len(residual) // 5)
-    centred = residual - residual.mean()
-    correlation = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / (centred @ centred)
-    statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
-    p_value = float(chi2.sf(statistic, max(lags - len(fit.ar) - len(fit.ma), 1)))
     if not np.ptp(residual) > 0.0:
         return ("residuals: none",)
-    jb, dp = jarque_bera(residual), normaltest(residual)
-    kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2 - 3.0)
+    n, lags = len(residual), min(_LAGS, len(residual) // 4)
+    correlation, _ = _correlograms(residual, lags)
+    statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
+    p_value = float(chi2.sf(statistic, max(lags - len(fit.ar) - len(fit.ma), 1)))
+    jb, dp, peaked = jarque_bera(residual), normaltest(residual), float(kurtosis(residual))
     normal = min(float(jb.pvalue), float(dp.pvalue)) >= SIGNIFICANT
     return (
         f"residuals: Ljung–Box of {lags} lags {statistic:.3g}, p = {p_value:.2g}: "
         + ("no correlation left" if p_value >= SIGNIFICANT else "correlation is left"),
         f"residuals: Jarque–Bera p = {float(jb.pvalue):.2g}, D'Agostino p = {float(dp.pvalue):.2g}, "
-        f"excess kurtosis {kurtosis:.2g}: {'normal' if normal else 'not normal'}",
+        f"excess kurtosis {peaked:.2g}: {'normal' if normal else 'not normal'}",
     )

@@ -100,11 +100,9 @@ def identify_channel(
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     minimum, floor, minimum_tau = _minimum(allan, single.span)
     longest = max(pieces, key=len)
-    series = (
-        None
-        if arma is None or len(longest) < FEWEST
-        else fit_arma(longest, single.interval, single.unit, likelihood=arma)
-    )
+    series = None
+    if arma is not None and len(longest) >= FEWEST and np.ptp(longest) > 0.0:
+        series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
     return ChannelIdentification(
         axis=axis,
         unit=single.unit,

@@ -101,7 +101,7 @@ def from_fit(
 def from_segments(estimates: Estimates, segments: Sequence[Segment]) -> Estimates:
     """Return estimates whose coefficients are read off the segments; a term without a segment is bounded.
 
-    Terms that have no segment by nature (Gauss–Markov, …) keep their coefficients, with the reason.
+    Terms that have no segment by nature (Gauss–Markov, …) keep their coefficients.
     """
     read = {segment.term: segment for segment in segments}
     spread = 2.0 * norm.isf(0.5 * (1.0 - LEVEL))

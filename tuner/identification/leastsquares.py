@@ -26,23 +26,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
-from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.noise import NoiseModel
 from tuner.identification.covariance import allan_covariance
-from tuner.identification.estimates import parameter_names
+from tuner.identification.estimates import BASE, parameter_names
 from tuner.identification.octaves import CurveProblem, OctaveCurve
+from tuner.results import LEVEL
 
 FloatArray = NDArray[np.float64]
 
-_POWERS: tuple[tuple[int, Term], ...] = (
-    (-2, Quantization(1.0)),
-    (-1, White(1.0)),
-    (0, BiasInstability(1.0)),
-    (1, RandomWalk(1.0)),
-    (2, Ramp(1.0)),
-)
-"""Power of τ in the Allan variance of each of the five terms."""
+_POWERS = range(-2, 3)
+"""Power of τ in the Allan variance of each of the five base terms."""
+
+_NARROW = 0.05
+"""Relative standard error below which an interval is symmetric in the logarithm and needs no profile."""
 
 
 @dataclass(frozen=True)
@@ -112,13 +110,17 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
         dof, sigma = log_covariance(problem.model(theta), curve)
         target = np.log(curve.variance) - log_bias(dof)
         weight = np.asarray(np.linalg.inv(sigma if generalised else np.diag(np.diag(sigma))), dtype=float)
-        theta, score = problem.minimise(theta, target, weight)
+        theta, _ = problem.minimise(theta, target, weight)
     log_mean, jacobian = problem(theta)
     covariance, widening = _sandwich(jacobian, weight, sigma)
-    intervals = tuple(
-        problem.interval(k, theta, float(np.sqrt(covariance[k, k])), score, target, weight, widening[k])
-        for k in range(len(theta))
-    )
+    intervals = []
+    for k, sd in enumerate(np.sqrt(np.diag(covariance)).tolist()):
+        if sd < _NARROW:
+            reach = norm.isf(0.5 * (1.0 - LEVEL)) * sd
+            intervals.append((float(np.exp(theta[k] - reach)), float(np.exp(theta[k] + reach))))
+        else:
+            allowed = float(chi2.ppf(LEVEL, 1)) * widening[k]
+            intervals.append(problem.interval(k, theta, target, weight, allowed))
     residual = target - log_mean
     statistic = float(residual @ np.linalg.solve(sigma, residual))
     return CurveFit(
@@ -126,7 +128,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
         parameter_names(start),
         theta,
         covariance,
-        intervals,
+        tuple(intervals),
         statistic,
         freedom,
         float(chi2.sf(statistic, freedom)) if freedom else 1.0,
@@ -149,13 +151,13 @@ def unweighted(tau: FloatArray, variance: FloatArray) -> dict[str, float]:
         By term: the coefficient that makes A_n τⁿ the Allan variance of that term, negative where A_n is
         negative (then the term has no meaning).
     """
-    design = np.stack([tau.astype(float) ** power for power, _ in _POWERS], axis=1)
+    design = np.stack([tau.astype(float) ** power for power in _POWERS], axis=1)
     scale = np.linalg.norm(design, axis=0)
     amplitudes = np.linalg.lstsq(design / scale, variance, rcond=None)[0] / scale
-    units = [float(term.allan_variance(np.ones(1))[0]) for _, term in _POWERS]
+    units = [float(term.allan_variance(np.ones(1))[0]) for term in BASE.values()]
     return {
-        term.name: float(np.copysign(np.sqrt(abs(a) / unit), a))
-        for (_, term), a, unit in zip(_POWERS, amplitudes, units, strict=True)
+        name: float(np.copysign(np.sqrt(abs(a) / unit), a))
+        for name, a, unit in zip(BASE, amplitudes, units, strict=True)
     }
 
 

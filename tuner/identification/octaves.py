@@ -17,21 +17,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
-from scipy.stats import chi2, norm
 
 from models.noise import NoiseModel, Term
 from tuner.curves.allan import overlapping_allan
 from tuner.records import DataError
-from tuner.results import LEVEL
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NEGLIGIBLE = 1e-8
 """Share of the Allan variance, at every τ, below which an amplitude counts as zero."""
-
-_NARROW = 0.05
-"""Relative standard error below which an interval is symmetric in the logarithm and needs no profile."""
 
 
 @dataclass(frozen=True)
@@ -187,34 +182,28 @@ class CurveProblem:
         return theta, score
 
     def interval(
-        self,
-        k: int,
-        theta: FloatArray,
-        sd: float,
-        score: float,
-        target: FloatArray,
-        weight: FloatArray,
-        widening: float,
+        self, k: int, theta: FloatArray, target: FloatArray, weight: FloatArray, allowed: float
     ) -> tuple[float, float]:
-        """Return the 95 % interval of one parameter: where the profiled square stays below its quantile."""
-        if sd < _NARROW:
-            reach = norm.isf(0.5 * (1.0 - LEVEL)) * sd
-            return float(np.exp(theta[k] - reach)), float(np.exp(theta[k] + reach))
-        allowed = chi2.ppf(LEVEL, 1) * widening
+        """Return where the square, profiled over the others, exceeds that at θ by no more than `allowed`.
+
+        From 0 where it allows no amplitude at all, to infinity where it sets no limit.
+        """
+        least = self.minimise(theta, target, weight)[1]
 
         def excess(log_value: float) -> float:
             start = theta.copy()
             start[k] = log_value
-            return float(self.minimise(start, target, weight, fixed=k)[1] - score - allowed)
+            return float(self.minimise(start, target, weight, fixed=k)[1] - least - allowed)
 
-        limits = []
-        for sign in (-1.0, 1.0):
-            near, far = float(theta[k]), float(theta[k])
+        limits = [0.0, np.inf]
+        for side, sign in enumerate((-1.0, 1.0)):
+            near = float(theta[k])
             for _ in range(12):
-                near, far = far, max(far + sign * 1.0, float(self.lower[k]))
-                if excess(far) > 0.0:
-                    limits.append(float(np.exp(brentq(excess, near, far, xtol=1e-3))))
+                far = max(near + sign, float(self.lower[k]))
+                if far == near:
                     break
-            else:
-                limits.append(0.0 if sign < 0 else np.inf)
+                if excess(far) > 0.0:
+                    limits[side] = float(np.exp(brentq(excess, near, far, xtol=1e-3)))
+                    break
+                near = far
         return limits[0], limits[1]

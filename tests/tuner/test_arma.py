@@ -1,0 +1,112 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tuner.identification.arma import coefficient_covariance, fit_arma, one_step, suggested_class
+
+
+def series(seed, ar=(), ma=(), n=20_000, sd=1.0):
+    e = sd * np.random.default_rng(seed).standard_normal(n + 500)
+    return lfilter((1.0, *ma), (1.0, *(-a for a in ar)), e)[500:]
+
+
+@pytest.mark.parametrize(("ar", "ma"), [((0.8,), ()), ((), (0.6,)), ((0.9,), (-0.4,)), ((1.2, -0.5), ())])
+def test_order_and_coefficients_are_found(ar, ma):
+    found = fit_arma(series(1, ar, ma, sd=0.02), 0.01, "rad/s")
+    assert found.order == (len(ar), len(ma))
+    assert not found.white
+    assert found.variance == pytest.approx(0.0004, rel=0.1)
+    for coefficient, truth in zip((*found.ar, *found.ma), (*ar, *ma), strict=True):
+        low, high = coefficient.interval
+        assert low < high
+        assert abs(coefficient.value - truth) < 1.3 * (high - low)  # five standard errors
+
+
+def test_white_noise_is_called_white():
+    fits = [fit_arma(series(100 + seed, n=3000), 0.01, "rad/s") for seed in range(40)]
+    white = [found for found in fits if found.white]
+    assert len(white) >= 32  # measured: 3 % are not; nine of 40 have probability 1e-6
+    for found in white:
+        assert found.order == (0, 0)
+        assert any("not distinguishable from white" in step for step in found.steps)
+
+
+def test_nearly_cancelling_roots_of_the_third_paper_are_white_at_its_length():
+    white = [
+        fit_arma(series(200 + seed, (0.476425,), (-0.455909,), n=2000), 0.01, "rad/s").white
+        for seed in range(12)
+    ]
+    assert sum(white) >= 8  # 97 % each by simulation
+
+
+def test_exact_likelihood_agrees_with_the_fast_one():
+    y = series(3, (0.9,), (-0.4,), n=4000)
+    fast, exact = fit_arma(y, 0.01, "rad/s"), fit_arma(y, 0.01, "rad/s", likelihood="exact")
+    assert fast.order == exact.order == (1, 1)
+    for a, b in zip((*fast.ar, *fast.ma), (*exact.ar, *exact.ma), strict=True):
+        assert a.value == pytest.approx(b.value, abs=0.02)
+    assert fast.variance == pytest.approx(exact.variance, rel=0.02)
+
+
+def test_coefficients_have_the_spread_of_an_autoregression():
+    # var of φ of an AR(1) is (1 − φ²)/n
+    assert coefficient_covariance((0.6,), (), 10_000)[0, 0] == pytest.approx((1.0 - 0.36) / 10_000, rel=1e-6)
+    # nearly cancelling roots: 33.5/√n for the model of the third paper, correlation with the other −0.9997
+    covariance = coefficient_covariance((0.476425,), (-0.455909,), 10_000)
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(0.335, rel=0.01)
+    assert covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1]) == pytest.approx(-0.9997, abs=2e-4)
+
+
+def test_one_step_prediction_leaves_the_innovations():
+    e = np.random.default_rng(4).standard_normal(500)
+    y = lfilter((1.0, 0.4), (1.0, -0.7), e)
+    assert y - one_step(y, (0.7,), (0.4,)) == pytest.approx(e)
+    assert one_step(y, (), ()) == pytest.approx(np.zeros(500))
+
+
+@pytest.mark.parametrize(
+    ("ar", "ma", "expected"),
+    [((), (), "white"), ((0.8,), (), "AR(1)"), ((), (0.7,), "MA(1)"), ((0.9,), (-0.5,), "ARMA")],
+)
+def test_correlograms_name_the_class(ar, ma, expected):
+    k = np.arange(1, 21)
+    impulse = lfilter((1.0, *ma), (1.0, *(-a for a in ar)), np.eye(1, 400)[0])
+    correlation = np.array([impulse[j:] @ impulse[: 400 - j] for j in range(21)])
+    correlation /= correlation[0]
+    partial = []
+    for order in k:
+        matrix = correlation[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
+        partial.append(np.linalg.solve(matrix, correlation[1 : order + 1])[-1])
+    assert suggested_class(correlation[1:], np.array(partial), 10_000) == expected
+
+
+def test_steps_tell_the_whole_story():
+    found = fit_arma(series(5, (0.8,)), 0.01, "rad/s")
+    text = " ".join(found.steps)
+    for word in (
+        "samples",
+        "outliers",
+        "trend",
+        "ADF",
+        "correlograms",
+        "BIC",
+        "Ljung",
+        "Jarque",
+        "D'Agostino",
+    ):
+        assert word in text
+    json.dumps([c.value for c in found.ar])
+    assert found.interval == 0.01
+
+
+def test_aic_can_be_asked_for():
+    found = fit_arma(series(6, (0.8,)), 0.01, "rad/s", criterion="aic")
+    assert found.criterion == "aic"
+    assert found.order[0] >= 1
+
+
+def test_short_series_are_refused():
+    with pytest.raises(ValueError, match="at least 100"):
+        fit_arma(np.zeros(99), 0.01, "rad/s")
