@@ -128,7 +128,10 @@ def test_a_low_pass_filter_is_kept_out_of_the_white_noise():
     found = identify_channel(record(filtered), "gyro_x", arma=None)
     assert found.term("white").coefficients["density"].value == pytest.approx(1e-3, rel=0.05)
     assert any("filter" in warning for warning in found.warnings)
-    assert found.term("quantization").coefficients["increment_sd"].value is None
+    hidden = found.term("quantization").coefficients["increment_sd"]
+    assert hidden.value is None
+    # the samples themselves are the ceiling: σ(τ0) τ0/√3 with its interval
+    assert hidden.upper == pytest.approx(found.allan.deviation()[0, 0] * INTERVAL / np.sqrt(3.0), rel=0.05)
 
 
 @pytest.mark.parametrize(

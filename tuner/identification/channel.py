@@ -95,11 +95,12 @@ def identify_channel(
     band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
     octaves = curve_within(whole, band)
     data = periodogram_within(cosine_periodogram(pieces, single.interval), band)
-    chosen, bounds, candidates = _choose(data, whole, band, single.unit, terms)
+    chosen, bounds, candidates = _choose(data, band, single.unit, terms)
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
-    minimum, floor, minimum_tau = _minimum(allan, single.span)
     longest = max(pieces, key=len)
+    minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
+    every = [_under_the_curve(term, allan, single.interval) for term in (*estimates.terms, *bounds)]
     series = None
     if arma is not None and len(longest) >= FEWEST and np.ptp(longest) > 0.0:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
@@ -110,7 +111,7 @@ def identify_channel(
         span=single.span,
         method=method,
         model=estimates.model,
-        terms=tuple(sorted((*estimates.terms, *bounds), key=lambda term: _ORDER.index(term.name))),
+        terms=tuple(sorted(every, key=lambda term: _ORDER.index(term.name))),
         parameters=estimates.parameters,
         covariance=estimates.covariance,
         mean=mean_of_noise(float(np.mean(np.concatenate(pieces))), chosen.model, single.span, single.unit),
@@ -151,9 +152,21 @@ def _deviation_at(record: Record, model: NoiseModel, tau: float) -> Coefficient:
     return Coefficient.known(value, float(low[0, 0]), float(high[0, 0]), record.unit)
 
 
-def _minimum(allan: AllanCurve, span: float) -> tuple[Coefficient, Coefficient, float]:
-    """Return the smallest Allan deviation up to a quarter of the span, that ÷ 0.664, and its cluster time."""
-    within = np.flatnonzero(allan.tau <= 0.25 * span)
+def _under_the_curve(estimate: TermEstimate, allan: AllanCurve, interval: float) -> TermEstimate:
+    """Return the estimate with its bound no higher than the whole measured curve allows."""
+    if estimate.present or estimate.name not in BASE:
+        return estimate
+    ((name, coefficient),) = estimate.coefficients.items()
+    unit_deviation = np.sqrt(BASE[estimate.name].allan_variance(allan.tau, interval=interval))
+    highest = float(np.min(allan.interval()[1][:, 0] / unit_deviation))
+    if coefficient.upper is None or coefficient.upper <= highest:
+        return estimate
+    return TermEstimate(estimate.name, {name: replace(coefficient, upper=highest)})
+
+
+def _minimum(allan: AllanCurve, longest: float) -> tuple[Coefficient, Coefficient, float]:
+    """Return the smallest Allan deviation up to T/4 of the longest stretch, that ÷ 0.664, and its τ."""
+    within = np.flatnonzero(allan.tau <= 0.25 * longest)
     usable = within if len(within) else np.array([0])
     deviation = allan.deviation()[usable, 0]
     low, high = (limit[usable, 0] for limit in allan.interval())
@@ -215,7 +228,7 @@ def _by_method(
 
 
 def _choose(
-    data: CosinePeriodogram, whole: OctaveCurve, band: Band, unit: str, terms: Sequence[str] | None
+    data: CosinePeriodogram, band: Band, unit: str, terms: Sequence[str] | None
 ) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
     """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
     if terms is not None:
@@ -227,15 +240,10 @@ def _choose(
             fit = fit_periodogram(
                 data, next(c.terms for c in selection.candidates if Quantization.name not in c.terms)
             )
-        absent = (_below_band(whole), *(b for b in absent if b.name != Quantization.name))
+        hidden = "hidden: it shows only in clusters shorter than those that the terms describe"
+        below = Bound(Quantization.name, Quantization.PARAMETERS[0], np.inf, hidden)
+        absent = (below, *(b for b in absent if b.name != Quantization.name))
     return fit, tuple(_bounded(b, unit) for b in absent if b.name not in fit.terms), selection.candidates
-
-
-def _below_band(whole: OctaveCurve) -> Bound:
-    """Return the largest quantization that the samples themselves allow."""
-    highest = float(np.sqrt(whole.variance[0]) * whole.interval / np.sqrt(3.0))
-    reason = "hidden: it shows only in clusters shorter than those that the terms describe"
-    return Bound(Quantization.name, Quantization.PARAMETERS[0], highest, reason)
 
 
 def _bounded(bound: Bound, unit: str) -> TermEstimate:
