@@ -150,7 +150,7 @@ def _causal(theta: FloatArray, deviance: float, p: int) -> WhittleArma:
 
 
 def _reflect(polynomial: FloatArray) -> tuple[FloatArray, float]:
-    """Return 1 + c_1 z + … with its reciprocal roots inside the unit circle, and the factor of |.|² taken out."""
+    """Return 1 + c_1 z + … with its reciprocal roots in the unit circle, and the factor taken out of |.|²."""
     roots = np.roots(polynomial)
     outside = np.abs(roots) > 1.0
     if not outside.any():

@@ -108,7 +108,7 @@ def end(objective: Objective, theta: FloatArray, j: int, reach: float) -> tuple[
     """
     side = np.sign(reach)
     bound = objective.upper[j] if side > 0 else objective.lower[j]
-    spread = float(np.sqrt(2.0 * np.linalg.pinv(objective(theta)[2])[j, j]))
+    spread = float(np.sqrt(2.0 * np.linalg.inv(objective(theta)[2] + 1e-9 * np.eye(len(theta)))[j, j]))
     goal = abs(reach)
     if side > 0 and objective.is_amplitude(j) and spread > _WELL_KNOWN:
         nothing = normal_score(objective, _at(objective, theta, j, objective.lower[j]), j)
