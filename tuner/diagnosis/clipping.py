@@ -3,12 +3,13 @@
 A sample is predicted from those before it (moving mean and autoregression) with the normal error σ. Unclipped
 samples exceed a rail r with ::
 
-    p = exp(−E) for none at all,   E = Σ_t Φ(−(r − prediction_t)/σ_t)
+    p = exp(−ρ²E) for none at all,   E = Σ_t Φ(−(r − prediction_t)/σ_t)
 
-Noise of light tails would not exceed it either; but at a rail all that should have exceeded it lies on one
-value. Where the lattice is fine the value at the rail is therefore also compared with its neighbour: in the
-tail of any noise the outermost code is not fuller than the next one, and the chance that it is, is binomial.
-Both must be small. On a coarse lattice noise with hard ends of its own, such as a uniform one, looks clipped.
+where ρ ≤ 1, the samples found beyond a level half a sd inside the rail ÷ those expected there, guards against
+noise whose tails are lighter than normal. At a rail all that should have exceeded it lies on one value: where
+the lattice is fine enough to show it, the count there is also held against the tail inside it, continued as a
+parabola in the logarithm. Both chances must be small. On a coarse lattice noise with hard ends of its own,
+such as a uniform one, looks clipped.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.special import ndtr
-from scipy.stats import binom
+from scipy.stats import nbinom
 
 from tuner.diagnosis.codes import FLOOR, fast_part
 
@@ -36,8 +37,8 @@ LEAST = 3
 """Samples at a rail that make it one."""
 COARSE = 1.2
 """Step ÷ σ above which a prediction from rounded samples is too far from normal."""
-FINE = 0.1
-"""Largest step ÷ σ at which the outermost code of unclipped noise is emptier than the next one."""
+FINE = 0.15
+"""Largest step ÷ sd at which what is piled up at a rail shows in its count."""
 
 
 @dataclass(frozen=True)
@@ -83,30 +84,63 @@ def rails(pieces: Sequence[FloatArray], step: float) -> tuple[Rail, Rail]:
 
 def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     level = max(float(piece.max()) for piece in pieces)
-    slack = 0.25 * step
-    count = sum(int(np.count_nonzero(piece >= level - slack)) for piece in pieces)
+    slack = 0.5 * step
+    count = (
+        sum(int(np.count_nonzero(piece > level - slack)) for piece in pieces)
+        if step > 0
+        else _ties(pieces, level)
+    )
     if count < LEAST:
         return Rail(level, count, 0.0, 1.0)
     noises = [fast_part(piece) for piece in pieces]
+    spread = math.sqrt(float(np.mean(np.concatenate(noises) ** 2)))
+    width = max(1.0, round(0.5 * spread / step)) * step if step > 0 else 0.5 * spread
     whitener = _prediction_error_filter(noises)
-    crossings, variance = 0.0, 0.0
-    for piece, noise in zip(pieces, noises, strict=True):
-        error = lfilter(whitener, [1.0], noise)
+    errors = [lfilter(whitener, [1.0], noise) for noise in noises]
+    sd = math.sqrt(float(np.mean(np.concatenate(errors) ** 2)))
+    if sd == 0.0 or step > COARSE * sd:
+        return Rail(level, count, 0.0, 1.0)
+    crossings = _crossings(pieces, errors, level + slack, step)
+    edges = [level - slack - k * width for k in range(3)]
+    beyond = [sum(int(np.count_nonzero(piece > edge)) for piece in pieces) for edge in edges]
+    inside = _crossings(pieces, errors, edges[1], step)
+    lightness = min(1.0, beyond[1] / inside) if inside > 0.0 else 1.0
+    p_value = math.exp(-crossings * lightness**2)
+    if step <= FINE * spread:
+        p_value = max(p_value, _pile(count, beyond[1] - count, beyond[2] - beyond[1], step, width, spread))
+    return Rail(level, count, crossings, min(1.0, 2.0 * p_value))
+
+
+def _ties(pieces: Sequence[FloatArray], level: float) -> int:
+    return sum(int(np.count_nonzero(piece == level)) for piece in pieces)
+
+
+def _crossings(pieces: Sequence[FloatArray], errors: Sequence[FloatArray], edge: float, step: float) -> float:
+    """Return how many samples should exceed the edge, given the errors of their predictions."""
+    expected = 0.0
+    for piece, error in zip(pieces, errors, strict=True):
         prediction = piece - error
-        variance += float(np.sum(error**2))
         for i in range(ORDER, len(piece), BLOCK):
             square = float(np.mean(error[i : i + BLOCK] ** 2))
-            sigma = np.sqrt(max(square - step**2 / 12.0, FLOOR * step**2, np.finfo(float).tiny))
-            crossings += float(np.sum(ndtr((prediction[i : i + BLOCK] - level - 0.5 * step) / sigma)))
-    sd = math.sqrt(variance / sum(map(len, pieces)))
-    if sd == 0.0 or step > COARSE * sd:
-        return Rail(level, count, crossings, 1.0)
-    p_value = float(np.exp(-crossings))
-    if step <= FINE * sd:
-        beside = sum(int(np.count_nonzero(np.abs(piece - level + step) <= slack)) for piece in pieces)
-        beside -= count if step == 0.0 else 0
-        p_value = max(p_value, float(binom.sf(count - 1, count + beside, 0.5)))
-    return Rail(level, count, crossings, min(1.0, 2.0 * p_value))
+            sigma = math.sqrt(max(square - step**2 / 12.0, FLOOR * step**2, np.finfo(float).tiny))
+            expected += float(np.sum(ndtr((prediction[i : i + BLOCK] - edge) / sigma)))
+    return expected
+
+
+def _pile(count: int, first: int, second: int, step: float, width: float, spread: float) -> float:
+    """Return the chance of `count` samples at the outermost value, given those in the two bands inside it.
+
+    The logarithm of the density of the bands, whose centres are (step + width)/2 and one width more inside,
+    is continued to the outermost value with the curvature −1/spread² of a Gaussian of all the noise, which is
+    the least that noise of lighter tails has.
+    """
+    inside = 0.5 * (step + width)
+    weight = inside / width
+    log_first, log_second = math.log((first + 0.5) / width), math.log((second + 0.5) / width)
+    curve = 0.5 * inside * (inside + width) / spread**2
+    expected = step * math.exp(log_first + weight * (log_first - log_second) - curve)
+    variance = (1.0 + weight) ** 2 / (first + 0.5) + weight**2 / (second + 0.5)
+    return float(nbinom.sf(count - 1, 1.0 / variance, 1.0 / (1.0 + expected * variance)))
 
 
 def _prediction_error_filter(noises: Sequence[FloatArray]) -> FloatArray:

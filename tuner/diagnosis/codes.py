@@ -5,9 +5,9 @@ their greatest common divisor. As long as D ≤ 2σ, with σ the white sd of a s
 the variance and nothing else [1]_: that is a note, not a finding. What is a finding:
 
 - a coarser step: the error is no longer independent of the signal;
-- a code without samples between two that have many: a histogram without a hole there has at least half the
-  lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
-- a dead band |x| < b that reads 0: such holes beside code 0, or, for b ≤ D, more zeros than the parabola
+- a code without samples between two that have many, unless they are close against σ: a histogram without a hole
+  there has at least half the lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
+- a dead band |x| < b that reads 0: such holes beside code 0, of any width, or, for b ≤ D, more zeros than the parabola
   through the logarithms of the counts of codes ±1 and ±2 allows (exact for a Gaussian).
 
 References
@@ -43,6 +43,8 @@ MOST = 1e6
 """Codes in the range above which they are too many to be counted."""
 REACH = 16
 """Longest run of empty codes that counts as a hole, codes."""
+HARMLESS = 0.1
+"""Distance of two codes, in σ, below which a hole between them does no harm."""
 EXCESS = np.log(1.5)
 """Excess of zeros that is left to the shape of the noise, in the logarithm."""
 SMOOTH = 0.5
@@ -140,11 +142,12 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     code = code[np.abs(place - code) < OFF].astype(np.int64)
     low = int(code.min())
     count = np.bincount(code - low)
-    holes, p_hole = _holes(count)
+    holes, p_hole = _holes(count, HARMLESS * white_sd / step)
     zero = round(-origin / step) - low
     deadband, p_zero = 0.0, 1.0
     if 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY:
-        is_dead = bool({zero - 1, zero + 1} & set(holes.tolist()))
+        beside, p_zero = _holes(count[max(zero - REACH, 0) : zero + REACH + 1], 0.0)
+        is_dead = bool({-1, 1} & set((beside - min(zero, REACH)).tolist()))
         if not is_dead:
             p_zero = _zero_excess(count, zero)
         if is_dead or p_zero < 1e-3:
@@ -153,14 +156,18 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     return Codes(white_sd, coarse, deadband, len(holes), p_value)
 
 
-def _holes(count: NDArray[np.int64]) -> tuple[NDArray[np.intp], float]:
-    """Return the empty codes between well-filled ones, and the chance of the most remarkable of them."""
+def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], float]:
+    """Return the empty codes between well-filled ones, and the chance of the most remarkable of them.
+
+    Holes between codes closer than `width` codes do not count.
+    """
     filled = np.flatnonzero(count)
     empty = np.flatnonzero(count == 0)
+    empty = empty[(empty > filled[0]) & (empty < filled[-1])]
     after = np.searchsorted(filled, empty)
     left, right = filled[after - 1], filled[after]
     least = np.minimum(count[left], count[right])
-    hole = (least >= MANY) & (right - left <= REACH)
+    hole = (least >= MANY) & (right - left <= REACH) & (right - left >= width)
     return empty[hole], float(np.exp(-0.5 * least[hole].max())) if hole.any() else 1.0
 
 

@@ -33,7 +33,7 @@ def smoothed(readings: FloatArray, step: float) -> FloatArray:
     curve = readings
     if step == 0.0 or len(readings) < 8:
         return curve
-    low, high = -2.0, 18.0
+    low, high = -2.0, 13.0
     for _ in range(24):
         middle = 0.5 * (low + high)
         trial = _whittaker(readings, 10.0**middle)

@@ -1,0 +1,254 @@
+"""Telegraph ("popcorn") noise: a bias that switches between two levels.
+
+Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block means
+under two levels, one Gauss–Markov process and a random walk, less that of the best Gaussian model (flicker or one
+Gauss–Markov process, with one more and a random walk), by one and the same filter; χ²₅, and a price of 1.5 ln M nats because the
+problem is not regular. A path with fewer than four switches is a matter of steps. The
+level that is held longer is called low: which of two levels is the true bias cannot be told.
+Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
+
+References
+----------
+.. [1] S. Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, J. Appl. Phys. 25 (1954).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.statistics import curvature
+from tuner.diagnosis.switching import switching
+from tuner.diagnosis.track import BASES
+
+FloatArray = NDArray[np.float64]
+
+FEWEST = 4
+"""Switches that make a path telegraph noise."""
+NOTHING = np.empty(0)
+
+
+@dataclass(frozen=True)
+class Telegraph(Extension):
+    """A path on the blocks, shape (M,), in scales."""
+
+    cause: ClassVar[str] = "telegraph"
+    meaning: ClassVar[str] = "the bias switches between two levels (popcorn noise)"
+    consequence: ClassVar[str] = "a Gauss–Markov bias state of the same variance; a switching filter would do better"
+    path: tuple[float, ...]
+    sd: float
+    time_constant: float
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the path out."""
+        path = np.repeat(np.array(self.path), channel.block)
+        return replace(channel, y=channel.y - path)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the Gauss–Markov process of the same autocovariance."""
+        return (GaussMarkov(self.sd, self.time_constant),)
+
+
+@dataclass(frozen=True)
+class _Slow:
+    """States of slow noise on blocks."""
+
+    phi: FloatArray
+    q: FloatArray
+    initial: FloatArray
+    extra: float
+
+    @classmethod
+    def of(cls, terms: Sequence[Term], step: float) -> _Slow:
+        """Return the states of noise terms for blocks of `step` s; fast parts join the white noise of a block."""
+        phi, q, initial, extra = [], [], [], 0.0
+        for term in terms:
+            if isinstance(term, RandomWalk):
+                phi.append(1.0)
+                q.append(term.density**2 * step)
+                initial.append(1e6)
+            elif isinstance(term, GaussMarkov):
+                decay = float(np.exp(-step / term.time_constant))
+                ratio = step / term.time_constant
+                mean = term.sd**2 * (2.0 * (ratio - 1.0 + decay) / ratio**2 if ratio > 1e-3 else 1.0)
+                phi.append(decay)
+                q.append(mean * (1.0 - decay**2))
+                initial.append(mean)
+        return cls(np.array(phi), np.array(q), np.array(initial), extra)
+
+
+def _ladder(level: float, shortest: float, longest: float) -> tuple[GaussMarkov, ...]:
+    """Return Gauss–Markov processes, three to a decade, that make flicker noise."""
+    ratio = 10.0 ** (1.0 / 3.0)
+    count = int(np.ceil(np.log(longest / shortest) / np.log(ratio))) + 1
+    sd = level * float(np.sqrt(np.log(ratio) / np.pi))
+    return tuple(GaussMarkov(sd, shortest * ratio**i) for i in range(count))
+
+
+def _expanded(terms: Sequence[Term], step: float, span: float) -> list[Term]:
+    """Return the terms with flicker noise as a ladder."""
+    out: list[Term] = []
+    for term in terms:
+        out += _ladder(term.level, 0.5 * step, 2.0 * span) if isinstance(term, BiasInstability) else [term]
+    return out
+
+
+def block_noise(terms: Sequence[Term], step: float, interval: float) -> float:
+    """Return the variance of the white part of a block mean."""
+    white = sum(t.density**2 / step for t in terms if isinstance(t, White))
+    return float(white + sum(2.0 * (t.increment_sd / step) ** 2 for t in terms if isinstance(t, Quantization)))
+
+
+def test(found: Residual) -> Alarm:
+    """Compare two levels with Gaussian noise on the block means."""
+    channel = found.channel
+    step = channel.block * channel.interval
+    y = found.repaired.block_mean(found.repaired.y)
+    y = y - _templates(found) @ found.fit.beta
+    y = y - y.mean()
+    name = "log likelihood of two levels less that of Gaussian noise"
+    more = [found.track.fit((*kinds, GaussMarkov)) for kinds in BASES]
+    null = -np.inf
+    for fit in (*found.fits, *more):
+        terms = fit.terms()
+        slow = _Slow.of(_expanded(terms, step, channel.span), step)
+        null = max(null, _likelihood(y, 0.0, 1.0, 1.0, slow, block_noise(terms, step, channel.interval)))
+    r = block_noise(found.fit.terms(), step, channel.interval)
+    best = _search(y, step, channel.span, r, found, null)
+    price = 1.5 * float(np.log(channel.blocks))
+    if best[0] - null > price:
+        null = max(null, _polished(y, step, channel.span, r, best[1]))
+    gain = best[0] - null
+    p_value = float(chi2.sf(2.0 * max(gain, 0.0), 5))
+    gain -= price
+    if gain <= 0.0:
+        return Alarm("telegraph", p_value, gain, gain, name)
+    extension, switches = _extension(y, step, channel.span, r, best[1])
+    if switches < FEWEST:
+        return Alarm("telegraph", p_value, -9.0, gain, name)
+    return Alarm("telegraph", p_value, gain, gain, name, lambda: (extension,))
+
+
+def _templates(found: Residual) -> FloatArray:
+    channel = found.channel
+    ramp = channel.block_time / channel.span - 0.5
+    return np.concatenate([ramp[:, None], *(x.columns(channel) for x in found.extensions)], axis=1)
+
+
+def _likelihood(y: FloatArray, size: float, p01: float, p10: float, slow: _Slow, r: float) -> float:
+    value = switching(y, size, p01, p10, slow.phi, slow.q, slow.initial, r, NOTHING)
+    return float(value) if np.isfinite(value) else -1e12
+
+
+def _parts(x: FloatArray, step: float) -> tuple[float, float, float, _Slow]:
+    """Return size, chances and slow states of the free numbers (ln sd, ln T, ln K, size, ln dwells)."""
+    p01, p10 = -np.expm1(-step / np.exp(x[4])), -np.expm1(-step / np.exp(x[5]))
+    slow = _Slow.of([GaussMarkov(float(np.exp(x[0])), float(np.exp(x[1]))), RandomWalk(float(np.exp(x[2])))], step)
+    return float(x[3]), float(p01), float(p10), slow
+
+
+def _cost(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> float:
+    low = np.log([1e-5, 2.0 * step, 1e-8, 1e-9, 1.5 * step, 1.5 * step])
+    high = np.log([1e3, 3.0 * span, 1e2, 1e9, 0.5 * span, 0.5 * span])
+    free = np.delete(x, 3)
+    if np.any(free < np.delete(low, 3)) or np.any(free > np.delete(high, 3)):
+        return 1e12
+    size, p01, p10, slow = _parts(x, step)
+    return -_likelihood(y, size, p01, p10, slow, r)
+
+
+def _polished(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> float:
+    """Return the log likelihood of two Gauss–Markov processes and a random walk, fitted by the same filter.
+
+    The fits of the cosine domain are those of instants, the filter sees means of blocks: close to the block
+    length that is worth some nats, which two levels must not earn.
+    """
+    low, high = np.exp(x[4:])
+    share = high / (low + high)
+    second = [np.log(abs(x[3]) * np.sqrt(share * (1.0 - share)) + 1e-6), -np.log(1.0 / low + 1.0 / high)]
+
+    def cost(free: FloatArray) -> float:
+        if np.any(np.abs(free) > 30.0) or max(free[1], free[4]) > np.log(10.0 * span):
+            return 1e12
+        sds, constants = np.exp(free[[0, 3]]).tolist(), np.exp(free[[1, 4]]).tolist()
+        markov = [GaussMarkov(sd, constant) for sd, constant in zip(sds, constants, strict=True)]
+        return -_likelihood(y, 0.0, 1.0, 1.0, _Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r)
+
+    start = np.concatenate((x[:3], second))
+    simplex = np.vstack([start, start + 0.7 * np.eye(5)])
+    options = {"maxiter": 700, "fatol": 0.02, "xatol": 0.01, "initial_simplex": simplex}
+    return -float(minimize(cost, start, method="Nelder-Mead", options=options).fun)
+
+
+def _search(
+    y: FloatArray, step: float, span: float, r: float, found: Residual, null: float
+) -> tuple[float, FloatArray]:
+    """Return the greatest log likelihood of two levels and where it is."""
+    fit = next(f for f in found.fits if GaussMarkov in f.kinds)
+    terms = fit.terms()
+    markov = next(t for t in terms if isinstance(t, GaussMarkov))
+    walk = next(t for t in terms if isinstance(t, RandomWalk))
+    spread = float(np.std(np.diff(y))) / np.sqrt(2.0)
+    noise = max(float(np.sqrt(r)), 1e-6)
+    sizes = np.array([1.5, 3.0]) * max(markov.sd, 0.5 * spread, noise)
+    best: tuple[float, FloatArray] = (-np.inf, NOTHING)
+    starts = []
+    for size in sizes:
+        for dwell in (4.0 * step, 20.0 * step, 100.0 * step):
+            for share in (0.15, 0.6):
+                x = np.array([
+                    np.log(max(share * markov.sd, 1e-4)), np.log(np.clip(markov.time_constant, 4 * step, span)),
+                    np.log(max(walk.density, 1e-7)), size, np.log(dwell), np.log(dwell),
+                ])  # fmt: skip
+                starts.append((_cost(y, step, span, r, x), x))
+    starts.sort(key=lambda pair: pair[0])
+    for _, x in starts[:2]:
+        simplex = np.vstack([x, x + np.diag([0.7, 0.7, 0.7, 0.3 * x[3], 0.7, 0.7])])
+        options = {"maxiter": 200, "fatol": 0.05, "xatol": 0.01, "initial_simplex": simplex}
+        result = minimize(lambda x: _cost(y, step, span, r, x), x, method="Nelder-Mead", options=options)
+        if -result.fun > best[0]:
+            best = (-float(result.fun), result.x)
+        if best[0] < null - 10.0:
+            break
+    return best
+
+
+def _extension(
+    y: FloatArray, step: float, span: float, r: float, x: FloatArray
+) -> tuple[Telegraph, int]:
+    """Return the extension at the maximum, and the number of switches of its path."""
+
+    def cost(free: FloatArray) -> float:
+        return _cost(y, step, span, r, free)
+
+    result = minimize(cost, x, method="Nelder-Mead", options={"maxiter": 600, "fatol": 0.01, "xatol": 1e-3})
+    x = result.x
+    spread = np.sqrt(np.diag(curvature(cost, x)))
+    size, p01, p10, slow = _parts(x, step)
+    path = np.empty(len(y))
+    switching(y, size, p01, p10, slow.phi, slow.q, slow.initial, r, path)
+    path *= size
+    if x[4] < x[5]:
+        x, spread = x[[0, 1, 2, 3, 5, 4]], spread[[0, 1, 2, 3, 5, 4]]
+        size = -size
+    low, high = np.exp(x[4:]).tolist()
+    share = high / (low + high)
+    values = {
+        "size": Value.of(size, float(spread[3]), "{u}"),
+        "dwell_low": Value.log(low, float(spread[4]), "s"),
+        "dwell_high": Value.log(high, float(spread[5]), "s"),
+    }
+    sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
+    switches = int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if low < span / 6.0 else 0
+    return Telegraph(tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), values=values), switches
