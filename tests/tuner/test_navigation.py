@@ -1,0 +1,175 @@
+"""The filter: its compiled twin says the same on every configuration; perfect data leave no error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.errorstate import corrected, navigation_error
+from models.gnss import perfect_fixes
+from models.layout import OPTIONAL
+from models.motion import imu_increments
+from models.trajectories import TRAJECTORIES
+from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation import engine
+from tuner.navigation import filter as reference
+from tuner.navigation.inputs import GATED, USED, WITHHELD, Fixes, Steps, split_at
+from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
+from tuner.records import DataError
+from tuner.results import MarkovState
+from tuner.synthesis import synthesize
+
+LEVER = (0.3, -0.2, -1.0)
+PRIORS = dict.fromkeys(OPTIONAL, 0.01) | {"lever_arm": 0.5, "gravity": 1e-3, "g_sensitivity": 1e-4}
+INTERVAL = 0.01
+
+
+def configuration(grade="mpu9250", receiver="spp", **options):
+    return synthesize(grade_identification(load_grade(grade)), gnss=load_gnss(receiver), **options)
+
+
+def plain(config):
+    """Fifteen states: constants that walk."""
+    channels = {axis: replace(c, markov=(), ramp_sd=0.0) for axis, c in config.channels.items()}
+    return replace(config, channels=channels, gnss=replace(config.gnss, correlated=()))
+
+
+def ramped(config):
+    channels = {
+        axis: replace(c, ramp_sd=1e-3 * c.constant_sd, markov=(MarkovState(c.constant_sd, 0.05),))
+        for axis, c in config.channels.items()
+    }
+    return replace(config, channels=channels)
+
+
+def flight(settings, trajectory, duration, *, seed=0, offset=0.003, noisy=True):
+    rng = np.random.default_rng(seed)
+    motion = TRAJECTORIES[trajectory](duration)
+    increments = np.hstack(imu_increments(motion, INTERVAL))
+    density = np.concatenate([settings.model.gyro_density, settings.model.accel_density])
+    if noisy:
+        increments = increments + rng.standard_normal(increments.shape) * density * np.sqrt(INTERVAL)
+        increments += INTERVAL * np.array([1e-3, 2e-3, -1e-3, 0.1, 0.05, -0.05])
+    t = np.arange(1.0, duration - 1.0) + offset
+    steps, after = split_at(Steps(0.0, np.full(len(increments), INTERVAL), increments), t)
+    llh, vel = perfect_fixes(motion, t, lever_arm=settings.lever_arm, delay=0.02 if noisy else 0.0)
+    if noisy:
+        vel = vel + 0.05 * rng.standard_normal(vel.shape)
+        vel[::7] = np.nan
+    sd = np.tile([1.5, 1.5, 3.0, 0.05, 0.05, 0.1], (len(t), 1))
+    start = motion.evaluate([0.0]).at(0)
+    return motion, start, steps, Fixes(t, after, llh, vel, sd)
+
+
+@pytest.mark.parametrize("trajectory", TRAJECTORIES)
+@pytest.mark.parametrize(
+    ("make", "options"),
+    [
+        (plain, {}),
+        (lambda c: c, {}),
+        (ramped, {}),
+        (lambda c: c, {"constants": PRIORS}),
+        (plain, {"constants": {"accel_scale": 0.01}, "covariance_step": INTERVAL}),
+    ],
+    ids=["15", "ladder", "ramp", "everything", "every-sample"],
+)
+def test_engine_equals_filter(trajectory, make, options):
+    settings = filter_settings(make(configuration()), lever_arm=LEVER, **options)
+    _, start, steps, fixes = flight(settings, trajectory, 9.0)
+    fixes = fixes.without([[3.0, 5.1]])
+    start = corrected(start, np.array([1.0, -1.0, 2.0, 0.1, 0.1, -0.1, 0.01, -0.01, 0.1]))
+    a = reference.run(settings, start, steps, fixes)
+    b = engine.run(settings, start, steps, fixes)
+    sd = np.sqrt(np.einsum("kii->ki", a.covariance))
+    assert np.all(np.abs(navigation_error(a.state, b.state)) < 1e-9 * sd[:, :9])
+    scale = settings.initial_sd + 1e-300
+    assert np.all(np.abs(a.parameters - b.parameters) <= 1e-9 * scale)
+    assert np.all(np.abs(a.covariance - b.covariance) < 1e-9 * sd[:, :, None] * sd[:, None, :])
+    final = np.sqrt(np.diag(a.final_covariance))
+    assert np.all(np.abs(a.final_covariance - b.final_covariance) <= 1e-9 * np.outer(final, final) + 1e-300)
+    spread = np.sqrt(np.einsum("kii->ki", a.innovation_covariance))
+    assert np.all(np.abs(a.innovation - b.innovation) <= 1e-9 * spread)
+    np.testing.assert_array_equal(a.use, b.use)
+    assert {USED, WITHHELD} <= set(a.use[:, 0].tolist())
+
+
+def test_perfect_data_leave_no_error():
+    settings = filter_settings(plain(configuration()), lever_arm=LEVER)
+    motion, start, steps, fixes = flight(settings, "city", 60.0, noisy=False)
+    solution = engine.run(settings, start, steps, fixes)
+    truth = motion.evaluate(fixes.t)
+    for k in range(len(fixes)):
+        error = navigation_error(
+            truth.at(k), replace(start, llh=solution.state.llh[k], vel_n=solution.state.vel_n[k],
+                                 quat_nb=solution.state.quat_nb[k])
+        )  # fmt: skip
+        assert np.all(np.abs(error[:3]) < 2e-3)
+        assert np.all(np.abs(error[6:]) < 5e-5)
+    assert np.all(np.abs(solution.innovation) < 2e-3)
+
+
+def test_fix_within_a_sample_splits_it():
+    steps = Steps(5.0, np.full(4, 0.25), np.arange(24.0).reshape(4, 6))
+    split, after = split_at(steps, [5.25, 5.35, 5.35, 6.0 - 1e-9])
+    np.testing.assert_allclose(split.dt, [0.25, 0.1, 0.15, 0.25, 0.25], atol=1e-12)
+    np.testing.assert_allclose(split.increments.sum(axis=0), steps.increments.sum(axis=0))
+    np.testing.assert_array_equal(after, [1, 2, 2, 5])
+    with pytest.raises(ValueError, match="within"):
+        split_at(steps, [4.0])
+
+
+def test_far_fixes_are_gated():
+    settings = filter_settings(plain(configuration()))
+    _, start, steps, fixes = flight(settings, "straight", 20.0)
+    llh = fixes.llh.copy()
+    llh[9, 2] += 200.0
+    solution = engine.run(settings, start, steps, replace(fixes, llh=llh))
+    assert solution.use[9, 0] == GATED
+    assert solution.use[9, 1] == USED
+    assert np.all(np.delete(solution.use[:, 0], 9) == USED)
+
+
+def test_stretches_can_be_joined():
+    settings = filter_settings(configuration(), lever_arm=LEVER)
+    _, start, steps, fixes = flight(settings, "s_turns", 12.0)
+    whole = engine.run(settings, start, steps, fixes)
+    k = 6
+    cut = int(fixes.after[k - 1])
+    first = engine.run(
+        settings,
+        start,
+        Steps(0.0, steps.dt[:cut], steps.increments[:cut]),
+        Fixes(fixes.t[:k], fixes.after[:k], fixes.llh[:k], fixes.vel_n[:k], fixes.sd[:k]),
+    )
+    # The joint lacks the increments of the step before: the coning term of one sample.
+    second = engine.run(
+        settings,
+        first.final,
+        Steps(float(fixes.t[k - 1]), steps.dt[cut:], steps.increments[cut:]),
+        Fixes(fixes.t[k:], fixes.after[k:] - cut, fixes.llh[k:], fixes.vel_n[k:], fixes.sd[k:]),
+        parameters=first.final_parameters,
+        covariance=first.final_covariance,
+    )
+    np.testing.assert_allclose(second.final_covariance, whole.final_covariance, rtol=1e-4, atol=1e-9)
+    assert np.all(np.abs(navigation_error(whole.final, second.final)) < 1e-3)
+
+
+def test_total_bias_adds_up_the_states_of_an_axis():
+    model = filter_settings(configuration()).model
+    m = total_bias(model)
+    assert np.all(m[9:12, model.layout["gyro_markov"]].sum(axis=0) == 1.0)
+    assert np.all(m[9:, :9] == 0.0)
+
+
+def test_gate_is_as_rare_as_its_sigmas():
+    assert chi2_gate(5.0, 1) == pytest.approx(25.0)
+    assert chi2_gate(3.0, 3) == pytest.approx(14.16, abs=0.01)
+
+
+def test_missing_axes_are_refused():
+    config = configuration()
+    channels = {axis: c for axis, c in config.channels.items() if axis.startswith("gyro")}
+    with pytest.raises(DataError, match="accel_x"):
+        filter_settings(replace(config, channels=channels))

@@ -1,0 +1,158 @@
+"""What a filter is fed: inertial steps of any length, and satellite fixes at the ends of steps.
+
+A fix that falls inside a sampling interval splits its increments in proportion, so that the filter stands at
+the very instant of every fix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.strapdown import NavigationState
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NEAR = 1e-6
+"""A fix this close to the end of a step, s, counts as there."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Increments of an inertial unit.
+
+    Attributes
+    ----------
+    start : float
+        Time at which the first step begins, s.
+    dt : ndarray, shape (n,)
+        Lengths, s.
+    increments : ndarray, shape (n, 6)
+        ∫ω dt, rad, and ∫f dt, m/s, in b, as measured.
+    """
+
+    start: float
+    dt: FloatArray
+    increments: FloatArray
+
+    def ends(self) -> FloatArray:
+        """Return the times at which steps begin or end, shape (n + 1,), s."""
+        return self.start + np.concatenate([[0.0], np.cumsum(self.dt)])
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """Satellite fixes.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Time, s.
+    after : ndarray of int, shape (k,)
+        How many steps are done at each fix; in rising order.
+    llh : ndarray, shape (k, 3)
+        Latitude, longitude, rad, height, m.
+    vel_n : ndarray, shape (k, 3)
+        m/s; NaN where there is none.
+    sd : ndarray, shape (k, 6)
+        Standard deviations the filter assumes: north, east, down, m, and m/s.
+    withheld : ndarray of bool, shape (k,)
+        Fixes that are compared with the prediction but not used.
+    """
+
+    t: FloatArray
+    after: IntArray
+    llh: FloatArray
+    vel_n: FloatArray
+    sd: FloatArray
+    withheld: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        if len(self.withheld) != len(self.t):
+            object.__setattr__(self, "withheld", np.zeros(len(self.t), dtype=bool))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def without(self, windows: ArrayLike) -> Fixes:
+        """Return the fixes with those in windows (begin, end], s, shape (w, 2), withheld."""
+        begin, end = np.asarray(windows, dtype=float).reshape(-1, 2).T
+        inside = (self.t[:, None] > begin) & (self.t[:, None] <= end)
+        return replace(self, withheld=self.withheld | inside.any(axis=1))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a filter says at every fix, after it has been used.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        s.
+    state : NavigationState
+        Arrays (k, 3), (k, 3), (k, 4).
+    parameters : ndarray, shape (k, n)
+        Estimates of all other states; zeros for position, velocity and attitude.
+    covariance : ndarray, shape (k, 15, 15)
+        Of position, velocity, attitude errors and of the total biases (`settings.total_bias`).
+    innovation : ndarray, shape (k, 6)
+        Fix minus prediction: position, velocity; 0 where the fix has none.
+    innovation_covariance : ndarray, shape (k, 6, 6)
+        As the filter predicts it.
+    use : ndarray of int, shape (k, 2)
+        What became of position and velocity: `ABSENT`, `USED`, `GATED` or `WITHHELD`.
+    final : NavigationState
+        At the end of the steps.
+    final_parameters, final_covariance : ndarray, shapes (n,), (n, n)
+        At the end of the steps.
+    """
+
+    t: FloatArray
+    state: NavigationState
+    parameters: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    innovation_covariance: FloatArray
+    use: NDArray[np.int64]
+    final: NavigationState
+    final_parameters: FloatArray
+    final_covariance: FloatArray
+
+
+ABSENT, USED, GATED, WITHHELD = 0, 1, 2, 3
+
+
+def split_at(steps: Steps, times: ArrayLike) -> tuple[Steps, IntArray]:
+    """Split steps so that every time ends one.
+
+    Parameters
+    ----------
+    steps : Steps
+        Increments.
+    times : array_like, shape (k,)
+        Rising, s, within the steps.
+
+    Returns
+    -------
+    Steps
+        With split steps in place of those that hold a time.
+    after : ndarray of int, shape (k,)
+        How many of them are done at each time.
+    """
+    times, ends = np.asarray(times, dtype=float), steps.ends()
+    if len(times) and not (times[0] >= ends[0] - NEAR and times[-1] <= ends[-1] + NEAR):
+        msg = f"'times' must lie within {ends[0]} … {ends[-1]} s, got {times[0]} … {times[-1]}"
+        raise ValueError(msg)
+    nearest = np.clip(np.searchsorted(ends, times), 0, len(ends) - 1)
+    before = np.maximum(nearest - 1, 0)
+    nearest = np.where(np.abs(ends[before] - times) < np.abs(ends[nearest] - times), before, nearest)
+    inside = np.unique(times[np.abs(ends[nearest] - times) > NEAR])
+    knots = np.union1d(ends, inside)
+    parent = np.clip(np.searchsorted(ends, 0.5 * (knots[1:] + knots[:-1])) - 1, 0, len(steps.dt) - 1)
+    dt = np.diff(knots)
+    split = Steps(steps.start, dt, steps.increments[parent] * (dt / steps.dt[parent])[:, None])
+    after = np.searchsorted(knots, np.where(np.abs(ends[nearest] - times) > NEAR, times, ends[nearest]))
+    return split, after.astype(np.int64)

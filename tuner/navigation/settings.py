@@ -1,0 +1,147 @@
+"""What a filter is made of: the states, drives and prior that a `FilterConfig` asks for.
+
+Each axis has a bias state, the turn-on constant with its random walk, and one Gauss–Markov state for every
+rung of its ladder; a ramp gives the slope of the bias a state; correlated GNSS error has its own. Further
+constants (scale factors, lever arm, …) are asked for by name with the sd of their prior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.layout import OPTIONAL, AxisNoise, ErrorModel, error_model
+from tuner.records import DataError
+from tuner.results import FilterConfig
+
+FloatArray = NDArray[np.float64]
+
+GYROS, ACCELS = ("gyro_x", "gyro_y", "gyro_z"), ("accel_x", "accel_y", "accel_z")
+COVARIANCE_STEP = 0.1
+"""Longest step of the covariance, s: see `models.errorstate` for what it costs."""
+GATE = 5.0
+"""Gate where the configuration has none, sigmas."""
+NO_CONSTANTS: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """A filter before its first measurement (SI).
+
+    Attributes
+    ----------
+    model : ErrorModel
+        The n states and what drives them.
+    initial_sd : ndarray, shape (n,)
+        Square root of the diagonal of P0.
+    gate : float
+        A fix further from its prediction than this many sigmas (in the sense of `chi2_gate`) is not used.
+    lever_arm : tuple of 3 floats
+        From the inertial unit to the antenna, in b, m.
+    covariance_step : float
+        Longest step in which the covariance is advanced, s; the mechanisation takes every sample.
+    """
+
+    model: ErrorModel
+    initial_sd: FloatArray
+    gate: float = GATE
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    covariance_step: float = COVARIANCE_STEP
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return self.model.layout.size
+
+
+def filter_settings(
+    config: FilterConfig,
+    *,
+    constants: Mapping[str, float] = NO_CONSTANTS,
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    covariance_step: float = COVARIANCE_STEP,
+) -> FilterSettings:
+    """Return the filter that a configuration describes.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        All six axes.
+    constants : mapping of str to float
+        Further states, names of `models.layout.OPTIONAL`, with the sd of their prior, SI.
+    lever_arm : tuple of 3 floats
+        From the inertial unit to the antenna, in b, m.
+    covariance_step : float
+        Longest step of the covariance, s.
+
+    Raises
+    ------
+    DataError
+        Where an axis is missing.
+    """
+    missing = [axis for axis in GYROS + ACCELS if axis not in config.channels]
+    if missing:
+        msg = (
+            f"{config.name}: expected six axes, {', '.join(missing)} missing; complete it (--complete GRADE)"
+        )
+        raise DataError(msg)
+    wanted = dict(constants)
+    for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
+        if any(config.channels[axis].ramp_sd > 0.0 for axis in axes):
+            wanted[f"{sensor}_ramp"] = 0.0  # each axis has its own prior
+    correlated = config.gnss.correlated if config.gnss is not None else ()
+    model = error_model(
+        [_axis(config, axis) for axis in GYROS],
+        [_axis(config, axis) for axis in ACCELS],
+        gnss_markov=correlated,
+        constants=[name for name in OPTIONAL if name in wanted],
+    )
+    at, sd = model.layout, np.zeros(model.layout.size)
+    first = config.initial
+    sd[at["position"]], sd[at["velocity"]] = first.position, first.velocity
+    sd[at["attitude"]] = (first.tilt, first.tilt, first.heading)
+    for name, value in wanted.items():
+        sd[at[name]] = value
+    for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
+        noise = [config.channels[axis] for axis in axes]
+        sd[at[f"{sensor}_bias"]] = [channel.constant_sd for channel in noise]
+        if f"{sensor}_markov" in at:
+            sd[at[f"{sensor}_markov"]] = [state.sd for channel in noise for state in channel.markov]
+        if f"{sensor}_ramp" in at:
+            sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd for channel in noise]
+    if "gnss_position" in at:
+        sd[at["gnss_position"]] = [state.sd for state in correlated for _ in range(3)]
+    gate = config.gnss.gate if config.gnss is not None else GATE
+    return FilterSettings(model, sd, gate, lever_arm, covariance_step)
+
+
+def total_bias(model: ErrorModel) -> FloatArray:
+    """Return the matrix (15, n) that takes the states to position, velocity, attitude and the six biases.
+
+    The bias of an axis is the sum of its constant and its Gauss–Markov states: what a truth can be compared
+    with, whatever states stand for it.
+    """
+    at, m = model.layout, np.zeros((15, model.layout.size))
+    m[:9, :9] = np.eye(9)
+    for first, sensor, axes in ((9, "gyro", model.gyro_markov_axes), (12, "accel", model.accel_markov_axes)):
+        m[first : first + 3, at[f"{sensor}_bias"]] = np.eye(3)
+        for k, axis in enumerate(axes):
+            m[first + axis, at[f"{sensor}_markov"].start + k] = 1.0
+    return m
+
+
+def chi2_gate(sigmas: float, dof: int) -> float:
+    """Return the χ² limit that `dof` components exceed as rarely as one normal number exceeds `sigmas`."""
+    from scipy.stats import chi2
+
+    return float(chi2.isf(math.erfc(sigmas / math.sqrt(2.0)), dof))
+
+
+def _axis(config: FilterConfig, axis: str) -> AxisNoise:
+    noise = config.channels[axis]
+    return AxisNoise(noise.white_density, noise.random_walk_density, markov=noise.markov)
