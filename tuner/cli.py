@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "curve": "One empirical curve: Allan family, spectrum, correlation.",
         "compare": "Logs, identifications and built-in grades side by side.",
         "export": "Write a configuration in the dialect of another filter.",
+        "papers": "The three papers, reproduced and judged.",
         "simulate": "A static log of a sensor, with effects hidden on request.",
     }
 )
