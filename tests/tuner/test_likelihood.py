@@ -21,7 +21,7 @@ def basis(n):
 
 
 def covariance(term, n=N):
-    """Covariance of n samples, generalised (up to a constant, which the basis removes) where there is none."""
+    """Covariance of n samples, up to a constant (which the basis removes) where there is none."""
     k = np.arange(n)
     if term.name == "random_walk":
         return term.density**2 * INTERVAL * np.minimum.outer(k, k)
@@ -113,9 +113,7 @@ def test_gradient_of_the_likelihood(terms):
     objective = Objective.of(cosine_periodogram([y], INTERVAL), terms)
     theta = 0.7 * objective.upper + 0.3 * objective.lower + 0.3 * rng.standard_normal(len(objective.lower))
     _, gradient, information = objective(theta)
-    numeric = [
-        (objective(theta + h)[0] - objective(theta - h)[0]) / 2e-5 for h in 1e-5 * np.eye(len(theta))
-    ]
+    numeric = [(objective(theta + h)[0] - objective(theta - h)[0]) / 2e-5 for h in 1e-5 * np.eye(len(theta))]
     np.testing.assert_allclose(gradient, numeric, rtol=1e-4, atol=1e-3)
     assert np.linalg.eigvalsh(information).min() > -1e-9 * np.trace(information)
 

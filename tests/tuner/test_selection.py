@@ -1,4 +1,4 @@
-"""Which terms a record contains: found when there, bounded with a reason when not, never invented too often."""
+"""Which terms a record contains: found when there, bounded with a reason when not, seldom invented."""
 
 import numpy as np
 import pytest
@@ -30,8 +30,8 @@ CLEAR = [
 def test_clear_terms_are_found(terms):
     names = tuple(t.name for t in terms)
     found = [chosen(terms, seed) for seed in (1, 2, 3)]
-    assert sum(set(names) <= set(f.fit.terms) for f in found) >= 2
-    assert sum(names == f.fit.terms for f in found) >= 2  # one term too many at 5 %: two of three at 7e-3 ...
+    assert all(set(names) <= set(f.fit.terms) for f in found)
+    assert any(names == f.fit.terms for f in found)  # one term too many in 5 %: in all three 1e-4
     for f in found:
         assert f.candidates[0].terms == f.fit.terms
         assert f.candidates[0].score == 0.0
@@ -52,13 +52,13 @@ def test_absent_terms_have_limits_and_reasons():
 def test_limits_hold_a_walk_too_weak_to_see():
     weak = RandomWalk(0.002)
     missed = total = 0
-    for seed in range(30):
+    for seed in range(16):
         for bound in chosen((White(0.3), weak), 100 + seed, n=10_000).bounded:
             if bound.name == "random_walk":
                 total += 1
                 missed += bound.upper < weak.density
-    assert total >= 20
-    assert missed <= 9  # 5 % of 30 or fewer: ten or more have probability 3e-6
+    assert total >= 8
+    assert missed <= 6  # 5 % of 16 or fewer: seven or more have probability 6e-6
 
 
 def test_a_line_beside_a_random_walk_is_called_hidden():

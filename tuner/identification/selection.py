@@ -7,11 +7,12 @@ may join it. Of these 24 sums the one with the least score is chosen::
 
 A term enters where it raises 2 ln L by more than its price. For a variance that is zero in truth the rise
 is half χ²₀, half χ²₁ (at most: for a random walk in few coefficients it is smaller); for the rate of a
-ramp it is χ²₁. A ramp and a Gauss–Markov process cost more than their own tests ask, because they also
-stand in for a random walk or flicker seen for a short time: a line needs clearly more evidence than a
-random walk that drew it, and bias instability comes before a Gauss–Markov process of one parameter more.
-With these prices fewer than 5 % of records get a term they do not have, of whatever kind, whether the truth is white
-noise alone or with flicker, random walk or both (benchmarks/accuracy.py).
+ramp it is χ²₁. A ramp and a Gauss–Markov process cost more than their own tests ask, because they
+also stand in for a random walk or flicker seen for a short time: a line needs clearly more evidence
+than a random walk that drew it, and bias instability comes before a Gauss–Markov process of one
+parameter more. With these prices fewer than 5 % of records get a term they do not have, of whatever
+kind, whether the truth is white noise alone or with quantization, flicker, random walk or the last two
+(benchmarks/accuracy.py).
 
 A term that is not chosen has an upper limit: the one-sided 95 % end of its interval beside the chosen terms,
 its tail counted relative to that at zero (`tuner.identification.intervals`), so that it also holds in
@@ -49,7 +50,7 @@ PRICE = {
     "quantization": 6.0,
     "white": 0.0,
     "bias_instability": 5.2,
-    "gauss_markov": 11.5,
+    "gauss_markov": 10.5,
     "random_walk": 5.2,
     "ramp": 10.0,
 }
