@@ -114,6 +114,15 @@ def test_unweighted_fit_of_an_exact_curve():
     assert found == pytest.approx(wanted, rel=1e-6)
 
 
+def test_deviations_do_not_add():
+    tau = 0.01 * 2.0 ** np.arange(20)
+    white = White(0.05).allan_variance(tau)
+    assert unweighted(tau, white, of_deviation=True)["white"] == pytest.approx(0.05, rel=1e-6)
+    both = white + RandomWalk(0.002).allan_variance(tau)
+    assert unweighted(tau, both)["random_walk"] == pytest.approx(0.002, rel=1e-6)
+    assert unweighted(tau, both, of_deviation=True)["random_walk"] != pytest.approx(0.002, rel=0.02)
+
+
 def test_unweighted_fit_keeps_the_sign_of_a_power():
     tau = 2.0 ** np.arange(12)
     assert unweighted(tau, 1.0 / tau - 0.3 / 4096.0)["bias_instability"] < 0.0

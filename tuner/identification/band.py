@@ -22,14 +22,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 from scipy.special import polygamma
 from scipy.stats import chi2
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 from tuner.curves import dof as dof_of
 from tuner.identification.leastsquares import log_bias
-from tuner.identification.octaves import OctaveCurve
+from tuner.identification.octaves import OctaveCurve, nonnegative
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
@@ -109,9 +108,7 @@ def _plausible(curve: OctaveCurve, m: int) -> tuple[float, float]:
     cut = replace(curve, m=curve.m[curve.m >= m], variance=curve.variance[curve.m >= m])
     terms = _slow_terms(curve, m)
     dof = np.maximum(1.2 * sum(curve.lengths) / cut.m, 1.5)
-    weight = 1.0 / np.sqrt(2.0 / dof + _GRANTED)
-    shapes = [term.allan_variance(cut.tau, interval=curve.interval) for term in terms]
-    shares, _ = nnls(np.stack(shapes, axis=1) * (weight / cut.variance)[:, None], weight)
+    shares = nonnegative(terms, cut, 1.0 / np.sqrt(2.0 / dof + _GRANTED))
     model = NoiseModel(
         tuple(t.scaled(float(np.sqrt(s))) for t, s in zip(terms, shares, strict=True) if s > 0.0)
     )

@@ -137,13 +137,16 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
     )
 
 
-def unweighted(tau: FloatArray, variance: FloatArray) -> dict[str, float]:
+def unweighted(tau: FloatArray, variance: FloatArray, *, of_deviation: bool = False) -> dict[str, float]:
     """Fit σ² = Σ A_n τⁿ, n = −2 … 2, with equal absolute weights, as the papers do.
 
     Parameters
     ----------
     tau, variance : ndarray, shape (k,)
         Cluster times, s, and Allan variances; at least five points.
+    of_deviation : bool
+        Fit σ = Σ A_n τ^(n/2) instead, as common tools do. Variances add, deviations do not: where two terms
+        meet the coefficients are wrong by design.
 
     Returns
     -------
@@ -151,12 +154,13 @@ def unweighted(tau: FloatArray, variance: FloatArray) -> dict[str, float]:
         By term: the coefficient that makes A_n τⁿ the Allan variance of that term, negative where A_n is
         negative (then the term has no meaning).
     """
-    design = np.stack([tau.astype(float) ** power for power in _POWERS], axis=1)
+    order = 0.5 if of_deviation else 1.0
+    design = np.stack([tau.astype(float) ** (order * power) for power in _POWERS], axis=1)
     scale = np.linalg.norm(design, axis=0)
-    amplitudes = np.linalg.lstsq(design / scale, variance, rcond=None)[0] / scale
+    amplitudes = np.linalg.lstsq(design / scale, variance**order, rcond=None)[0] / scale
     units = [float(term.allan_variance(np.ones(1))[0]) for term in BASE.values()]
     return {
-        name: float(np.copysign(np.sqrt(abs(a) / unit), a))
+        name: float(np.copysign(abs(a) ** (0.5 / order) / np.sqrt(unit), a))
         for name, a, unit in zip(BASE, amplitudes, units, strict=True)
     }
 

@@ -82,6 +82,17 @@ class OctaveCurve:
         return cls(m, total / number, lengths, interval)
 
 
+def nonnegative(terms: Sequence[Term], curve: OctaveCurve, weight: FloatArray) -> FloatArray:
+    """Return factors ≥ 0 of the Allan variances of terms whose sum comes closest to a curve, relative to it.
+
+    `weight`, shape (k,), multiplies the relative deviations before they are squared.
+    """
+    shapes = [term.allan_variance(curve.tau, interval=curve.interval) for term in terms]
+    design = np.stack(shapes, axis=1) * (weight / curve.variance)[:, None]
+    size = np.linalg.norm(design, axis=0)
+    return np.asarray(nnls(design / size, weight)[0] / size)
+
+
 @dataclass(frozen=True)
 class CurveProblem:
     """ln AVAR of a sum of terms as a function of the logarithms of its parameters."""
@@ -105,9 +116,7 @@ class CurveProblem:
 
     def start(self) -> FloatArray:
         """Return logarithms: amplitudes by non-negative least squares, the rest as given."""
-        relative = [t.allan_variance(self.curve.tau, interval=self.curve.interval) for t in self.terms]
-        weight = np.sqrt(self.curve.m[-1] / self.curve.m) / self.curve.variance
-        amplitudes, _ = nnls(np.stack(relative, axis=1) * weight[:, None], self.curve.variance * weight)
+        amplitudes = nonnegative(self.terms, self.curve, np.sqrt(self.curve.m[-1] / self.curve.m))
         theta: list[float] = []
         for term, amplitude in zip(self.terms, amplitudes, strict=True):
             rest = [float(np.log(getattr(term, name))) for name in term.PARAMETERS[1:]]
