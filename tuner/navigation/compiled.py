@@ -90,3 +90,18 @@ class Workspace(NamedTuple):
     matrix: FloatArray  # (6, 6), A
     inverse: FloatArray  # (6, 6)
     bias: FloatArray  # (6,)
+
+
+@compiled
+def unmix(inverse: FloatArray, rows: FloatArray, j: int) -> None:
+    """Replace column j of rows (6, …) by A⁻¹ times it."""
+    a, b, c, d, e, f = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j], rows[5, j]
+    for r in range(6):
+        rows[r, j] = (
+            inverse[r, 0] * a
+            + inverse[r, 1] * b
+            + inverse[r, 2] * c
+            + inverse[r, 3] * d
+            + inverse[r, 4] * e
+            + inverse[r, 5] * f
+        )

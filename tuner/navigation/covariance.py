@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, compiled
+from tuner.navigation.compiled import Layout, Workspace, compiled, unmix
 
 FloatArray = NDArray[np.float64]
 
@@ -85,7 +85,8 @@ def advance(
     for r in range(6):
         U[r, n + r] = -1.0
     if not lay.ideal:
-        U[:] = work.inverse @ U
+        for j in range(n + 6):
+            unmix(work.inverse, U, j)
     for j in range(n + 6):
         inside = j < n
         xr = (P[0, j], P[1, j], P[2, j]) if inside else (0.0, 0.0, 0.0)
@@ -105,21 +106,13 @@ def advance(
             c = -1.0 if lay.source[s] < 0 else -true[lay.source[s]]
             for i in range(9):
                 small[i, r] += c * T[i, s]
-    if not lay.ideal:
-        small[:] = small @ work.inverse.T
     for i in range(9):
+        for r in range(6):
+            small[i, r] -= lay.white[r] / dt * T[i, n + r]
         g = (small[i, 0], small[i, 1], small[i, 2])
         a = (small[i, 3], small[i, 4], small[i, 5])
-        if lay.ideal:
-            w0, w1, w2 = -lay.white[0] / dt, -lay.white[1] / dt, -lay.white[2] / dt
-            g = (g[0] + w0 * T[i, n], g[1] + w1 * T[i, n + 1], g[2] + w2 * T[i, n + 2])
-            w0, w1, w2 = -lay.white[3] / dt, -lay.white[4] / dt, -lay.white[5] / dt
-            a = (a[0] + w0 * T[i, n + 3], a[1] + w1 * T[i, n + 4], a[2] + w2 * T[i, n + 5])
-        else:
-            for r in range(6):
-                w = -lay.white[r] / dt * T[i, n + r]
-                g = add(g, scale(w, (work.inverse[0, r], work.inverse[1, r], work.inverse[2, r])))
-                a = add(a, scale(w, (work.inverse[3, r], work.inverse[4, r], work.inverse[5, r])))
+        if not lay.ideal:
+            g, a = _unmixed(work.inverse, g, a)
         yr, yv, ya = advance_column(
             (T[i, 0], T[i, 1], T[i, 2]),
             (T[i, 3], T[i, 4], T[i, 5]),
@@ -144,6 +137,27 @@ def advance(
             P[i, j] = y
             P[j, i] = y
     _advance_rest(lay, P, dt, work)
+
+
+@compiled
+def _unmixed(inverse: FloatArray, g: Any, a: Any) -> Any:
+    """Return A⁻¹ (g, a)."""
+    low = (
+        (inverse[0, 0], inverse[0, 1], inverse[0, 2]),
+        (inverse[1, 0], inverse[1, 1], inverse[1, 2]),
+        (inverse[2, 0], inverse[2, 1], inverse[2, 2]),
+    )
+    mixed = (
+        (inverse[0, 3], inverse[0, 4], inverse[0, 5]),
+        (inverse[1, 3], inverse[1, 4], inverse[1, 5]),
+        (inverse[2, 3], inverse[2, 4], inverse[2, 5]),
+    )
+    high = (
+        (inverse[3, 3], inverse[3, 4], inverse[3, 5]),
+        (inverse[4, 3], inverse[4, 4], inverse[4, 5]),
+        (inverse[5, 3], inverse[5, 4], inverse[5, 5]),
+    )
+    return add(transform(low, g), transform(mixed, a)), transform(high, a)
 
 
 @compiled
@@ -180,10 +194,15 @@ def decay_parameters(lay: Layout, x: FloatArray, dt: float, work: Workspace) -> 
 def summarise(lay: Layout, P: FloatArray, out: FloatArray) -> None:
     """Set the covariance (15, 15) of navigation errors and total biases: M P Mᵀ."""
     n = lay.size
-    M = np.zeros((15, n))
-    for i in range(9):
-        M[i, i] = 1.0
-    for j in range(9, n):
-        if lay.row[j] >= 0 and lay.source[j] < 0:
-            M[9 + lay.row[j], j] = 1.0
-    out[:] = M @ P @ M.T
+    MP = np.zeros((15, n))
+    for s in range(n):
+        i = s if s < 9 else 9 + lay.row[s] if lay.row[s] >= 0 and lay.source[s] < 0 else -1
+        if i >= 0:
+            for j in range(n):
+                MP[i, j] += P[s, j]
+    out[:] = 0.0
+    for s in range(n):
+        j = s if s < 9 else 9 + lay.row[s] if lay.row[s] >= 0 and lay.source[s] < 0 else -1
+        if j >= 0:
+            for i in range(15):
+                out[i, j] += MP[i, s]

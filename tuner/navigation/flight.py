@@ -29,7 +29,27 @@ def calibrate(lay: Layout, x: FloatArray, work: Workspace) -> None:
             else:
                 work.matrix[lay.row[j], lay.source[j]] += x[j]
     if not lay.ideal:
-        work.inverse[:] = np.linalg.inv(work.matrix)
+        invert(work.matrix, work.inverse)
+
+
+@compiled
+def invert(A: FloatArray, out: FloatArray) -> None:
+    """Set the inverse of A (6, 6) by Gauss–Jordan elimination; A is near the identity."""
+    work = A.copy()
+    for i in range(6):
+        for j in range(6):
+            out[i, j] = 1.0 if i == j else 0.0
+    for i in range(6):
+        pivot = 1.0 / work[i, i]
+        for j in range(6):
+            work[i, j] *= pivot
+            out[i, j] *= pivot
+        for r in range(6):
+            c = work[r, i]
+            if r != i and c != 0.0:
+                for j in range(6):
+                    work[r, j] -= c * work[i, j]
+                    out[r, j] -= c * out[i, j]
 
 
 @compiled
@@ -97,7 +117,10 @@ def fly(
                 for c in range(6):
                     true[c] = sample[c]
             else:
-                true[:] = work.inverse @ sample
+                for c in range(6):
+                    true[c] = 0.0
+                    for s in range(6):
+                        true[c] += work.inverse[c, s] * sample[s]
             angle, velocity = (true[0], true[1], true[2]), (true[3], true[4], true[5])
             if last_dt > 0.0:
                 stretch = 2.0 * d * d / (last_dt + d) / last_dt
@@ -153,11 +176,14 @@ def fly(
                 out_state[i, c], out_state[i, 3 + c] = pos[c], vel[c]
             for c in range(4):
                 out_state[i, 6 + c] = quat[c]
-            out_x[i] = x
+            for j in range(lay.size):
+                out_x[i, j] = x[j]
             for c in range(6):
                 out_z[i, c] = z[c] if c < 3 * available[i] else 0.0
-            out_S[i] = S
-            out_use[i] = use
+            for a in range(6):
+                for b in range(6):
+                    out_S[i, a, b] = S[a, b]
+            out_use[i, 0], out_use[i, 1] = use[0], use[1]
             summarise(lay, P, out_P[i])
             i += 1
     for c in range(3):

@@ -11,7 +11,7 @@ from models.earth import earth_rate, radii
 from models.errorstate import coupling
 from models.strapdown import rates
 from models.triples import add, cross, exponential, matrix, product, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, compiled
+from tuner.navigation.compiled import Layout, Workspace, compiled, unmix
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -36,10 +36,10 @@ def _sensor_rows(lay: Layout, true: FloatArray, mat: Any, inverse: FloatArray, o
         r = lay.row[s]
         if r >= 0:
             out[r, s] = -1.0 if lay.source[s] < 0 else -true[lay.source[s]]
-    if not lay.ideal:
-        out[:] = inverse @ out
     for s in range(9, lay.size):
         if lay.row[s] >= 0:
+            if not lay.ideal:
+                unmix(inverse, out, s)
             turn = transform(mat, (out[0, s], out[1, s], out[2, s]))
             push = transform(mat, (out[3, s], out[4, s], out[5, s]))
             for i in range(3):
@@ -161,11 +161,45 @@ def correct(pos: Any, vel: Any, quat: Any, dx: FloatArray) -> Any:
 
 
 @compiled
+def whiten(L: FloatArray, m: int, B: FloatArray) -> None:
+    """Replace the first m rows of B by L⁻¹ B."""
+    for a in range(m):
+        for j in range(B.shape[1]):
+            y = B[a, j]
+            for b in range(a):
+                y -= L[a, b] * B[b, j]
+            B[a, j] = y / L[a, a]
+
+
+@compiled
+def factor(S: FloatArray, m: int) -> FloatArray:
+    """Return L with S = L Lᵀ, the upper left (m, m)."""
+    L = np.zeros((m, m))
+    for a in range(m):
+        for b in range(a + 1):
+            y = S[a, b]
+            for c in range(b):
+                y -= L[a, c] * L[b, c]
+            L[a, b] = np.sqrt(y) if a == b else y / L[b, b]
+    return L
+
+
+@compiled
 def update(
-    P: FloatArray, z: FloatArray, H: FloatArray, sd: FloatArray, available: int, withheld: bool, gate: float,
-    dx: FloatArray, S: FloatArray, use: IntArray,
-) -> bool:  # fmt: skip
+    P: FloatArray,
+    z: FloatArray,
+    H: FloatArray,
+    sd: FloatArray,
+    available: int,
+    withheld: bool,
+    gate: float,
+    dx: FloatArray,
+    S: FloatArray,
+    use: IntArray,
+) -> bool:
     """Gate a fix and use it: sets dx, S (6, 6) and `use` (2,), changes P; returns whether dx is to be added.
+
+    With the whitened rows W = L⁻¹ H P of S = L Lᵀ:  P ← P − Wᵀ W,  dx = Wᵀ L⁻¹ z.
 
     Parameters
     ----------
@@ -182,45 +216,53 @@ def update(
     dx : ndarray, shape (n,)
         The estimated errors.
     """
-    m = 3 * available
-    PH = P @ H[:m].T
+    m, n = 3 * available, P.shape[0]
+    rows = np.zeros((m, n + 1))  # H P, and z beside it
     S[:] = 0.0
-    full = H[:m] @ PH
-    for i in range(m):
-        full[i, i] += sd[i] * sd[i]
-        for j in range(m):
-            S[i, j] = full[i, j]
+    for a in range(m):
+        rows[a, n] = z[a]
+        for k in range(n):
+            if H[a, k] != 0.0:
+                for j in range(n):
+                    rows[a, j] += H[a, k] * P[k, j]
+        for b in range(m):
+            y = sd[a] * sd[a] if a == b else 0.0
+            for k in range(n):
+                y += rows[a, k] * H[b, k]
+            S[a, b] = y
     count = 0
+    taken = np.empty(m, dtype=np.int64)
+    own, part = np.empty((3, 3)), np.empty((3, 1))
     for g in range(2):
         use[g] = 0
         if g < available:
-            own = np.linalg.solve(
-                np.ascontiguousarray(full[3 * g : 3 * g + 3, 3 * g : 3 * g + 3]), z[3 * g : 3 * g + 3]
-            )
-            far = (z[3 * g : 3 * g + 3] * own).sum() > gate
-            use[g] = 3 if withheld else 2 if far else 1
-            count += 3 if use[g] == 1 else 0
+            for a in range(3):
+                part[a, 0] = z[3 * g + a]
+                for b in range(3):
+                    own[a, b] = S[3 * g + a, 3 * g + b]
+            whiten(factor(own, 3), 3, part)
+            distance = part[0, 0] ** 2 + part[1, 0] ** 2 + part[2, 0] ** 2
+            use[g] = 3 if withheld else 1 if distance <= gate else 2
+            if use[g] == 1:
+                for a in range(3):
+                    taken[count] = 3 * g + a
+                    count += 1
     if count == 0:
         return False
-    taken = np.empty(count, dtype=np.int64)
-    k = 0
-    for i in range(m):
-        if use[i // 3] == 1:
-            taken[k] = i
-            k += 1
-    part = np.empty((count, count))
-    cross_part = np.empty((count, P.shape[0]))
+    chosen = np.empty((count, count))
     for a in range(count):
         for b in range(count):
-            part[a, b] = full[taken[a], taken[b]]
-        cross_part[a] = PH[:, taken[a]]
-    gain = np.linalg.solve(part, cross_part)
-    P -= gain.T @ cross_part
-    for i in range(P.shape[0]):
-        for j in range(i):
-            P[i, j] = P[j, i]
-    for j in range(P.shape[0]):
-        dx[j] = 0.0
+            chosen[a, b] = S[taken[a], taken[b]]
+        for j in range(n + 1):
+            rows[a, j] = rows[taken[a], j]
+    whiten(factor(chosen, count), count, rows)
+    for i in range(n):
+        dx[i] = 0.0
         for a in range(count):
-            dx[j] += gain[a, j] * z[taken[a]]
+            dx[i] += rows[a, i] * rows[a, n]
+    for a in range(count):
+        for i in range(n):
+            w = rows[a, i]
+            for j in range(n):
+                P[i, j] -= w * rows[a, j]
     return True
