@@ -188,6 +188,23 @@ def test_a_sd_inflated_by_a_coarse_lattice_is_no_rail():
         assert min(rail.p_value for rail in rails([y], 1.5)) > 1e-3
 
 
+def test_noise_of_lighter_tails_than_its_innovations_is_not_clipped():
+    """The trap: an oscillation of bounded amplitude ends without a rail."""
+    rng = np.random.default_rng(14)
+    n = 300_000
+    phase = np.cumsum(0.05 * rng.standard_normal(n)) + 2 * np.pi * 0.19 * np.arange(n)
+    y = 2.0 * np.sin(phase) + rng.standard_normal(n)
+    for step in (0.0, 0.02, 0.2, 0.6):
+        z = step * np.round(y / step) if step else y
+        assert min(rail.p_value for rail in rails([z], step)) > 1e-3
+
+
+def test_a_few_equal_spikes_are_no_rail():
+    y = np.random.default_rng(15).standard_normal(50_000)
+    y[[100, 20_000, 30_000, 40_000]] = 40.0
+    assert rails([y], 0.0)[1].p_value == 1.0
+
+
 # ---- codes
 
 
@@ -248,6 +265,12 @@ def test_a_code_that_never_comes_is_missed():
     assert codes.missing == 1
     assert codes.p_value < ALARM
     assert codes.deadband == 0.0
+
+
+def test_holes_that_are_narrow_against_the_noise_do_no_harm():
+    """A lattice of 4.9 units that was printed in whole units: many codes are missing, none matters."""
+    y = np.round(4.9 * np.round(200.0 * np.random.default_rng(16).standard_normal((100_000, 1))))
+    assert alarms(hygiene(record(y))) == []
 
 
 # ---- stamps, order, edges

@@ -5,10 +5,11 @@ their greatest common divisor. As long as D ≤ 2σ, with σ the white sd of a s
 the variance and nothing else [1]_: that is a note, not a finding. What is a finding:
 
 - a coarser step: the error is no longer independent of the signal;
-- a code without samples between two that have many, unless they are close against σ: a histogram without a hole
-  there has at least half the lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
-- a dead band |x| < b that reads 0: such holes beside code 0, of any width, or, for b ≤ D, more zeros than the parabola
-  through the logarithms of the counts of codes ±1 and ±2 allows (exact for a Gaussian).
+- a code without samples between two that have many, unless they are close against σ: a histogram without a
+  hole there has at least half the lesser of the two, so that the chance of none is exp(−min/2) by Poisson;
+- a dead band |x| < b that reads 0: code 0 stands out, and has such holes beside it, or, for b ≤ D, more
+  samples than the parabola through the logarithms of the counts of codes ±1 and ±2 allows (exact for a
+  Gaussian).
 
 References
 ----------
@@ -45,6 +46,8 @@ REACH = 16
 """Longest run of empty codes that counts as a hole, codes."""
 HARMLESS = 0.1
 """Distance of two codes, in σ, below which a hole between them does no harm."""
+PEAK = 1.5
+"""Samples of code 0 ÷ those of any other near it at which it stands out."""
 EXCESS = np.log(1.5)
 """Excess of zeros that is left to the shape of the noise, in the logarithm."""
 SMOOTH = 0.5
@@ -145,7 +148,7 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     holes, p_hole = _holes(count, HARMLESS * white_sd / step)
     zero = round(-origin / step) - low
     deadband, p_zero = 0.0, 1.0
-    if 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY:
+    if 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY and _stands_out(count, zero):
         beside, p_zero = _holes(count[max(zero - REACH, 0) : zero + REACH + 1], 0.0)
         is_dead = bool({-1, 1} & set((beside - min(zero, REACH)).tolist()))
         if not is_dead:
@@ -169,6 +172,13 @@ def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], fl
     least = np.minimum(count[left], count[right])
     hole = (least >= MANY) & (right - left <= REACH) & (right - left >= width)
     return empty[hole], float(np.exp(-0.5 * least[hole].max())) if hole.any() else 1.0
+
+
+def _stands_out(count: NDArray[np.int64], zero: int) -> bool:
+    """Tell whether code 0 has half as many samples again as any other near it."""
+    around = count[max(zero - REACH, 0) : zero + REACH + 1].copy()
+    around[min(zero, REACH)] = 0
+    return bool(count[zero] > PEAK * around.max())
 
 
 def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
