@@ -20,7 +20,6 @@ ABSENT: Mapping[str, str] = MappingProxyType(
     {
         "diagnosis": "this version does not yet compare replicas of the fitted model with the log",
         "consistency": "this version does not yet run the configured filter on simulated trajectories",
-        "report": "this version writes figures and JSON, no HTML page",
     }
 )
 """Parts of the main job that cannot be done, each with its reason."""
@@ -82,6 +81,7 @@ def command(
     from tuner.jsonio import identification_json
     from tuner.jsonviews import config_json
     from tuner.report.allan_figure import draw_allan
+    from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show
     from tuner.simulation import demo
     from tuner.synthesis import synthesize
@@ -116,6 +116,7 @@ def command(
         draw_allan(found, figures, title=name)
     for file, text in texts.items():
         write_text(directory / file, text)
+    write_text(directory / "report.html", write_page(found, config, title=name, absent=ABSENT))
     if key is not None:
         write_text(directory / "key.json", json_text(key))
     write_text(directory / "result.json", json_text(result))
@@ -126,10 +127,12 @@ def command(
 
 def _summary(directory: Path, config: FilterConfig, found: Identification, *, simulated: bool) -> list[str]:
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
-    changed: dict[tuple[float, str], list[str]] = {}
-    for i in config.inflations:
-        changed.setdefault((i.factor, i.reason), []).append(i.quantity)
-    lines += [f"  × {factor:g}: {', '.join(what)}: {why}" for (factor, why), what in changed.items()]
+    bounded = [i.quantity for i in config.inflations if i.reason.startswith("bounded")]
+    if bounded:
+        lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")
+    lines += [
+        f"  {i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations if i.quantity not in bounded
+    ]
     lines += [f"  {note}" for note in config.notes if note not in found.notes]
     lines += [f"  no {part}: {reason}" for part, reason in ABSENT.items()]
     if simulated:
