@@ -66,7 +66,7 @@ def grade_channels(grade: SensorGrade) -> dict[str, Channel]:
 
 
 def simulate(
-    sensor: SensorGrade | Mapping[str, Channel],
+    sensor: SensorGrade | Mapping[str, Channel] | Mapping[str, NoiseModel],
     *,
     duration: float,
     rate: float | None = None,
@@ -78,8 +78,8 @@ def simulate(
 
     Parameters
     ----------
-    sensor : SensorGrade or mapping of str to Channel
-        A grade, or the axes one by one, such as ``gyro_x``.
+    sensor : SensorGrade or mapping of str to Channel or NoiseModel
+        A grade, or the axes one by one, such as ``gyro_x``; a model alone has no turn-on bias.
     duration : float
         s.
     rate : float, optional
@@ -107,7 +107,8 @@ def simulate(
     """
     name = sensor.key if isinstance(sensor, SensorGrade) else "simulated"
     rate = sensor.rate.value if rate is None and isinstance(sensor, SensorGrade) else rate
-    channels = grade_channels(sensor) if isinstance(sensor, SensorGrade) else dict(sensor)
+    given = grade_channels(sensor) if isinstance(sensor, SensorGrade) else sensor
+    channels = {axis: c if isinstance(c, Channel) else Channel(c) for axis, c in given.items()}
     if not (rate and rate > 0 and duration * rate >= 2):
         msg = f"'duration' and 'rate' must give two samples or more, got {duration} s at {rate} Hz"
         raise DataError(msg)

@@ -192,6 +192,14 @@ def test_a_grade_brings_its_rate_noise_and_biases():
     assert key["channels"]["gyro_x"]["terms"] == {"white": {"density": 1e-3}}
 
 
+def test_models_alone_are_axes_without_a_turn_on_bias():
+    models = {f"gyro_{a}": GYRO for a in "xyz"}
+    (plain,), key = run(sensor=models)
+    (same,), _ = run(sensor={axis: Channel(model) for axis, model in models.items()})
+    np.testing.assert_array_equal(plain.y, same.y)
+    assert {c["constant"] for c in key["channels"].values()} == {0.0}
+
+
 def test_scale_of_white_noise():
     white_sd, floor = noise_scale(NoiseModel([White(1.0)]), 0.01, 1000.0)
     assert white_sd == pytest.approx(10.0)

@@ -8,6 +8,7 @@ readings are held, rails and codes are judged by the samples that are not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -98,10 +99,10 @@ def timing(record: Record) -> HygieneTest:
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
     text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval"
     if "jitter_sd" in said:
-        sd, error = said["jitter_sd"], 1.96 / np.sqrt(2.0 * len(record))
+        sd, error = said["jitter_sd"], 1.96 / math.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
     if "clock_ratio" in said:
-        spread = 1.96 * jitter * np.sqrt(12.0 / len(record) ** 3)
+        spread = 1.96 * jitter * math.sqrt(12.0 / len(record) ** 3)
         parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
         text += f", clock ratio {ratio:.8g}"
     return HygieneTest("timing", record.axes, gaps, 0.0 if bad else 1.0, parameters, text=text)
