@@ -5,8 +5,11 @@ The equations of motion and of the error coupling are those of `models`, compile
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar, cast
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
 import numpy as np
@@ -20,14 +23,37 @@ IntArray = NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., object])
 
 for _function in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS, *errorstate.KERNELS):
-    register_jitable(_function)
+    register_jitable(forceinline=True)(_function)
 
 
 def compiled(function: Function) -> Function:
-    """Compile a kernel; the code is kept on disk and runs without the interpreter's lock."""
-    relaxed = {"contract", "nsz", "arcp"}
-    made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=relaxed)(function)
-    return cast(Function, made)
+    """Compile a kernel when it is first called; it runs without the interpreter's lock."""
+    return cast(
+        Function, numba.njit(nogil=True, error_model="numpy", fastmath=True, forceinline=True)(function)
+    )
+
+
+def kept(function: Function, *sources: ModuleType) -> Function:
+    """Return a kernel whose code is kept on disk for as long as no source of it changes.
+
+    Numba itself looks at one file only. What it does look at is the closure of a function: so the checksum of
+    all files that the kernel is made of goes there.
+
+    Parameters
+    ----------
+    function : function
+        A compiled kernel.
+    *sources : modules
+        All modules with code of the kernel.
+    """
+    checksum = 1
+    for source in sources:
+        checksum = zlib.crc32(Path(str(source.__file__)).read_bytes(), checksum)
+
+    def entry(*arguments: Any) -> Any:
+        return function(*arguments) if checksum >= 0 else None
+
+    return cast(Function, numba.njit(cache=True, nogil=True)(entry))
 
 
 class Layout(NamedTuple):

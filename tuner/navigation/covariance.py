@@ -87,16 +87,27 @@ def advance(
     if not lay.ideal:
         for j in range(n + 6):
             unmix(work.inverse, U, j)
-    for j in range(n + 6):
-        inside = j < n
-        xr = (P[0, j], P[1, j], P[2, j]) if inside else (0.0, 0.0, 0.0)
-        xv = (P[3, j], P[4, j], P[5, j]) if inside else (0.0, 0.0, 0.0)
-        xa = (P[6, j], P[7, j], P[8, j]) if inside else (0.0, 0.0, 0.0)
-        gyro = transform(mat, (U[0, j], U[1, j], U[2, j]))
-        accel = transform(mat, (U[3, j], U[4, j], U[5, j]))
-        down = P[lay.gravity, j] if lay.gravity >= 0 and inside else 0.0
-        yr, yv, ya = advance_column(xr, xv, xa, gyro, accel, down, blocks, force, dt)
+    for j in range(n):
+        down = P[lay.gravity, j] if lay.gravity >= 0 else 0.0
+        yr, yv, ya = advance_column(
+            (P[0, j], P[1, j], P[2, j]),
+            (P[3, j], P[4, j], P[5, j]),
+            (P[6, j], P[7, j], P[8, j]),
+            transform(mat, (U[0, j], U[1, j], U[2, j])),
+            transform(mat, (U[3, j], U[4, j], U[5, j])),
+            down,
+            blocks,
+            force,
+            dt,
+        )
         T[0, j], T[1, j], T[2, j] = yr
+        T[3, j], T[4, j], T[5, j] = yv
+        T[6, j], T[7, j], T[8, j] = ya
+    for j in range(n, n + 6):
+        ya = scale(dt, transform(mat, (U[0, j], U[1, j], U[2, j])))
+        push = transform(mat, (U[3, j], U[4, j], U[5, j]))
+        yv = scale(dt, add(push, scale(-0.5, cross(force, ya))))
+        T[0, j], T[1, j], T[2, j] = scale(0.5 * dt, yv)
         T[3, j], T[4, j], T[5, j] = yv
         T[6, j], T[7, j], T[8, j] = ya
     small[:] = 0.0

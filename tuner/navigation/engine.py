@@ -1,7 +1,6 @@
 """The filter compiled: the same states, equations and answers as `tuner.navigation.filter`.
 
-A first use compiles the kernels (some ten seconds) and keeps them on disk. They are made from the lines of
-`models`: after a change there, remove the ``__pycache__`` of this folder.
+A first use compiles the kernels (some ten seconds) and keeps them on disk.
 """
 
 from __future__ import annotations
@@ -11,15 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models import earth, errorstate, strapdown, triples
 from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
+from tuner.navigation import compiled, covariance, flight, updates
 from tuner.navigation.compiled import Layout
-from tuner.navigation.flight import fly
 from tuner.navigation.inputs import Fixes, Solution, Steps
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
 FloatArray = NDArray[np.float64]
+
+_SOURCES = (triples, earth, strapdown, errorstate, compiled, covariance, updates, flight)
+fly = compiled.kept(flight.fly, *_SOURCES)
 
 
 @dataclass(frozen=True)
