@@ -14,6 +14,8 @@ import numpy as np
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.joint import test as pair_test
+from tuner.diagnosis.joint import upgrade
 from tuner.diagnosis.panel import panel, retest
 from tuner.diagnosis.residual import Residual, relabelled, residual, without
 from tuner.results import Alternative
@@ -81,6 +83,14 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         if accepted and len(panels) > 1:
             accepted = _with_rivals(accepted, panels[-2], alarms, threshold)
         raised = [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
+        if not raised:
+            masked = pair_test(found)
+            raised = [masked] if masked and masked.p_value < threshold and masked.gain > 0 else []
+        better = None if raised else upgrade(found, threshold)
+        if better is not None:
+            found = without(found, better[0])
+            del accepted[better[0] - len(given)]
+            raised = [better[1]]
         if not raised:
             break
         best = max(raised, key=lambda alarm: alarm.gain)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.causes import motion
+from tuner.diagnosis.causes import attitude, cross_axis, motion
 from tuner.diagnosis.channel import Channel, channel
 from tuner.diagnosis.findings import findings, model_of, words
 from tuner.diagnosis.hygiene import HygieneTest, hygiene
 from tuner.diagnosis.loop import Criticism, criticise
 from tuner.diagnosis.panel import threshold
+from tuner.diagnosis.residual import Residual
 from tuner.records import DataError, Record
 from tuner.results import Diagnosis, Finding, Unexplained
 
@@ -82,7 +83,8 @@ def diagnose(
             outcomes[ready.axis] = criticise(ready, limit, extensions)
     if not outcomes:
         raise DataError(refused[0] if refused else "no channel to diagnose; give a record with at least one axis")
-    found += findings(outcomes)
+    finals = {axis: outcome.final for axis, outcome in outcomes.items()}
+    found += [*findings(outcomes), *_common(finals, limit)]
     unexplained = tuple(
         Unexplained(alarm.name, (axis,), alarm.p_value)
         for axis, outcome in outcomes.items()
@@ -95,6 +97,33 @@ def diagnose(
         {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
         {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
     )
+
+
+def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
+    """Return what channels share: noise, and a tilt of the triad."""
+    found = []
+    for shared in cross_axis.test(finals, limit):
+        parameters = {"correlation": shared.correlation}
+        text = words("cross_axis", shared.channels, cross_axis.MEANING, parameters)
+        found.append(
+            Finding(
+                "cross_axis", shared.channels, "correlation of the residuals ÷ its deviation", shared.statistic,
+                shared.p_value, parameters, text, cross_axis.CONSEQUENCE,
+                {"cause": "cross_axis", "joins": "law of the noise"},
+                by_channel={pair: {"correlation": value} for pair, value in shared.pairs.items()},
+            )  # fmt: skip
+        )
+    tilt = attitude.test(finals, limit)
+    if tilt is not None:
+        parameters = {"tilt": tilt.tilt}
+        text = words("attitude", tilt.channels, attitude.MEANING, parameters)
+        found.append(
+            Finding(
+                "attitude", tilt.channels, "likelihood ratio of a turning gravity", tilt.statistic, tilt.p_value,
+                parameters, text, attitude.CONSEQUENCE, {"cause": "attitude", "joins": "preprocessing"},
+            )  # fmt: skip
+        )
+    return found
 
 
 def _channels(

@@ -50,6 +50,7 @@ def test(found: Residual) -> Alarm:
     e = np.clip(found.e, -CLIP, CLIP)
     square = e * e
     square /= square[found.valid].mean()
+    square[~found.valid] = 1.0
     n, kappa = len(square), float(np.var(square))
     total = np.concatenate(([0.0], np.cumsum(square)))
     best, tests, width = (0.0, 0, SHORTEST, 1.0), 0, SHORTEST
@@ -105,10 +106,10 @@ def extension(found: Residual, first: int, last: int) -> Burst:
     """Return the stretch with its place, length and ratio of variances."""
     dt = found.channel.interval
     square = np.clip(found.e, -3 * CLIP, 3 * CLIP) ** 2
+    square[~found.valid] = square[found.valid].mean()
     inside = np.zeros(len(square), dtype=bool)
     inside[first:last] = True
-    quiet = square[~inside & found.valid]
-    loud = square[inside & found.valid]
+    quiet, loud = square[~inside], square[inside]
     ratio = float(loud.mean() / quiet.mean())
     kappa = float(np.var(quiet) / quiet.mean() ** 2)
     relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))

@@ -32,6 +32,9 @@ APART = 40
 RESTLESS, NEAR = 4.0, 12
 """A stretch grows to the last step of so many deviations with no more than so many quieter ones before it."""
 
+MARGIN = 0.1
+"""Share of a stretch that is left out on either side: motion dies away."""
+
 
 @dataclass(frozen=True)
 class Motion(Extension):
@@ -86,7 +89,8 @@ def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
             first = int(near[0])
         while len(near := restless[(restless > last) & (restless <= last + NEAR)]):
             last = int(near[-1])
-        start, stop = max(0, (first - NEAR) * size), min(len(channels[0]), (last + 1 + NEAR) * size)
+        margin = NEAR + round(MARGIN * (last - first))
+        start, stop = max(0, (first - margin) * size), min(len(channels[0]), (last + 1 + margin) * size)
         if found and start <= found[-1][1]:
             start, _ = found.pop()
         found.append((start, stop))

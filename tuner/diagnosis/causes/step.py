@@ -61,13 +61,21 @@ def test(found: Residual) -> Alarm:
 def extension(found: Residual, scores: Scan, boundary: int) -> Step:
     """Return the step with its time."""
     square = scores.score**2
-    near = np.flatnonzero(square > square[boundary - 1] - 5.0) + 1
+    likely = np.flatnonzero(square > square[boundary - 1] - 5.0) + 1
     length = found.channel.block * found.channel.interval
     start = found.channel.start
     time = Value(
         start + boundary * length,
-        start + (near.min() - 1.0) * length,
-        start + (near.max() + 1.0) * length,
+        start + (likely.min() - 1.0) * length,
+        start + (likely.max() + 1.0) * length,
         "s",
     )
     return Step(boundary, values={"time": time})
+
+
+def near(found: Residual, boundary: int, reach: int) -> Step:
+    """Return the best step within `reach` blocks of a boundary."""
+    scores = scan_steps(found)
+    first = max(1, boundary - reach)
+    window = np.abs(scores.score[first - 1 : boundary + reach])
+    return extension(found, scores, first + int(np.argmax(window)))

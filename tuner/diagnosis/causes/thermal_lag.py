@@ -52,13 +52,18 @@ def lagged(channel: Channel, time_constant: float) -> FloatArray:
     return np.asarray(out - out.mean())
 
 
+def lags(channel: Channel) -> FloatArray:
+    """Return the grid of lags, s."""
+    shortest = max(30.0, 4.0 * channel.block * channel.interval)
+    return np.geomspace(shortest, max(0.25 * channel.span, 2.0 * shortest), 9)
+
+
 def test(found: Residual) -> Alarm | None:
     """Search for a lag between temperature and bias; None where no temperature was measured."""
     channel = found.channel
     if COVARIATE not in channel.covariates:
         return None
-    shortest = max(30.0, 4.0 * channel.block * channel.interval)
-    grid = np.geomspace(shortest, max(0.25 * channel.span, 2.0 * shortest), 9)
+    grid = lags(channel)
     scores, templates = scan(found, np.stack([lagged(channel, t) for t in grid], axis=1))
     name = "likelihood ratio of a lagging temperature"
     if not scores.promising:
