@@ -11,8 +11,8 @@ That keeps the stated coverage where a random walk lives in three coefficients, 
 where the likelihood ratio is optimistic and a Hessian fails.
 
 Where the low frequencies happen to be quieter than the other terms alone would make them, every amplitude is
-unlikely. The tail at the upper end of an amplitude is therefore counted relative to the tail
-at zero, P_t(s) / P_0(s) [3]_: the limit then never falls below what the record could have shown.
+unlikely. There the tail at the upper end of an amplitude is counted relative to the tail at zero,
+P_t(s) / 2P_0(s) [3]_: the limit then never falls below what the record could have shown.
 
 References
 ----------
@@ -112,7 +112,7 @@ def end(objective: Objective, theta: FloatArray, j: int, reach: float) -> tuple[
     goal = abs(reach)
     if side > 0 and objective.is_amplitude(j) and spread > _WELL_KNOWN:
         nothing = normal_score(objective, _at(objective, theta, j, objective.lower[j]), j)
-        goal = -float(ndtri(ndtr(-goal) * ndtr(nothing)))
+        goal = -float(ndtri(ndtr(-goal) * min(1.0, 2.0 * ndtr(nothing))))
     step = float(np.clip(goal * spread, 1e-4, 1.0))
     inside, low, outside, high = theta, -goal, np.nan, np.nan
     for _ in range(60):

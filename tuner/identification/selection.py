@@ -14,9 +14,8 @@ parameter more. With these prices fewer than 5 % of records get a term they do n
 kind, whether the truth is white noise alone or with quantization, flicker, random walk or the last two
 (benchmarks/accuracy.py).
 
-A term that is not chosen has an upper limit: the one-sided 95 % end of its interval beside the chosen terms,
-its tail counted relative to that at zero (`tuner.identification.intervals`), so that it also holds in
-95 % of just those records that do not show the term.
+A term that is not chosen has an upper limit: the upper end of its 95 % interval beside the chosen terms. It
+is exceeded in 2.5 % of all records, so that it still holds in 95 % of just those that do not show the term.
 
 References
 ----------
@@ -155,7 +154,9 @@ def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
         kinds = [kind.name for kind in objective.kinds]
         sizes = [len(kind.PARAMETERS) for kind in objective.kinds]
         j = sum(sizes[: kinds.index(name)])
-        upper, theta = end(objective, theta, j, float(ndtri(0.95)))
+        upper, theta = end(objective, theta, j, float(ndtri(0.975)))
+        if not np.isfinite(upper):
+            return Bound(name, TERMS[name].PARAMETERS[0], upper, "record too short: it sets no limit")
         term = TERMS[name](upper)
         twin = _twin(objective, theta, j)
     return Bound(name, term.PARAMETERS[0], upper, _reason(term, fit.model, data, twin))
