@@ -219,3 +219,28 @@ def test_useless_logs_are_refused_in_one_line():
     double = record(sampled(n=2000))
     with pytest.raises(DataError, match="comes twice"):
         identify((double, replace(double)), arma=None)
+
+
+@pytest.mark.parametrize("method", ["likelihood", "leastsquares", "slopes", "unweighted"])
+@pytest.mark.parametrize("kind", ["shortest", "few levels", "ramp", "spike", "alternating"])
+def test_odd_records_have_an_answer(kind, method):
+    e = np.random.default_rng(8).standard_normal(3000)
+    y = {
+        "shortest": e[:16],
+        "few levels": np.round(0.2 * e),
+        "ramp": np.arange(3000.0),
+        "spike": np.where(np.arange(3000) == 1500, 1e6, e),
+        "alternating": (-1.0) ** np.arange(3000) + 0.01 * e,
+    }[kind]
+    found = identify((record(y),), method=method)
+    json.dumps(identification_json(found), allow_nan=False)
+    for term in found.channels["gyro_x"].terms:
+        for coefficient in term.coefficients.values():
+            assert coefficient.upper is None or 0.0 < coefficient.upper < np.inf
+
+
+def test_a_stretch_stuck_at_one_value_is_left_out():
+    y = np.concatenate([np.zeros(3000), sampled(n=3000)])
+    found = identify_channel(record(y, segments=((0, 3000), (3000, 6000))), "gyro_x", arma=None)
+    assert found.span == pytest.approx(30.0)
+    assert found.term("white").coefficients["density"].value == pytest.approx(1e-3, rel=0.1)

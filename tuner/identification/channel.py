@@ -90,7 +90,7 @@ def identify_channel(
         msg = f"'method' must be one of {', '.join(METHODS)}, got {method!r}"
         raise ValueError(msg)
     single = _single(record, axis)
-    pieces = [piece for piece in single.pieces(axis) if len(piece) >= _SHORTEST]
+    pieces = single.pieces(axis)
     whole = OctaveCurve.of(pieces, single.interval)
     band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
     octaves = curve_within(whole, band)
@@ -102,7 +102,7 @@ def identify_channel(
     minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
     every = [_under_the_curve(term, allan, single.interval) for term in (*estimates.terms, *bounds)]
     series = None
-    if arma is not None and len(longest) >= FEWEST and np.ptp(longest) > 0.0:
+    if arma is not None and len(longest) >= FEWEST:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
     return ChannelIdentification(
         axis=axis,
@@ -127,15 +127,18 @@ def identify_channel(
 
 
 def _single(record: Record, axis: str) -> Record:
-    """Return the record of one axis, without segments that are too short."""
-    segments = tuple(s for s in record.segments if s[1] - s[0] >= _SHORTEST)
+    """Return the record of one axis, without segments that are too short or stuck at one value."""
+    column = record.column(axis)
+    segments = tuple(
+        (start, stop)
+        for start, stop in record.segments
+        if stop - start >= _SHORTEST and np.ptp(column[start:stop]) > 0.0
+    )
     if not segments:
         where = f"{record.source or record.name}: {axis}"
-        msg = (
-            f"{where}: expected a gap-free stretch of {_SHORTEST} samples, found none: too short to identify"
-        )
+        msg = f"{where}: expected a gap-free stretch of {_SHORTEST} samples that vary, found none: too short"
         raise DataError(msg)
-    return replace(record, y=record.column(axis)[:, None], axes=(axis,), segments=segments, covariates={})
+    return replace(record, y=column[:, None], axes=(axis,), segments=segments, covariates={})
 
 
 def _deviation_at(record: Record, model: NoiseModel, tau: float) -> Coefficient:

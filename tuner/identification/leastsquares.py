@@ -39,6 +39,9 @@ FloatArray = NDArray[np.float64]
 _POWERS = range(-2, 3)
 """Power of τ in the Allan variance of each of the five base terms."""
 
+_ROUNDING = 1e-9
+"""Relative precision of a computed Allan variance."""
+
 _NARROW = 0.05
 """Relative standard error below which an interval is symmetric in the logarithm and needs no profile."""
 
@@ -171,6 +174,7 @@ def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, F
     The correlations are those of the variances; the diagonal is the exact ψ'(v/2).
     """
     mean, covariance = allan_covariance(model.terms, curve.m, curve.lengths, curve.interval)
+    covariance += np.diag((_ROUNDING * mean) ** 2)  # a ramp alone has no noise of its own
     sd = np.sqrt(np.diag(covariance))
     dof = 2.0 * (mean / sd) ** 2
     log_sd = np.sqrt(polygamma(1, 0.5 * dof))

@@ -120,8 +120,9 @@ def robust_outliers(y: FloatArray) -> NDArray[np.bool_]:
     """Mark samples further than 4.5 robust standard deviations from the local median."""
     residual = y - _local_median(y)
     scale = 1.4826 * float(np.median(np.abs(residual)))
-    if scale == 0.0:  # more than half of the samples on one quantization level
-        scale = float(np.std(residual))
+    if scale == 0.0:  # more than half of the samples on one quantization level: a level is not an outlier
+        away = np.abs(residual[residual != 0.0])
+        scale = max(float(np.std(residual)), float(np.min(away, initial=np.inf)))
     return np.asarray(np.abs(residual) > ROBUST_SIGMAS * scale)
 
 
