@@ -2,10 +2,10 @@
 
 ``python tests/challenge/run.py --items 1000 --seed 1 --out DIR [--processes 2]``
 
-Three steps, each a process of its own, for parts of the items: *generate* writes logs with anonymous names and a
-sealed key, whose SHA-256 goes into ``manifest.json``; *analyse* (`answer`) sees the folder of the logs alone;
-*score* opens the key after the answers are written, and only if its hash is the published one. Finished parts are
-kept: a second run with the same arguments goes on. The tables are printed to standard output.
+Three steps, each a process of its own, for parts of the items: *generate* writes logs with anonymous names
+and a sealed key, whose SHA-256 goes into ``manifest``; *analyse* (`answer`) sees the folder of the logs alone;
+*score* opens the key after the answers are written, and only if its hash is the published one. Finished parts
+are kept: a second run with the same arguments goes on. The tables are printed to standard output.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of items, with commas between")
-    parser.add_argument("--samples", type=int, default=None, help="samples of every record, else 3.6e5 or 1e6")
+    parser.add_argument(
+        "--samples", type=int, default=None, help="samples of every record, else 3.6e5 or 1e6"
+    )
     parser.add_argument("--held-out", action="store_true", help="make a second record of each sensor")
     parser.add_argument("--part", type=int, default=None, help=argparse.SUPPRESS)
     parser.add_argument("--keep-logs", action="store_true")
@@ -66,9 +68,13 @@ def finish_part(args: argparse.Namespace, argv: list[str], part: int) -> None:
     one = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     environment = {**os.environ, **one, "PYTHONPATH": str(ROOT)}
     logs = args.out / "logs" / str(part)
-    subprocess.run([sys.executable, str(HERE / "run.py"), *argv, "--part", str(part)], check=True, env=environment)
     subprocess.run(
-        [sys.executable, str(HERE / "answer.py"), str(logs), str(args.out / "answers")], check=True, env=environment
+        [sys.executable, str(HERE / "run.py"), *argv, "--part", str(part)], check=True, env=environment
+    )
+    subprocess.run(
+        [sys.executable, str(HERE / "answer.py"), str(logs), str(args.out / "answers")],
+        check=True,
+        env=environment,
     )
     if not args.keep_logs:
         shutil.rmtree(logs)
@@ -88,7 +94,9 @@ def score(out: Path) -> list[Verdict]:
 
 def revision() -> str:
     """Return the revision of the analysed code."""
-    told = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False)
+    told = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     return told.stdout.strip() or "unknown"
 
 

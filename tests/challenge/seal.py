@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-
 from challenge.generator.files import log
 from challenge.generator.items import KINDS, item
 
@@ -71,6 +70,6 @@ def opened(keys: Path, published: str) -> list[dict]:
     """
     text = keys.read_text()
     if digest(text) != published:
-        msg = f"{keys} is not the key whose hash was published before the analysis: {digest(text)} ≠ {published}"
+        msg = f"{keys} is not the key whose hash was published: {digest(text)} ≠ {published}"
         raise ValueError(msg)
     return list(json.loads(text))

@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+from challenge.verdict import BANDS, EXACT, Verdict
 from scipy.optimize import minimize
 from scipy.stats import norm
-
-from challenge.verdict import BANDS, EXACT, Verdict
 
 FLOORS = (25.0, 35.0, 50.0, 60.0, 100.0)
 """Detectabilities from which on the headline rates are told, nats."""
@@ -43,7 +42,9 @@ def nulls(verdicts: Sequence[Verdict]) -> str:
     """Clean sets by kind and length."""
     clean = [v for v in verdicts if not v.causes]
     groups: dict[str, list[Verdict]] = {"all": clean}
-    groups |= {f"{n:.3g} samples": [v for v in clean if v.samples == n] for n in sorted({v.samples for v in clean})}
+    groups |= {
+        f"{n:.3g} samples": [v for v in clean if v.samples == n] for n in sorted({v.samples for v in clean})
+    }
     groups |= {f"{k} axes": [v for v in clean if v.axes == k] for k in sorted({v.axes for v in clean})}
     groups |= {(h or "ordinary"): [v for v in clean if v.hard == h] for h in sorted({v.hard for v in clean})}
     rows = [
@@ -51,7 +52,10 @@ def nulls(verdicts: Sequence[Verdict]) -> str:
             name,
             rate(sum(bool(v.findings) for v in group), len(group)),
             rate(sum(v.alarm for v in group), len(group)),
-            ", ".join(f"{c} {n}" for c, n in Counter(s for v in group for s in (*v.findings, *v.unexplained)).items()),
+            ", ".join(
+                f"{c} {n}"
+                for c, n in Counter(s for v in group for s in (*v.findings, *v.unexplained)).items()
+            ),
         )
         for name, group in groups.items()
     ]
@@ -68,10 +72,18 @@ def headline(verdicts: Sequence[Verdict]) -> str:
         good = sum(v.named or v.listed for v in found)
         family = sum(v.named or v.listed or v.familial for v in found)
         extra = sum(v.extra > 0 for v in above)
-        rows.append((f"d ≥ {floor:.0f}", rate(len(found), len(above)), rate(sum(v.named for v in found), len(found)),
+        rows.append((f"d ≥ {floor:.0f}", rate(len(found), len(above)),
+                     rate(sum(v.named for v in found), len(found)),
                      rate(good, len(found)), rate(family, len(found)), rate(extra, len(above))))  # fmt: skip
     return table(
-        ("single effects", "found", "named first ∣ found", "or in a shortlist of 2", "or family", "with a false finding"),
+        (
+            "single effects",
+            "found",
+            "named first ∣ found",
+            "or in a shortlist of 2",
+            "or family",
+            "with a false finding",
+        ),
         rows,
     )
 
@@ -86,8 +98,12 @@ def by_cause(verdicts: Sequence[Verdict]) -> str:
         for band in BANDS:
             inside = [v for v in mine if v.band == band]
             found = sum(v.alarm for v in inside)
-            cells.append(f"{rate(found, len(inside))}; {sum(v.named for v in inside if v.alarm)}" if inside else "–")
-        half, most = ("–", "–") if cause in EXACT else power([v.nats[0] for v in mine], [v.alarm for v in mine])
+            cells.append(
+                f"{rate(found, len(inside))}; {sum(v.named for v in inside if v.alarm)}" if inside else "–"
+            )
+        half, most = (
+            ("–", "–") if cause in EXACT else power([v.nats[0] for v in mine], [v.alarm for v in mine])
+        )
         rows.append((cause, *cells, half, most))
     return table(
         ("cause: found; of these named first", *(f"{b} {lo:.0f}–{hi:.0f}" for b, (lo, hi) in BANDS.items()),
@@ -115,11 +131,15 @@ def confusion(verdicts: Sequence[Verdict]) -> str:
     singles = [v for v in verdicts if v.kind in ("single", "unknown")]
     for cause in sorted({v.causes[0] for v in singles}):
         mine = [v for v in singles if v.causes[0] == cause]
-        first = Counter(v.findings[0] if v.findings else ("unexplained" if v.unexplained else "nothing") for v in mine)
+        first = Counter(
+            v.findings[0] if v.findings else ("unexplained" if v.unexplained else "nothing") for v in mine
+        )
         right, none = first.pop(cause, 0), first.pop("nothing", 0)
         others = ", ".join(f"{name} {count}" for name, count in first.most_common())
         more = Counter(told for v in mine for told in v.findings[1:] if told not in v.causes)
-        rows.append((cause, len(mine), right, none, others, ", ".join(f"{n} {c}" for n, c in more.most_common())))
+        rows.append(
+            (cause, len(mine), right, none, others, ", ".join(f"{n} {c}" for n, c in more.most_common()))
+        )
     return table(("hidden", "sets", "named first", "nothing", "named instead", "told besides"), rows)
 
 
@@ -145,7 +165,9 @@ def twins(verdicts: Sequence[Verdict]) -> str:
         group = [v for v in mine if (v.causes[0], v.twins[0]) == pair]
         right = sum(v.causes[0] in v.findings for v in group)
         honest = sum(v.causes[0] not in v.findings and v.listed for v in group)
-        wrong = sum(v.twins[0] in v.findings and v.causes[0] not in v.findings and not v.listed for v in group)
+        wrong = sum(
+            v.twins[0] in v.findings and v.causes[0] not in v.findings and not v.listed for v in group
+        )
         rows.append((" ∣ ".join(pair), len(group), right, honest, wrong, sum(not v.alarm for v in group)))
     return table(("hidden ∣ twin", "sets", "right", "honest shortlist", "wrong twin", "nothing"), rows)
 
@@ -158,7 +180,13 @@ def parameters(verdicts: Sequence[Verdict]) -> str:
     for key in sorted({(p.cause, p.name) for p in every}):
         mine = [p for p in clear if (p.cause, p.name) == key]
         off = [abs(p.value / p.truth - 1.0) for p in mine if p.truth]
-        rows.append((" ".join(key), rate(sum(p.inside for p in mine), len(mine)), f"{100 * np.median(off):.2g} %" if off else "–"))
+        rows.append(
+            (
+                " ".join(key),
+                rate(sum(p.inside for p in mine), len(mine)),
+                f"{100 * np.median(off):.2g} %" if off else "–",
+            )
+        )
     return table(("parameter (d ≥ 35)", "truth inside the 95 % interval", "median error"), rows)
 
 

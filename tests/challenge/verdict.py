@@ -85,7 +85,9 @@ class Verdict:
     @property
     def named(self) -> bool:
         """Whether every hidden cause has its name, the first of them first."""
-        return bool(self.findings) and self.findings[0] in self.causes and set(self.causes) <= set(self.findings)
+        return (
+            bool(self.findings) and self.findings[0] in self.causes and set(self.causes) <= set(self.findings)
+        )
 
     @property
     def listed(self) -> bool:
@@ -103,7 +105,7 @@ class Verdict:
         return sum(told not in self.causes for told in self.findings)
 
     def points(self) -> float:
-        """Return the score of EFFECTS: found 1, named 2, parameters 1, gain 1, quiet 1; false findings cost."""
+        """Return the score of EFFECTS: found 1, named 2, parameters 1, gain 1, quiet 1, false finding −2."""
         if not self.causes:
             return -4.0 if self.alarm else 2.0
         if self.kind == "unknown":
@@ -141,11 +143,15 @@ def judge(truth: dict[str, Any], answer: dict[str, Any]) -> Verdict:
         nats=tuple(effect["nats"] for effect in hidden),
         twins=tuple(effect["twin"] for effect in hidden if effect["twin"]),
         findings=tuple(dict.fromkeys(finding["cause"] for finding in findings)),
-        shortlists={f["cause"]: tuple(a["cause"] for a in f["alternatives"]) for f in findings if f["alternatives"]},
+        shortlists={
+            f["cause"]: tuple(a["cause"] for a in f["alternatives"]) for f in findings if f["alternatives"]
+        },
         unexplained=tuple(u["statistic"] for u in answer["unexplained"]),
         stray=stray,
         parameters=tuple(parameters),
-        gains={f["cause"]: f["gain"]["nats"] for f in findings if f.get("gain") and f["gain"]["nats"] is not None},
+        gains={
+            f["cause"]: f["gain"]["nats"] for f in findings if f.get("gain") and f["gain"]["nats"] is not None
+        },
         seconds=answer["seconds"],
         cpu=answer["cpu"],
         error=answer["error"],
@@ -167,7 +173,12 @@ def _parameters(effect: dict[str, Any], finding: dict[str, Any]) -> list[Paramet
             slack = 1e-9 * abs(true)
             out.append(
                 Parameter(
-                    effect["cause"], name, effect["nats"], true, figure["value"], low - slack <= true <= high + slack
+                    effect["cause"],
+                    name,
+                    effect["nats"],
+                    true,
+                    figure["value"],
+                    low - slack <= true <= high + slack,
                 )
             )
     return out

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
-
 from challenge.generator.oracle import Oracle
 from challenge.generator.scene import Scene
+from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -75,7 +74,9 @@ class Effect:
         """Return the white noise changed."""
         return w
 
-    def signal(self, axis: str, felt: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray | float:
+    def signal(
+        self, axis: str, felt: FloatArray, scene: Scene, rng: np.random.Generator
+    ) -> FloatArray | float:
         """Return what is added, unit."""
         return 0.0
 

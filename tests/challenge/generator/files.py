@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
 from challenge.generator.items import Item
+from numpy.typing import NDArray
 
 RECORDS = {"a": 0, "b": 1}
 EVENTS = ("step", "burst", "motion", "warmup")

@@ -1,7 +1,7 @@
 """What is hidden where: the composition of a release, one item a number.
 
-Nulls 30 % (half of them hard), single effects 40 %, pairs 15 %, triples 5 %, near misses with a stated twin 5 %,
-effects outside the catalogue 5 %. The detectability of singles is log-uniform from 3 to 1000 nats.
+Nulls 30 % (half of them hard), single effects 40 %, pairs 15 %, triples 5 %, near misses with a stated twin
+5 %, effects outside the catalogue 5 %. The detectability of singles is log-uniform from 3 to 1000 nats.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-
-from challenge.generator.effect import Effect, Place, Truth, UnreachableError
+from challenge.generator.effect import Effect, Place, UnreachableError
 from challenge.generator.laws import Burst, CrossAxis, HeavyTails, Spikes, Swelling, VarianceDrift
 from challenge.generator.means import (
     Attitude,
@@ -31,11 +30,20 @@ from challenge.generator.sampling import Clipping, Duplicates, Lattice, Telegrap
 from challenge.generator.scene import HARD, Scene, log_uniform, scene
 from challenge.generator.spectra import Colour, LowPass, SecondMarkov, Vibration
 
-KINDS = {"null": 0.15, "hard": 0.15, "single": 0.40, "pair": 0.15, "triple": 0.05, "twin": 0.05, "unknown": 0.05}
+KINDS = {
+    "null": 0.15,
+    "hard": 0.15,
+    "single": 0.40,
+    "pair": 0.15,
+    "triple": 0.05,
+    "twin": 0.05,
+    "unknown": 0.05,
+}
 CATALOGUE: dict[type[Effect], float] = {
     Line: 1.0, Vibration: 1.0, LowPass: 1.0, Colour: 1.0, Temperature: 1.0, ThermalLag: 1.0, Warmup: 1.0,
-    Step: 1.0, Telegraph: 1.0, SecondMarkov: 0.5, Spikes: 1.0, HeavyTails: 1.0, Burst: 1.0, VarianceDrift: 1.0,
-    Duplicates: 1.0, Clipping: 1.0, CrossAxis: 1.0, Timing: 0.5, Lattice: 0.5, Attitude: 0.5, Motion: 0.5,
+    Step: 1.0, Telegraph: 1.0, SecondMarkov: 0.5, Spikes: 1.0, HeavyTails: 1.0, Burst: 1.0,
+    VarianceDrift: 1.0, Duplicates: 1.0, Clipping: 1.0, CrossAxis: 1.0,
+    Timing: 0.5, Lattice: 0.5, Attitude: 0.5, Motion: 0.5,
 }  # fmt: skip
 FOREIGN: tuple[type[Effect], ...] = (Chirp, Bilinear, ThreeLevels, Swelling)
 TWINS: tuple[tuple[type[Effect], str], ...] = (
@@ -109,7 +117,9 @@ def item(secret: str, number: int, kinds: tuple[str, ...] = tuple(KINDS), sample
     raise RuntimeError(msg)
 
 
-def _filled(kind: str, rng: np.random.Generator, seed: int, samples: int | None) -> tuple[Scene, tuple[Hidden, ...]]:
+def _filled(
+    kind: str, rng: np.random.Generator, seed: int, samples: int | None
+) -> tuple[Scene, tuple[Hidden, ...]]:
     if kind in ("null", "hard"):
         return scene(rng, hard=str(rng.choice(HARD)) if kind == "hard" else "", samples=samples), ()
     if kind == "unknown":
@@ -147,7 +157,7 @@ def _hide(
     twin: str = "",
 ) -> tuple[Scene, tuple[Hidden, ...]]:
     needs = {effect.needs for effect in effects}
-    width = 6 if "accel" in needs else 3 if "triad" in needs and rng.random() < 0.7 else 6 if "triad" in needs else None
+    width = 6 if "accel" in needs else 3 if "triad" in needs else None
     where = scene(rng, samples=samples, width=width)
     if "temperature" in needs or "temperature" in twin:
         where = replace(where, profile=str(rng.choice(["warming", "diurnal", "chamber"])))

@@ -1,15 +1,14 @@
-"""Effects on the law of the white noise: heavy tails, spikes, a burst, a drifting variance, noise that axes share."""
+"""Effects on the law of the white noise: heavy tails, spikes, burst, drifting variance, shared noise."""
 
 from __future__ import annotations
 
 import numpy as np
+from challenge.generator.effect import Effect, Place, Truth, UnreachableError, sized
+from challenge.generator.scene import Scene, log_uniform
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import norm
 from scipy.stats import t as student
-
-from challenge.generator.effect import Effect, Place, Truth, UnreachableError, sized
-from challenge.generator.scene import Scene, log_uniform
 
 FloatArray = NDArray[np.float64]
 
@@ -55,9 +54,7 @@ class Spikes(Effect):
         self, n = cls(), place.scene.samples
         self.number = round(log_uniform(place.rng, 2.0, max(2.5, min(60.0, target / 6.0))))
         self.rate = self.number / place.scene.span
-        self.size, self.nats = sized(
-            lambda s: n * contaminated(self.number / n, s), target, 3.0, 60.0
-        )
+        self.size, self.nats = sized(lambda s: n * contaminated(self.number / n, s), target, 3.0, 60.0)
         self.size *= place.white / place.scene.axes[place.axis].white
         return self
 
@@ -72,7 +69,7 @@ class Spikes(Effect):
 
 
 def contaminated(share: float, size: float) -> float:
-    """Return the divergence of a normal law with spikes ± size from the normal law refitted, nats a sample."""
+    """Return the divergence of a normal law with spikes ± size from the refitted one, nats a sample."""
     x = np.linspace(-size - 8.0, size + 8.0, 20001)
     quiet = norm.pdf(x)
     law = (1.0 - share) * quiet + 0.5 * share * (norm.pdf(x - size) + norm.pdf(x + size))
@@ -167,7 +164,9 @@ class CrossAxis(Effect):
 
         def nats(rho: float) -> float:
             share = rho * (scene.axes[place.axis].white / place.white) ** 2
-            return -0.5 * scene.samples * float(np.log1p((width - 1) * share) + (width - 1) * np.log1p(-share))
+            return (
+                -0.5 * scene.samples * float(np.log1p((width - 1) * share) + (width - 1) * np.log1p(-share))
+            )
 
         self.correlation, self.nats = sized(nats, target, 1e-4, 0.9)
         return self

@@ -1,13 +1,12 @@
-"""Effects on the mean: line, temperature, lag, warm-up, step, a mount that gives way, motion; and three foreign ones."""
+"""Effects on the mean: line, temperature, lag, warm-up, step, yielding mount, motion; three foreign."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt
-
 from challenge.generator.effect import Effect, Place, Truth, sized
 from challenge.generator.scene import Scene, log_uniform, smooth
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +30,10 @@ class MeanEffect(Effect):
         """Draw one of a wanted detectability."""
         self = cls()
         self.draw(place)
-        energy = place.oracle.energy(self.template(place.felt, place.scene)) * place.scene.axes[place.axis].white ** 2
+        energy = (
+            place.oracle.energy(self.template(place.felt, place.scene))
+            * place.scene.axes[place.axis].white ** 2
+        )
         size, self.nats = sized(lambda a: place.oracle.mean(energy, a), target, 1e-6, 1e4)
         self.size = size * float(place.rng.choice([-1.0, 1.0]))
         return self
@@ -116,7 +118,9 @@ class Attitude(MeanEffect):
         self.first, self.last = np.sort(place.rng.uniform(0.1, 0.9, 2))
 
     def template(self, felt: FloatArray, scene: Scene) -> FloatArray:
-        return np.asarray(np.interp(np.linspace(0.0, 1.0, scene.samples), [self.first, self.last], [0.0, 1.0]))
+        return np.asarray(
+            np.interp(np.linspace(0.0, 1.0, scene.samples), [self.first, self.last], [0.0, 1.0])
+        )
 
     def tilt(self, scene: Scene) -> float:
         return self.size * scene.axes["accel_y"].white / GRAVITY
@@ -149,7 +153,9 @@ class Motion(Effect):
     def signal(self, axis: str, felt: FloatArray, scene: Scene, rng: np.random.Generator) -> FloatArray:
         t = scene.clock()
         inside = (t >= self.start) & (t < self.start + self.duration)
-        sway = sosfilt(butter(2, [0.1, 3.0], "band", fs=scene.rate, output="sos"), rng.standard_normal(inside.sum()))
+        sway = sosfilt(
+            butter(2, [0.1, 3.0], "band", fs=scene.rate, output="sos"), rng.standard_normal(inside.sum())
+        )
         y = np.zeros(scene.samples)
         y[inside] = self.sd * scene.axes[axis].white * sway / sway.std() * np.hanning(len(sway))
         return y

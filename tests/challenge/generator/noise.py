@@ -79,7 +79,7 @@ class Noise:
 
 
 def flicker(n: int, level: float, rng: np.random.Generator) -> FloatArray:
-    """Return noise with the spectrum B²/(2πf): Gaussian amplitudes on a grid of twice the length, transformed."""
+    """Return noise with the spectrum B²/(2πf): random amplitudes on a grid of twice the length."""
     size = next_fast_len(2 * n, real=True)
     k = np.arange(1, size // 2 + 1)
     sd = level * np.sqrt(size / (2.0 * np.pi * k) * size / 2.0)
@@ -99,4 +99,6 @@ def markov(n: int, interval: float, sd: float, time_constant: float, rng: np.ran
 def markov_power(f: FloatArray, interval: float, sd: float, time_constant: float) -> FloatArray:
     """Return the power of that sequence."""
     phi = np.exp(-interval / time_constant)
-    return np.asarray(sd**2 * (1.0 - phi**2) / (1.0 + phi**2 - 2.0 * phi * np.cos(2.0 * np.pi * f * interval)))
+    return np.asarray(
+        sd**2 * (1.0 - phi**2) / (1.0 + phi**2 - 2.0 * phi * np.cos(2.0 * np.pi * f * interval))
+    )

@@ -1,11 +1,11 @@
 """Detectability: what the true model gains over the best-fitting base, in nats, where the noise is known.
 
-With a_k the orthonormal cosine coefficients of a record, power S_k, and a hidden mean m_k or power S_k + s_k::
+With m_k the orthonormal cosine coefficients of a hidden mean and S_k the true power of the noise::
 
     d = min_θ ½ Σ_k [ (S_k + |m_k|²) / S'_k(θ) − 1 + ln(S'_k(θ)/S_k) ]
 
-is the expectation of ln L(truth) − ln L(base), θ the parameters of the base (white, quantization, random walk, and
-flicker or one Gauss–Markov process). A constant and a ramp are projected out of the mean first: the base has them.
+is the expectation of ln L(truth) − ln L(base), θ the parameters of the base (white, quantization, random
+walk, and flicker or one Gauss–Markov process). The ramp, which the base has, is taken out of the mean first.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from challenge.generator.noise import Noise, markov_power
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.optimize import minimize
-
-from challenge.generator.noise import Noise, markov_power
 
 FloatArray = NDArray[np.float64]
 
@@ -90,7 +89,11 @@ def fitted(
     walk = max(near.walk, 1e-3 * slow / np.sqrt(1.0 / f[0]))
     start = [white, max(near.quantum, 0.03 * near.white) ** 2, walk**2, slow**2]
     memory = near.time_constant or 100.0
-    flicker = (1.0, 4.0 * np.sin(np.pi * f * interval) ** 2, interval / (4.0 * np.sin(np.pi * f * interval) ** 2))
+    flicker = (
+        1.0,
+        4.0 * np.sin(np.pi * f * interval) ** 2,
+        interval / (4.0 * np.sin(np.pi * f * interval) ** 2),
+    )
 
     def cost(x: FloatArray, kind: str) -> tuple[float, FloatArray]:
         parts = [np.exp(x[i]) * np.broadcast_to(flicker[i], f.shape) for i in range(3)]

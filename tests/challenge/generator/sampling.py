@@ -1,15 +1,14 @@
-"""Effects of the way to the file: held readings, rails, a coarse lattice, time stamps; and telegraph noise."""
+"""Effects of the way to the file: held readings, rails, coarse lattice, stamps; and telegraph noise."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.fft import dct
-
 from challenge.generator.effect import Effect, IntArray, Place, Truth, UnreachableError, sized
 from challenge.generator.noise import Noise
 from challenge.generator.oracle import fitted
 from challenge.generator.scene import Scene, log_uniform
+from numpy.typing import NDArray
+from scipy.fft import dct
 
 FloatArray = NDArray[np.float64]
 
@@ -31,12 +30,19 @@ class Duplicates(Effect):
         alike = 1.0
         for name, noise in scene.axes.items():
             if name.startswith(sensor):
-                alike *= max(TIE, min(0.5, noise.step / (2.0 * np.sqrt(np.pi) * np.hypot(noise.white, 1.4 * noise.quantum))))
+                alike *= max(
+                    TIE,
+                    min(
+                        0.5, noise.step / (2.0 * np.sqrt(np.pi) * np.hypot(noise.white, 1.4 * noise.quantum))
+                    ),
+                )
         alike = max(alike, TIE)
 
         def nats(share: float) -> float:
             p = alike + share * (1.0 - alike)
-            return scene.samples * float(p * np.log(p / alike) + (1.0 - p) * np.log((1.0 - p) / (1.0 - alike)))
+            return scene.samples * float(
+                p * np.log(p / alike) + (1.0 - p) * np.log((1.0 - p) / (1.0 - alike))
+            )
 
         share, self.nats = sized(nats, target, 1e-7, 0.9)
         self.number = max(2, round(share * scene.samples))
@@ -66,7 +72,9 @@ class Clipping(Effect):
     def codes(self, y: FloatArray, axis: str, scene: Scene) -> FloatArray:
         code, count = np.unique(y, return_counts=True)
         beyond = np.cumsum(count[::-1])[::-1]
-        worth = beyond * np.log(beyond / np.maximum(count if scene.axes[axis].step else TIE * len(y), TIE * len(y)))
+        worth = beyond * np.log(
+            beyond / np.maximum(count if scene.axes[axis].step else TIE * len(y), TIE * len(y))
+        )
         reached = np.flatnonzero((worth >= self.target) & (beyond >= 3))
         if len(reached):
             self.level = float(code[reached[-1]])
@@ -126,8 +134,9 @@ class Timing(Effect):
 class Telegraph(Effect):
     """A bias that switches between two levels at random times.
 
-    Its spectrum is that of a Gauss–Markov process; d is the likelihood of the switching model (forward recursion)
-    less that of the best base, on block means of one drawn path in white noise, the slow noise counted as white.
+    Its spectrum is that of a Gauss–Markov process; d is the likelihood of the switching model (forward
+    recursion) less that of the best base, on block means of one drawn path in white noise; the slow noise
+    counts as white.
     """
 
     cause = "telegraph"

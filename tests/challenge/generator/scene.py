@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from challenge.generator.noise import Noise
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-
-from challenge.generator.noise import Noise
 
 FloatArray = NDArray[np.float64]
 
@@ -118,8 +117,8 @@ def scene(
     """
     grade = str(rng.choice(list(GRADES)))
     rate = float(rng.choice([50.0, 100.0, 100.0, 125.0, 200.0, 400.0]))
-    n = samples or int(rng.choice([360_000, 1_000_000], p=[0.8, 0.2]))
-    wide = width or int(rng.choice([1, 3, 6], p=[0.4, 0.45, 0.15]))
+    n = samples or int(rng.choice([360_000, 1_000_000], p=[0.85, 0.15]))
+    wide = width or int(rng.choice([1, 3, 6], p=[0.55, 0.35, 0.1]))
     names = [f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"][:wide]
     span = n / rate
     arw = log_uniform(rng, *GRADES[grade]) * DEG / 60.0
@@ -130,7 +129,9 @@ def scene(
         own = replace(family, ramp=family.ramp * rng.uniform(-1.0, 1.0))
         bias = white * rng.uniform(-30.0, 30.0) + (9.81 if name == "accel_z" else 0.0)
         axes[name] = replace(scaled(own, white * rng.uniform(0.8, 1.25)), bias=float(bias))
-    profile = str(rng.choice(["none", "constant", "warming", "diurnal", "chamber"], p=[0.15, 0.15, 0.3, 0.2, 0.2]))
+    profile = str(
+        rng.choice(["none", "constant", "warming", "diurnal", "chamber"], p=[0.15, 0.15, 0.3, 0.2, 0.2])
+    )
     if hard == "walk and warm-up":
         profile = "warming"
     if hard == "foreign temperature":

@@ -1,18 +1,17 @@
 """Effects on the spectrum: low-pass filter, first-order colour, resonance, a second Gauss–Markov process.
 
-The filter runs at eight times the rate and is decimated, as a sensor does it; the resonance is a carrier with a
-randomly walking envelope, not a recursion of second order.
+The filter runs at eight times the rate and is decimated, as a sensor does it; the resonance is a carrier with
+a randomly walking envelope, not a recursion of second order.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import butter, lfilter, sosfilt, sosfreqz
-
 from challenge.generator.effect import Effect, Place, Truth, sized
 from challenge.generator.noise import markov, markov_power
 from challenge.generator.scene import Scene, log_uniform
+from numpy.typing import NDArray
+from scipy.signal import butter, lfilter, sosfilt, sosfreqz
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +30,9 @@ class LowPass(Effect):
         base = place.oracle.power - noise.white**2
 
         def nats(cutoff: float) -> float:
-            return place.oracle.spectrum(base + noise.white**2 * self.response(cutoff, place.oracle.frequency, rate))
+            return place.oracle.spectrum(
+                base + noise.white**2 * self.response(cutoff, place.oracle.frequency, rate)
+            )
 
         self.cutoff, self.nats = sized(nats, target, 0.05 * rate, 2.0 * rate)
         return self
@@ -44,7 +45,9 @@ class LowPass(Effect):
         images = np.arange(OVERSAMPLING) * rate
 
         def folded(at: FloatArray) -> FloatArray:
-            _, h = sosfreqz(self.sections(cutoff, rate), (at[:, None] + images).ravel(), fs=OVERSAMPLING * rate)
+            _, h = sosfreqz(
+                self.sections(cutoff, rate), (at[:, None] + images).ravel(), fs=OVERSAMPLING * rate
+            )
             return np.asarray((np.abs(h) ** 2).reshape(len(at), -1).sum(axis=1))
 
         even = folded((np.arange(512) + 0.5) / 1024.0 * rate)
@@ -85,7 +88,7 @@ class Colour(Effect):
 
 
 class Vibration(Effect):
-    """A carrier whose complex envelope is a Gauss–Markov process: half-power bandwidth frequency ÷ quality."""
+    """A carrier whose complex envelope is a Gauss–Markov process of bandwidth frequency ÷ quality."""
 
     cause = "vibration"
     sharpness = (5.0, 100.0)
