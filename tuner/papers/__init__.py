@@ -25,6 +25,12 @@ ITEMS: Mapping[str, str] = MappingProxyType(
         "rlg-static": "laser",
         "rlg-vs-mems": "laser",
         "rlg-dynamic": "laser",
+        "fog-edf": "freedom",
+        "fog-sim": "theo",
+        "fog-bias": "theo",
+        "fog-record": "theo",
+        "mems-allan": "mems",
+        "mems-arma": "mems",
     }
 )
 """Module of each item; its function has the name of the item, with underscores."""

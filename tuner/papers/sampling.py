@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.noise import NoiseModel, Term
@@ -126,3 +127,13 @@ def mean_of(found: Sequence[Coefficient]) -> Coefficient:
         raise ValueError(msg)
     value, reach = float(np.mean(values)), float(np.linalg.norm(half)) / len(found)
     return Coefficient.known(value, value - reach, value + reach, found[0].unit)
+
+
+def share_of(hits: NDArray[np.bool_]) -> Coefficient:
+    """Return the share of runs that are True, with Wilson's interval."""
+    n, z = len(hits), float(norm.isf(0.5 * (1.0 - LEVEL)))
+    share = float(np.mean(hits))
+    centre = (share + z**2 / (2.0 * n)) / (1.0 + z**2 / n)
+    reach = z / (1.0 + z**2 / n) * float(np.sqrt(share * (1.0 - share) / n + z**2 / (4.0 * n**2)))
+    low, high = max(0.0, min(share, centre - reach)), min(1.0, max(share, centre + reach))
+    return Coefficient.known(share, low, high, "1")

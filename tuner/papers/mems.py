@@ -1,0 +1,410 @@
+"""Paper 3: the Allan variance of two groupings, and an ARMA model of what the gyro leaves.
+
+Two groupings: every Allan variance is the mean of two, the second begun some samples later. The mean over records
+is that of the classic Allan variance; only the scatter shrinks, and by how much depends on the offset alone.
+
+ARMA(1,1) with φ = 0.476425 and θ = −0.455909 has the autocorrelation ρ₁ = (1 + φθ)(φ + θ)/(1 + 2φθ + θ²) = 0.0208:
+white noise but for four parts in ten thousand of its variance. φ is known to sd (1 + φθ)√(1 − φ²)/(|φ + θ| √n) =
+33.5/√n, so that six digits of it mean nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.arma import Arma
+from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
+from tuner.curves import acf, curve, differences, pacf
+from tuner.curves.allan import allan, overlapping_allan, two_group_allan
+from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
+from tuner.identification.leastsquares import unweighted
+from tuner.identification.preprocess import (
+    prepare,
+    remove_trend,
+    reverse_arrangements,
+    sigma_outliers,
+)
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded, untestable
+from tuner.papers.sampling import Settings, estimate, realisations, record_from, share_of
+
+FloatArray = NDArray[np.float64]
+
+PAPER = "Zhang Meng et al., MEMS gyro: Allan variance and ARMA"
+PHI, THETA, VARIANCE = 0.476425, -0.455909, 0.0063
+"""Equation 16; the variance in (deg/s)²."""
+MEAN = 3.0478
+"""deg/s, figure 2."""
+MODEL = Arma((PHI,), (THETA,), VARIANCE, 0.01)
+Z = 0.2141
+NOISES: dict[str, Term] = {
+    "angle random walk": White(1.0),
+    "bias instability": BiasInstability(1.0),
+    "rate random walk": RandomWalk(1.0),
+}
+
+
+def mems_allan(settings: Settings) -> Item:
+    """Return figures 1 and 2 and table 1: two groupings against one, by the offset of the second."""
+    rng = settings.rng("mems-allan")
+    n, m, runs = 400, 16, settings.size(4000, 400)
+    offsets = np.arange(1, m)
+    claims: list[Claim] = []
+    gains = []
+    for group, (name, term) in enumerate(NOISES.items()):
+        y = realisations(term, n, runs, rng)
+        classic, full = allan(y, [m])[0], overlapping_allan(y, [m])[0]
+        grouped = {k: two_group_allan(y, [m], offset=k)[0] for k in offsets.tolist()}
+        expected = np.array([_gain(term, n, m, k) for k in offsets.tolist()])
+        best = int(m // 2)
+        claims += [
+            judge(
+                f"{name}: variance of classic ÷ two groupings, offset 1 (as in figure 1)",
+                "improved",
+                estimate(np.column_stack([classic, grouped[1]]), _quotient),
+                claimed=(1.05, np.inf),
+                derived=(expected[0] - 0.02, expected[0] + 0.02),
+                why=f"the second grouping shares 15 of 16 samples with the first: expected {expected[0]:.2f}",
+            ),
+            judge(
+                f"{name}: variance of classic ÷ two groupings, offset m/2",
+                "improved",
+                estimate(np.column_stack([classic, grouped[best]]), _quotient),
+                claimed=(1.05, np.inf),
+                derived=(expected[best - 1] - 0.05, expected[best - 1] + 0.05),
+                why=f"the best offset: expected {expected[best - 1]:.2f}; every position (overlapping) gives "
+                f"{_spoken(classic, full)}",
+            ),
+        ]
+        measured = [_quotient(np.column_stack([classic, grouped[k]])) for k in offsets.tolist()]
+        gains += [
+            Curve(offsets.astype(float), np.array(measured), name, "points", group=group),
+            Curve(offsets.astype(float), expected, group=group),
+        ]
+        if name == "bias instability":
+            pair = np.column_stack([np.sqrt(grouped[1]), np.sqrt(classic)])
+            claims.append(
+                judge(
+                    "mean change of the deviation by the second grouping",
+                    "coefficients 20.61, 17.54, 19.31 % smaller",
+                    estimate(pair, lambda p: p[:, 0].mean() / p[:, 1].mean() - 1.0),
+                    claimed=(-0.21, -0.17),
+                    derived=(-0.01, 0.02),
+                    why="both have the same expectation, so no coefficient shrinks on average; a change in one record is "
+                    "scatter, not a gain",
+                )
+            )
+    claims.append(
+        untestable(
+            "B, K, R 20.61, 17.54, 19.31 % nearer to the data sheet",
+            "table 1",
+            "the record, the two sets of coefficients and the data sheet's values were not published",
+        )
+    )
+    panels = (
+        *_drift(settings),
+        Panel(
+            f"{runs} records, m = {m}: gain by the offset",
+            "offset, samples",
+            "variance of classic ÷ two groupings",
+            tuple(gains),
+            "linear",
+        ),
+    )
+    return Item("mems-allan", f"{PAPER}: figures 1 and 2, table 1", tuple(claims), Picture(panels, columns=3))
+
+
+def mems_arma(settings: Settings) -> Item:
+    """Return figures 3–5, table 2 and equation 16."""
+    rng = settings.rng("mems-arma")
+    runs = settings.size(100, 50)
+    orders = {n: _orders(n, runs if n < 10_000 else settings.size(100, 20), rng) for n in (2000, 20_000)}
+    series = MODEL.sample(2000, 0.01, rng)
+    prepared = prepare(_raw(series, rng), rule="3sigma")
+    record = record_from(prepared.y, 0.01)
+    lags = (0.01 * np.arange(31)).tolist()
+    correlation, partial = acf(record, lag=lags), pacf(record, lag=lags)
+    claims = (
+        *_of_preparation(settings, rng),
+        *_of_correlation(settings, rng),
+        *_of_orders(orders),
+        *_of_model(settings, rng),
+    )
+    time, part = record.t[:100], slice(0, 100)
+    predicted = one_step(prepared.y, (PHI,), (THETA,))
+    panels = (
+        Panel(
+            "figure 3: raw and prepared",
+            "time, s",
+            "deg/s",
+            (
+                Curve(record.t, _raw(series, settings.rng("raw")) - MEAN, "raw − 3.0478", "faint", group=1),
+                Curve(record.t, prepared.y, "prepared", "faint", group=0),
+            ),
+            "linear",
+        ),
+        Panel(
+            "figure 4: correlation, 2000 samples",
+            "lag, s",
+            "correlation",
+            (
+                Curve(correlation.lag[1:], correlation.value[1:, 0], "autocorrelation", "points", group=0),
+                Curve(partial.lag[1:], partial.value[1:, 0], "partial", "points", group=1),
+                *(
+                    Curve(correlation.lag[1:], np.full(30, sign * correlation.band), style="dotted", group=5)
+                    for sign in (1.0, -1.0)
+                ),
+            ),
+            "linear",
+        ),
+        Panel(
+            "figure 5: 100 points and the model",
+            "time, s",
+            "deg/s",
+            (
+                Curve(time, prepared.y[part], "data", group=0),
+                Curve(time, predicted[part], "prediction from the past", group=1),
+                Curve(time, MODEL.sample(100, 0.01, rng), "another sample of the model", "dotted", group=2),
+            ),
+            "linear",
+        ),
+    )
+    return Item("mems-arma", f"{PAPER}: figures 3–5, table 2, eq. 16", claims, Picture(panels, columns=3))
+
+
+def _gain(term: Term, n: int, m: int, offset: int) -> float:
+    """Return the expected variance of the classic estimate ÷ that of two groupings, exact."""
+    difference = differences.Difference(NoiseModel((term,)), 2, float(m))
+    first, second = n // m - 1, (n - offset) // m - 1
+    return differences.two_groups(difference, first, second, offset / m) / differences.adjoining(
+        difference, first
+    )
+
+
+def _quotient(pair: FloatArray) -> float:
+    """Return the relative variance of the first column ÷ that of the second."""
+    first, second = np.var(pair, axis=0, ddof=1) / np.mean(pair, axis=0) ** 2
+    return float(first / second)
+
+
+def _spoken(classic: FloatArray, full: FloatArray) -> str:
+    return f"{_quotient(np.column_stack([classic, full])):.2f}"
+
+
+def _drift(settings: Settings) -> tuple[Panel, Panel]:
+    """Return figure 2: a record with drift, and its two-group curve with the paper's fit."""
+    model = NoiseModel(
+        (White(float(np.sqrt(VARIANCE * 0.01))), BiasInstability(0.004), RandomWalk(2e-4), Ramp(4e-6))
+    )
+    n = settings.size(360_000, 60_000)
+    record = record_from(MEAN + model.sample(n, 0.01, settings.rng("mems-drift")), 0.01)
+    found = curve(record, "twogroup", noise=model)
+    classic = curve(record, "adev", noise=model)
+    powers = unweighted(found.tau, found.variance[:, 0])
+    scale = {"quantization": np.sqrt(3.0), "white": 1.0, "bias_instability": 0.664, "random_walk": 3**-0.5}
+    scale["ramp"] = 2.0**-0.5
+    exponents = {"quantization": -2, "white": -1, "bias_instability": 0, "random_walk": 1, "ramp": 2}
+    fit = sum(
+        np.sign(v) * (scale[name] * v) ** 2 * found.tau ** exponents[name] for name, v in powers.items()
+    )
+    low, high = found.interval()
+    seen = slice(0, None, max(1, n // 3000))
+    return (
+        Panel(
+            "drift", "time, s", "deg/s", (Curve(record.t[seen], record.y[seen, 0], style="faint"),), "linear"
+        ),
+        Panel(
+            "Allan deviation",
+            "τ, s",
+            "deg/s",
+            (
+                Curve(found.tau, found.deviation()[:, 0], "two groupings", "line", low[:, 0], high[:, 0]),
+                Curve(classic.tau, classic.deviation()[:, 0], "classic", "points", group=1),
+                Curve(found.tau, np.sqrt(np.maximum(fit, 1e-12)), "unweighted fit", "dashed", group=5),
+            ),
+        ),
+    )
+
+
+def _raw(series: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return a series with the mean of figure 2, a trend and a few outliers."""
+    raw = MEAN + series + 2e-5 * np.arange(len(series))
+    raw[rng.choice(len(raw), 8, replace=False)] += 0.6 * rng.choice([-1.0, 1.0], 8)
+    return raw
+
+
+def _of_preparation(settings: Settings, rng: np.random.Generator) -> list[Claim]:
+    """Judge outlier rejection and the test of reverse arrangements."""
+    runs = settings.size(4000, 500)
+    clean = rng.standard_normal((runs, 400))
+    left = np.array(
+        [np.var(np.delete(row, np.flatnonzero(sigma_outliers(row)))) / np.var(row) for row in clean]
+    )
+    walks = np.cumsum(rng.standard_normal((runs, 400)), axis=1)
+    passed = {
+        "white": [abs(reverse_arrangements(row).statistic) <= 1.96 for row in clean],
+        "walk": [abs(reverse_arrangements(row).statistic) <= 1.96 for row in walks],
+        "detrended": [abs(reverse_arrangements(remove_trend(row)[1]).statistic) <= 1.96 for row in walks],
+    }
+    return [
+        judge(
+            "variance that 3σ rejection leaves of clean Gaussian data",
+            "removes gross errors only: 1",
+            estimate(left, np.mean),
+            claimed=1.0,
+            derived=(0.971, 0.976),
+            why="0.27 % of clean samples lie beyond 3σ, and they carry 2.7 % of the variance",
+        ),
+        judge(
+            "possible Z of 10 groups that is nearest to 0.2141",
+            "Z = 0.2141",
+            exact(_nearest(Z), "1"),
+            claimed=rounded(Z, 4),
+            derived=2.0 / np.sqrt(125.0),
+            why="with 10 groups |A − 22.5| is a half integer and √31.25 = 5.59, so that Z is a multiple of 0.0894, with or "
+            "without the correction of ½: 0.1789, 0.2683, never 0.2141",
+        ),
+        judge(
+            "white noise that passes |Z| ≤ 1.96",
+            "95 %",
+            share_of(np.array(passed["white"])),
+            claimed=(0.94, 0.98),
+            why="10 groups allow few values: the size is a little below 5 %",
+        ),
+        judge(
+            "random walks that fail the test",
+            "not stationary: all",
+            share_of(~np.array(passed["walk"])),
+            claimed=(0.95, 1.0),
+            derived=(0.4, 0.7),
+            why="the test sees monotone trends only: about half of all random walks have none",
+        ),
+        judge(
+            "random walks that fail after the trend is removed",
+            "not stationary: all",
+            share_of(~np.array(passed["detrended"])),
+            claimed=(0.95, 1.0),
+            derived=(0.0, 0.05),
+            why="the straight line takes what the test looks for: passing it after a detrend is no news",
+        ),
+    ]
+
+
+def _nearest(wanted: float, groups: int = 10) -> float:
+    """Return the |Z| nearest to the one wanted, of all that so many groups can give, with or without the ½."""
+    excess = np.abs(np.arange(groups * (groups - 1) // 2 + 1) - groups * (groups - 1) / 4.0)
+    every = np.concatenate([excess, excess + 0.5, np.abs(excess - 0.5)])
+    every = every / np.sqrt(groups * (2.0 * groups**2 + 3.0 * groups - 5.0) / 72.0)
+    return float(every[np.argmin(np.abs(every - wanted))])
+
+
+def _of_correlation(settings: Settings, rng: np.random.Generator) -> list[Claim]:
+    """Judge the correlograms."""
+    runs, n = settings.size(400, 60), 2000
+    outside, first = [], []
+    for _ in range(runs):
+        found = acf(record_from(MODEL.sample(n, 0.01, rng), 0.01), lag=(0.01 * np.arange(21)).tolist())
+        outside.append(np.mean(np.abs(found.value[1:, 0]) > found.band))
+        first.append(float(found.value[1, 0]))
+    rho = float(MODEL.autocovariance(0.01) / MODEL.autocovariance(0.0))
+    return [
+        judge(
+            "lags 1 … 20 whose correlation leaves the band of white noise, n = 2000",
+            "both correlograms tail off clearly",
+            estimate(np.array(outside), np.mean),
+            claimed=(0.15, 1.0),
+            derived=(0.03, 0.08),
+            why=f"the printed model has ρ₁ = {rho:.4f}, half the band of ±0.044: its correlogram is that of white noise",
+        ),
+        judge(
+            "autocorrelation of the printed model at lag 1",
+            "visible",
+            estimate(np.array(first), np.mean),
+            claimed=(0.044, 1.0),
+            derived=(rho - 0.002, rho + 0.002),
+            why="(1 + φθ)(φ + θ)/(1 + 2φθ + θ²): the roots nearly cancel",
+        ),
+    ]
+
+
+def _orders(
+    n: int, runs: int, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return, of every record of n samples of the printed model: called white; (1,1) by BIC; (1,1) by AIC."""
+    white, by_bic, by_aic = [], [], []
+    for _ in range(runs):
+        fit = fit_arma(MODEL.sample(n, 0.01, rng), 0.01, "deg/s")
+        aic = {order: score - (np.log(n) - 2.0) * (sum(order) + 1) for order, score in fit.scores.items()}
+        white.append(fit.white)
+        by_bic.append(min(fit.scores, key=lambda order: fit.scores[order]) == (1, 1))
+        by_aic.append(min(aic, key=lambda order: aic[order]) == (1, 1))
+    return np.array(white), np.array(by_bic), np.array(by_aic)
+
+
+def _of_orders(
+    orders: Mapping[int, tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]],
+) -> list[Claim]:
+    """Judge the choice of the order."""
+    claims = []
+    for n, (white, by_bic, by_aic) in orders.items():
+        claims += [
+            judge(
+                f"records of the printed model called white, n = {n}",
+                "none: ARMA(1,1)",
+                share_of(white),
+                claimed=(0.0, 0.05),
+                derived=(0.85, 1.0) if n == 2000 else (0.5, 0.95),
+                why="BIC charges two coefficients 2 ln n for what they gain in likelihood: about n ρ₁² = "
+                f"{n * 0.0208**2:.1f} against {2.0 * np.log(n):.0f}",
+            ),
+            judge(
+                f"records whose BIC is smallest at (1,1), n = {n}",
+                "(1,1)",
+                share_of(by_bic),
+                claimed=(0.5, 1.0),
+                derived=(0.0, 0.3),
+                why="white noise, or a single coefficient, scores better",
+            ),
+            judge(
+                f"records whose AIC is smallest at (1,1), n = {n}",
+                "(1,1)",
+                share_of(by_aic),
+                claimed=(0.5, 1.0),
+                derived=(0.02, 0.45),
+                why="AIC adds coefficients at will: it rarely stops at (1,1)",
+            ),
+        ]
+    return claims
+
+
+def _of_model(settings: Settings, rng: np.random.Generator) -> list[Claim]:
+    """Judge equation 16 and the overlay of figure 5."""
+    n = 20_000
+    sd = float(np.sqrt(coefficient_covariance((PHI,), (THETA,), n)[0, 0]))
+    closed = (1.0 + PHI * THETA) * np.sqrt(1.0 - PHI**2) / abs(PHI + THETA) / np.sqrt(n)
+    explained = []
+    for _ in range(settings.size(100, 50)):
+        y = MODEL.sample(n, 0.01, rng)
+        explained.append(1.0 - np.var(y - one_step(y, (PHI,), (THETA,))) / np.var(y))
+    share = 1.0 - VARIANCE / float(MODEL.autocovariance(0.0))
+    return [
+        judge(
+            "standard deviation of φ from 20 000 samples",
+            "0.476425: six digits",
+            exact(sd, "1"),
+            claimed=(0.0, 5e-7),
+            derived=(0.999 * closed, 1.001 * closed),
+            why="33.5/√n; sd 0.1 would need 110 000 samples, six digits 10¹⁵",
+        ),
+        judge(
+            "variance of the data that the model explains (100-point overlay)",
+            "data and model basically agree",
+            estimate(np.array(explained), np.mean),
+            claimed=(0.5, 1.0),
+            derived=(share - 1e-4, share + 1e-4),
+            why=f"1 − σ²/var x = {share:.1e}: prediction from the past is zero but for 2 % of a standard deviation, and "
+            "another sample of the model agrees with nothing",
+        ),
+    ]

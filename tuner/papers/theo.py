@@ -1,0 +1,375 @@
+"""Paper 2, figures 6–11: what Allan, total, Thêo1 and ThêoH variances do to noise that is known.
+
+The bias of a statistic is its mean over many records ÷ the Allan variance of the noise; its spread decides the
+degrees of freedom, ν = 2 (mean ÷ standard deviation)².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.units import DEG_PER_HOUR
+from tuner.curves import curve, dof
+from tuner.curves.allan import overlapping_allan
+from tuner.curves.theo import bias_ratio, theo1
+from tuner.curves.total import total
+from tuner.identification.leastsquares import unweighted
+from tuner.papers.expected import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, untestable
+from tuner.papers.sampling import Settings, estimate, ratio_of_means, realisations, record_from, relative_sd
+from tuner.records import Record
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PAPER = "Xu Dongsheng et al., ThêoH of fibre-optic gyros"
+LABELS: Mapping[str, str] = MappingProxyType(
+    {"oadev": "Allan", "totdev": "total", "theo1": "Thêo1", "theobr": "ThêoBR"}
+)
+NOISES: Mapping[str, Term] = MappingProxyType(
+    {
+        "quantization": Quantization(1.0),
+        "white": White(1.0),
+        "bias_instability": BiasInstability(1.0),
+        "random_walk": RandomWalk(1.0),
+        "ramp": Ramp(1.0),
+    }
+)
+
+
+def variances(y: FloatArray, m: IntArray) -> dict[str, FloatArray]:
+    """Return the four variances of every record at τ = m samples, m divisible by 3, shapes (q, runs).
+
+    Parameters
+    ----------
+    y : ndarray, shape (n, runs)
+        Records.
+    m : ndarray of int, shape (q,)
+        Cluster sizes; NaN where one is too large for the Allan variance.
+    """
+    fits = m <= len(y) // 2
+    allan = np.full((m.size, y.shape[1]), np.nan)
+    allan[fits] = overlapping_allan(y, m[fits])
+    raw = theo1(y, 4 * m // 3)
+    ratio = np.array([bias_ratio(column) for column in y.T])
+    return {"oadev": allan, "totdev": total(y, m), "theo1": raw, "theobr": raw * ratio}
+
+
+def fog_sim(settings: Settings) -> Item:
+    """Return figures 6–9: unit white noise, n = 1000, t0 = 0.01 s, and its running sum."""
+    rng = settings.rng("fog-sim")
+    n, t0, runs = 1000, 0.01, settings.size(4000, 400)
+    white = rng.standard_normal((n, runs))
+    records = {"white": white, "random_walk": np.cumsum(white, axis=0)}
+    m = np.array([9, 12, 18, 30, 48, 75, 120, 180, 240, 300, 390, 480, 570, 660, 750])
+    tau, at = m * t0, int(np.flatnonzero(m == 300)[0])
+    found = {noise: variances(y, m) for noise, y in records.items()}
+    panels: list[Panel] = []
+    titles = {"white": "angle random walk", "random_walk": "rate random walk"}
+    for noise, y in records.items():
+        one = record_from(y[:, 0], t0)
+        single = [curve(one, name) for name in ("oadev", "totdev", "theo1", "theoh")]
+        names = ("Allan", "total", "Thêo1", "ThêoH")
+        panels += [
+            Panel(titles[noise], "time, s", "rate", (Curve(one.t, y[:, 0], style="faint"),), "linear"),
+            Panel(
+                f"{titles[noise]}: one record",
+                "τ, s",
+                "deviation",
+                tuple(
+                    Curve(c.tau, c.deviation()[:, 0], name, group=g)
+                    for g, (c, name) in enumerate(zip(single, names, strict=True))
+                ),
+            ),
+            Panel(
+                f"{runs} records: mean and quartiles ÷ Allan variance",
+                "τ, s",
+                "variance ÷ expected Allan variance",
+                _spread(found[noise], _mean_allan(noise, m), tau),
+                "semilogx",
+            ),
+        ]
+    walk = {
+        name: np.column_stack([v[at], found["random_walk"]["oadev"][at]])
+        for name, v in found["random_walk"].items()
+    }
+    sd = {name: estimate(v[at], relative_sd) for name, v in found["white"].items()}
+    expected = {
+        name: float(np.sqrt(2.0 / dof(name, n, 400 if "theo" in name else 300, "white")[0]))
+        for name in LABELS
+    }
+    allan_sd = sd["oadev"].value
+    assert allan_sd is not None
+    claims = (
+        judge(
+            "random walk, τ = 3 s: Thêo1 ÷ Allan variance",
+            "biased",
+            estimate(walk["theo1"], ratio_of_means),
+            claimed=(0.0, 0.95),
+            why=f"expected 1/{theo1_ratio('random_walk', 400):.2f} = {1.0 / theo1_ratio('random_walk', 400):.3f}",
+        ),
+        judge(
+            "random walk, τ = 3 s: ThêoBR (so ThêoH) ÷ Allan variance",
+            "unbiased: 1",
+            estimate(walk["theobr"], ratio_of_means),
+            claimed=(0.95, 1.05),
+            why="one noise rules at every τ, so the ratio taken at short τ holds at long τ",
+        ),
+        judge(
+            "random walk, τ = 3 s: total ÷ Allan variance",
+            "unbiased: a = 0",
+            estimate(walk["totdev"], ratio_of_means),
+            claimed=1.0,
+            derived=total_ratio("random_walk", 0.3),
+            why="1 − 3τ/(4T) = 0.775 at τ/T = 0.3: the factor 0.75 belongs to the random walk",
+        ),
+        judge(
+            "white noise, τ = 3 s: total ÷ Allan variance",
+            "1 − 0.48 τ/T = 0.856",
+            estimate(
+                np.column_stack([found["white"]["totdev"][at], found["white"]["oadev"][at]]), ratio_of_means
+            ),
+            claimed=1.0 - PRINTED_TOTAL["white"] * 0.3,
+            derived=(n - 1) / (n - 2),
+            why="total variance of white noise has no bias; 0.48 belongs to bias instability",
+        ),
+        judge(
+            "white noise, τ = 3 s: relative sd of the Allan variance",
+            "2E = √(2/(N/m − 1)) = 0.926",
+            sd["oadev"],
+            claimed=float(np.sqrt(2.0 / (n / 300 - 1.0))),
+            derived=expected["oadev"],
+            why="overlapping uses more than N/m − 1 differences: ν = 2 (E V)²/var V from the covariance of all of them",
+        ),
+        *(
+            judge(
+                f"white noise, τ = 3 s: relative sd of {LABELS[name]}",
+                "smaller than Allan's",
+                sd[name],
+                claimed=(0.0, allan_sd),
+                why=f"expected √(2/ν) = {expected[name]:.2f}, Allan {expected['oadev']:.2f}",
+            )
+            for name in ("totdev", "theobr", "theo1")
+        ),
+    )
+    return Item("fog-sim", f"{PAPER}: figures 6–9", claims, Picture(tuple(panels), columns=3))
+
+
+def fog_bias(settings: Settings) -> Item:
+    """Return the bias of total variance at T/2, and table 1: the bias of Thêo1, for each of five noises."""
+    rng = settings.rng("fog-bias")
+    n, runs = 400, settings.size(6000, 500)
+    shares, sizes = np.array([40, 80, 120, 160, 200]), np.array([10, 20, 40, 100, 200, 400])
+    claims: list[Claim] = []
+    of_total: list[Curve] = []
+    of_theo1: list[Curve] = []
+    names = {
+        "quantization": "quantization",
+        "white": "angle random walk",
+        "bias_instability": "bias instability",
+    }
+    names |= {"random_walk": "rate random walk", "ramp": "ramp"}
+    belongs = {"white": "bias instability", "quantization": "the rate random walk"}
+    for g, (noise, term) in enumerate(NOISES.items()):
+        y = realisations(term, n, 1 if noise == "ramp" else runs, rng)
+        reference = term.allan_variance(shares.astype(float), interval=1.0)
+        totals = total(y, shares) / reference[:, None]
+        of_total += _against(shares / n, totals, names[noise], g, [total_ratio(noise, s) for s in shares / n])
+        half = exact(float(totals[-1, 0]) - 1.0, "1") if noise == "ramp" else estimate(totals[-1], _less_one)
+        claimed = -0.5 * PRINTED_TOTAL[noise]
+        claims.append(
+            judge(
+                f"{names[noise]}: bias of total variance at T/2",
+                f"{100.0 * claimed:+.3g} %",
+                half,
+                claimed=claimed,
+                derived=(total_ratio(noise, 0.5) - 1.0 - 0.006, total_ratio(noise, 0.5) - 1.0 + 0.006),
+                why=f"expected {100.0 * (total_ratio(noise, 0.5) - 1.0):+.3g} %: the list of clock noises lies over these noises "
+                f"in reverse order{f'; the printed value is that of {belongs[noise]}' if noise in belongs else ''}",
+            )
+        )
+        raw = theo1(y, sizes)
+        clusters = 0.75 * sizes
+        ratio = term.allan_variance(clusters, interval=1.0)[:, None] / raw.mean(axis=1, keepdims=True)
+        of_theo1 += _against(
+            sizes.astype(float), ratio, names[noise], g, [theo1_ratio(noise, k) for k in sizes.tolist()]
+        )
+        a, b, c = PRINTED_THEO1[noise]
+        printed = a + b / 100.0**c
+        at = int(np.flatnonzero(sizes == 100)[0])
+        variance = float(term.allan_variance(75.0, interval=1.0))
+        constant = (
+            exact(variance / float(raw[at, 0]), "1")
+            if noise == "ramp"
+            else estimate(raw[at], lambda v, variance=variance: variance / v.mean())
+        )
+        true = theo1_ratio(noise, 100)
+        claims.append(
+            judge(
+                f"{names[noise]}: Allan ÷ Thêo1 at m = 100",
+                f"{printed:.3g}",
+                constant,
+                claimed=printed,
+                derived=(0.995 * true, 1.005 * true),
+                why=f"exact {true:.3f}; the printed formula a + b/mᶜ is that of the noise at the other end of the list",
+            )
+        )
+    panels = (
+        Panel("total variance ÷ Allan variance", "τ/T", "ratio", tuple(of_total), "linear"),
+        Panel("Allan variance ÷ Thêo1", "m", "ratio", tuple(of_theo1)),
+    )
+    return Item("fog-bias", f"{PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
+
+
+def fog_record(settings: Settings) -> Item:
+    """Return figures 10 and 11: 3000 s at 0.3 s of ramp, white noise and quantization, over many records."""
+    rng = settings.rng("fog-record")
+    n, t0, runs = 10_000, 0.3, settings.size(200, 50)
+    white = 0.6 * DEG_PER_HOUR  # (rad/s)√s
+    corner, crossing = 3.0, 300.0  # s: quantization meets white noise, white noise meets the ramp
+    quantization, ramp = Quantization(white * np.sqrt(corner / 3.0)), Ramp(white * np.sqrt(2.0 / crossing**3))
+    model = NoiseModel((quantization, White(white), ramp))
+    y = np.stack([model.sample(n, t0, rng) for _ in range(runs)], axis=1)
+    m = np.array([9, 12, 18, 30, 60, 120, 240, 480, 990, 1500, 2250, 3000, 4200, 4998, 6000, 7500])
+    tau = m * t0
+    found, reference = variances(y, m), model.allan_variance(tau)
+    bias = {
+        (name, at): estimate(
+            found[name][np.flatnonzero(m == at)[0]] / model.allan_variance(at * t0), _less_one
+        )
+        for name in LABELS
+        for at in (9, 4998)
+    }
+    one = record_from(y[:, 0], t0)
+    slopes = np.array([_squared_ramp(record_from(column, t0)) for column in y.T]) / ramp.rate**2
+    expected = theo_br_ratio(model, n, t0, 4 * 4998 // 3)
+    thio = 1.0 / _mixture_ratio(model, t0, 4 * 4998 // 3)
+    claims = (
+        judge(
+            "bias of Thêo1 at τ = 2.7 s",
+            "larger than that of total variance",
+            bias["theo1", 9],
+            claimed=(0.05, np.inf),
+            why="quantization: Thêo1 sums 1/(m/2 − d), a harmonic number",
+        ),
+        judge(
+            "bias of total variance at τ = 2.7 s",
+            "smaller than that of Thêo1",
+            bias["totdev", 9],
+            claimed=(-0.05, 0.05),
+            why="total variance has no bias of its own where τ is a small part of T",
+        ),
+        judge(
+            "|bias| of Thêo1 − |bias| of total variance at τ = T/2",
+            "negative: total is worse at long τ",
+            estimate(np.column_stack([found[k][13] / reference[13] for k in ("theo1", "totdev")]), _worse),
+            claimed=(-1.0, 0.0),
+            derived=((1.0 - thio) - 7.0 / 15.0 - 0.03, (1.0 - thio) - 7.0 / 15.0 + 0.03),
+            why=f"the ramp rules there: total reads 8/15 of it (−47 %), Thêo1 {thio:.3f} ({100.0 * (thio - 1.0):.0f} %)",
+        ),
+        judge(
+            "bias of ThêoH at τ = T/2",
+            "none",
+            bias["theobr", 4998],
+            claimed=(-0.05, 0.05),
+            derived=(expected - 1.04, expected - 0.96),
+            why=f"its factor is taken where quantization and white noise rule and put on the ramp: expected {expected:.3f} "
+            "of the Allan variance. ThêoH is unbiased only where one noise rules at all τ",
+        ),
+        judge(
+            "R² from an unweighted fit to the ThêoH curve ÷ true R²",
+            "1: the best method",
+            estimate(slopes, np.mean),
+            claimed=1.0,
+            derived=(0.75 * expected, 1.35 * expected),
+            why="a fit to a biased curve keeps the bias; the ramp comes out at about half its rate",
+        ),
+        untestable(
+            "coefficients of table 3", "not in the text", "neither the record nor the numbers were published"
+        ),
+    )
+    names = ("oadev", "totdev", "theo1", "theoh")
+    single = [curve(one, name, noise=model) for name in names]
+    shown = [
+        Curve(c.tau, c.deviation()[:, 0] / DEG_PER_HOUR, label, group=g)
+        for g, (c, label) in enumerate(zip(single, ("Allan", "total", "Thêo1", "ThêoH"), strict=True))
+    ]
+    truth = Curve(tau, np.sqrt(reference) / DEG_PER_HOUR, "true", "dashed", group=5)
+    panels = (
+        Panel(
+            "one record",
+            "time, s",
+            "deg/h",
+            (Curve(one.t, one.y[:, 0] / DEG_PER_HOUR, style="faint"),),
+            "linear",
+        ),
+        Panel("its four curves", "τ, s", "deg/h", (*shown, truth)),
+        Panel(
+            f"{runs} records: mean and quartiles ÷ true",
+            "τ, s",
+            "variance ÷ true Allan variance",
+            _spread(found, reference, tau),
+            "semilogx",
+            ((0.1 * n * t0, "ThêoH switches"),),
+        ),
+    )
+    return Item("fog-record", f"{PAPER}: figures 10 and 11, table 3", claims, Picture(panels, columns=3))
+
+
+def _spread(found: dict[str, FloatArray], reference: FloatArray, tau: FloatArray) -> tuple[Curve, ...]:
+    """Return mean and quartiles of each statistic ÷ reference."""
+    curves = []
+    for group, (name, runs) in enumerate(found.items()):
+        fits = ~np.isnan(runs[:, 0])
+        shown = runs[fits] / reference[fits, None]
+        low, high = np.quantile(shown, [0.25, 0.75], axis=1)
+        curves.append(Curve(tau[fits], shown.mean(axis=1), LABELS[name], "line", low, high, group))
+    return tuple(curves)
+
+
+def _against(x: FloatArray, runs: FloatArray, label: str, group: int, expected: list[float]) -> list[Curve]:
+    """Return the mean of runs as points beside the expected line."""
+    return [
+        Curve(x, runs.mean(axis=1), label, "points", group=group),
+        Curve(x, np.array(expected), style="line", group=group),
+    ]
+
+
+def _less_one(values: FloatArray) -> float:
+    return float(values.mean() - 1.0)
+
+
+def _worse(pair: FloatArray) -> float:
+    """Return |bias| of the first column − |bias| of the second."""
+    first, second = np.abs(pair.mean(axis=0) - 1.0)
+    return float(first - second)
+
+
+def _squared_ramp(record: Record) -> float:
+    """Return R² of the paper's fit to the ThêoH curve, negative where the fit is."""
+    found = curve(record, "theoh", noise="white")
+    rate = unweighted(found.tau, found.variance[:, 0])["ramp"]
+    return float(np.sign(rate) * rate**2)
+
+
+def _mean_allan(noise: str, m: IntArray) -> FloatArray:
+    """Return the Allan variance of unit white noise or of its running sum."""
+    return NOISES[noise].allan_variance(m.astype(float), interval=1.0)
+
+
+def theo_br_ratio(model: NoiseModel, n: int, t0: float, m: int) -> float:
+    """Return E ThêoBR ÷ Allan variance of a sum of noises: its factor, taken below T/10, over that at m."""
+    count = int(np.floor(0.1 * (n + 1) / 3.0 - 3.0)) + 1
+    factor = np.mean([_mixture_ratio(model, t0, 12 + 4 * i) for i in range(count)])
+    return float(factor / _mixture_ratio(model, t0, m))
+
+
+def _mixture_ratio(model: NoiseModel, t0: float, m: int) -> float:
+    """Return Allan variance ÷ E Thêo1 of a sum of noises."""
+    parts = np.array([float(term.allan_variance(0.75 * m * t0)) for term in model.terms])
+    return float(parts.sum() / np.sum(parts / [theo1_ratio(term.name, m) for term in model.terms]))
