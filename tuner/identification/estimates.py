@@ -72,7 +72,7 @@ def from_fit(
     Returns
     -------
     Estimates
-        A term whose amplitude may be zero is a bound.
+        A term whose amplitude may be zero is a bound, or nothing where the data set no limit.
     """
     terms: list[TermEstimate] = []
     kept: list[Term] = []
@@ -84,7 +84,7 @@ def from_fit(
         units = term.units(unit)
         absent = ends[0][0] <= 0.0
         coefficients = {
-            name: Coefficient.bounded(high, u, ALLOWS_NONE[forced])
+            name: Coefficient(None, None, high if high < np.inf else None, u, ALLOWS_NONE[forced])
             if absent
             else Coefficient.known(float(getattr(term, name)), low, high, u)
             for name, (low, high), u in zip(term.PARAMETERS, ends, units, strict=True)
