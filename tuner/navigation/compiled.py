@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numba
 import numpy as np
@@ -33,27 +33,12 @@ def compiled(function: Function) -> Function:
     )
 
 
-def kept(function: Function, *sources: ModuleType) -> Function:
-    """Return a kernel whose code is kept on disk for as long as no source of it changes.
-
-    Numba itself looks at one file only. What it does look at is the closure of a function: so the checksum of
-    all files that the kernel is made of goes there.
-
-    Parameters
-    ----------
-    function : function
-        A compiled kernel.
-    *sources : modules
-        All modules with code of the kernel.
-    """
-    checksum = 1
+def checksum(*sources: ModuleType) -> int:
+    """Return a number that changes with the code of modules."""
+    total = 1
     for source in sources:
-        checksum = zlib.crc32(Path(str(source.__file__)).read_bytes(), checksum)
-
-    def entry(*arguments: Any) -> Any:
-        return function(*arguments) if checksum >= 0 else None
-
-    return cast(Function, numba.njit(cache=True, nogil=True)(entry))
+        total = zlib.crc32(Path(str(source.__file__)).read_bytes(), total)
+    return total
 
 
 class Layout(NamedTuple):

@@ -10,19 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models import earth, errorstate, strapdown, triples
 from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
-from tuner.navigation import compiled, covariance, flight, updates
 from tuner.navigation.compiled import Layout
+from tuner.navigation.flight import kept_fly
 from tuner.navigation.inputs import Fixes, Solution, Steps
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
 FloatArray = NDArray[np.float64]
-
-_SOURCES = (triples, earth, strapdown, errorstate, compiled, covariance, updates, flight)
-fly = compiled.kept(flight.fly, *_SOURCES)
 
 
 @dataclass(frozen=True)
@@ -77,7 +73,7 @@ def run(
     if errors is not None and len(errors.slow) * errors.every < len(steps.dt):
         msg = f"'slow' must cover {len(steps.dt)} steps, got {len(errors.slow) * errors.every}"
         raise ValueError(msg)
-    fly(
+    kept_fly(
         layout(settings),
         state,
         x,

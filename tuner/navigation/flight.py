@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+from typing import Any, cast
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, compiled
+from tuner.navigation import compiled as compiled_module
+from tuner.navigation import covariance, updates
+from tuner.navigation.compiled import Layout, Workspace, checksum, compiled
 from tuner.navigation.covariance import advance, decay_parameters, set_decay, summarise
 from tuner.navigation.updates import correct, fix_model, update
 
@@ -190,3 +198,24 @@ def fly(
         state[c], state[3 + c] = pos[c], vel[c]
     for c in range(4):
         state[6 + c] = quat[c]
+
+
+def _kept(number: int) -> Callable[..., None]:
+    """Return `fly`, kept on disk for as long as no source of it changes.
+
+    Numba looks at the file of one function only, and at the closure of that function: so the checksum of all
+    files goes there.
+    """
+
+    def entry(*arguments: Any) -> None:
+        if number > 0:
+            fly(*arguments)
+
+    return cast(Callable[..., None], numba.njit(cache=True, nogil=True)(entry))
+
+
+kept_fly = _kept(
+    checksum(
+        triples, earth, strapdown, errorstate, compiled_module, covariance, updates, sys.modules[__name__]
+    )
+)
