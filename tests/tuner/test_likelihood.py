@@ -189,6 +189,30 @@ def test_an_absent_term_has_an_interval_from_zero():
     assert 0.0 < high < 0.05
 
 
+def test_sinusoids_are_measured_and_leave_the_noise():
+    rng = np.random.default_rng(11)
+    n, lines = 20_000, ((0.1, 1.2345), (0.05, 0.02))
+    t = np.arange(n) * INTERVAL
+    y = NoiseModel((White(0.1), BiasInstability(0.02))).sample(n, INTERVAL, rng)
+    y = y + sum(a * np.sin(2.0 * np.pi * f * t + f) for a, f in lines)
+    found = fit([y[:12_000], y[12_500:]], INTERVAL, ["white", "bias_instability", "sinusoid", "sinusoid"])
+    assert found.terms == ("white", "bias_instability", "sinusoid", "sinusoid")
+    sd = np.sqrt(np.diag(found.covariance))
+    measured = {round(found.value(f"{name}.frequency"), 1): name for name in ("sinusoid", "sinusoid_2")}
+    for amplitude, frequency in lines:
+        name = measured[round(frequency, 1)]
+        for parameter, truth in (("amplitude", amplitude), ("frequency", frequency)):
+            at = found.names.index(f"{name}.{parameter}")
+            assert abs(found.estimate[at] - np.log(truth)) < 5.0 * sd[at]
+            assert found.intervals[at][0] < found.value(f"{name}.{parameter}") < found.intervals[at][1]
+    assert abs(found.value("white.density") / 0.1 - 1.0) < 5.0 * sd[0]
+
+
+def test_an_exactly_periodic_record():
+    found = fit([np.tile([1.0, -1.0, 0.0, 0.0], 500)], INTERVAL, ["quantization", "white", "random_walk"])
+    assert np.all(np.isfinite(found.estimate))
+
+
 @pytest.mark.parametrize("terms", [[], ["ramp"], ["white", "pink"]])
 def test_terms_that_cannot_be_fitted(terms):
     with pytest.raises(ValueError, match="'terms'"):

@@ -3,7 +3,7 @@
 `fit` summarises the record once (`periodogram`), maximises the likelihood of the sum (`objective`) and
 puts an interval on every parameter (`intervals`). The rate of a ramp is the one parameter that may be
 negative; its interval is the profile likelihood over every noise that could have made the line, so it is
-wide where a random walk does as well.
+wide where a random walk does as well. Sinusoids are taken out first (`lines`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import NoiseModel, Ramp, Term
+from models.noise import NoiseModel, Ramp, Sinusoid, Term
 from tuner.identification.intervals import interval as score_interval
+from tuner.identification.lines import Line, line_sd, take_out_line
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 
@@ -30,7 +31,7 @@ class LikelihoodFit:
     Attributes
     ----------
     terms : tuple of str
-        Names of the terms, ramp last.
+        Names of the terms, the ramp and sinusoids last.
     names : tuple of str
         Parameters, such as ``white.density``; a second Gauss–Markov term has ``gauss_markov_2.sd`` and so on.
     estimate : ndarray, shape (p,)
@@ -78,7 +79,7 @@ def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> 
     interval : float
         Sampling interval, s.
     terms : sequence of str
-        Names of terms; a Gauss–Markov term may come more than once.
+        Names of terms; a Gauss–Markov term or a sinusoid may come more than once.
 
     Returns
     -------
@@ -89,11 +90,20 @@ def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> 
     ValueError
         If a term is unknown, or all pieces are too short or constant.
     """
-    return fit_periodogram(cosine_periodogram(pieces, interval), terms)
+    lines, rest = [], list(pieces)
+    for _ in range(list(terms).count(Sinusoid.name)):
+        line, rest = take_out_line(rest, interval)
+        lines.append(line)
+    noise = [name for name in terms if name != Sinusoid.name]
+    found = fit_periodogram(cosine_periodogram(rest, interval), noise)
+    for line in lines:
+        density = float(found.model.psd(np.array([line.frequency]), interval=interval)[0])
+        found = _with_line(found, line, line_sd(line, density, rest, interval))
+    return found
 
 
 def fit_periodogram(data: CosinePeriodogram, terms: Sequence[str]) -> LikelihoodFit:
-    """Fit a given sum of terms to a cosine periodogram; see `fit`."""
+    """Fit a given sum of terms, other than sinusoids, to a cosine periodogram; see `fit`."""
     objective = Objective.of(data, terms)
     return describe(objective, objective.maximum())
 
@@ -129,6 +139,28 @@ def describe(objective: Objective, theta: FloatArray) -> LikelihoodFit:
     model = NoiseModel(tuple(terms))
     return LikelihoodFit(
         kinds, tuple(names), theta, covariance, tuple(intervals), log_likelihood, slope, ends, model
+    )
+
+
+def _with_line(found: LikelihoodFit, line: Line, sd: FloatArray) -> LikelihoodFit:
+    """Return the fit with one more sinusoid, whose errors are independent of the rest."""
+    repeat = found.terms.count(Sinusoid.name)
+    label = Sinusoid.name if not repeat else f"{Sinusoid.name}_{repeat + 1}"
+    covariance = np.pad(found.covariance, (0, 2))
+    covariance[[-2, -1], [-2, -1]] = sd**2
+    values = np.array([line.amplitude, line.frequency])
+    low, high = values * (1.0 - 1.96 * sd), values * (1.0 + 1.96 * sd)
+    return replace(
+        found,
+        terms=(*found.terms, Sinusoid.name),
+        names=(*found.names, f"{label}.amplitude", f"{label}.frequency"),
+        estimate=np.append(found.estimate, np.log(values)),
+        covariance=covariance,
+        intervals=(
+            *found.intervals,
+            *((max(float(a), 0.0), float(b)) for a, b in zip(low, high, strict=True)),
+        ),
+        model=found.model + Sinusoid(*values.tolist()),
     )
 
 

@@ -88,8 +88,8 @@ class Objective:
             msg = f"'terms' must hold some of {', '.join(TERMS)} (and ramp), got {', '.join(terms)}"
             raise ValueError(msg)
         kinds = tuple(TERMS[name] for name in names)
-        floor = 1e-3 * data.power[data.count > 1].min(initial=data.power.max())
-        power = np.maximum(data.power, floor)
+        least, most = data.power[data.count > 1].min(initial=data.power.max()), data.power.max()
+        power = np.maximum(data.power, max(1e-3 * least, 1e-15 * most))
         lower, upper, shapes = [], [], []
         for kind in kinds:
             scales = _scales(kind, data)
