@@ -21,7 +21,7 @@ from tuner.identification.band import TOLERANCE, Band, curve_within, find_band, 
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.leastsquares import fit as fit_curve
 from tuner.identification.leastsquares import misfit, unweighted
-from tuner.identification.likelihood import LikelihoodFit, fit_periodogram
+from tuner.identification.likelihood import LikelihoodFit, fit, fit_periodogram
 from tuner.identification.means import mean_of_noise
 from tuner.identification.octaves import OctaveCurve
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
@@ -95,7 +95,10 @@ def identify_channel(
     band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
     octaves = curve_within(whole, band)
     data = periodogram_within(cosine_periodogram(pieces, single.interval), band)
-    chosen, bounds, candidates = _choose(data, band, single.unit, terms)
+    if terms is None:
+        chosen, bounds, candidates = _choose(data, band, single.unit)
+    else:
+        chosen, bounds, candidates = fit(pieces, single.interval, terms), (), ()
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     longest = max(pieces, key=len)
@@ -231,22 +234,21 @@ def _by_method(
 
 
 def _choose(
-    data: CosinePeriodogram, band: Band, unit: str, terms: Sequence[str] | None
+    data: CosinePeriodogram, band: Band, unit: str
 ) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
     """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
-    if terms is not None:
-        return fit_periodogram(data, terms), (), ()
     selection = select_periodogram(data)
-    fit, absent = selection.fit, selection.bounded
+    chosen, absent = selection.fit, selection.bounded
     if band.m > 1:
-        if Quantization.name in fit.terms:
-            fit = fit_periodogram(
+        if Quantization.name in chosen.terms:
+            chosen = fit_periodogram(
                 data, next(c.terms for c in selection.candidates if Quantization.name not in c.terms)
             )
         hidden = "hidden: it shows only in clusters shorter than those that the terms describe"
         below = Bound(Quantization.name, Quantization.PARAMETERS[0], np.inf, hidden)
         absent = (below, *(b for b in absent if b.name != Quantization.name))
-    return fit, tuple(_bounded(b, unit) for b in absent if b.name not in fit.terms), selection.candidates
+    bounds = tuple(_bounded(b, unit) for b in absent if b.name not in chosen.terms)
+    return chosen, bounds, selection.candidates
 
 
 def _bounded(bound: Bound, unit: str) -> TermEstimate:
