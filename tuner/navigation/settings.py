@@ -45,6 +45,8 @@ class FilterSettings:
         From the inertial unit to the antenna, in b, m.
     covariance_step : float
         Longest step in which the covariance is advanced, s; the mechanisation takes every sample.
+    position_sd, velocity_sd : tuple of 3 floats or None
+        What the configuration says of a fix, north, east, down, m and m/s.
     """
 
     model: ErrorModel
@@ -52,6 +54,8 @@ class FilterSettings:
     gate: float = GATE
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     covariance_step: float = COVARIANCE_STEP
+    position_sd: tuple[float, float, float] | None = None
+    velocity_sd: tuple[float, float, float] | None = None
 
     @property
     def size(self) -> int:
@@ -116,8 +120,12 @@ def filter_settings(
             sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd for channel in noise]
     if "gnss_position" in at:
         sd[at["gnss_position"]] = [state.sd for state in correlated for _ in range(3)]
-    gate = config.gnss.gate if config.gnss is not None else GATE
-    return FilterSettings(model, sd, gate, lever_arm, covariance_step)
+    gnss = config.gnss
+    if gnss is None:
+        return FilterSettings(model, sd, GATE, lever_arm, covariance_step)
+    return FilterSettings(
+        model, sd, gnss.gate, lever_arm, covariance_step, gnss.position_sd, gnss.velocity_sd
+    )
 
 
 def total_bias(model: ErrorModel) -> FloatArray:
