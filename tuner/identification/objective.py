@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations_with_replacement, groupby, product
 from typing import Any
 
@@ -42,6 +43,7 @@ from tuner.identification.periodogram import CosinePeriodogram
 from tuner.identification.scoring import minimise
 
 FloatArray = NDArray[np.float64]
+Trial = tuple[tuple[float, ...], FloatArray]
 
 TERMS: dict[str, type[Any]] = {
     kind.name: kind for kind in (Quantization, White, BiasInstability, GaussMarkov, RandomWalk, LowPassWhite)
@@ -69,8 +71,9 @@ class Objective:
         Whether a ramp is profiled out.
     lower, upper : ndarray, shape (p,)
         Bounds of the logs.
-    shapes : tuple of (ndarray or None)
-        Expected power of the unit amplitude where that is the only parameter.
+    grids : tuple of tuple of (tuple, ndarray)
+        For each term, trial values of the parameter after the amplitude (an empty tuple where there is none)
+        with the expected power of the unit amplitude.
     """
 
     data: CosinePeriodogram
@@ -78,7 +81,7 @@ class Objective:
     ramp: bool
     lower: FloatArray
     upper: FloatArray
-    shapes: tuple[FloatArray | None, ...]
+    grids: tuple[tuple[Trial, ...], ...]
 
     @classmethod
     def of(cls, data: CosinePeriodogram, terms: Sequence[str]) -> Objective:
@@ -90,14 +93,13 @@ class Objective:
         kinds = tuple(TERMS[name] for name in names)
         least, most = data.power[data.count > 1].min(initial=data.power.max()), data.power.max()
         power = np.maximum(data.power, max(1e-3 * least, 1e-15 * most))
-        lower, upper, shapes = [], [], []
-        for kind in kinds:
-            scales = _scales(kind, data)
-            ratios = np.stack([power / _shape(kind, scale, data) for scale in scales])
-            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([s / 10.0 for s in scales[0]])]
-            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([s * 100.0 for s in scales[-1]])]
-            shapes.append(None if scales[0] else _shape(kind, (), data))
-        return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), tuple(shapes))
+        grids = tuple(_trials(kind, data) for kind in kinds)
+        lower, upper = [], []
+        for trials in grids:
+            ratios = np.stack([power / shape for _, shape in trials])
+            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([s / 10.0 for s in trials[0][0]])]
+            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([s * 100.0 for s in trials[-1][0]])]
+        return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), grids)
 
     def is_amplitude(self, j: int) -> bool:
         """Return whether parameter j is the amplitude of its term, which may be zero."""
@@ -106,10 +108,10 @@ class Objective:
     def expected(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the expected power, shape (m,), and its derivatives by θ, shape (p, m)."""
         rows, total, at = [], np.zeros_like(self.data.frequency), 0
-        for kind, shape in zip(self.kinds, self.shapes, strict=True):
+        for kind, trials in zip(self.kinds, self.grids, strict=True):
             gain = np.exp(2.0 * theta[at])
-            if shape is not None:
-                power, gradient = gain * shape, 2.0 * gain * shape[None]
+            if len(kind.PARAMETERS) == 1:
+                power, gradient = gain * trials[0][1], 2.0 * gain * trials[0][1][None]
             else:
                 scale = np.exp(theta[at + 1 : at + len(kind.PARAMETERS)])
                 power, gradient = expected_power(kind(1.0, *scale), self.data)
@@ -136,7 +138,10 @@ class Objective:
 
     def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return -2 ln L, its gradient (p,) and its expected second derivatives (p, p)."""
-        expected, gradient = self.expected(theta)
+        return self._evaluate(*self.expected(theta))
+
+    def _evaluate(self, expected: FloatArray, gradient: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return what a call returns, for an expected power and its derivatives."""
         squares, freedom = self.excess(expected)
         relative = gradient / expected
         value = float(self.data.count @ np.log(expected) + squares.sum())
@@ -158,40 +163,43 @@ class Objective:
         return minimise(self, start, lower=self.lower, upper=self.upper, fixed=fixed)
 
     def _starts(self) -> list[FloatArray]:
-        """Return promising logs: the best of a grid of time constants, each with amplitudes that suit."""
-        groups = [(kind, len(list(same))) for kind, same in groupby(self.kinds)]
-        grids = [combinations_with_replacement(_scales(kind, self.data), number) for kind, number in groups]
+        """Return promising logs: the best of a grid of time constants, each with its best amplitudes."""
+        same = [list(group) for _, group in groupby(zip(self.kinds, self.grids, strict=True), lambda p: p[0])]
+        choices = [combinations_with_replacement(group[0][1], len(group)) for group in same]
+        amplitudes = [j for j in range(len(self.lower)) if self.is_amplitude(j)]
+        lower, upper = self.lower[amplitudes], self.upper[amplitudes]
         found = []
-        for choice in product(*grids):
-            scales = [scale for group in choice for scale in group]
-            pairs = list(zip(self.kinds, scales, strict=True))
-            variances = self._shares(np.stack([_shape(kind, scale, self.data) for kind, scale in pairs]))
-            logs = [(0.5 * np.log(v), *np.log(scale)) for v, scale in zip(variances, scales, strict=True)]
-            start = np.clip(np.concatenate(logs), self.lower, self.upper)
-            found.append((self(start)[0], start))
+        for choice in product(*choices):
+            scales, each = zip(*(trial for group in choice for trial in group), strict=True)
+            shapes = np.stack(each)
+            start = np.clip(0.5 * np.log(self._shares(shapes)), lower, upper)
+            function = partial(self._of_amplitudes, shapes)
+            logs, value = minimise(function, start, lower=lower, upper=upper, tolerance=1e-4)
+            entries = [(log, *np.log(scale)) for log, scale in zip(logs, scales, strict=True)]
+            found.append((value, np.concatenate(entries)))
         found.sort(key=lambda pair: pair[0])
         return [start for _, start in found[:_REFINED]]
+
+    def _of_amplitudes(self, shapes: FloatArray, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return what a call returns, for logs of amplitudes of given shapes."""
+        powers = np.exp(2.0 * theta)[:, None] * shapes
+        return self._evaluate(powers.sum(axis=0), 2.0 * powers)
 
     def _shares(self, shapes: FloatArray) -> FloatArray:
         """Return variances that make Σ v·shapes resemble the power, from equal shares."""
         count = self.data.count
         squares = self.excess(np.ones_like(count))[0]
         variances: FloatArray = np.sum(squares / shapes, axis=1) / count.sum() / len(shapes)
-        for _ in range(30):
+        for _ in range(10):
             expected = variances @ shapes
             variances = variances * np.sqrt(shapes @ (squares / expected**2) / (shapes @ (count / expected)))
         return variances + np.finfo(float).tiny
 
 
-def _scales(kind: type[Any], data: CosinePeriodogram) -> list[tuple[float, ...]]:
-    """Return starting values of the parameter after the amplitude, s or Hz; () where there is none."""
-    if len(kind.PARAMETERS) == 1:
-        return [()]
+def _trials(kind: type[Any], data: CosinePeriodogram) -> tuple[Trial, ...]:
+    """Return the trial values of a term with the expected power of its unit amplitude."""
     times = np.geomspace(3.0 * data.interval, 0.5 * data.longest, _GRID_POINTS)
-    return [(float(t),) for t in (times if kind is GaussMarkov else 0.5 / times[::-1])]
-
-
-def _shape(kind: type[Any], scale: tuple[float, ...], data: CosinePeriodogram) -> FloatArray:
-    """Return the expected power of the unit amplitude."""
-    power: FloatArray = expected_power(kind(1.0, *scale), data)[0]
-    return power
+    scales = [()] if len(kind.PARAMETERS) == 1 else [(t,) for t in times.tolist()]
+    if kind is LowPassWhite:
+        scales = [(0.5 / t,) for t in times[::-1].tolist()]
+    return tuple((scale, expected_power(kind(1.0, *scale), data)[0]) for scale in scales)
