@@ -160,6 +160,16 @@ def test_segments_are_pooled():
     assert np.all(np.diag(found.covariance) < 0.5 * np.diag(alone.covariance))
 
 
+def test_many_segments_stay_cheap_and_unbiased():
+    rng = np.random.default_rng(12)
+    model = NoiseModel((White(0.3), BiasInstability(0.4)))
+    pieces = [model.sample(int(n), INTERVAL, rng) for n in rng.integers(20, 400, 300)]
+    data = cosine_periodogram(pieces, INTERVAL)
+    assert len(data.frequency) < 3000
+    found = fit_periodogram(data, ["white", "bias_instability"])
+    assert np.all(np.abs(found.estimate - np.log([0.3, 0.4])) < 5.0 * np.sqrt(np.diag(found.covariance)))
+
+
 @pytest.mark.parametrize("rate", [-0.02, 0.02])
 def test_a_ramp_has_its_sign_and_does_not_feed_the_random_walk(rate):
     y = NoiseModel((White(0.3),)).sample(20_000, INTERVAL, np.random.default_rng(7))
@@ -219,7 +229,10 @@ def test_terms_that_cannot_be_fitted(terms):
         fit([np.random.default_rng(0).standard_normal(100)], INTERVAL, terms)
 
 
-@pytest.mark.parametrize("pieces", [[np.zeros(5)], [np.zeros(500)], [np.full(50, np.nan)], []])
+@pytest.mark.parametrize(
+    "pieces",
+    [[np.zeros(5)], [np.full(500, 0.1)], [np.full(50, np.nan)], [np.r_[0.0, np.inf, np.ones(50)]], []],
+)
 def test_pieces_without_information(pieces):
     with pytest.raises(ValueError, match="'pieces'"):
         fit(pieces, INTERVAL, ["white"])

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.special import sici
 
 from models.noise import BiasInstability, GaussMarkov, Quantization
-from tuner.identification.periodogram import SINGLE, CosinePeriodogram
+from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _edge(_term: Any, _grid: CosinePeriodogram) -> tuple[Any, Any]:
 def _(_term: BiasInstability, grid: CosinePeriodogram) -> tuple[Any, Any]:
     k = grid.order
     exact = 2.0 / np.pi * sici(np.pi * k)[0] - 2.0 / (np.pi**2 * k) * (1.0 - grid.parity)
-    return np.where(k <= SINGLE, exact, 1.0 - 2.0 / (np.pi**2 * k)), 0.0
+    return np.where(grid.parity != 0.0, exact, 1.0 - 2.0 / (np.pi**2 * k)), 0.0
 
 
 @_edge.register

@@ -32,7 +32,7 @@ from scipy.fft import dct
 FloatArray = NDArray[np.float64]
 
 SINGLE = 64
-"""Coefficients of each segment that are kept with their sign."""
+"""Coefficients of a segment that are kept with their sign; fewer where there are more than 16 segments."""
 
 SHORTEST = 16
 """Segments with fewer samples are left out: they hold next to nothing and cost a frequency grid each."""
@@ -105,19 +105,23 @@ def cosine_periodogram(
     Raises
     ------
     ValueError
-        If no piece has `SHORTEST` samples, or one of them is constant.
+        If no piece has `SHORTEST` samples, or they are not finite or all equal.
     """
     long_enough = [np.asarray(p, dtype=float) for p in pieces if len(p) >= SHORTEST]
     if not long_enough:
         msg = f"'pieces' must hold a segment of at least {SHORTEST} samples"
         raise ValueError(msg)
-    lowest = SINGLE / (2.0 * interval * max(len(p) for p in long_enough))
+    if not all(np.isfinite(p).all() for p in long_enough) or not any(np.ptp(p) > 0.0 for p in long_enough):
+        msg = "'pieces' must hold finite samples that are not all equal"
+        raise ValueError(msg)
+    most = min(SINGLE, max(16 * SINGLE // len(long_enough), 4))
+    lowest = most / (2.0 * interval * max(len(p) for p in long_enough))
     edges = _edges(lowest, 0.5 / interval, resolution, widest)
     singles = []
     cells = np.zeros((5, len(edges) - 1))  # sums of: one, frequency, power, order, 1/span
     for piece in long_enough:
-        amplitude, line = _transform(piece, interval)
-        n, low = len(piece), min(SINGLE, len(piece) - 1)
+        n, low = len(piece), min(most, len(piece) - 1)
+        amplitude, line = _transform(piece, interval, low)
         order = np.arange(1.0, low + 1.0)
         span = n * interval
         single = np.stack((order / (2.0 * span), amplitude[:low], np.ones(low), order, (-1.0) ** order,
@@ -128,25 +132,20 @@ def cosine_periodogram(
     nothing = np.zeros_like(count)
     grouped = np.stack((frequency / count, np.sqrt(power / count), count, order_sum / count, nothing,
                         count / inverse_span, nothing))  # fmt: skip
-    table = np.concatenate((*singles, grouped), axis=1)
-    if not np.all(np.isfinite(table)) or not np.any(table[1]):
-        msg = "'pieces' must hold finite samples that are not all equal"
-        raise ValueError(msg)
-    return CosinePeriodogram(interval, *table)
+    return CosinePeriodogram(interval, *np.concatenate((*singles, grouped), axis=1))
 
 
-def _transform(piece: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients a_k, k ≥ 1, of a segment and those of the unit ramp.
+def _transform(piece: FloatArray, interval: float, low: int) -> tuple[FloatArray, FloatArray]:
+    """Return coefficients a_k, k ≥ 1, of a segment, and the first `low` of the unit ramp.
 
-    The straight line is taken out first and put back into the first `SINGLE` coefficients only, where it
-    belongs: the rest of a strong ramp would hide the noise at high frequency.
+    The straight line is taken out first and put back into those coefficients only: the rest of a strong ramp
+    would hide the noise at high frequency.
     """
     n = len(piece)
     t = (np.arange(n) - 0.5 * (n - 1)) * interval
     centred = piece - piece.mean()
     slope = (t @ centred) / (t @ t)
     amplitude = np.sqrt(interval) * dct(centred - slope * t, norm="ortho")[1:]
-    low = min(SINGLE, n - 1)
     k = np.arange(1.0, low + 1.0)
     half = 0.5 * np.pi * k / n
     line = -np.sqrt(2.0 * interval / n) * interval * (k % 2) * np.cos(half) / (2.0 * np.sin(half) ** 2)
