@@ -3,7 +3,7 @@
 ``python tests/challenge/run.py --items 1000 --seed 1 --out DIR [--processes 2]``
 
 Three steps, each a process of its own, for parts of the items: *generate* writes logs with anonymous names
-and a sealed key, whose SHA-256 goes into ``manifest``; *analyse* (`answer`) sees the folder of the logs alone;
+and a sealed key, whose SHA-256 goes into ``manifest``; *analyse* (`answer`) sees the folder of the logs;
 *score* opens the key after the answers are written, and only if its hash is the published one. Finished parts
 are kept: a second run with the same arguments goes on. The tables are printed to standard output.
 """
@@ -29,7 +29,7 @@ from challenge.seal import opened  # noqa: E402
 from challenge.tables import page  # noqa: E402
 from challenge.verdict import Verdict, judge  # noqa: E402
 
-PART = 10
+PART = 25
 """Items in a part."""
 
 

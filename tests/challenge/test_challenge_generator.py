@@ -41,7 +41,7 @@ QUIET = Noise(
 )
 PLAIN = Scene(
     "industrial", 100.0, 100_000, 0.0, {"gyro_x": QUIET}, "none",
-    {"level": 25.0, "range": 5.0, "noise": 0.01, "code": 0.03, "update": 0.0, "time_constant": 300.0, "period": 900.0},
+    {"level": 25.0, "range": 5.0, "noise": 0.01, "code": 0.03, "update": 0.0},
 )  # fmt: skip
 
 

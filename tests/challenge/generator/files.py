@@ -12,6 +12,9 @@ RECORDS = {"a": 0, "b": 1}
 EVENTS = ("step", "burst", "motion", "warmup")
 """Causes that happen once: record B does not have them, but for the warm-up."""
 
+FIRST = ("lowpass", "colour")
+"""What shapes the white noise before anything else happens to it: the filter makes its own."""
+
 
 def log(item: Item, record: str = "a") -> dict[str, NDArray[Any]]:
     """Return the arrays of a log: ``t``, the axes by name, ``temperature`` where there is a thermometer.
@@ -31,7 +34,9 @@ def log(item: Item, record: str = "a") -> dict[str, NDArray[Any]]:
         h.effect.begin(scene.samples, rng)
     arrays: dict[str, NDArray[Any]] = {}
     for axis, noise in scene.axes.items():
-        mine = [h.effect for h in hidden if axis in h.axes]
+        mine = sorted(
+            (h.effect for h in hidden if axis in h.axes), key=lambda effect: effect.cause not in FIRST
+        )
         w = noise.white * rng.standard_normal(scene.samples)
         for effect in mine:
             w = effect.white(w, noise.white, scene, rng)

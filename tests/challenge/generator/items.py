@@ -179,6 +179,8 @@ def _axes(rng: np.random.Generator, effect: type[Effect], axis: str, where: Scen
     others = [name for name in where.axes if name != axis and name[:4] == axis[:4]]
     if effect.needs == "accel":
         return (axis, "accel_z")
+    if effect.cause == "timing":
+        return tuple(where.axes)
     if effect.alone or not others:
         return (axis,)
     if effect.shared:
