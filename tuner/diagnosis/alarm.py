@@ -26,6 +26,8 @@ class Alarm:
         What the statistic is.
     propose : callable or None
         Makes the extensions (one; two for a pair); None where the family can only say that something is wrong.
+    local : bool
+        A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
     """
 
     cause: str
@@ -34,3 +36,4 @@ class Alarm:
     statistic: float
     name: str
     propose: Callable[[], tuple[Extension, ...]] | None = None
+    local: bool = False

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -54,6 +54,23 @@ class Value:
         """Make a positive value with an interval that is even in its logarithm."""
         factor = float(np.exp(1.96 * min(relative_sd, 5.0)))
         return cls(value, value / factor, value * factor, unit)
+
+    def widened(self, factor: float) -> Value:
+        """Return the value with an interval that reaches so many times as far, evenly in the logarithm if positive."""
+        if self.lower > 0:
+            return replace(
+                self,
+                lower=self.value * (self.lower / self.value) ** factor,
+                upper=self.value * (self.upper / self.value) ** factor,
+            )
+        lower, upper = (self.value + factor * (end - self.value) for end in (self.lower, self.upper))
+        return replace(self, lower=lower, upper=upper)
+
+    def joined(self, other: Value) -> Value:
+        """Return the value with an interval as wide as the wider of the two on either side."""
+        below = max(self.value - self.lower, other.value - other.lower)
+        above = max(self.upper - self.value, other.upper - other.value)
+        return replace(self, lower=self.value - below, upper=self.value + above)
 
     def coefficient(self, unit: str, scale: float) -> Coefficient:
         """Return the parameter in SI, for a channel of this unit and scale."""
@@ -103,6 +120,14 @@ class Extension(ABC):
         """Return what the extension adds to the noise model, in units of the scale."""
         return ()
 
-    def refined(self, sizes: FloatArray, covariance: FloatArray) -> Extension:
-        """Return the extension with the sizes (p,) of its templates from a joint fit, and their covariance."""
+    def refined(self, size: Value, widening: float) -> Extension:
+        """Return the extension with the size of its template from a joint fit.
+
+        Parameters
+        ----------
+        size : Value
+            Size in scales, its interval with the noise refitted.
+        widening : float
+            That interval over the one at fixed noise, 1 or more: what other intervals lack as well.
+        """
         return self

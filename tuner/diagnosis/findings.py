@@ -10,6 +10,7 @@ import numpy as np
 from models.noise import NoiseModel, Term, White
 from tuner.diagnosis.causes.colour import Colour
 from tuner.diagnosis.causes.lowpass import LowPass
+from tuner.diagnosis.gain import summed
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.residual import Residual
 from tuner.results import Alternative, Coefficient, Finding, Inflation
@@ -139,6 +140,7 @@ def _finding(group: list[_Single]) -> Finding:
         text=words(extension.cause, channels, extension.meaning, parameters),
         consequence=extension.consequence,
         extension={"cause": extension.cause, "joins": joins(extension.cause)},
+        gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),
         inflations=tuple(single.inflation for single in group if single.inflation is not None),
         by_channel={single.axis: dict(single.parameters) for single in group},

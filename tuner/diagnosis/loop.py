@@ -13,25 +13,28 @@ import numpy as np
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
-from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
 from tuner.diagnosis.joint import upgrade
 from tuner.diagnosis.panel import panel, retest
 from tuner.diagnosis.residual import Residual, relabelled, residual, without
-from tuner.results import Alternative
+from tuner.results import Alternative, Gain
 
 PASSES = 16
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
+BROAD = ("lowpass", "colour")
+"""Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one."""
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """An extension and what spoke for it."""
+    """An extension, what spoke for it, and what it is worth on data held out."""
 
     extension: Extension
     alarm: Alarm
     alternatives: tuple[Alternative, ...] = ()
+    gain: Gain | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,8 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             raised = [better[1]]
         if not raised:
             break
+        if any(alarm.local for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.cause not in BROAD]
         best = max(raised, key=lambda alarm: alarm.gain)
         assert best.propose is not None
         new = best.propose()
@@ -113,7 +118,7 @@ def _with_rivals(
     last = accepted[-1]
     silent = {a.cause for a in before} - {a.cause for a in after if a.p_value < threshold and a.gain > 0}
     rivals = [
-        Alternative(a.cause, float(np.exp(a.gain - last.alarm.gain)))
+        Alternative(a.cause, float(np.exp(min(a.gain - last.alarm.gain, 0.0))))
         for a in before
         if a.propose is not None
         and a.cause in silent
@@ -145,10 +150,12 @@ def _refined(found: Residual) -> Residual:
     """Return the residual whose extensions carry the sizes of the joint fit."""
     at, refined = 1, []
     for extension in found.extensions:
-        size = extension.columns(found.channel).shape[1]
-        block = slice(at, at + size)
-        refined.append(
-            extension.refined(found.fit.beta[block], found.fit.beta_covariance[block, block]) if size else extension
-        )
-        at += size
+        width = extension.columns(found.channel).shape[1]
+        if width == 1 and extension.cause != "motion":
+            lower, upper = found.reach(at)
+            sd = float(np.sqrt(found.fit.beta_covariance[at, at]))
+            size = Value(float(found.fit.beta[at]), lower, upper)
+            extension = extension.refined(size, max(1.0, (upper - lower) / (3.92 * sd)))
+        refined.append(extension)
+        at += width
     return relabelled(found, tuple(refined))

@@ -93,7 +93,8 @@ def spectrum(found: Residual) -> tuple[Alarm, ...]:
     unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, "shape of the fast spectrum")
     if shaped:
         return (unnamed,)
-    return (lowpass.test(tested, found.channel.interval), colour.test(tested), unnamed)
+    hump = (vibration.wide(tested, found),) if is_open(found, "vibration") else ()
+    return (lowpass.test(tested, found.channel.interval), colour.test(tested), *hump, unnamed)
 
 
 def leftovers(found: Residual) -> tuple[Alarm, ...]:
@@ -112,6 +113,8 @@ def leftovers(found: Residual) -> tuple[Alarm, ...]:
 
 def retest(found: Residual, cause: str) -> Alarm | None:
     """Run the test of one cause."""
-    if cause in SINGLE:
-        return SINGLE[cause](found)
-    return next((alarm for alarm in spectrum(found) if alarm.cause == cause), None)
+    alarms = [SINGLE[cause](found)] if cause in SINGLE else []
+    if cause in ("lowpass", "colour", "vibration"):
+        alarms += [alarm for alarm in spectrum(found) if alarm.cause == cause]
+    known = [alarm for alarm in alarms if alarm is not None]
+    return max(known, key=lambda alarm: (alarm.gain > 0, -alarm.p_value)) if known else None

@@ -10,6 +10,7 @@ with the whole spectrum E of the model. Zero-phase whitening leaves a spike a sp
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from models.noise import GaussMarkov, NoiseModel, White
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import block_transform, grid, inverse, transform
 from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.statistics import SHRINK
 from tuner.diagnosis.track import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
@@ -81,6 +83,20 @@ class Residual:
         return max(
             (track.fit(kinds, self.starts[kinds]) for kinds in self.kinds), key=lambda f: f.log_likelihood
         )
+
+    def reach(self, column: int) -> tuple[float, float]:
+        """Return the 95 % interval of the size of a template: that of the likelihood with the noise refitted for each
+        size, or that of the size averaged over slow noise too weak to be seen, the wider one."""
+        centre, sd = float(self.fit.beta[column]), float(np.sqrt(self.fit.beta_covariance[column, column]))
+
+        def drop(size: float) -> float:
+            held = self.track.without_column(column, size)
+            best = max(held.fit(f.kinds, f.theta).log_likelihood for f in self.fits)
+            return 2.0 * (self.fit.log_likelihood - best)
+
+        flicker = next(f for f in self.fits if BiasInstability in f.kinds)
+        half = 1.96 * float(np.sqrt(self.track.averaged_variance(flicker, column, (RandomWalk, BiasInstability))))
+        return min(_crossing(drop, centre, -sd), centre - half), max(_crossing(drop, centre, sd), centre + half)
 
     @cached_property
     def model(self) -> NoiseModel:
@@ -153,6 +169,20 @@ class Residual:
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
         frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
         return frequency, power
+
+
+def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
+    """Return where twice the loss of log likelihood passes the 95 % point, going from the centre by steps."""
+    goal = 3.84 / SHRINK
+    low, high = 0.0, 1.96 * step
+    for _ in range(12):
+        if drop(centre + high) >= goal:
+            break
+        low, high = high, 2.0 * high
+    for _ in range(6):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if drop(centre + middle) >= goal else (middle, high)
+    return centre + high
 
 
 def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:

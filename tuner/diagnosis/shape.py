@@ -1,6 +1,6 @@
 """Shape of the fast spectrum: white noise that passed a filter, or ARMA colour.
 
-The squared coefficients above a hundredth of the rate are averaged in 64 even bins; their law is that of a gamma
+The squared coefficients above a hundredth of the rate are averaged in 128 even bins; their law is that of a gamma
 variable about::
 
     E(f) = w g(f; shape) + q · 4 sin²(πfΔ) + slow(f)
@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import butter
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
-from models.effects.spectral import LowPass
+from models.effects.spectral import LowPass, Vibration
 from models.noise import Quantization, White
 from tuner.diagnosis.cosine import CAP
 from tuner.diagnosis.residual import Residual, gain_of
@@ -34,7 +34,7 @@ from tuner.diagnosis.statistics import curvature
 FloatArray = NDArray[np.float64]
 Shape = Callable[[FloatArray, FloatArray], FloatArray]
 
-BINS = 64
+BINS = 128
 CLOSE = 5.0
 """Nats within which the simpler shape is taken."""
 LOWEST = 0.01
@@ -127,8 +127,7 @@ def fit(data: Bins, name: str) -> ShapeFit:
         return np.maximum(out, 1e-12 * scale)
 
     def cost(x: FloatArray) -> float:
-        level = expected(x)
-        return float(weight @ (np.log(level) + data.power / level))
+        return deviance(weight, data.power, expected(x))
 
     best = None
     for start in starts:
@@ -140,6 +139,61 @@ def fit(data: Bins, name: str) -> ShapeFit:
     return ShapeFit(name, best.x[2:], np.empty((0, 0)), float(best.fun), expected(best.x))
 
 
+def hump_scan(data: Bins, null: ShapeFit) -> tuple[float, float, float]:
+    """Return the chance of the clearest excess of 1 … 16 bins over the null, its middle and width, cycles."""
+    weight = 0.5 * data.count
+    total = np.concatenate(([0.0], np.cumsum(weight * (data.power / null.expected - 1.0))))
+    mass = np.concatenate(([0.0], np.cumsum(weight)))
+    best, tests = (0.0, 0.25, 0.01), 0
+    for width in (1, 2, 4, 8, 16):
+        z = (total[width:] - total[:-width]) / np.sqrt(mass[width:] - mass[:-width])
+        tests += len(z)
+        at = int(np.argmax(z))
+        if z[at] > best[0]:
+            bin_width = float(data.cycles[1] - data.cycles[0])
+            best = (float(z[at]), float(data.cycles[at : at + width].mean()), width * bin_width)
+    return float(min(1.0, tests * norm.sf(best[0]))), best[1], best[2]
+
+
+def fit_hump(data: Bins, middle: float, width: float) -> ShapeFit:
+    """Fit white noise, quantization and an AR(2) hump next to a frequency, cycles."""
+    weight, quantized = 0.5 * data.count, rise(data.cycles)
+    scale = data.start[0] + data.start[1]
+
+    def expected(x: FloatArray) -> FloatArray:
+        level = scale * (np.exp(x[3]) * data.white + max(x[4], 0.0) * quantized) + data.rest
+        return np.asarray(level + hump_power(x[:3], data.cycles, scale))
+
+    def cost(x: FloatArray) -> float:
+        return deviance(weight, data.power, expected(x))
+
+    base = [np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale]
+    bounds = [(np.log(0.002), np.log(0.495)), (np.log(0.7), np.log(200.0)), (-16.0, 6.0), (-8.0, 5.0), (0.0, 20.0)]
+    best = None
+    for share in (0.5, 1.5):
+        quality = max(middle / (share * width), 1.0)
+        start = np.array([np.log(middle), np.log(quality), np.log(0.2 * share * width), *base])
+        found = minimize(cost, start, method="L-BFGS-B", bounds=bounds)
+        if best is None or found.fun < best.fun:
+            best = found
+    assert best is not None
+    return ShapeFit("hump", best.x[:3], curvature(cost, best.x)[:3, :3], float(best.fun), expected(best.x))
+
+
+def hump_power(x: FloatArray, cycles: FloatArray, scale: float) -> FloatArray:
+    """Return the power of a hump: x = ln of frequency (cycles), quality, variance ÷ (scale × rate)."""
+    frequency, quality, variance = np.exp(x)
+    ar = Vibration(float(frequency), float(quality), 1.0).recursion(1.0)
+    rho = ar[0] / (1.0 - ar[1])
+    return scale * variance * (1.0 - ar[1] ** 2) * (1.0 - rho**2) * _arma(ar, (), cycles)
+
+
+def deviance(weight: FloatArray, power: FloatArray, level: FloatArray) -> float:
+    """Return minus the log likelihood of mean powers about a level, 0 where they agree."""
+    ratio = power / level
+    return float(weight @ (ratio - 1.0 - np.log(ratio)))
+
+
 def spread(data: Bins, fitted: ShapeFit) -> FloatArray:
     """Return the covariance of the parameters of a fitted shape, white noise and quantization free."""
     shape, weight = SHAPES[fitted.name][0], 0.5 * data.count
@@ -149,7 +203,7 @@ def spread(data: Bins, fitted: ShapeFit) -> FloatArray:
     def cost(x: FloatArray) -> float:
         form = data.white * shape(x, data.cycles) * scale
         level = _levels(form, quantized * scale, data, weight)
-        return float(weight @ (np.log(level) + data.power / level))
+        return deviance(weight, data.power, level)
 
     return curvature(cost, fitted.x)
 
@@ -270,6 +324,10 @@ class ShapeTest:
         Chance of bins that scatter about the null as much.
     filters, colours : tuple of ShapeFit
         Best first; empty where nothing alarms.
+    hump : ShapeFit or None
+        White noise with a hump.
+    hump_p_value : float
+        Chance of as clear an excess of neighbouring bins.
     """
 
     data: Bins
@@ -278,6 +336,8 @@ class ShapeTest:
     misfit: float
     filters: tuple[ShapeFit, ...]
     colours: tuple[ShapeFit, ...]
+    hump: ShapeFit | None
+    hump_p_value: float
 
     def gain(self, fitted: ShapeFit) -> float:
         """Return the log likelihood gained over the null, less half the log of the coefficients a parameter."""
@@ -292,15 +352,18 @@ def shape_test(found: Residual) -> ShapeTest:
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first.values()))
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
     scatter = misfit(data, null)
-    if min(p_value, scatter) > 1e-3:
-        return ShapeTest(data, null, p_value, scatter, (), ())
+    hump_p_value, middle, width = hump_scan(data, null)
+    if min(p_value, scatter, hump_p_value) > 1e-3:
+        return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
     filters = [fit(data, name) for name in FILTERS]
     colours = [first.get(name) or fit(data, name) for name in COLOURS]
 
     def price(fitted: ShapeFit) -> float:
         return fitted.cost + 0.5 * len(fitted.x) * float(np.log(data.count.sum()))
 
-    return ShapeTest(data, null, p_value, scatter, _ranked(filters, price), _ranked(colours, price))
+    hump = fit_hump(data, middle, width)
+    ranked = _ranked(filters, price), _ranked(colours, price)
+    return ShapeTest(data, null, p_value, scatter, *ranked, hump, hump_p_value)
 
 
 def _ranked(fits: list[ShapeFit], price: Callable[[ShapeFit], float]) -> tuple[ShapeFit, ...]:

@@ -15,8 +15,9 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,10 +111,42 @@ class Track:
             return min((problem.minimise(s) for s in problem.starts()), key=lambda f: -f.log_likelihood)
         return problem.minimise(start)
 
-    def fit_bases(self, starts: dict[Kinds, FloatArray] | None = None) -> tuple[Fit, ...]:
-        """Return the fits of both kinds of slow noise, the better first."""
-        fits = [self.fit(kinds, None if starts is None else starts[kinds]) for kinds in BASES]
-        return tuple(sorted(fits, key=lambda fit: -fit.log_likelihood))
+    def averaged_variance(self, fit: Fit, column: int, kinds: Kinds) -> float:
+        """Return the variance of the size of a template, averaged over amplitudes of slow noise that the data allow.
+
+        Slow noise that is too weak to be seen is often estimated as none; the template then looks too well known.
+        The amplitudes of `kinds` run over an even grid from zero, weighted by their likelihood.
+        """
+        problem = _Problem(self, fit.kinds)
+        place = [sum(len(k.PARAMETERS) for k in fit.kinds[: fit.kinds.index(kind)]) for kind in kinds]
+        lower = problem.bounds[0]
+        grids = []
+        for at in place:
+            top = fit.theta.copy()
+            top[at] = max(top[at], lower[at] + 1.0)
+            while problem(top)[0] + 2.0 * fit.log_likelihood < 9.0 and top[at] < problem.bounds[1][at]:
+                top[at] += 0.25
+            grids.append(np.log((np.arange(12) + 0.5) / 12.0) + top[at])
+        rows = []
+        for values in product(*grids):
+            theta = fit.theta.copy()
+            theta[place] = values
+            expected = problem.expected(theta)[0]
+            beta, covariance, squares = problem.profile(expected)
+            value = float(self.grid.count @ np.log(expected) + squares.sum())
+            rows.append((value, beta[column], covariance[column, column]))
+        cost, size, variance = np.array(rows).T
+        weight = np.exp(-0.5 * (cost - cost.min()))
+        weight /= weight.sum()
+        return float(weight @ (variance + (size - fit.beta[column]) ** 2))
+
+    def without_column(self, column: int, size: float) -> Track:
+        """Return the track with one template held at a size instead of fitted."""
+        amplitude = self.grid.amplitude.copy()
+        amplitude[: self.singles] -= size * self.columns[:, column]
+        return replace(
+            self, grid=replace(self.grid, amplitude=amplitude), columns=np.delete(self.columns, column, axis=1)
+        )
 
 
 @dataclass(frozen=True)

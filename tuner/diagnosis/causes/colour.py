@@ -54,7 +54,7 @@ def coefficients(name: str, x: FloatArray) -> tuple[tuple[float, ...], tuple[flo
 
 def test(tested: ShapeTest) -> Alarm:
     """Judge the colours."""
-    p_value = min(1.0, 2.0 * min(tested.p_value, tested.misfit))
+    p_value = min(1.0, 3.0 * min(tested.p_value, tested.misfit, tested.hump_p_value))
     name = "likelihood ratio of an ARMA spectrum"
     if not tested.colours:
         return Alarm("colour", p_value, -9.0, 0.0, name)

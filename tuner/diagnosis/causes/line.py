@@ -79,6 +79,7 @@ def test(found: Residual) -> Alarm:
         height,
         "peak of the spectrum ÷ its neighbourhood",
         lambda: (extension(found, float(frequency[best])),),
+        local=True,
     )
 
 

@@ -50,7 +50,7 @@ def _invertible(ma: tuple[float, ...]) -> tuple[float, ...]:
 
 def test(tested: ShapeTest, interval: float) -> Alarm:
     """Judge the filters."""
-    p_value = min(1.0, 2.0 * min(tested.p_value, tested.misfit))
+    p_value = min(1.0, 3.0 * min(tested.p_value, tested.misfit, tested.hump_p_value))
     name = "likelihood ratio of a filtered spectrum"
     if not tested.filters:
         return Alarm("lowpass", p_value, -9.0, 0.0, name)

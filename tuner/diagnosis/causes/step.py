@@ -38,10 +38,9 @@ class Step(Extension):
         """Return the step on the blocks, shape (M, 1)."""
         return (np.arange(channel.blocks) >= self.boundary).astype(float)[:, None]
 
-    def refined(self, sizes: FloatArray, covariance: FloatArray) -> Step:
+    def refined(self, size: Value, widening: float) -> Step:
         """Take the size from a joint fit."""
-        size = Value.of(float(sizes[0]), float(np.sqrt(covariance[0, 0])), "{u}")
-        return replace(self, values={**self.values, "size": size})
+        return replace(self, values={**self.values, "size": replace(size, unit="{u}")})
 
 
 def test(found: Residual) -> Alarm:

@@ -35,10 +35,9 @@ class Temperature(Extension):
         """Return the temperature on the blocks, shape (M, 1), K about its mean."""
         return centred(channel)[:, None]
 
-    def refined(self, sizes: FloatArray, covariance: FloatArray) -> Temperature:
+    def refined(self, size: Value, widening: float) -> Temperature:
         """Take the slope from a joint fit."""
-        slope = Value.of(float(sizes[0]), float(np.sqrt(covariance[0, 0])), "{u}/K")
-        return replace(self, values={"slope": slope})
+        return replace(self, values={**self.values, "slope": replace(size, unit="{u}/K")})
 
 
 def centred(channel: Channel) -> FloatArray:

@@ -38,11 +38,11 @@ class ThermalLag(Extension):
         """Return the lagging temperature on the blocks, shape (M, 1)."""
         return lagged(channel, self.time_constant)[:, None]
 
-    def refined(self, sizes: FloatArray, covariance: FloatArray) -> ThermalLag:
-        """Take the slope from a joint fit; its interval keeps the share of the lag."""
-        old = self.values["slope"]
-        sd = max(float(np.sqrt(covariance[0, 0])), 0.5 * (old.upper - old.lower) / 1.96)
-        return replace(self, values={**self.values, "slope": Value.of(float(sizes[0]), sd, "{u}/K")})
+    def refined(self, size: Value, widening: float) -> ThermalLag:
+        """Take the slope from a joint fit; its interval keeps the share of the time constant."""
+        slope = replace(size, unit="{u}/K").joined(self.values["slope"])
+        constant = self.values["time_constant"].widened(widening)
+        return replace(self, values={"time_constant": constant, "slope": slope})
 
 
 def lagged(channel: Channel, time_constant: float) -> FloatArray:

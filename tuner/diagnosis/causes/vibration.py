@@ -3,6 +3,7 @@
 Statistic: means of 8 … 4096 neighbouring ordinates of the periodogram of the residuals over the level about them.
 The level is a median over a stretch far wider than the window, so that a wide resonance does not hide itself; with
 m effective ordinates in it the ratio of a mean of w of them has Fisher's law F(2w, 2m). Bonferroni over the windows.
+Where that is promising, the likelihood ratio of the fitted hump may be the clearer of the two: χ²₂ for each window.
 Extension: frequency, quality and standard deviation by the likelihood of the ordinates about the peak, over a
 level that may slope.
 """
@@ -23,6 +24,7 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.line import FIRST, local_level
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.shape import ShapeTest
 from tuner.diagnosis.statistics import maximum
 
 FloatArray = NDArray[np.float64]
@@ -88,7 +90,33 @@ def test(found: Residual) -> Alarm:
     if p_value > 1e-3:
         return Alarm("vibration", p_value, -9.0, mean, name)
     gain, fitted = extension(found, middle, half)
-    return Alarm("vibration", p_value, gain - 1.5 * float(np.log(n)), mean, name, lambda: (fitted,))
+    p_value = min(1.0, 2.0 * min(p_value, tests * float(np.exp(-max(gain, 0.0)))))
+    return Alarm("vibration", p_value, gain - float(np.log(tests)), mean, name, lambda: (fitted,), local=True)
+
+
+def wide(tested: ShapeTest, found: Residual) -> Alarm:
+    """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
+    p_value = min(1.0, 3.0 * min(tested.p_value, tested.misfit, tested.hump_p_value))
+    name = "excess of the fast spectrum over white noise"
+    if tested.hump is None:
+        return Alarm("vibration", p_value, -9.0, 0.0, name)
+    dt, hump = found.channel.interval, tested.hump
+    scale = tested.data.start[0] + tested.data.start[1]
+    frequency, quality = (np.exp(hump.x[:2]) * [1.0 / dt, 1.0]).tolist()
+    sd = float(np.sqrt(np.exp(hump.x[2]) * scale / dt))
+    spread = np.sqrt(np.diag(hump.covariance)).tolist()
+    fitted = Vibration(
+        frequency,
+        quality,
+        sd,
+        values={
+            "frequency": Value.log(frequency, spread[0], "Hz"),
+            "quality": Value.log(quality, spread[1]),
+            "sd": Value.log(sd, 0.5 * spread[2], "{u}"),
+        },
+    )
+    ratio = 2.0 * (tested.null.cost - hump.cost)
+    return Alarm("vibration", p_value, tested.gain(hump), ratio, name, lambda: (fitted,))
 
 
 def _log_tail(ratio: float, width: float, reference: float) -> float:

@@ -36,11 +36,11 @@ class Warmup(Extension):
         """Return the transient on the blocks, shape (M, 1)."""
         return transient(channel, self.time_constant)[:, None]
 
-    def refined(self, sizes: FloatArray, covariance: FloatArray) -> Warmup:
+    def refined(self, size: Value, widening: float) -> Warmup:
         """Take the amplitude from a joint fit; its interval keeps the share of the time constant."""
-        sd = max(float(np.sqrt(covariance[0, 0])), self.values["amplitude"].upper - self.values["amplitude"].value)
-        amplitude = Value.of(float(sizes[0]), sd / (1.96 if sd > np.sqrt(covariance[0, 0]) else 1.0), "{u}")
-        return replace(self, values={**self.values, "amplitude": amplitude})
+        amplitude = replace(size, unit="{u}").joined(self.values["amplitude"])
+        constant = self.values["time_constant"].widened(widening)
+        return replace(self, values={"time_constant": constant, "amplitude": amplitude})
 
 
 def transient(channel: Channel, time_constant: float) -> FloatArray:
