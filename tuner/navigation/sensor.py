@@ -64,7 +64,8 @@ class Sensor:
         No filter can follow a bias faster than that, and none needs to.
         """
         levels = [
-            sum(term.level**2 for term in model.terms if isinstance(term, BiasInstability)) for model in self.noise
+            sum(term.level**2 for term in model.terms if isinstance(term, BiasInstability))
+            for model in self.noise
         ]
         flicker = ALLAN_FLOOR**2 * np.array(levels)
         return np.where(flicker > 0.0, self.white**2 / np.where(flicker > 0.0, flicker, 1.0), 0.0)
@@ -164,7 +165,7 @@ def _centred_mean(y: FloatArray, half: int) -> FloatArray:
     total = np.concatenate([[0.0], np.cumsum(y)])
     k = np.arange(len(y))
     first, last = np.maximum(k - half, 0), np.minimum(k + half + 1, len(y))
-    return (total[last] - total[first]) / (last - first)
+    return np.asarray((total[last] - total[first]) / (last - first))
 
 
 def _is_slow(term: Term) -> bool:

@@ -123,7 +123,7 @@ def scenario(
     increments = np.hstack(imu_increments(motion, interval))
     n, stride = len(increments), max(1, round(receiver.interval / interval))
     after = np.arange(stride, n + 1, stride)
-    times = after * interval
+    times: FloatArray = np.asarray(after * interval, dtype=float)
     state = motion.evaluate(np.concatenate([[0.0], times]).clip(max=motion.duration))
     quat = rotation.quat_from_mat(state.mat_nb)
     return Scenario(
@@ -197,7 +197,8 @@ def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
 
     A ladder from the time constant T on, at r = 10 a rung, has the variance of flicker below the frequency
     √r/(2πT); flicker averaged over w has that of flicker below 0.40/w. So w = 0.8 T: what is faster no state
-    stands for, and white noise hides. Without states it is the sensor's own corner of white noise and flicker.
+    stands for, and white noise hides. Without states it is the sensor's own corner of white noise and
+    flicker.
     """
     model, shortest = settings.model, np.full(6, np.inf)
     for first, name, axes in (
@@ -219,7 +220,9 @@ def _one(
     errors, bias = sensor.draw(len(plan.steps.dt), interval, rng, smoothing=resolution(settings, sensor))
     solution = engine.run(settings, start, plan.steps, fixes, errors=errors)
     estimated = solution.parameters @ total_bias(settings.model)[9:].T
-    error = np.concatenate([navigation_error(plan.truth, solution.state), bias[plan.after] - estimated], axis=1)
+    error = np.concatenate(
+        [navigation_error(plan.truth, solution.state), bias[plan.after] - estimated], axis=1
+    )
     return error, solution
 
 

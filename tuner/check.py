@@ -1,0 +1,91 @@
+"""A configuration on trial: the filter it configures, flown many times on a simulated sensor.
+
+The sensor is what the configuration was made from (its identified terms), or another one: then the question
+is what becomes of a filter that believes the wrong thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from models.motion import Motion
+from tuner.consistency import Consistency, evaluate
+from tuner.navigation.sensor import Sensor, sensor_of_config
+from tuner.navigation.settings import filter_settings
+from tuner.navigation.simulate import scenario, simulate
+from tuner.records import DataError
+from tuner.results import FilterConfig, GnssNoise
+from tuner.verdicts import verdicts
+
+RUNS = 40
+DURATION = 3600.0
+FASTEST = 0.01
+"""Shortest sampling interval that is simulated, s: densities do not depend on it."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """The outcome of a check.
+
+    Attributes
+    ----------
+    consistency : Consistency
+        Scores and verdicts.
+    states : int
+        States of the filter.
+    notes : tuple of str
+        What had to be assumed.
+    """
+
+    consistency: Consistency
+    states: int
+    notes: tuple[str, ...]
+
+
+def check(
+    config: FilterConfig,
+    motion: Motion,
+    *,
+    sensor: Sensor | None = None,
+    receiver: GnssNoise | None = None,
+    runs: int = RUNS,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Check:
+    """Fly a configuration many times and score it.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        What the filter believes.
+    motion : Motion
+        Trajectory; outages are those of `simulate.outage_windows`.
+    sensor : Sensor, optional
+        What the inertial unit truly is; by default what the configuration identified.
+    receiver : GnssNoise, optional
+        What the receiver truly is; by default what the filter believes.
+    runs : int
+        Simulated switch-ons.
+    seed : int
+        Seed of all randomness.
+    progress : callable, optional
+        Called with (done, runs).
+
+    Raises
+    ------
+    DataError
+        Where the configuration lacks an axis or the receiver.
+    """
+    settings = filter_settings(config)
+    if config.gnss is None:
+        msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
+        raise DataError(msg)
+    truth = sensor or sensor_of_config(config)
+    notes = list(truth.notes)
+    if config.interval < FASTEST:
+        notes.append(f"simulated at {1.0 / FASTEST:g} Hz, not {1.0 / config.interval:g} Hz")
+    plan = scenario(motion, receiver or config.gnss, max(config.interval, FASTEST))
+    flown = simulate(settings, truth, plan, runs=runs, seed=seed, progress=progress)
+    found = evaluate(flown, plan.outages)
+    return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))

@@ -1,0 +1,130 @@
+"""`tuner check`: the filter that a configuration describes, flown many times on a simulated sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tuner.commands.options import Output, common
+from tuner.commands.sources import is_file
+from tuner.progress import Messages
+from tuner.records import DataError
+
+if TYPE_CHECKING:
+    from tuner.navigation.sensor import Sensor
+    from tuner.results import FilterConfig, GnssNoise
+
+RECEIVER = "spp"
+"""Receiver that goes with a built-in grade."""
+
+
+@click.command("check", short_help="Is the filter honest? Monte-Carlo on simulated trajectories.")
+@click.argument("config", metavar="CONFIG")
+@click.option(
+    "--truth", metavar="CONFIG2", help="The sensor is this one, not the one the filter believes in."
+)
+@click.option("--trajectory", default="city", show_default=True, metavar="NAME", help="Built-in trajectory.")
+@click.option(
+    "--duration",
+    type=click.FloatRange(min=60.0),
+    default=3600.0,
+    show_default=True,
+    metavar="S",
+    help="Of a run.",
+)
+@click.option(
+    "--runs", type=click.IntRange(min=2), default=40, show_default=True, help="Simulated switch-ons."
+)
+@click.option("--gnss", metavar="GRADE", help="Built-in receiver, in place of the configuration's.")
+@click.option("--strict", is_flag=True, help="Exit status 1 where the filter is not consistent.")
+@common
+def command(
+    config: str,
+    truth: str | None,
+    trajectory: str,
+    duration: float,
+    runs: int,
+    gnss: str | None,
+    strict: bool,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> int:
+    """Fly the filter of CONFIG, a YAML or the name of a built-in grade, and score errors against predictions.
+
+    Scores are NEES, NIS, whiteness of innovations and the position error after 10, 30, 60 and 300 s without
+    fixes.
+    """
+    from models.trajectories import TRAJECTORIES
+    from tuner.check import check
+    from tuner.grades import load_gnss
+    from tuner.jsonconsistency import consistency_json
+    from tuner.report.consistency_tables import consistency_tables
+    from tuner.report.tables import show
+
+    if trajectory not in TRAJECTORIES:
+        msg = f"--trajectory {trajectory}: expected one of {' '.join(TRAJECTORIES)}"
+        raise DataError(msg)
+    receiver = None if gnss is None else load_gnss(gnss)
+    believed = load_filter(config, receiver)
+    sensor, true_receiver = (None, None) if truth is None else load_truth(truth)
+    messages.say(f"flying {runs} × {duration:g} s (kernels are compiled on first use: some ten seconds)")
+    with messages.bar("flying") as advance:
+        found = check(
+            believed,
+            TRAJECTORIES[trajectory](duration),
+            sensor=sensor,
+            receiver=true_receiver,
+            runs=runs,
+            seed=seed,
+            progress=advance,
+        )
+    source = {
+        "config": believed.name,
+        "truth": believed.name if sensor is None else sensor.name,
+        "trajectory": trajectory,
+        "duration_s": duration,
+        "runs": runs,
+        "states": found.states,
+        "seed": seed,
+    }
+    if output.tables:
+        show(consistency_tables(found.consistency, found.notes))
+    output.write(consistency_json(found.consistency, source=source, notes=found.notes))
+    return 1 if strict and not found.consistency.consistent else 0
+
+
+def load_filter(source: str, receiver: GnssNoise | None) -> FilterConfig:
+    """Return the configuration a word stands for: a YAML file, or a built-in grade made into one.
+
+    Raises
+    ------
+    DataError
+        If it is neither.
+    """
+    from dataclasses import replace
+
+    from tuner.exporters import native
+    from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
+    from tuner.synthesis import synthesize
+
+    if is_file(source):
+        config = native.load(Path(source))
+        return config if receiver is None else replace(config, gnss=receiver)
+    if source not in grade_names():
+        msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
+        raise DataError(msg)
+    return synthesize(grade_identification(load_grade(source)), gnss=receiver or load_gnss(RECEIVER))
+
+
+def load_truth(source: str) -> tuple[Sensor, GnssNoise | None]:
+    """Return the sensor a word stands for, and its receiver where it names one."""
+    from tuner.grades import grade_names, load_grade
+    from tuner.navigation.sensor import sensor_of_config, sensor_of_grade
+
+    if source in grade_names() and not is_file(source):
+        return sensor_of_grade(load_grade(source)), None
+    config = load_filter(source, None)
+    return sensor_of_config(config), config.gnss
