@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tuner.identification.pooled import pool_coefficients, random_effects
+from tuner.identification import identify
+from tuner.identification.pooled import pool, pool_coefficients, random_effects
+from tuner.records import Record
 from tuner.results import Coefficient
 
 
@@ -65,3 +67,21 @@ def test_too_few_values_are_refused():
         random_effects([1.0], [1.0])
     with pytest.raises(ValueError, match="must be positive"):
         random_effects([1.0, 2.0], [1.0, 0.0])
+
+
+def test_axes_of_a_triad_are_pooled_over_the_records():
+    def identified(seed):
+        rng = np.random.default_rng(seed)
+        y = np.array([1.0, 1.0, 2.0]) * rng.standard_normal((3000, 3))
+        axes = ("gyro_x", "gyro_y", "gyro_z")
+        return identify([Record("gyro", np.arange(3000) * 0.01, y, axes, "rad/s", 0.01)], arma=None)
+
+    pooled = pool([identified(1), identified(2)])
+    triad = {row.name: row for row in pooled["gyro"].coefficients}["white.density"]
+    assert triad.values == tuple(
+        {row.name: row for row in pooled[axis].coefficients}["white.density"].value.value
+        for axis in ("gyro_x", "gyro_y", "gyro_z")
+    )
+    # Two axes agree, the third is twice as loud: the spread of the logarithms is about ln 2/√3 = 0.40.
+    assert triad.p_value < 1e-6
+    assert triad.spread.value == pytest.approx(np.log(2) / np.sqrt(3), rel=0.1)

@@ -18,7 +18,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,11 +87,11 @@ def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
 
 
 def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
-    """Pool every channel that at least two identifications of one sensor share, coefficient by coefficient.
+    """Pool the records of one sensor: every axis over the records, then every triad over its axes.
 
-    Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is:
-    its spread
-    is the turn-on repeatability. A coefficient that fewer than two records identify is left out.
+    Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is: its
+    spread is the turn-on repeatability. The triads ``gyro`` and ``accel`` pool the values of their axes: their
+    spread is that between axes. What fewer than two of them identify is left out.
     """
     axes = dict.fromkeys(axis for one in identifications for axis in one.channels)
     pooled: dict[str, PooledChannel] = {}
@@ -99,21 +99,31 @@ def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
         channels = [one.channels[axis] for one in identifications if axis in one.channels]
         if len(channels) < 2:
             continue
-        names = dict.fromkeys(
-            f"{e.name}.{field}" for c in channels for e in c.terms for field in e.coefficients
-        )
-        found = []
-        for name in names:
-            term, field = name.split(".")
-            values = [
-                estimate.coefficients[field] if (estimate := channel.term(term)) else None
-                for channel in channels
-            ]
-            if (one := pool_coefficients(name, values, logarithmic=True)) is not None:
-                found.append(one)
+        tables = [
+            {f"{e.name}.{field}": c for e in channel.terms for field, c in e.coefficients.items()}
+            for channel in channels
+        ]
         mean = pool_coefficients("mean", [c.mean for c in channels], logarithmic=False)
-        pooled[axis] = PooledChannel(axis, channels[0].unit, tuple(found), mean)
-    return pooled
+        pooled[axis] = PooledChannel(axis, channels[0].unit, _pool_tables(tables), mean)
+    return pooled | _pool_triads(pooled)
+
+
+def _pool_triads(axes: Mapping[str, PooledChannel]) -> dict[str, PooledChannel]:
+    triads: dict[str, list[PooledChannel]] = {}
+    for axis, channel in axes.items():
+        triads.setdefault(axis.rpartition("_")[0] or axis, []).append(channel)
+    answer = {}
+    for name, channels in triads.items():
+        coefficients = _pool_tables([{c.name: c.value for c in channel.coefficients} for channel in channels])
+        if len(channels) > 1 and coefficients:
+            answer[name] = PooledChannel(name, channels[0].unit, coefficients, None)
+    return answer
+
+
+def _pool_tables(tables: Sequence[Mapping[str, Coefficient]]) -> tuple[PooledCoefficient, ...]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    found = (pool_coefficients(name, [t.get(name) for t in tables], logarithmic=True) for name in names)
+    return tuple(one for one in found if one is not None)
 
 
 def pool_coefficients(

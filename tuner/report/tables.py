@@ -99,13 +99,15 @@ def plan_tables(plan: Plan, unit: str, title: str) -> list[Table | str]:
 
 
 def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
-    """Return one table an axis: pooled value, spread between records, test of equality, each value."""
+    """Return one table an axis or triad: pooled value, spread, test of equality, each value."""
     answer: list[Table | str] = []
     for channel in pooled.values():
-        table = Table(title=f"{channel.axis}: {len(names)} records pooled")
-        for head in ("", "pooled (95 % interval)", "spread between records", "all equal? p", *names):
-            table.add_column(head, justify="right" if head else "left")
         rows = [*channel.coefficients, *([channel.mean] if channel.mean else [])]
+        triad = channel.mean is None and channel.axis in {a.rpartition("_")[0] for a in pooled}
+        members = [a for a in pooled if a.startswith(f"{channel.axis}_")] if triad else list(names)
+        table = Table(title=f"{channel.axis}: {len(members)} {'axes' if triad else 'records'} pooled")
+        for head in ("", "pooled (95 % interval)", "spread between them", "all equal? p", *members):
+            table.add_column(head, justify="right" if head else "left")
         for row in rows:
             quantity = "level" if row.name == "mean" else row.name
             cells = [
