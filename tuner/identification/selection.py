@@ -46,12 +46,12 @@ from tuner.results import Candidate
 FloatArray = NDArray[np.float64]
 
 PRICE = {
-    "quantization": 6.0,
+    "quantization": 6.6,
     "white": 0.0,
-    "bias_instability": 5.2,
-    "gauss_markov": 10.5,
-    "random_walk": 5.2,
-    "ramp": 10.0,
+    "bias_instability": 5.4,
+    "gauss_markov": 12.0,
+    "random_walk": 5.4,
+    "ramp": 11.0,
 }
 """Rise of 2 ln L that a term must bring."""
 
