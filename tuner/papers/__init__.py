@@ -24,13 +24,18 @@ ITEMS: Mapping[str, str] = MappingProxyType(
     {
         "rlg-static": "laser",
         "rlg-vs-mems": "laser",
-        "rlg-dynamic": "laser",
+        "rlg-dynamic": "turning",
+        "lowpass-n": "lowpass",
+        "example-curve": "segments",
+        "method-table": "methods",
+        "kf-parameters": "outage",
+        "test-design": "segments",
         "fog-edf": "freedom",
         "fog-sim": "theo",
         "fog-bias": "theo",
-        "fog-record": "theo",
-        "mems-allan": "mems",
-        "mems-arma": "mems",
+        "fog-record": "mixture",
+        "mems-allan": "groupings",
+        "mems-arma": "timeseries",
     }
 )
 """Module of each item; its function has the name of the item, with underscores."""

@@ -84,9 +84,9 @@ def _expected_square(noise: str, weights: FloatArray, times: FloatArray) -> Floa
 def _covariance(noise: str, lag: ArrayLike) -> FloatArray:
     t = np.asarray(lag, dtype=float)
     if noise == "quantization":
-        return (t == 0.0).astype(float)
+        return np.asarray(t == 0.0, dtype=float)
     if noise == "white":
-        return -t
+        return np.asarray(-t)
     if noise == "bias_instability":
         return np.asarray(t**2 * np.log(np.maximum(t, 1e-300)))
     return np.asarray(t**3)

@@ -1,7 +1,7 @@
 """What comes out of a reproduced figure or table: claims with verdicts, and a picture as plain data.
 
 A verdict follows from numbers alone. Ours has a 95 % interval; a value *agrees* with it where it lies within
-`ROOM` times that interval, about five standard deviations, so that a true statement fails once in a million::
+`ROOM` times that interval, about four standard deviations, so that a true statement fails once in ten thousand::
 
     reproduced       the paper's value agrees
     corrected        it does not, and the value derived in its place agrees
@@ -27,7 +27,7 @@ Range = tuple[float, float]
 Verdict = Literal["reproduced", "corrected", "untestable", "not reproduced"]
 Style = Literal["line", "dashed", "dotted", "points", "faint"]
 
-ROOM = 2.5
+ROOM = 2.0
 """Half width of agreement, in half widths of the 95 % interval."""
 
 

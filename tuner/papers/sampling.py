@@ -18,7 +18,7 @@ from tuner.results import LEVEL, Coefficient
 FloatArray = NDArray[np.float64]
 
 GROUPS = 50
-"""Groups left out in turn for the interval of a statistic."""
+"""Most groups of runs, left out in turn for the interval of a statistic."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,9 @@ def record_from(
     y: FloatArray, interval: float, *, axes: tuple[str, ...] = ("gyro_x",), unit: str = "rad/s"
 ) -> Record:
     """Return samples y, shape (n,) or (n, k), as a gap-free record."""
-    return Record("gyro", np.arange(len(y)) * interval, y, axes, unit, interval, source="simulated")
+    return Record(
+        "gyro", np.arange(len(y), dtype=np.float64) * interval, y, axes, unit, interval, source="simulated"
+    )
 
 
 def realisations(model: NoiseModel | Term, n: int, runs: int, rng: np.random.Generator) -> FloatArray:
@@ -73,7 +75,7 @@ def estimate(
     Parameters
     ----------
     runs : ndarray, shape (m,) or (m, k)
-        One row a run; at least as many as `GROUPS`.
+        One row a run.
     statistic : callable
         Smooth function of all rows.
     unit : str
@@ -85,10 +87,11 @@ def estimate(
     variance is (g − 1)/g Σ (θ_i − θ̄)², judged by Student's t with g − 1 degrees of freedom.
     """
     value = float(statistic(runs))
-    label = np.arange(len(runs)) * GROUPS // len(runs)
-    without = np.array([float(statistic(runs[label != g])) for g in range(GROUPS)])
-    sd = np.sqrt((GROUPS - 1) / GROUPS * np.sum((without - without.mean()) ** 2))
-    reach = float(student.isf(0.5 * (1.0 - LEVEL), GROUPS - 1) * sd)
+    groups = min(GROUPS, len(runs))
+    label = np.arange(len(runs)) * groups // len(runs)
+    without = np.array([float(statistic(runs[label != g])) for g in range(groups)])
+    sd = np.sqrt((groups - 1) / groups * np.sum((without - without.mean()) ** 2))
+    reach = float(student.isf(0.5 * (1.0 - LEVEL), groups - 1) * sd)
     return Coefficient.known(value, value - reach, value + reach, unit)
 
 

@@ -19,11 +19,12 @@ INTRODUCTION = """# The three papers, reproduced and judged
 The papers behind this project published no logs. Every item below simulates data to a paper's settings and runs the
 functions that `tuner` offers: run it yourself with `tuner papers NAME`, or all of it with `tuner papers all -o DIR`.
 
-1. Li Qi et al.: *Performance evaluation of the Allan variance method for ring laser gyroscope noise analyses* (in Chinese)
+1. Li Qi et al.: *Performance evaluation of the Allan variance method for ring laser gyroscope noise
+   analyses* (in Chinese)
 2. Xu Dongsheng et al.: *ThêoH identification of random errors of fibre-optic gyros* (in Chinese)
 3. Zhang Meng et al.: Allan variance of two groupings and ARMA model of a MEMS gyro (in Chinese)
 
-A verdict follows from numbers. **Reproduced**: the paper's value lies within about five standard deviations of ours.
+A verdict follows from numbers. **Reproduced**: the paper's value lies within about four standard deviations of ours.
 **Corrected**: it does not, and the value derived in its place does. **Untestable**: the paper does not publish what a
 test needs. **Not reproduced**: neither value agrees. Intervals are 95 %; derivations are in [maths](maths.md).
 """
@@ -86,7 +87,7 @@ def spoken(ours: Coefficient) -> str:
 def _summary(items: Sequence[Item]) -> str:
     lines = ["| item | paper | " + " | ".join(ORDER) + " |", "|---|---|" + "---|" * len(ORDER)]
     for item in items:
-        count = Counter(claim.verdict for claim in item.claims)
+        count: Counter[str] = Counter(claim.verdict for claim in item.claims)
         cells = " | ".join(str(count[verdict] or "") for verdict in ORDER)
         lines.append(f"| [{item.name}](#{item.name}) | {item.paper} | {cells} |")
     return "\n".join(lines) + "\n"

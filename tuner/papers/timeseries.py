@@ -1,7 +1,4 @@
-"""Paper 3: the Allan variance of two groupings, and an ARMA model of what the gyro leaves.
-
-Two groupings: every Allan variance is the mean of two, the second begun some samples later. The mean over records
-is that of the classic Allan variance; only the scatter shrinks, and by how much depends on the offset alone.
+"""Paper 3, figures 3–5: preparation of a record, tests of stationarity, ARMA model.
 
 ARMA(1,1) with φ = 0.476425 and θ = −0.455909 has the autocorrelation ρ₁ = (1 + φθ)(φ + θ)/(1 + 2φθ + θ²) = 0.0208:
 white noise but for four parts in ten thousand of its variance. φ is known to sd (1 + φθ)√(1 − φ²)/(|φ + θ| √n) =
@@ -16,104 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arma import Arma
-from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
-from tuner.curves import acf, curve, differences, pacf
-from tuner.curves.allan import allan, overlapping_allan, two_group_allan
+from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
-from tuner.identification.leastsquares import unweighted
 from tuner.identification.preprocess import (
     prepare,
     remove_trend,
     reverse_arrangements,
     sigma_outliers,
 )
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded, untestable
-from tuner.papers.sampling import Settings, estimate, realisations, record_from, share_of
+from tuner.papers.groupings import MEAN, PAPER, VARIANCE
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
+from tuner.papers.sampling import Settings, estimate, record_from, share_of
 
 FloatArray = NDArray[np.float64]
 
-PAPER = "Zhang Meng et al., MEMS gyro: Allan variance and ARMA"
-PHI, THETA, VARIANCE = 0.476425, -0.455909, 0.0063
-"""Equation 16; the variance in (deg/s)²."""
-MEAN = 3.0478
-"""deg/s, figure 2."""
+PHI, THETA = 0.476425, -0.455909
+"""Equation 16."""
 MODEL = Arma((PHI,), (THETA,), VARIANCE, 0.01)
 Z = 0.2141
-NOISES: dict[str, Term] = {
-    "angle random walk": White(1.0),
-    "bias instability": BiasInstability(1.0),
-    "rate random walk": RandomWalk(1.0),
-}
-
-
-def mems_allan(settings: Settings) -> Item:
-    """Return figures 1 and 2 and table 1: two groupings against one, by the offset of the second."""
-    rng = settings.rng("mems-allan")
-    n, m, runs = 400, 16, settings.size(4000, 400)
-    offsets = np.arange(1, m)
-    claims: list[Claim] = []
-    gains = []
-    for group, (name, term) in enumerate(NOISES.items()):
-        y = realisations(term, n, runs, rng)
-        classic, full = allan(y, [m])[0], overlapping_allan(y, [m])[0]
-        grouped = {k: two_group_allan(y, [m], offset=k)[0] for k in offsets.tolist()}
-        expected = np.array([_gain(term, n, m, k) for k in offsets.tolist()])
-        best = int(m // 2)
-        claims += [
-            judge(
-                f"{name}: variance of classic ÷ two groupings, offset 1 (as in figure 1)",
-                "improved",
-                estimate(np.column_stack([classic, grouped[1]]), _quotient),
-                claimed=(1.05, np.inf),
-                derived=(expected[0] - 0.02, expected[0] + 0.02),
-                why=f"the second grouping shares 15 of 16 samples with the first: expected {expected[0]:.2f}",
-            ),
-            judge(
-                f"{name}: variance of classic ÷ two groupings, offset m/2",
-                "improved",
-                estimate(np.column_stack([classic, grouped[best]]), _quotient),
-                claimed=(1.05, np.inf),
-                derived=(expected[best - 1] - 0.05, expected[best - 1] + 0.05),
-                why=f"the best offset: expected {expected[best - 1]:.2f}; every position (overlapping) gives "
-                f"{_spoken(classic, full)}",
-            ),
-        ]
-        measured = [_quotient(np.column_stack([classic, grouped[k]])) for k in offsets.tolist()]
-        gains += [
-            Curve(offsets.astype(float), np.array(measured), name, "points", group=group),
-            Curve(offsets.astype(float), expected, group=group),
-        ]
-        if name == "bias instability":
-            pair = np.column_stack([np.sqrt(grouped[1]), np.sqrt(classic)])
-            claims.append(
-                judge(
-                    "mean change of the deviation by the second grouping",
-                    "coefficients 20.61, 17.54, 19.31 % smaller",
-                    estimate(pair, lambda p: p[:, 0].mean() / p[:, 1].mean() - 1.0),
-                    claimed=(-0.21, -0.17),
-                    derived=(-0.01, 0.02),
-                    why="both have the same expectation, so no coefficient shrinks on average; a change in one record is "
-                    "scatter, not a gain",
-                )
-            )
-    claims.append(
-        untestable(
-            "B, K, R 20.61, 17.54, 19.31 % nearer to the data sheet",
-            "table 1",
-            "the record, the two sets of coefficients and the data sheet's values were not published",
-        )
-    )
-    panels = (
-        *_drift(settings),
-        Panel(
-            f"{runs} records, m = {m}: gain by the offset",
-            "offset, samples",
-            "variance of classic ÷ two groupings",
-            tuple(gains),
-            "linear",
-        ),
-    )
-    return Item("mems-allan", f"{PAPER}: figures 1 and 2, table 1", tuple(claims), Picture(panels, columns=3))
 
 
 def mems_arma(settings: Settings) -> Item:
@@ -174,60 +91,6 @@ def mems_arma(settings: Settings) -> Item:
     return Item("mems-arma", f"{PAPER}: figures 3–5, table 2, eq. 16", claims, Picture(panels, columns=3))
 
 
-def _gain(term: Term, n: int, m: int, offset: int) -> float:
-    """Return the expected variance of the classic estimate ÷ that of two groupings, exact."""
-    difference = differences.Difference(NoiseModel((term,)), 2, float(m))
-    first, second = n // m - 1, (n - offset) // m - 1
-    return differences.two_groups(difference, first, second, offset / m) / differences.adjoining(
-        difference, first
-    )
-
-
-def _quotient(pair: FloatArray) -> float:
-    """Return the relative variance of the first column ÷ that of the second."""
-    first, second = np.var(pair, axis=0, ddof=1) / np.mean(pair, axis=0) ** 2
-    return float(first / second)
-
-
-def _spoken(classic: FloatArray, full: FloatArray) -> str:
-    return f"{_quotient(np.column_stack([classic, full])):.2f}"
-
-
-def _drift(settings: Settings) -> tuple[Panel, Panel]:
-    """Return figure 2: a record with drift, and its two-group curve with the paper's fit."""
-    model = NoiseModel(
-        (White(float(np.sqrt(VARIANCE * 0.01))), BiasInstability(0.004), RandomWalk(2e-4), Ramp(4e-6))
-    )
-    n = settings.size(360_000, 60_000)
-    record = record_from(MEAN + model.sample(n, 0.01, settings.rng("mems-drift")), 0.01)
-    found = curve(record, "twogroup", noise=model)
-    classic = curve(record, "adev", noise=model)
-    powers = unweighted(found.tau, found.variance[:, 0])
-    scale = {"quantization": np.sqrt(3.0), "white": 1.0, "bias_instability": 0.664, "random_walk": 3**-0.5}
-    scale["ramp"] = 2.0**-0.5
-    exponents = {"quantization": -2, "white": -1, "bias_instability": 0, "random_walk": 1, "ramp": 2}
-    fit = sum(
-        np.sign(v) * (scale[name] * v) ** 2 * found.tau ** exponents[name] for name, v in powers.items()
-    )
-    low, high = found.interval()
-    seen = slice(0, None, max(1, n // 3000))
-    return (
-        Panel(
-            "drift", "time, s", "deg/s", (Curve(record.t[seen], record.y[seen, 0], style="faint"),), "linear"
-        ),
-        Panel(
-            "Allan deviation",
-            "τ, s",
-            "deg/s",
-            (
-                Curve(found.tau, found.deviation()[:, 0], "two groupings", "line", low[:, 0], high[:, 0]),
-                Curve(classic.tau, classic.deviation()[:, 0], "classic", "points", group=1),
-                Curve(found.tau, np.sqrt(np.maximum(fit, 1e-12)), "unweighted fit", "dashed", group=5),
-            ),
-        ),
-    )
-
-
 def _raw(series: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return a series with the mean of figure 2, a trend and a few outliers."""
     raw = MEAN + series + 2e-5 * np.arange(len(series))
@@ -263,8 +126,8 @@ def _of_preparation(settings: Settings, rng: np.random.Generator) -> list[Claim]
             exact(_nearest(Z), "1"),
             claimed=rounded(Z, 4),
             derived=2.0 / np.sqrt(125.0),
-            why="with 10 groups |A − 22.5| is a half integer and √31.25 = 5.59, so that Z is a multiple of 0.0894, with or "
-            "without the correction of ½: 0.1789, 0.2683, never 0.2141",
+            why="with 10 groups |A − 22.5| is a half integer and √31.25 = 5.59, so Z is a multiple of 0.0894, with or "
+            "without the correction of ½: 0.1789, 0.2683, never 0.2141 (30 groups with the ½ would give it)",
         ),
         judge(
             "white noise that passes |Z| ≤ 1.96",
@@ -316,7 +179,7 @@ def _of_correlation(settings: Settings, rng: np.random.Generator) -> list[Claim]
             estimate(np.array(outside), np.mean),
             claimed=(0.15, 1.0),
             derived=(0.03, 0.08),
-            why=f"the printed model has ρ₁ = {rho:.4f}, half the band of ±0.044: its correlogram is that of white noise",
+            why=f"the printed model has ρ₁ = {rho:.4f}, half the band of ±0.044: a correlogram of white noise",
         ),
         judge(
             "autocorrelation of the printed model at lag 1",
@@ -404,7 +267,7 @@ def _of_model(settings: Settings, rng: np.random.Generator) -> list[Claim]:
             estimate(np.array(explained), np.mean),
             claimed=(0.5, 1.0),
             derived=(share - 1e-4, share + 1e-4),
-            why=f"1 − σ²/var x = {share:.1e}: prediction from the past is zero but for 2 % of a standard deviation, and "
+            why=f"1 − σ²/var x = {share:.1e}: prediction from the past is zero but for 2 % of a sd, and "
             "another sample of the model agrees with nothing",
         ),
     ]

@@ -1,0 +1,129 @@
+"""Paper 1, figure 4: a MEMS gyro before and after a low-pass filter of one pole.
+
+Filtered white noise is a Gauss–Markov process of time constant 1/(2π f_c): its Allan deviation rises, peaks at
+f_c τ = 0.301, and joins N/√τ from below::
+
+    σ²(τ) = N²/τ · {1 − (T/2τ)(3 − 4 e^{−τ/T} + e^{−2τ/T})},     T = 1/(2π f_c)
+
+At f_c τ = 1, 3, 10 the deviation is 0.873, 0.959, 0.988 of N/√τ: read beyond 10/f_c, N is right to 1.2 %.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import GaussMarkov
+from models.units import DEG_PER_HOUR
+from tuner.curves import curve
+from tuner.curves.allan import overlapping_allan
+from tuner.grades import load_grade
+from tuner.identification import identify_channel
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from tuner.papers.sampling import Settings, estimate, scaled
+from tuner.records import Record
+from tuner.results import AllanCurve, ChannelIdentification
+from tuner.simulation import Channel, simulate
+
+FloatArray = NDArray[np.float64]
+
+CUTOFF, RATE, PIECES = 5.0, 100.0, 50
+"""Hz, Hz; parts of the record by whose scatter ratios are judged."""
+
+
+def lowpass_n(settings: Settings) -> Item:
+    """Return figure 4, the same noise without and with the filter."""
+    model = load_grade("mpu9250").noise_model("gyro")
+    duration = float(settings.size(14_400, 3_600))
+    seed = int(settings.rng("lowpass-n").integers(1 << 31))
+    before, after = (
+        simulate({"gyro_x": Channel(model)}, duration=duration, rate=RATE, seed=seed, hidden=hidden)[0][0]
+        for hidden in ((), (f"lowpass@gyro_x:cutoff={CUTOFF:g}",))
+    )
+    density = model.white_density()
+    filtered = identify_channel(after, "gyro_x", arma=None)
+    curves = {label: curve(r, "oadev", noise=model) for label, r in (("before", before), ("after", after))}
+    peak = _peak(curves["after"])
+    claims = (
+        judge(
+            "f_c τ where the curve of the filtered gyro peaks",
+            "an N-shaped part, from the filter",
+            exact(peak * CUTOFF, "1"),
+            claimed=(0.2, 0.45),
+            why="filtered white noise peaks at f_c τ = 0.301: the shape shows the cutoff, not the gyro",
+        ),
+        *(_ratio(before, after, times) for times in (1.0, 3.0, 10.0)),
+        judge(
+            "Gauss–Markov terms identified in the filtered record",
+            "not Markov",
+            exact(float(sum(term.present for term in filtered.terms if term.name == GaussMarkov.name)), "1"),
+            claimed=0.0,
+            why=_told(filtered),
+        ),
+        _density(filtered, density),
+    )
+    tau = curves["before"].tau
+    panel = Panel(
+        f"MPU-9250 gyro, low-pass {CUTOFF:g} Hz",
+        "cluster time τ, s",
+        "deg/h",
+        (
+            *(_shown(found, label, group) for group, (label, found) in enumerate(curves.items())),
+            Curve(tau, density / np.sqrt(tau) / DEG_PER_HOUR, "N/√τ", "dashed", group=5),
+        ),
+        marks=((0.3012 / CUTOFF, "0.301/f_c"), (10.0 / CUTOFF, "10/f_c")),
+    )
+    title = "Li Qi et al., noise of ring laser gyroscopes by Allan variance: figure 4, 2.3 (6)"
+    return Item("lowpass-n", title, claims, Picture((panel,), columns=1))
+
+
+def _ratio(before: Record, after: Record, times: float) -> Claim:
+    """Compare the deviations of the same noise at τ = times/f_c, by the scatter of parts of the record."""
+    m = round(times / CUTOFF * RATE)
+    pairs = [
+        [float(overlapping_allan(part, [m])[0]) for part in np.array_split(r.y[:, 0], PIECES)]
+        for r in (after, before)
+    ]
+    expected = float(filtered_share(np.array([m / RATE]))[0])
+    return judge(
+        f"deviation with ÷ without filter at τ = {times:g}/f_c",
+        "none: only for unfiltered data",
+        estimate(np.array(pairs).T, lambda p: np.sqrt(p[:, 0].mean() / p[:, 1].mean())),
+        claimed=None,
+        derived=(expected - 0.01, expected + 0.01),
+        why=f"expected {expected:.3f}" + (": N can be read from filtered data here" if times >= 10.0 else ""),
+    )
+
+
+def _density(found: ChannelIdentification, true: float) -> Claim:
+    term = found.term("white")
+    assert term is not None
+    return judge(
+        "white noise identified from the filtered record ÷ true",
+        "none: only for unfiltered data",
+        scaled(term.coefficients["density"], 1.0 / true, "1"),
+        claimed=None,
+        derived=(0.985, 1.015),
+        why="clusters that the filter reaches are left out by themselves; N of the longer ones is unbiased",
+    )
+
+
+def filtered_share(tau: FloatArray) -> FloatArray:
+    """Return the Allan deviation of filtered white noise ÷ N/√τ."""
+    constant = 1.0 / (2.0 * np.pi * CUTOFF)
+    process = GaussMarkov(float(np.sqrt(0.5 / constant)), constant)
+    return np.asarray(np.sqrt(process.allan_variance(tau) * tau))
+
+
+def _peak(found: AllanCurve) -> float:
+    """Return τ of the highest point of the curve beyond the first samples."""
+    return float(found.tau[np.argmax(found.deviation()[:, 0])])
+
+
+def _told(found: ChannelIdentification) -> str:
+    return "; ".join(found.warnings) or "the base terms suffice"
+
+
+def _shown(found: AllanCurve, label: str, group: int) -> Curve:
+    low, high = (limit[:, 0] / DEG_PER_HOUR for limit in found.interval())
+    return Curve(found.tau, found.deviation()[:, 0] / DEG_PER_HOUR, label, "line", low, high, group)
