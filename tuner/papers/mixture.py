@@ -74,7 +74,7 @@ def fog_record(settings: Settings) -> Item:
             bias["theobr", 4998],
             claimed=(-0.05, 0.05),
             derived=(expected - 1.04, expected - 0.96),
-            why=f"its factor comes from where quantization and white noise rule, and is put on the ramp: {expected:.3f} "
+            why=f"its factor comes from where quantization and white noise rule and is put on the ramp: {expected:.2f} "
             "of the Allan variance. ThêoH is unbiased only where one noise rules at all τ",
         ),
         judge(

@@ -4,9 +4,11 @@ A verdict follows from numbers alone. Ours has a 95 % interval; a value *agrees*
 `ROOM` times that interval, about four standard deviations, so that a true statement fails once in ten thousand::
 
     reproduced       the paper's value agrees
-    corrected        it does not, and the value derived in its place agrees
+    corrected        the value derived in its place agrees, and lies nearer
     untestable       the paper does not publish what a test needs
     not reproduced   neither value agrees: something is wrong, in the paper, the derivation or the code
+
+Where both values agree, as in small samples, the nearer one counts.
 
 A picture names what is drawn, not how: `tuner.report.papers_figures` draws it.
 """
@@ -119,7 +121,7 @@ def judge(
     derived: float | Range | None = None,
     why: str,
 ) -> Claim:
-    """Compare a value with the paper's and, where that fails, with the derived one.
+    """Compare a value with the paper's and with the one derived in its place.
 
     Parameters
     ----------
@@ -138,11 +140,10 @@ def judge(
     if ours.value is None or ours.interval is None:
         msg = f"'ours' must have a value and an interval to be judged, got {ours}"
         raise ValueError(msg)
+    to_paper, to_derived = (_distance(ours.value, ours.interval, wanted) for wanted in (claimed, derived))
     verdict: Verdict = "not reproduced"
-    if _agrees(ours.value, ours.interval, claimed):
-        verdict = "reproduced"
-    elif _agrees(ours.value, ours.interval, derived):
-        verdict = "corrected"
+    if min(to_paper, to_derived) <= ROOM:
+        verdict = "reproduced" if to_paper <= to_derived else "corrected"
     return Claim(text, paper, ours, verdict, why)
 
 
@@ -170,9 +171,10 @@ def rounded(value: float, digits: int) -> Range:
     return value - half, value + half
 
 
-def _agrees(value: float, interval: Range, wanted: float | Range | None) -> bool:
+def _distance(value: float, interval: Range, wanted: float | Range | None) -> float:
+    """Return how far a value lies from what is wanted, in half widths of its interval on that side."""
     if wanted is None:
-        return False
+        return np.inf
     low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-    below, above = (value + ROOM * (end - value) for end in interval)
-    return below <= high and above >= low
+    gap, end = (low - value, interval[1]) if value < low else (value - high, interval[0])
+    return max(gap, 0.0) / max(abs(end - value), np.finfo(float).tiny)
