@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from challenge.generator.effect import Effect, Place, Truth, sized
+from challenge.generator.effect import Effect, Place, Truth, UnreachableError, sized
 from challenge.generator.scene import Scene, log_uniform, smooth
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
@@ -62,6 +62,17 @@ class Line(MeanEffect):
 
 class Temperature(MeanEffect):
     cause, needs = "temperature", "temperature"
+
+    @classmethod
+    def hide(cls, place: Place, target: float) -> MeanEffect:
+        """Draw one whose bias the thermometer tells well: its error makes less noise than the sensor does."""
+        self = super().hide(place, target)
+        scene, p = place.scene, place.scene.temperature
+        error = (p["noise"] ** 2 + p["code"] ** 2 / 12.0) * max(p["update"], scene.interval)
+        if self.size**2 * error > 0.1 * scene.interval:
+            msg = "the thermometer is too coarse for this slope"
+            raise UnreachableError(msg)
+        return self
 
     def template(self, felt: FloatArray, scene: Scene) -> FloatArray:
         return felt - 25.0

@@ -141,7 +141,7 @@ def scene(
         "range": log_uniform(rng, 1.0, 20.0),
         "time_constant": log_uniform(rng, 0.03, 0.3) * span,
         "period": span * rng.uniform(0.7, 3.0),
-        "noise": log_uniform(rng, 0.005, 0.1),
+        "noise": log_uniform(rng, 0.002, 0.1),
         "code": float(rng.choice([0.01, 0.03125, 0.0625, 0.125])),
         "update": float(rng.choice([0.0, 0.1, 1.28])),
     }
