@@ -110,3 +110,80 @@ class Record:
         """Return the samples of one axis as one contiguous array a segment."""
         column = self.column(axis)
         return tuple(column[start:stop] for start, stop in self.segments)
+
+
+@dataclass(frozen=True)
+class Gnss:
+    """Fixes of a satellite receiver (SI), in order of time.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Stamps, s, on the clock of the inertial record.
+    llh : ndarray, shape (k, 3)
+        Latitude, longitude, rad, height, m.
+    vel_n : ndarray, shape (k, 3)
+        North, east, down, m/s; NaN where there is none.
+    position_sd, velocity_sd : ndarray, shape (k, 3)
+        As the receiver reports them, north, east, down; NaN where it does not.
+    """
+
+    t: FloatArray
+    llh: FloatArray
+    vel_n: FloatArray
+    position_sd: FloatArray
+    velocity_sd: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A better solution to compare with (SI): angles are roll, pitch, yaw of its own body, rad; NaN if unknown."""
+
+    t: FloatArray
+    llh: FloatArray
+    vel_n: FloatArray
+    rpy: FloatArray
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A measured drive: inertial samples, fixes and perhaps a reference.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    imu_t : ndarray, shape (n,)
+        Stamps of the inertial samples, s, strictly increasing; a sample is the mean since the one before.
+    rates : ndarray, shape (n, 6)
+        Angular rates, rad/s, and specific forces, m/s², in the axes of the sensor.
+    gnss : Gnss
+        The fixes.
+    reference : Reference or None
+        A better solution.
+    origin : float
+        Time of t = 0 on the clock of the file, s.
+    lever_arm : tuple of 3 floats or None
+        From the inertial unit to the antenna, in the axes of `mounting`, m.
+    mounting : ndarray, shape (3, 3), or None
+        Rotates vehicle axes (forward, right, down) into those of the sensor.
+    source, digest : str
+        Name of the file and SHA-256 of its content.
+    notes : tuple of str
+        Every repair that was made, with its count.
+    """
+
+    name: str
+    imu_t: FloatArray
+    rates: FloatArray
+    gnss: Gnss
+    reference: Reference | None = None
+    origin: float = 0.0
+    lever_arm: tuple[float, float, float] | None = None
+    mounting: FloatArray | None = None
+    source: str = ""
+    digest: str = ""
+    notes: tuple[str, ...] = ()

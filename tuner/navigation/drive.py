@@ -1,0 +1,209 @@
+"""A measured drive through the filter: clocks, stretches without gaps, alignment, fixes and their errors.
+
+The filter's body frame is that of the vehicle where the mounting is known, else that of the sensor: alignment
+from gravity and motion needs no mounting. Sampling gaps up to `BRIDGED` are bridged with the rates held; a
+longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried
+over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.earth import llh_displaced
+from models.strapdown import NavigationState
+from tuner.navigation import engine
+from tuner.navigation.initial import Alignment, align, receiver_lag
+from tuner.navigation.inputs import Fixes, Solution, Steps, split_at
+from tuner.navigation.settings import FilterSettings
+from tuner.records import DataError, Drive, Gnss
+
+FloatArray = NDArray[np.float64]
+
+BRIDGED = 0.5
+"""Longest gap of the inertial samples that is bridged, s."""
+SHORTEST = 20.0
+"""Shortest stretch that is worth an alignment, s."""
+HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
+"""Least sds of an alignment, rad."""
+SD_FLOOR = (0.01, 0.02)
+"""Least sds of a fix: position, m, and velocity, m/s."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a drive without a gap, ready to be filtered.
+
+    Attributes
+    ----------
+    steps : Steps
+        In the body frame of the filter.
+    fixes : Fixes
+        On the clock of the inertial unit.
+    start : NavigationState
+        At the first fix, where `steps` begin.
+    alignment : Alignment
+        Where it comes from.
+    """
+
+    steps: Steps
+    fixes: Fixes
+    start: NavigationState
+    alignment: Alignment
+
+
+def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+    """Cut a drive into stretches and align each.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    settings : FilterSettings
+        Lever arm and, where the receiver reports no sds, those of the configuration.
+
+    Returns
+    -------
+    stretches : tuple of Stretch
+        At least one.
+    notes : tuple of str
+        What was found and done.
+
+    Raises
+    ------
+    DataError
+        Where no stretch can be aligned.
+    """
+    notes: list[str] = []
+    gnss = drive.gnss
+    lag = receiver_lag(gnss)
+    if lag:
+        moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
+        gnss = replace(gnss, vel_n=moved)
+        notes.append(f"velocities of the receiver are {lag:.3f} s later than its positions: moved")
+    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
+    dt = np.diff(drive.imu_t)
+    gaps = np.flatnonzero(dt > BRIDGED)
+    if len(gaps):
+        notes.append(
+            f"{len(gaps)} gaps longer than {BRIDGED:g} s in the inertial record, the longest "
+            f"{dt.max():.1f} s: aligned anew after each"
+        )
+    edges = np.concatenate([[0], gaps + 1, [len(drive.imu_t)]])
+    stretches: list[Stretch] = []
+    failure = ""
+    for first, last in zip(edges[:-1], edges[1:], strict=True):
+        t = drive.imu_t[first:last]
+        if len(t) < 2 or t[-1] - t[0] < SHORTEST:
+            notes.append(f"a stretch of {t[-1] - t[0]:.1f} s left out: too short to align")
+            continue
+        steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
+        try:
+            stretch = _stretch(steps, gnss, settings)
+        except DataError as error:
+            failure = str(error)
+            notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
+            continue
+        stretches.append(stretch)
+        a = stretch.alignment
+        notes.append(
+            f"aligned at {a.t:.1f} s after {a.still:.0f} s of standing: heading to {np.degrees(a.heading_sd):.1f}°, "
+            f"fixes {a.delay:+.3f} s late"
+        )
+    if not stretches:
+        msg = f"{drive.source}: no stretch of the drive could be aligned: {failure or 'all are too short'}"
+        raise DataError(msg)
+    return tuple(stretches), tuple(notes)
+
+
+def navigate(stretches: tuple[Stretch, ...], settings: FilterSettings, windows: FloatArray) -> tuple[Solution, ...]:
+    """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
+    n = settings.size
+    parameters, covariance = np.zeros(n), np.diag(settings.initial_sd**2)
+    answers: list[Solution] = []
+    for i, stretch in enumerate(stretches):
+        a = stretch.alignment
+        p = _fresh(covariance, settings, stretch)
+        x = parameters.copy()
+        if i == 0 and a.still > 0.0:
+            x[settings.model.layout["gyro_bias"]] = a.gyro_bias
+        answers.append(
+            engine.run(
+                settings,
+                stretch.start,
+                stretch.steps,
+                stretch.fixes.without(windows),
+                parameters=x,
+                covariance=p,
+            )
+        )
+        parameters, covariance = answers[-1].final_parameters, answers[-1].final_covariance
+    return tuple(answers)
+
+
+def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -> FloatArray:
+    """Return P at the start of a stretch: navigation states anew, the others as they are."""
+    p = covariance.copy()
+    p[:9, :] = 0.0
+    p[:, :9] = 0.0
+    at, a = settings.model.layout, stretch.alignment
+    sd = stretch.fixes.sd[0]
+    p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
+    p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2
+    tilt = max(a.tilt_sd, TILT_FLOOR, float(settings.initial_sd[at["attitude"]][0]))
+    p[6, 6] = p[7, 7] = tilt**2
+    p[8, 8] = max(2.0 * a.heading_sd, HEADING_FLOOR) ** 2
+    return p
+
+
+def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings) -> Stretch:
+    ends = steps.ends()
+    inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
+    own = _rows(gnss, inside)
+    if len(own) < 10:
+        msg = f"{len(own)} fixes"
+        raise DataError(msg)
+    a = align(steps, own)
+    t = own.t - a.delay
+    keep = (t > ends[0]) & (t < ends[-1])
+    own, t = _rows(own, keep), t[keep]
+    first = int(np.argmin(np.abs(ends - t[0])))
+    # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
+    quat = _carried(steps, a, first)
+    steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
+    begin = t >= steps.start
+    own, t = _rows(own, begin), t[begin]
+    split, after = split_at(steps, t)
+    fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings))
+    arm = rotation.mat_from_quat(quat) @ np.array(settings.lever_arm)
+    vel = own.vel_n[0] if np.isfinite(own.vel_n[0]).all() else np.zeros(3)
+    return Stretch(split, fixes, NavigationState(llh_displaced(own.llh[0], -arm), vel, quat), a)
+
+
+def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
+    """Return the attitude of an alignment at the end of step k."""
+    ends = steps.ends()
+    have = int(np.argmin(np.abs(ends - a.t)))
+    quat = a.quat_nb
+    for i in range(min(have, k), max(have, k)):
+        turn = rotation.quat_from_rotvec(steps.increments[i, :3] - a.gyro_bias * steps.dt[i])
+        quat = rotation.quat_multiply(quat, turn if k > have else rotation.quat_conjugate(turn))
+    return quat
+
+
+def _rows(gnss: Gnss, which: NDArray[np.bool_]) -> Gnss:
+    return Gnss(gnss.t[which], gnss.llh[which], gnss.vel_n[which], gnss.position_sd[which], gnss.velocity_sd[which])
+
+
+def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
+    """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
+    position = settings.position_sd or (3.0, 3.0, 5.0)
+    velocity = settings.velocity_sd or (0.1, 0.1, 0.2)
+    reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
+    assumed = np.where(reported > 0.0, reported, np.array([*position, *velocity]))
+    return np.maximum(assumed, np.repeat(SD_FLOOR, 3))

@@ -1,0 +1,263 @@
+"""Where a drive begins: attitude from gravity and from motion, gyro bias from standing still, clocks.
+
+Gravity gives the tilt, speed changes the heading, both at once: over windows of some seconds the specific
+force, turned by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity::
+
+    α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
+
+The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of
+the clocks gives their offset. While the fixes stand still, the mean of the gyros is their bias.
+
+References
+----------
+.. [1] M. Wu, Y. Wu, X. Hu, D. Hu, Optimization-based alignment for inertial navigation systems, Aerospace
+       Science and Technology 15 (2011).
+.. [2] F. L. Markley, Attitude determination using vector observations and the singular value decomposition,
+       J. Astronautical Sciences 36 (1988).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models import rotation
+from models.earth import gravity, metres_per_radian
+from models.triples import exponential, product
+from tuner.navigation.inputs import Steps
+from tuner.records import DataError, Gnss
+
+FloatArray = NDArray[np.float64]
+
+STANDING = 0.3
+"""Speed below which a vehicle stands, m/s, if the receiver is no noisier."""
+MARGIN = 2.0
+"""Time cut from the end of a stand-still, s."""
+WINDOW = 2.0
+"""Length of the windows, s."""
+MOVING = 60.0
+"""Time in motion that the alignment uses, s."""
+GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(25.0)
+"""Sd of the heading from which more motion is asked for, and from which there is none, rad."""
+ROCKING = 120.0
+"""Longest part of a stand-still that is used, s."""
+LONGEST_OFFSET = 3.0
+"""Clocks are searched to both sides of equality up to this, s."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The start of a drive.
+
+    Attributes
+    ----------
+    t : float
+        Time for which the attitude holds, s.
+    quat_nb : ndarray, shape (4,)
+        Attitude.
+    heading_sd, tilt_sd : float
+        rad.
+    gyro_bias : ndarray, shape (3,)
+        rad/s; zeros where the vehicle never stood.
+    delay : float
+        Delay of the fixes, s: positive where their stamps are late.
+    still : float
+        Time it stood before, s.
+    """
+
+    t: float
+    quat_nb: FloatArray
+    heading_sd: float
+    tilt_sd: float
+    gyro_bias: FloatArray
+    delay: float
+    still: float
+
+
+def velocities(gnss: Gnss) -> FloatArray:
+    """Return the velocity at every fix, differences of positions where the receiver gives none; (k, 3)."""
+    metres = _metres(gnss)
+    slope = np.gradient(metres, gnss.t, axis=0)
+    return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
+
+
+def receiver_lag(gnss: Gnss) -> float:
+    """Return how much later the receiver's velocities are than its positions, s; 0 where that is not clear.
+
+    Differences of positions are compared with shifted velocities; the shift counts where it takes a quarter
+    of the misfit away.
+    """
+    if not np.isfinite(gnss.vel_n).all() or len(gnss) < 50:
+        return 0.0
+    metres = _metres(gnss)
+    dt = gnss.t[2:] - gnss.t[:-2]
+    near = dt < 2.5 * float(np.median(np.diff(gnss.t)))
+    slope = ((metres[2:] - metres[:-2]) / dt[:, None])[near]
+    middle = 0.5 * (gnss.t[2:] + gnss.t[:-2])[near]
+
+    def misfit(lag: float) -> float:
+        shifted = np.stack([np.interp(middle + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
+        off = np.sum((slope - shifted)[:, :2] ** 2, axis=1)
+        return float(np.mean(np.minimum(off, 25.0 * np.median(off) + 1e-12)))
+
+    lags = np.arange(-0.5, 0.501, 0.02)
+    values = np.array([misfit(float(lag)) for lag in lags])
+    best = int(np.argmin(values))
+    # Interpolation averages noise away on both sides alike: only the better side counts.
+    if best in (0, len(lags) - 1) or values[best] > 0.75 * min(misfit(0.0), values[len(lags) - 1 - best]):
+        return 0.0
+    return float(minimize_scalar(misfit, bounds=(lags[best - 1], lags[best + 1]), method="bounded").x)
+
+
+def standing_until(gnss: Gnss) -> float:
+    """Return the time until which the vehicle stands at the beginning, s; the first fix where it does not."""
+    sd = gnss.velocity_sd[:, :2]
+    noise = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 0.0
+    speed = np.hypot(*velocities(gnss)[:, :2].T)
+    limit = max(STANDING, 5.0 * min(noise, 1.0))
+    moving = speed > limit
+    # Two fixes in a row: one alone may be an outlier.
+    moving[:-1] &= moving[1:]
+    first = int(np.argmax(moving)) if moving.any() else len(gnss) - 1
+    return float(max(gnss.t[0], gnss.t[first] - MARGIN))
+
+
+def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignment:
+    """Find the start from as much motion as it takes: one, two, four, … minutes.
+
+    Parameters
+    ----------
+    steps : Steps
+        Increments of the sensor.
+    gnss : Gnss
+        Fixes on the same clock, within the steps.
+    offset : float
+        Clocks are searched to both sides up to this, s; 0 believes the stamps.
+
+    Raises
+    ------
+    DataError
+        Where the vehicle does not change its speed: there is no heading.
+    """
+    moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
+    while True:
+        found = _align(steps, gnss, moving, offset)
+        if found.heading_sd < GOOD_HEADING or (moving >= length and found.heading_sd < POOR_HEADING):
+            return found
+        if moving >= length:
+            msg = "the vehicle hardly changes its speed: its heading cannot be found from its motion"
+            raise DataError(msg)
+        moving *= 2.0
+
+
+def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
+    """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s."""
+    ends = steps.ends()
+    still_end = standing_until(gnss)
+    begin = max(float(gnss.t[0]), still_end - ROCKING)
+    stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
+    first, last = np.searchsorted(ends, [begin, stop + offset + 0.1])
+    bias = np.zeros(3)
+    quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
+    if still_end - begin > 2.0 * WINDOW:
+        bias = steps.increments[quiet, :3].sum(axis=0) / steps.dt[quiet].sum()
+    back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
+    window = slice(back, min(int(last), len(steps.dt)))
+    t, velocity, way = _turned(steps, window, bias)
+    quats = _attitudes(steps, window, bias)
+    inside = (gnss.t >= begin) & (gnss.t <= stop)
+    fix_t = gnss.t[inside]
+    by_position = _positions_are_better(gnss)
+    measured = _metres(gnss)[inside] if by_position else velocities(gnss)[inside]
+    integral = way if by_position else velocity
+    windows = _windows(fix_t, 3 if by_position else 2)
+    span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
+    beta = _change(measured, windows, span)
+    beta[:, 2] -= float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2])) * span
+
+    def solve(delay: float) -> tuple[FloatArray, float]:
+        at = np.stack([np.interp(fix_t - delay, t, v) for v in integral.T], axis=-1)
+        alpha = _change(at, windows, span)
+        mat = _wahba(alpha, beta)
+        off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
+        return mat, float(np.mean(np.minimum(off, 25.0 * np.median(off) + 1e-12)))
+
+    delay = 0.0
+    if offset > 0.0:
+        grid = np.arange(-offset, offset + 1e-9, 0.05)
+        costs = [solve(float(d))[1] for d in grid]
+        best = int(np.argmin(costs))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
+    mat, cost = solve(delay)
+    # Speed changes tell the heading; neighbouring windows overlap, so a window counts by its share.
+    change = float(np.sum(beta[:, :2] ** 2)) * float(np.median(np.diff(fix_t))) / WINDOW
+    k = int(np.argmin(np.abs(t - fix_t[0])))
+    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
+    level = float(np.sqrt(cost / 3.0))
+    return Alignment(
+        float(t[k]), quat, float(np.sqrt(cost / change)), level / (9.8 * WINDOW), bias, delay, still_end - begin
+    )
+
+
+def _wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
+    """Return the rotation that takes vectors α (n, 3) to β (n, 3) with the least squared misfit."""
+    u, _, vt = np.linalg.svd(beta.T @ alpha)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt)
+
+
+def _positions_are_better(gnss: Gnss) -> bool:
+    """Whether second differences of positions tell changes of velocity better than the velocities do."""
+    position, velocity = (np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
+                          for sd in (gnss.position_sd, gnss.velocity_sd))
+    if not np.isfinite(gnss.vel_n).any():
+        return True
+    return bool(np.sqrt(6.0) * position / WINDOW < np.sqrt(2.0) * velocity)
+
+
+def _metres(gnss: Gnss) -> FloatArray:
+    return np.asarray((gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0]))
+
+
+def _windows(t: FloatArray, points: int) -> NDArray[np.intp]:
+    """Return the fixes at the ends (and between) of neighbouring windows of `WINDOW`, without gaps."""
+    rows = [np.arange(len(t))]
+    for i in range(1, points):
+        rows.append(np.searchsorted(t, t + i * WINDOW - 1e-6))
+    windows = np.stack(rows, axis=-1)
+    windows = windows[windows[:, -1] < len(t)]
+    lengths = np.diff(t[windows], axis=1)
+    return windows[np.all(np.abs(lengths - WINDOW) < 0.25 * WINDOW, axis=1)]
+
+
+def _change(y: FloatArray, windows: NDArray[np.intp], span: FloatArray) -> FloatArray:
+    """Return the change over windows: of y, or, with three points, of its slope; shape (w, 3)."""
+    if windows.shape[1] == 2:
+        return np.asarray(y[windows[:, 1]] - y[windows[:, 0]])
+    return np.asarray((y[windows[:, 2]] - 2.0 * y[windows[:, 1]] + y[windows[:, 0]]) / span[:, None])
+
+
+def _attitudes(steps: Steps, window: slice, bias: FloatArray) -> FloatArray:
+    """Return the attitude of b in b₀ at the ends of steps; shape (n + 1, 4)."""
+    angles = (steps.increments[window, :3] - bias * steps.dt[window, None]).tolist()
+    quat = (1.0, 0.0, 0.0, 0.0)
+    quats = [quat]
+    for angle in angles:
+        quat = product(quat, exponential(tuple(angle)))
+        quats.append(quat)
+    return np.array(quats)
+
+
+def _turned(steps: Steps, window: slice, bias: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the ends of steps, s, and the first and second integral of the force in b₀ there, (n + 1, 3)."""
+    mats = rotation.mat_from_quat(_attitudes(steps, window, bias))
+    mean = 0.5 * (mats[1:] + mats[:-1])
+    pieces = (mean @ steps.increments[window, 3:, None])[..., 0]
+    once = np.concatenate([np.zeros((1, 3)), np.cumsum(pieces, axis=0)])
+    halves = 0.5 * (once[1:] + once[:-1]) * steps.dt[window, None]
+    twice = np.concatenate([np.zeros((1, 3)), np.cumsum(halves, axis=0)])
+    return steps.ends()[window.start : window.start + len(once)], once, twice

@@ -1,0 +1,285 @@
+"""Measured drives: a folder of CSV files, an NPZ, or the text files of KF-GINS.
+
+=============  ================================================================================================
+folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
+               sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw
+NPZ            imu_t, gyro, accel, gnss_t, gnss_llh (deg, deg, m), gnss_vned, gnss_pstd, gnss_vstd; optional
+               ref_t, ref_llh, ref_vned, ref_rpy (deg); JSON in meta: imu_frame, mounting_rpy_deg,
+               lever_arm_frd_m
+KF-GINS        its YAML, which names imupath (t, Δθ, Δv) and gnsspath (t, lat, lon [deg], height, sd n e d)
+=============  ================================================================================================
+
+Stamps out of order, doubled rows, unreadable rows and fixes outside the inertial record are removed and
+counted.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from models import rotation
+from tuner.readers import read
+from tuner.readers.listing import digest
+from tuner.readers.text import find_dialect, read_numbers
+from tuner.records import DataError, Drive, Gnss, Reference
+
+FloatArray = NDArray[np.float64]
+
+UNREADABLE = 0.01
+"""Share of unreadable rows from which a stream is refused."""
+FRAMES: Mapping[str, tuple[float, float, float]] = {
+    "FRD": (0.0, 0.0, 0.0),
+    "FLU": (180.0, 0.0, 0.0),
+    "RFU": (180.0, 0.0, 90.0),
+}
+"""Mounting (roll, pitch, yaw, deg) of a unit whose axes point forward, right, up and so on."""
+_GNSS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "sd_n", "sd_e", "sd_d", "sd_vn", "sd_ve", "sd_vd")
+_TRUTH = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
+
+
+def read_drive(path: str | Path) -> Drive:
+    """Read a drive.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, an NPZ or a YAML of KF-GINS.
+
+    Raises
+    ------
+    DataError
+        What cannot be used, in one line.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _folder(path)
+    if not path.is_file():
+        msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
+        raise DataError(msg)
+    if path.suffix.lower() == ".npz":
+        return _npz(path)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return _kf_gins(path)
+    msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
+    raise DataError(msg)
+
+
+def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
+    """Return the matrix from vehicle axes to sensor axes, from a frame name such as RFU or from angles, deg."""
+    if rpy_deg is not None:
+        return rotation.mat_from_rpy(np.radians(np.asarray(rpy_deg, dtype=float)))
+    key = (frame or "").strip().upper()
+    return rotation.mat_from_rpy(np.radians(FRAMES[key])) if key in FRAMES else None
+
+
+def _npz(path: Path) -> Drive:
+    with np.load(path, allow_pickle=False) as file:
+        data = {name: file[name] for name in file.files}
+    missing = [name for name in ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh") if name not in data]
+    if missing:
+        msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
+        raise DataError(msg)
+    meta: dict[str, Any] = json.loads(str(data["meta"])) if "meta" in data else {}
+    k = len(data["gnss_t"])
+
+    def triple(name: str, rows: int = k) -> FloatArray:
+        return np.asarray(data[name], dtype=float) if name in data else np.full((rows, 3), np.nan)
+
+    fixes = np.column_stack(
+        [data["gnss_t"], data["gnss_llh"], triple("gnss_vned"), triple("gnss_pstd"), triple("gnss_vstd")]
+    )
+    truth = None
+    if "ref_t" in data and "ref_llh" in data:
+        rows = len(data["ref_t"])
+        truth = np.column_stack(
+            [data["ref_t"], data["ref_llh"], triple("ref_vned", rows), triple("ref_rpy", rows)]
+        )
+    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
+    arm = meta.get("lever_arm_frd_m")
+    return _drive(
+        path,
+        imu,
+        fixes,
+        truth,
+        mounting=mounting_of(meta.get("imu_frame"), meta.get("mounting_rpy_deg")),
+        lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+    )
+
+
+def _folder(path: Path) -> Drive:
+    records = {record.name: record for record in read(_existing(path / "imu.csv"))}
+    if set(records) != {"gyro", "accel"}:
+        msg = f"{path / 'imu.csv'}: expected gyroscope and accelerometer, found {' '.join(records) or 'neither'}"
+        raise DataError(msg)
+    gyro, accel = records["gyro"], records["accel"]
+    imu = np.column_stack([gyro.t, gyro.y, accel.y])
+    truth = path / "truth.csv"
+    return _drive(
+        path,
+        imu,
+        _table(_existing(path / "gnss.csv"), _GNSS, 4),
+        _table(truth, _TRUTH, 4) if truth.exists() else None,
+        notes=gyro.notes,
+    )
+
+
+def _kf_gins(path: Path) -> Drive:
+    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(settings, dict) or not {"imupath", "gnsspath"} <= settings.keys():
+        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
+        raise DataError(msg)
+    imu, fixes = (_numbers(_beside(path, str(settings[key]))) for key in ("imupath", "gnsspath"))
+    if imu.shape[1] < 7 or fixes.shape[1] < 7:
+        msg = f"{path}: expected 7 columns in the IMU and GNSS files, got {imu.shape[1]} and {fixes.shape[1]}"
+        raise DataError(msg)
+    dt = np.diff(imu[:, 0], prepend=imu[0, 0] - 1.0 / float(settings.get("imudatarate", 200.0)))
+    rates = imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None]
+    k = len(fixes)
+    blank = np.full((k, 3), np.nan)
+    arm = settings.get("antlever")
+    return _drive(
+        path,
+        np.column_stack([imu[:, 0], rates]),
+        np.column_stack([fixes[:, :4], blank, fixes[:, 4:7], blank]),
+        None,
+        mounting=np.eye(3),
+        lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+    )
+
+
+def _drive(
+    path: Path,
+    imu: FloatArray,
+    fixes: FloatArray,
+    truth: FloatArray | None,
+    *,
+    mounting: FloatArray | None = None,
+    lever_arm: tuple[float, float, float] | None = None,
+    notes: tuple[str, ...] = (),
+) -> Drive:
+    """Clean the streams, put them on one clock and check that they can be what they are said to be."""
+    said = list(notes)
+    imu = _ordered(path, "IMU", imu, imu, said)
+    fixes = _ordered(path, "GNSS", fixes, fixes[:, :4], said)
+    begin, end = imu[0, 0], imu[-1, 0]
+    inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
+    if np.count_nonzero(inside) < 2:
+        msg = (
+            f"{path}: expected IMU and GNSS of the same time, got IMU {begin:.3f} … {end:.3f} s and "
+            f"GNSS {fixes[0, 0]:.3f} … {fixes[-1, 0]:.3f} s; put both on one clock"
+        )
+        raise DataError(msg)
+    if not inside.all():
+        said.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
+    fixes = fixes[inside]
+    _plausible(path, imu, fixes, said)
+    repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
+    if repeats:
+        said.append(f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept as held")
+    llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
+    gnss = Gnss(fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13])
+    return Drive(
+        path.stem,
+        imu[:, 0] - begin,
+        imu[:, 1:],
+        gnss,
+        None if truth is None else _reference(path, truth, begin, said),
+        float(begin),
+        lever_arm,
+        mounting,
+        path.name,
+        digest(path if path.is_file() else path / "imu.csv"),
+        tuple(said),
+    )
+
+
+def _ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
+    """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
+    good = np.isfinite(needed).all(axis=1)
+    bad = int(np.count_nonzero(~good))
+    if bad > UNREADABLE * len(rows) or bad == len(rows):
+        msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
+        raise DataError(msg)
+    if bad:
+        said.append(f"{bad} unreadable {name} rows removed")
+    rows = rows[good]
+    steps = np.diff(rows[:, 0])
+    if np.any(steps < 0.0):
+        said.append(f"{np.count_nonzero(steps < 0.0)} {name} rows out of order sorted")
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
+    if not fresh.all():
+        said.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
+    return rows[fresh]
+
+
+def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
+    """Refuse what cannot be a drive in these units."""
+    force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
+    if not 5.0 < force < 20.0:
+        msg = f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check the unit"
+        raise DataError(msg)
+    turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
+    if turn > 35.0:
+        msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
+        raise DataError(msg)
+    if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
+        msg = f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}"
+        raise DataError(msg)
+    if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
+        msg = f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}"
+        raise DataError(msg)
+    zero = int(np.count_nonzero(np.any(fixes[:, 7:10] == 0.0, axis=1)))
+    if zero:
+        said.append(f"{zero} fixes report a standard deviation of 0")
+
+
+def _reference(path: Path, rows: FloatArray, begin: float, said: list[str]) -> Reference:
+    rows = _ordered(path, "reference", rows, rows[:, :4], said)
+    llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
+    return Reference(rows[:, 0] - begin, llh, rows[:, 4:7], np.radians(rows[:, 7:10]))
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        msg = f"{path}: expected this file in the folder of a drive, found nothing"
+        raise DataError(msg)
+    return path
+
+
+def _beside(path: Path, name: str) -> Path:
+    """Return the file a YAML names, relative to it; else the file of that name beside it."""
+    named = path.parent / name
+    return _existing(named if named.is_file() else path.parent / Path(name).name)
+
+
+def _table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
+    """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
+    dialect = find_dialect(path)
+    have = [name.split("[")[0].strip().lower() for name in dialect.names]
+    missing = [name for name in names[:needed] if name not in have]
+    if missing:
+        msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"
+        raise DataError(msg)
+    present = [name for name in names if name in have]
+    (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
+    table = np.full((len(numbers), len(names)), math.nan)
+    for j, name in enumerate(present):
+        table[:, names.index(name)] = numbers[:, j]
+    return table
+
+
+def _numbers(path: Path) -> FloatArray:
+    try:
+        return np.loadtxt(path, ndmin=2)
+    except ValueError as error:
+        msg = f"{path}: expected numbers only, {error}"
+        raise DataError(msg) from None
