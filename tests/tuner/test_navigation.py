@@ -131,6 +131,19 @@ def test_far_fixes_are_gated():
     assert np.all(np.delete(solution.use[:, 0], 9) == USED)
 
 
+def test_lost_filter_believes_fixes_again():
+    settings = replace(filter_settings(plain(configuration())), patience=4.0)
+    _, start, steps, fixes = flight(settings, "straight", 30.0)
+    lost = corrected(start, np.array([500.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    solution = engine.run(settings, lost, steps, fixes)
+    assert np.all(solution.use[:4, 0] == GATED)
+    assert np.all(solution.use[-10:, 0] == USED)
+    same = reference.run(settings, lost, steps, fixes)
+    np.testing.assert_array_equal(same.use, solution.use)
+    trusting = engine.run(settings, lost, steps, replace(fixes, trusted=np.ones(len(fixes), dtype=bool)))
+    assert not np.any(trusting.use == GATED)
+
+
 def test_stretches_can_be_joined():
     settings = filter_settings(configuration(), lever_arm=LEVER)
     _, start, steps, fixes = flight(settings, "s_turns", 12.0)

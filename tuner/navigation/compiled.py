@@ -70,6 +70,8 @@ class Layout(NamedTuple):
         χ² limit of three components.
     covariance_step : float
         Longest step of the covariance, s.
+    patience : float
+        Time with nothing but refused fixes after which one is used, s.
     """
 
     size: int
@@ -88,6 +90,7 @@ class Layout(NamedTuple):
     arm: FloatArray
     gate: float
     covariance_step: float
+    patience: float
 
 
 class Workspace(NamedTuple):

@@ -30,8 +30,8 @@ SHORTEST = 20.0
 """Shortest stretch that is worth an alignment, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
 """Least sds of an alignment, rad."""
-SD_FLOOR = (0.01, 0.02)
-"""Least sds of a fix: position, m, and velocity, m/s."""
+SETTLING = 60.0
+"""Time in motion during which fixes are used whatever the gate says, s: the start may be wrong, not they."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,9 @@ def navigate(stretches: tuple[Stretch, ...], settings: FilterSettings, windows: 
         x = parameters.copy()
         if i == 0 and a.still > 0.0:
             x[settings.model.layout["gyro_bias"]] = a.gyro_bias
+            x[settings.model.layout["accel_bias"]] = a.accel_bias
+            own = range(settings.model.layout["accel_bias"].start, settings.model.layout["accel_bias"].stop)
+            p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
         answers.append(
             engine.run(
                 settings,
@@ -179,7 +182,8 @@ def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings) -> Stretch:
     begin = t >= steps.start
     own, t = _rows(own, begin), t[begin]
     split, after = split_at(steps, t)
-    fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings))
+    settled = a.t + a.still + SETTLING
+    fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
     arm = rotation.mat_from_quat(quat) @ np.array(settings.lever_arm)
     vel = own.vel_n[0] if np.isfinite(own.vel_n[0]).all() else np.zeros(3)
     return Stretch(split, fixes, NavigationState(llh_displaced(own.llh[0], -arm), vel, quat), a)
@@ -205,5 +209,5 @@ def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     position = settings.position_sd or (3.0, 3.0, 5.0)
     velocity = settings.velocity_sd or (0.1, 0.1, 0.2)
     reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
-    assumed = np.where(reported > 0.0, reported, np.array([*position, *velocity]))
-    return np.maximum(assumed, np.repeat(SD_FLOOR, 3))
+    believed = np.array([*position, *velocity])
+    return np.where(reported > 0.0, np.maximum(reported, believed), believed)

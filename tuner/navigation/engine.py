@@ -90,6 +90,8 @@ def run(
         np.ascontiguousarray(np.where(np.isfinite(fixes.sd), fixes.sd, 0.0)),
         1 + velocity.astype(np.int64),
         fixes.withheld,
+        fixes.trusted,
+        np.ascontiguousarray(fixes.t, dtype=float),
         out_state,
         out_x,
         out_p,
@@ -149,6 +151,7 @@ def layout(settings: FilterSettings) -> Layout:
         np.array(settings.lever_arm, dtype=float),
         chi2_gate(settings.gate, 3),
         settings.covariance_step,
+        settings.patience,
     )
 
 

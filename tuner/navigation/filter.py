@@ -82,7 +82,7 @@ def run(
     for i, k in enumerate(fixes.after):
         at_fix[int(k)].append(i)
     rows: list[Any] = []
-    sample = np.zeros(6)
+    sample, refused = np.zeros(6), np.inf
     for k in range(len(steps.dt) + 1):
         if k > 0:
             dt = float(steps.dt[k - 1])
@@ -118,7 +118,10 @@ def run(
             now = _Interval(state, 0.0, np.zeros(3), np.zeros(3))
         for i in at_fix.get(k, ()):
             rates = sample / (steps.dt[k - 1] if k else 1.0)
-            state, row = _update(kf, settings, state, x, sensor, rates, fixes, i)
+            gated = not fixes.trusted[i] and fixes.t[i] - refused < settings.patience
+            limit = chi2_gate(settings.gate, 3) if gated else np.inf
+            state, row = _update(kf, settings, state, x, sensor, rates, fixes, i, limit)
+            refused = min(refused, fixes.t[i]) if GATED in row[-1] and USED not in row[-1] else np.inf
             sensor = calibration(model, x)
             now = replace(now, start=state)
             rows.append(row)
@@ -134,6 +137,7 @@ def _update(
     rates: FloatArray,
     fixes: Fixes,
     i: int,
+    limit: float,
 ) -> tuple[NavigationState, tuple[Any, ...]]:
     """Use fix i; changes `kf` and `x`, returns the corrected state and a row of the solution."""
     model = settings.model
@@ -145,7 +149,7 @@ def _update(
     z, h = np.concatenate([part.z for part in parts]), np.vstack([part.H for part in parts])
     r = np.diag(fixes.sd[i, : len(z)] ** 2)
     s = h @ kf.P @ h.T + r
-    limit, use = chi2_gate(settings.gate, 3), np.full(2, ABSENT)
+    use = np.full(2, ABSENT)
     for g in range(len(parts)):
         own = slice(3 * g, 3 * g + 3)
         far = z[own] @ np.linalg.solve(s[own, own], z[own]) > limit

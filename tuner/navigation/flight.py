@@ -78,6 +78,8 @@ def fly(
     sd: FloatArray,
     available: IntArray,
     withheld: NDArray[np.bool_],
+    trusted: NDArray[np.bool_],
+    t: FloatArray,
     out_state: FloatArray,
     out_x: FloatArray,
     out_P: FloatArray,
@@ -111,7 +113,7 @@ def fly(
     true, sample = np.zeros(6), np.zeros(6)
     z, S, dx, use = np.zeros(6), np.zeros((6, 6)), np.zeros(lay.size), np.zeros(2, dtype=np.int64)
     H = np.zeros((6, lay.size))
-    n_steps, i = len(dt), 0
+    n_steps, i, refused = len(dt), 0, 1e300
     for k in range(n_steps + 1):
         if k > 0:
             d = dt[k - 1]
@@ -174,12 +176,18 @@ def fly(
                 true[c] = angle[c] * inverse
                 true[3 + c] = velocity[c] * inverse
             fix_model(lay, pos, vel, quat, x, true, fixes[i], work, z, H)
-            if update(P, z, H, sd[i], available[i], withheld[i], lay.gate, dx, S, use):
+            gated = not trusted[i] and t[i] - refused < lay.patience
+            limit = lay.gate if gated else 1e300
+            if update(P, z, H, sd[i], available[i], withheld[i], limit, dx, S, use):
                 pos, vel, quat = correct(pos, vel, quat, dx)
                 for j in range(9, lay.size):
                     x[j] += dx[j]
                 calibrate(lay, x, work)
             start_pos, start_vel, start_quat = pos, vel, quat
+            if (use[0] == 2 or use[1] == 2) and use[0] != 1 and use[1] != 1:
+                refused = min(refused, t[i])
+            else:
+                refused = 1e300
             for c in range(3):
                 out_state[i, c], out_state[i, 3 + c] = pos[c], vel[c]
             for c in range(4):

@@ -67,6 +67,8 @@ class Alignment:
         Delay of the fixes, s: positive where their stamps are late.
     still : float
         Time it stood before, s.
+    accel_bias : ndarray, shape (3,)
+        What the specific force of the stand-still has too much against gravity, along itself, m/s².
     """
 
     t: float
@@ -76,6 +78,7 @@ class Alignment:
     gyro_bias: FloatArray
     delay: float
     still: float
+    accel_bias: FloatArray
 
 
 def velocities(gnss: Gnss) -> FloatArray:
@@ -161,10 +164,13 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     begin = max(float(gnss.t[0]), still_end - ROCKING)
     stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     first, last = np.searchsorted(ends, [begin, stop + offset + 0.1])
-    bias = np.zeros(3)
+    bias, excess = np.zeros(3), np.zeros(3)
+    down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
     if still_end - begin > 2.0 * WINDOW:
-        bias = steps.increments[quiet, :3].sum(axis=0) / steps.dt[quiet].sum()
+        means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
+        bias, force = means[:3], float(np.linalg.norm(means[3:]))
+        excess = means[3:] * (1.0 - down / force)
     back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
     window = slice(back, min(int(last), len(steps.dt)))
     t, velocity, way = _turned(steps, window, bias)
@@ -177,7 +183,7 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     windows = _windows(fix_t, 3 if by_position else 2)
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
-    beta[:, 2] -= float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2])) * span
+    beta[:, 2] -= down * span
 
     def solve(delay: float) -> tuple[FloatArray, float]:
         at = np.stack([np.interp(fix_t - delay, t, v) for v in integral.T], axis=-1)
@@ -200,7 +206,7 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
     level = float(np.sqrt(cost / 3.0))
     return Alignment(
-        float(t[k]), quat, float(np.sqrt(cost / change)), level / (9.8 * WINDOW), bias, delay, still_end - begin
+        float(t[k]), quat, float(np.sqrt(cost / change)), level / (9.8 * WINDOW), bias, delay, still_end - begin, excess
     )
 
 

@@ -61,6 +61,8 @@ class Fixes:
         Standard deviations the filter assumes: north, east, down, m, and m/s.
     withheld : ndarray of bool, shape (k,)
         Fixes that are compared with the prediction but not used.
+    trusted : ndarray of bool, shape (k,)
+        Fixes that are used whatever the gate says, as while a filter settles.
     """
 
     t: FloatArray
@@ -69,10 +71,12 @@ class Fixes:
     vel_n: FloatArray
     sd: FloatArray
     withheld: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    trusted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
-        if len(self.withheld) != len(self.t):
-            object.__setattr__(self, "withheld", np.zeros(len(self.t), dtype=bool))
+        for name in ("withheld", "trusted"):
+            if len(getattr(self, name)) != len(self.t):
+                object.__setattr__(self, name, np.zeros(len(self.t), dtype=bool))
 
     def __len__(self) -> int:
         return len(self.t)

@@ -26,6 +26,8 @@ COVARIANCE_STEP = 0.1
 """Longest step of the covariance, s: see `models.errorstate` for what it costs."""
 GATE = 5.0
 """Gate where the configuration has none, sigmas."""
+PATIENCE = 10.0
+"""Time with nothing but refused fixes after which one is believed, s."""
 NO_CONSTANTS: Mapping[str, float] = MappingProxyType({})
 
 
@@ -47,6 +49,9 @@ class FilterSettings:
         Longest step in which the covariance is advanced, s; the mechanisation takes every sample.
     position_sd, velocity_sd : tuple of 3 floats or None
         What the configuration says of a fix, north, east, down, m and m/s.
+    patience : float
+        After so long with nothing but refused fixes the next one is used whatever the gate says, s: the
+        filter, not the receiver, is lost.
     """
 
     model: ErrorModel
@@ -56,6 +61,7 @@ class FilterSettings:
     covariance_step: float = COVARIANCE_STEP
     position_sd: tuple[float, float, float] | None = None
     velocity_sd: tuple[float, float, float] | None = None
+    patience: float = PATIENCE
 
     @property
     def size(self) -> int:
