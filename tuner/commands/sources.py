@@ -25,6 +25,14 @@ def is_file(source: str) -> bool:
     return Path(source).exists() or "/" in source or "." in source
 
 
+def is_log(source: str) -> bool:
+    """Tell a log from a grade, a datasheet and a measured curve."""
+    from tuner.datasheet import is_datasheet
+    from tuner.readers import is_curve
+
+    return is_file(source) and not is_datasheet(Path(source)) and not is_curve(Path(source))
+
+
 def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:
     """Read a log with a progress bar; every repair is said."""
     from tuner.readers import read
@@ -62,6 +70,7 @@ def load_identification(
     DataError
         If the source is none of these.
     """
+    from tuner.conditions import at_rest
     from tuner.datasheet import is_datasheet, read_datasheet
     from tuner.grades import grade_identification, grade_names, load_grade
     from tuner.identification import identify
@@ -77,6 +86,6 @@ def load_identification(
         return read_datasheet(Path(source))
     if is_curve(Path(source)):
         return identify_curve(read_curve(Path(source)), source=source_name(source), terms=terms)
-    records = load_records(source, reading, messages)
+    records = at_rest(load_records(source, reading, messages), messages.say)
     messages.say("identifying")
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tuner.commands.options import Output, Reading, common, reading, term_list
-from tuner.commands.sources import load_identification, source_name
+from tuner.commands.sources import is_log, load_identification, load_records, source_name
 from tuner.progress import Messages
+from tuner.records import DataError
 
 if TYPE_CHECKING:
-    from tuner.results import FilterConfig, Identification
+    from tuner.records import Record
+    from tuner.results import Diagnosis, FilterConfig, Identification
 
-ABSENT: Mapping[str, str] = MappingProxyType(
-    {
-        "diagnosis": "this version does not yet compare replicas of the fitted model with the log",
-        "consistency": "this version does not yet run the configured filter on simulated trajectories",
-    }
-)
-"""Parts of the main job that cannot be done, each with its reason."""
+NO_CHECK = "this version does not yet run the configured filter on simulated trajectories"
+NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
 
 EXPORTED = ("kalibr", "kf-gins")
 """Dialects that tune writes beside the native YAML; `tuner export` writes the others."""
@@ -54,6 +50,14 @@ EXPORTED = ("kalibr", "kf-gins")
     metavar="DEG",
     help="Take the Earth's rate out of the gyro means.",
 )
+@click.option(
+    "--replicas",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Simulated records a finding, for bands.",
+)
 @reading
 @common
 def command(
@@ -64,6 +68,7 @@ def command(
     gnss: str | None,
     terms: tuple[str, ...] | None,
     latitude: float | None,
+    replicas: int,
     reading: Reading,
     seed: int,
     output: Output,
@@ -74,67 +79,108 @@ def command(
     LOG may also be a datasheet. Without LOG: a built-in simulated IMU with an effect, drawn from --seed,
     hidden in it.
     """
+    from tuner.agreement import agreed, findings_for_config, judge_hidden, settled_inflations
+    from tuner.conditions import at_rest
     from tuner.exporters import export, native
     from tuner.files import json_text, write_text
     from tuner.grades import load_gnss, load_grade
     from tuner.identification import identify
+    from tuner.jsondiagnosis import diagnosis_json
     from tuner.jsonio import identification_json
     from tuner.jsonviews import config_json
     from tuner.report.allan_figure import draw_allan
+    from tuner.report.diagnosis_figure import draw_findings
+    from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
     from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show
     from tuner.simulation import demo
-    from tuner.synthesis import synthesize
+    from tuner.synthesis import inflate, synthesize
 
     completion = load_grade(complete) if complete else None
     receiver = load_gnss(gnss) if gnss else None
     key: Mapping[str, Any] | None = None
+    records: tuple[Record, ...] = ()
     if log is None:
         name = f"simulated-{seed}"
         messages.say("simulating an IMU with a hidden effect")
         records, key = demo(seed)
-        messages.say("identifying")
-        found = identify(records, terms=terms, latitude=latitude)
     else:
         name = source_name(log)
+        if is_log(log):
+            records = load_records(log, reading, messages)
+    absent = {"consistency": NO_CHECK}
+    diagnosis: Diagnosis | None = None
+    if records:
+        still = at_rest(records, messages.say)
+        messages.say("identifying")
+        found = identify(still, terms=terms, latitude=latitude)
+        messages.say("diagnosing")
+        diagnosis = _diagnosed(records, replicas, seed, absent)
+        if diagnosis is not None and terms is None:
+            found = agreed(still, found, diagnosis)
+    else:
+        assert log is not None
         found = load_identification(log, reading, messages, terms=terms, latitude=latitude)
+        absent["diagnosis"] = NO_SAMPLES
     messages.say("synthesising the filter configuration")
-    config = synthesize(found, name=name, horizon=horizon, complete=completion, gnss=receiver, seed=seed)
+    carried = () if diagnosis is None else findings_for_config(diagnosis)
+    config = synthesize(
+        found, name=name, horizon=horizon, complete=completion, gnss=receiver, seed=seed, findings=carried
+    )
+    if diagnosis is not None:
+        config = inflate(config, settled_inflations(diagnosis, config))
     texts = {
         "noise.yaml": native.dumps(config),
         **{f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED},
     }
-    result = {
-        "schema": "tuner.result/1",
-        "identification": identification_json(found),
-        "config": config_json(config),
-        "absent": dict(ABSENT),
-    }
+    result: dict[str, Any] = {"schema": "tuner.result/1", "identification": identification_json(found)}
+    judged: list[dict[str, Any]] = []
+    if diagnosis is not None:
+        result["diagnosis"] = diagnosis_json(diagnosis)
+        if key is not None:
+            judged = judge_hidden(key, diagnosis)
+            result["hidden"] = judged
+    result |= {"config": config_json(config), "absent": absent}
     directory = output_dir or Path("tuner-out") / name
-    figures = [directory / "allan.png", directory / "allan.svg"]
     if any(channel.allan.tau.size for channel in found.channels.values()):
-        draw_allan(found, figures, title=name)
+        draw_allan(found, [directory / "allan.png", directory / "allan.svg"], title=name)
+    told = [] if diagnosis is None else [*diagnosis_tables(diagnosis), *hidden_words(judged)]
+    pictures = [] if diagnosis is None else draw_findings(records, diagnosis, directory, replicas, seed)
     for file, text in texts.items():
         write_text(directory / file, text)
-    write_text(directory / "report.html", write_page(found, config, title=name, absent=ABSENT))
+    sections = [("What a simulation of it gets wrong", told)] if told else []
+    page = write_page(found, config, title=name, sections=sections, figures=pictures, absent=absent)
+    write_text(directory / "report.html", page)
     if key is not None:
         write_text(directory / "key.json", json_text(key))
     write_text(directory / "result.json", json_text(result))
     if output.tables:
-        show([*identification_tables(found), *_summary(directory, config, found, simulated=key is not None)])
+        show([*identification_tables(found), *told, *_summary(directory, config, found, absent)])
     output.write(result)
 
 
-def _summary(directory: Path, config: FilterConfig, found: Identification, *, simulated: bool) -> list[str]:
+def _diagnosed(
+    records: Sequence[Record], replicas: int, seed: int, absent: dict[str, str]
+) -> Diagnosis | None:
+    """Return the diagnosis, or None with the reason put into `absent`."""
+    from tuner.diagnosis import diagnose
+
+    try:
+        return diagnose(records, replicas=replicas, seed=seed)
+    except DataError as error:
+        absent["diagnosis"] = str(error)
+        return None
+
+
+def _summary(
+    directory: Path, config: FilterConfig, found: Identification, absent: Mapping[str, str]
+) -> list[str]:
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
     bounded = [i.quantity for i in config.inflations if i.reason.startswith("bounded")]
     if bounded:
         lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")
     lines += [
-        f"  {i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations if i.quantity not in bounded
+        f"  {i.quantity} × {i.factor:.4g}: {i.reason}" for i in config.inflations if i.quantity not in bounded
     ]
     lines += [f"  {note}" for note in config.notes if note not in found.notes]
-    lines += [f"  no {part}: {reason}" for part, reason in ABSENT.items()]
-    if simulated:
-        lines.append(f"  what was hidden in the simulated log: {directory / 'key.json'}")
-    return lines
+    return lines + [f"  no {part}: {reason}" for part, reason in absent.items()]

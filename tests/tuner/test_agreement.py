@@ -1,0 +1,154 @@
+"""Identification and diagnosis say the same: found terms are identified, the rest is said, nothing inflated twice."""
+
+import json
+
+import pytest
+import yaml
+
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
+from tuner.agreement import agreed, findings_for_config, judge_hidden, settled_inflations
+from tuner.cli import run
+from tuner.exporters import native
+from tuner.identification import identify
+from tuner.results import Coefficient, Diagnosis, Finding, Inflation
+from tuner.simulation import simulate
+from tuner.synthesis import inflate, synthesize
+from tuner.writers import write_log
+
+MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+
+
+def known(value, unit="SI"):
+    return Coefficient.known(value, 0.9 * value, 1.1 * value, unit)
+
+
+def finding(cause, inflations=(), **values):
+    parameters = {name: known(v) for name, v in values.items()}
+    extension = {"cause": cause, "joins": "noise model"}
+    return Finding(
+        cause, ("gyro_x",), "s", 9.0, 1e-9, parameters, cause, extension=extension, inflations=inflations
+    )
+
+
+def identified(model=MODEL, *hidden, seed=1):
+    records, _ = simulate({"gyro_x": model}, duration=600.0, rate=100.0, seed=seed, hidden=hidden)
+    return records, identify(records, arma=None)
+
+
+def test_a_line_found_is_identified_and_reaches_the_yaml():
+    records, base = identified(MODEL, "line@gyro_x:frequency=12.5,amplitude=3e-4")
+    found = Diagnosis((finding("line", frequency=12.5, amplitude=3e-4),), models={"gyro_x": MODEL})
+    channel = agreed(records, base, found, arma=None).channels["gyro_x"]
+    line = channel.term("sinusoid")
+    # Amplitude errs by sd √(2/n) = 5.8e-6, frequency by √6/(π T) σ/(A √n)·… = 3e-5 Hz: more than five of them.
+    assert line.coefficients["amplitude"].value == pytest.approx(3e-4, abs=3e-5)
+    assert line.coefficients["frequency"].value == pytest.approx(12.5, abs=2e-4)
+    assert {t.name for t in base.channels["gyro_x"].terms} < {t.name for t in channel.terms}
+    noise = synthesize(agreed(records, base, found, arma=None), findings=findings_for_config(found))
+    again = native.loads(native.dumps(noise))
+    assert again == noise
+    assert again.findings[0]["cause"] == "line"
+    assert any(t.name == "sinusoid" for t in again.channels["gyro_x"].identified)
+
+
+def test_a_process_found_becomes_a_state_unless_it_is_one():
+    slow = MODEL + GaussMarkov(5e-4, 2.0)
+    records, base = identified(slow)
+    assert base.channels["gyro_x"].term("gauss_markov").present
+    same = Diagnosis((finding("gauss_markov", sd=5e-4, time_constant=2.0),), models={"gyro_x": slow})
+    assert agreed(records, base, same, arma=None).channels == base.channels
+    telegraph = "telegraph@gyro_x:size=1e-3,dwell_low=4,dwell_high=4"
+    records, _ = identified(NoiseModel([White(1e-4), BiasInstability(3e-5)]), telegraph)
+    without = identify(records, terms=("white", "bias_instability"), arma=None)
+    found = finding("telegraph", size=1e-3, dwell_low=4.0, dwell_high=4.0)
+    after = agreed(records, without, Diagnosis((found,)), arma=None).channels["gyro_x"].term("gauss_markov")
+    # Two levels ± size/2, dwells of 4 s: sd 5e-4, correlation time 2 s; 300 of those in the log.
+    assert after.coefficients["sd"].value == pytest.approx(5e-4, rel=0.3)
+    assert after.coefficients["time_constant"].value == pytest.approx(2.0, rel=0.5)
+
+
+def test_a_process_the_data_do_not_allow_is_said_and_left_out():
+    records, base = identified(MODEL)
+    found = Diagnosis((finding("gauss_markov", sd=1e-6, time_constant=5.0),))
+    after = agreed(records, base, found, arma=None).channels["gyro_x"]
+    assert after.terms == base.channels["gyro_x"].terms
+    assert "the data allow none" in after.warnings[-1]
+
+
+def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
+    records, base = identified()
+    found = Diagnosis((finding("temperature", slope=1e-5),), models={"gyro_x": MODEL})
+    after = agreed(records, base, found, arma=None)
+    assert after.channels == base.channels
+    assert "gyro_x was identified with temperature in it" in after.notes[-1]
+    assert "1e-06" in after.notes[-1]
+
+
+def test_an_inflation_is_measured_by_what_the_filter_believes_already():
+    _, base = identified()
+    config = synthesize(base)
+    believed = config.channels["gyro_x"].white_density
+    inflation = Inflation("gyro_x.white_density", 1.5, "lowpass: white density at the plateau")
+    for first, wanted in ((NoiseModel([White(believed)]), 1.5), (NoiseModel([White(believed / 1.5)]), None)):
+        found = Diagnosis((finding("lowpass", (inflation,), cutoff=25.0),), base={"gyro_x": first})
+        settled = settled_inflations(found, config)
+        after = inflate(config, settled)
+        assert [i.factor for i in settled] == ([pytest.approx(wanted)] if wanted else [])
+        assert after.channels["gyro_x"].white_density == pytest.approx(believed * (wanted or 1.0))
+
+
+def test_an_extension_of_the_noise_is_told_with_all_its_terms():
+    found = Diagnosis((finding("vibration", frequency=20.0),), models={"gyro_x": MODEL})
+    (told,) = findings_for_config(found)
+    assert NoiseModel.from_dict(told["extension"]["models"]["gyro_x"]) == MODEL
+
+
+def test_the_key_is_the_judge():
+    key = {"hidden": [{"cause": c, "channels": ["gyro_x"], "parameters": {}} for c in ("line", "step")]}
+    line, step = judge_hidden(key, Diagnosis((finding("line"),)))
+    assert (line["found"], step["found"]) == (True, False)
+    assert step["named"] == ["line"]
+
+
+def test_tune_of_a_log_with_a_line(tmp_path, capsys):
+    log = tmp_path / "unit.npz"
+    hide = "line@gyro_x:frequency=12.5,amplitude=1e-3"
+    write_log(simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=1, hidden=[hide])[0], log)
+    assert run(["tune", str(log), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    out = capsys.readouterr().out
+    assert "line in gyro_x" in out
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    config = yaml.safe_load((tmp_path / "out" / "noise.yaml").read_text())
+    assert [f["cause"] for f in result["diagnosis"]["findings"]] == ["line"]
+    assert [f["cause"] for f in config["findings"]] == ["line"]
+    terms = config["sensors"]["gyro"]["gyro_x"]["identified"]
+    assert [t["frequency"]["value"] for t in terms if t["term"] == "sinusoid"] == [
+        pytest.approx(12.5, abs=1e-3)
+    ]
+    assert "What a simulation of it gets wrong" in (tmp_path / "out" / "report.html").read_text()
+    assert (tmp_path / "out" / "finding-1-line.svg").exists()
+
+
+def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatch):
+    hidden = "line@gyro_x:frequency=12.5,amplitude=1e-3"
+
+    def short(seed):
+        return simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=seed, hidden=[hidden])
+
+    monkeypatch.setattr("tuner.simulation.demo", short)
+    assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
+    assert "line in gyro_x (frequency 12.5, amplitude 0.001): found" in capsys.readouterr().out
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["hidden"][0]["found"]
+    assert json.loads((tmp_path / "key.json").read_text())["hidden"][0]["cause"] == "line"
+
+
+def test_a_log_too_short_for_a_diagnosis_is_tuned_and_says_so(tmp_path, capsys):
+    records, _ = simulate({"gyro_x": MODEL}, duration=8.0, rate=100.0, seed=1)
+    rows = [f"{t},{y:.9g}" for t, y in zip(records[0].t, records[0].y[:, 0], strict=True)]
+    path = tmp_path / "short.csv"
+    path.write_text("t,gyro_x\n" + "\n".join(rows) + "\n")
+    assert run(["tune", str(path), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert "1024" in result["absent"]["diagnosis"]
+    assert "diagnosis" not in result

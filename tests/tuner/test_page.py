@@ -1,0 +1,111 @@
+"""Pictures of findings and the page: complete in itself, one picture a cause, the cause plain in the file."""
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner.diagnosis import diagnose
+from tuner.identification import identify
+from tuner.report.diagnosis_figure import draw_findings
+from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
+from tuner.report.page import write_page
+from tuner.report.subject import signal_of, subject
+from tuner.results import Coefficient, Diagnosis, Finding
+from tuner.simulation import simulate
+from tuner.synthesis import synthesize
+
+MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+EFFECTS = {
+    "line": {"frequency": 12.5, "amplitude": 2e-4},
+    "vibration": {"frequency": 20.0, "quality": 20.0, "sd": 3e-4},
+    "lowpass": {"cutoff": 25.0},
+    "temperature": {"slope": 2e-5},
+    "thermal_lag": {"slope": 5e-5, "time_constant": 60.0},
+    "step": {"time": 150.0, "size": 3e-4},
+    "warmup": {"amplitude": 6e-4, "time_constant": 50.0},
+    "telegraph": {"size": 4e-4, "dwell_low": 5.0, "dwell_high": 5.0},
+    "burst": {"start": 100.0, "duration": 40.0, "variance_ratio": 3.0},
+    "variance_drift": {"slope": 2e-3},
+    "spikes": {"rate": 0.05, "size": 0.02},
+    "heavy_tails": {"excess_kurtosis": 1.0},
+    "clipping": {"low": -3e-3, "high": 3e-3},
+    "duplicates": {"fraction": 0.05},
+    "timing": {"gap_count": 2.0, "jitter_sd": 1e-4, "clock_ratio": 1.0},
+    "motion": {"start": 100.0, "duration": 20.0},
+}
+"""Parameters of a finding of every view."""
+
+
+def record(*hidden, seed=1):
+    return simulate({"gyro_x": MODEL}, duration=300.0, rate=100.0, seed=seed, hidden=hidden)[0]
+
+
+def finding(cause, values):
+    parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
+    return Finding(cause, ("gyro_x",), "a statistic", 10.0, 1e-12, parameters, f"{cause} in gyro_x: said so")
+
+
+@pytest.mark.parametrize("cause", EFFECTS)
+def test_every_cause_has_a_picture(cause, tmp_path):
+    found = Diagnosis((finding(cause, EFFECTS[cause]),), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    ((caption, path),) = draw_findings(record(), found, tmp_path, replicas=2)
+    assert cause in caption
+    assert cause in path.name
+    svg = path.read_text()
+    assert "measured" in svg
+    assert "gyro_x" in svg
+    assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_findings_of_one_cause_and_channels_share_a_picture(tmp_path):
+    moves = tuple(finding("motion", {"start": s, "duration": 5.0}) for s in (20.0, 80.0, 150.0))
+    found = Diagnosis(moves, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    assert len(draw_findings(record(), found, tmp_path)) == 1
+
+
+def test_the_signal_of_a_line_is_the_line(tmp_path):
+    with_line, without = record("line@gyro_x:frequency=12.5,amplitude=2e-4"), record()
+    difference = with_line[0].y[:, 0] - without[0].y[:, 0]
+    t, y = with_line[0].t, with_line[0].y[:, 0]
+    made = signal_of("line", EFFECTS["line"], t, y, None)
+    # Each quadrature errs by sd √(2/n) = 1e-3 √(2/30000) = 8e-6: six of them on 2e-4.
+    assert np.max(np.abs(made - difference)) < 7e-5
+
+
+def test_a_signal_of_another_cause_is_taken_out_of_the_view():
+    step, slope = finding("step", EFFECTS["step"]), finding("temperature", EFFECTS["temperature"])
+    found = Diagnosis((step, slope), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    one = subject(record("step@gyro_x:time=150,size=3e-4"), "gyro_x", found)
+    np.testing.assert_allclose(one.without_others("temperature") + one.signals["step"], one.y)
+    np.testing.assert_allclose(one.signal, one.signals["step"] + one.signals["temperature"])
+
+
+def test_the_page_carries_diagnosis_and_pictures_in_itself(tmp_path):
+    records = record("line@gyro_x:frequency=12.5,amplitude=3e-4")
+    found, noise = diagnose(records), identify(records, arma=None)
+    pictures = draw_findings(records, found, tmp_path)
+    page = write_page(
+        noise,
+        synthesize(noise),
+        title="a log <&>",
+        sections=[("What a simulation of it gets wrong", diagnosis_tables(found))],
+        figures=pictures,
+        absent={"consistency": "why not"},
+    )
+    assert page.count("<svg") == 2
+    assert "line in gyro_x" in page
+    assert "12.50" in page
+    assert "consistency: why not" in page
+    assert "a log &lt;&amp;&gt;" in page
+    assert "src=" not in page
+
+
+def test_what_was_hidden_is_judged_in_words():
+    line = {"cause": "line", "channels": ["gyro_x"], "parameters": {"frequency": 12.5}}
+    words = [
+        hidden_words([{**line, "found": found, "named": named}])[0]
+        for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
+    ]
+    assert words[0].endswith("(frequency 12.5): found")
+    assert words[1].endswith("seen, but taken for vibration")
+    assert words[2].endswith("not found")

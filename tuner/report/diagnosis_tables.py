@@ -1,0 +1,83 @@
+"""A diagnosis in tables: findings, what they are worth, what stays unexplained, what is only noted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from tuner.report.customary import digits, digits_to
+from tuner.results import Coefficient, Diagnosis, Finding, Gain
+
+
+def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
+    """Return one table of findings (SI), their words and gains, and the alarms without a cause."""
+    answer: list[Table | str] = []
+    if diagnosis.quiet:
+        answer.append("  nothing found: the log is what a simulation of its noise terms would be")
+    if diagnosis.findings:
+        answer.append(_table(diagnosis.findings))
+    for finding in diagnosis.findings:
+        answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
+        if finding.gain is not None and (told := gain_words(finding.gain)):
+            answer.append(f"    {told}")
+    answer += [
+        f"  unexplained: {u.statistic} in {', '.join(u.channels)}, p = {u.p_value:.1e}"
+        for u in diagnosis.unexplained
+    ]
+    answer += [f"  note: {note}" for note in diagnosis.notes]
+    return answer
+
+
+def gain_words(gain: Gain) -> str:
+    """Return the currencies of a gain beside likelihood, before → after; empty where there are none."""
+    parts = [
+        f"{name} inside the band of replicas {100.0 * before:.0f} → {100.0 * after:.0f} %"
+        for name, (before, after) in gain.coverage.items()
+    ]
+    for name, (before, after) in gain.user.items():
+        quantity, _, unit = name.partition(" ")
+        head = quantity.replace("_", " ")
+        parts.append(f"{head} {digits(before)} → {digits(after)} {unit.strip('[]')}")
+    return "; ".join(parts)
+
+
+def hidden_words(judged: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what was hidden in a simulated log and whether it was found, one line an effect."""
+    lines = []
+    for one in judged:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in one["parameters"].items())
+        where = f"{one['cause']} in {', '.join(one['channels'])} ({values})"
+        verdict = "found" if one["found"] else "not found"
+        if not one["found"] and one["named"]:
+            verdict = f"seen, but taken for {', '.join(one['named'])}"
+        lines.append(f"  hidden in this simulated log (key.json): {where}: {verdict}")
+    return lines
+
+
+def _table(findings: tuple[Finding, ...]) -> Table:
+    table = Table(title="What the simulation gets wrong")
+    for head in ("cause", "channels", "parameters (95 % interval)", "p", "gain", "could also be"):
+        table.add_column(head)
+    for f in findings:
+        table.add_row(
+            f.cause,
+            ", ".join(f.channels),
+            "\n".join(f"{name} {_say(c)}" for name, c in f.parameters.items()),
+            f"{f.p_value:.1e}",
+            "–" if f.gain is None else f"{digits(f.gain.nats)} nats ({f.gain.split})",
+            ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",
+        )
+    return table
+
+
+def _say(c: Coefficient) -> str:
+    unit = "" if c.unit == "1" else f" {c.unit}"
+    if c.value is None:
+        return "–" if c.upper is None else f"< {digits(c.upper)}{unit}"
+    if c.interval is None or c.interval[0] == c.interval[1]:
+        return f"{digits(c.value)}{unit}"
+    half = 0.5 * (c.interval[1] - c.interval[0])
+    low, high = (digits_to(end, half) for end in c.interval)
+    return f"{digits_to(c.value, half)} ({low} … {high}){unit}"
