@@ -1,0 +1,115 @@
+"""A small version of every item of the papers: it runs, its verdicts follow from numbers, its figure is drawn."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tuner.cli import run as command
+from tuner.papers import ITEMS, Item, Settings, chosen, run
+from tuner.records import DataError
+from tuner.report.papers_figures import draw_item
+from tuner.report.papers_pages import papers_json, papers_markdown
+
+CORRECTED = {
+    "rlg-static": ("σ(10 s) if N were 0.09 deg/√h as printed", "σ(10 s), the accuracy in use"),
+    "rlg-dynamic": ("white noise from the still parts",),
+    "lowpass-n": ("deviation with ÷ without filter at τ = 10/f_c",),
+    "example-curve": ("N in the sum, read ÷ true", "B in the sum, read ÷ true"),
+    "kf-parameters": ("ARW and BI: true error ÷ predicted sd after 60 s",),
+    "fog-edf": ("quantization: ν of total variance at T/2",),
+    "fog-sim": ("random walk, τ = 3 s: total ÷ Allan variance",),
+    "fog-bias": (
+        "bias instability: bias of total variance at T/2",
+        "rate random walk: bias of total variance at T/2",
+        "ramp: Allan ÷ Thêo1 at m = 100",
+    ),
+    "fog-record": ("bias of ThêoH at τ = T/2",),
+    "mems-allan": ("mean change of the deviation by the second grouping",),
+    "mems-arma": ("possible Z of 10 groups that is nearest to 0.2141",),
+}
+"""Claims that even a small sample corrects."""
+
+
+@cache
+def small(name: str) -> Item:
+    return run(name, Settings(seed=0, small=True))
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_every_claim_of_a_small_version_has_a_verdict(name: str) -> None:
+    item = small(name)
+    assert item.name == name
+    assert item.claims
+    for claim in item.claims:
+        assert claim.verdict in ("reproduced", "corrected", "untestable"), claim
+        assert claim.why
+        if claim.ours.value is not None:
+            assert claim.ours.interval is not None
+            assert claim.ours.interval[0] <= claim.ours.value <= claim.ours.interval[1]
+    corrected = [claim.text for claim in item.claims if claim.verdict == "corrected"]
+    assert set(CORRECTED.get(name, ())) <= set(corrected)
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.png"
+    draw_item(small(name), path, dpi=40)
+    assert path.stat().st_size > 4_000
+
+
+def test_items_have_streams_of_their_own() -> None:
+    again = run("fog-bias", Settings(seed=0, small=True))
+    other = run("fog-bias", Settings(seed=1, small=True))
+    values = [[claim.ours.value for claim in item.claims] for item in (small("fog-bias"), again, other)]
+    assert values[0] == values[1]
+    assert values[0] != values[2]
+
+
+def test_page_and_json_hold_every_claim() -> None:
+    items = [small(name) for name in ("fog-bias", "test-design")]
+    page, content = papers_markdown(items), papers_json(items)
+    for item in items:
+        assert f"## {item.name}" in page
+        assert f"({item.name}.png)" in page
+        assert len(content["items"][item.name]["claims"]) == len(item.claims)
+        assert all(claim.text in page for claim in item.claims)
+    json.dumps(content, allow_nan=False)
+
+
+def test_names_are_taken_once_in_order() -> None:
+    assert chosen(("mems-arma", "rlg-static", "mems-arma")) == ("rlg-static", "mems-arma")
+    assert chosen(("all",)) == tuple(ITEMS)
+    with pytest.raises(DataError, match="expected an item of the papers"):
+        chosen(("rlg",))
+
+
+def test_command_writes_page_figure_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["papers", "test-design", "--small", "-o", str(tmp_path), "--json", "-"]) == 0
+    told = capsys.readouterr()
+    content = json.loads(told.out)
+    assert content["schema"] == "tuner.papers/1"
+    assert content == json.loads((tmp_path / "papers.json").read_text(encoding="utf-8"))
+    assert (tmp_path / "test-design.png").exists()
+    assert "test-design" in (tmp_path / "papers.md").read_text(encoding="utf-8")
+    assert "test-design: " in told.err
+
+
+def test_command_lists_items_and_refuses_others(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["papers"]) == 0
+    assert capsys.readouterr().out.split() == list(ITEMS)
+    assert command(["papers", "rlg"]) == 2
+    assert "rlg: expected an item of the papers" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ITEMS)
+def test_every_claim_is_judged_alike_by_another_seed(name: str) -> None:
+    first, second = (run(name, Settings(seed)) for seed in (0, 1))
+    assert not [c for item in (first, second) for c in item.claims if c.verdict == "not reproduced"]
+    verdicts = [[claim.verdict for claim in item.claims] for item in (first, second)]
+    assert np.mean([a == b for a, b in zip(*verdicts, strict=True)]) > 0.8
