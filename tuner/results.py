@@ -38,7 +38,8 @@ class Coefficient:
     unit : str
         SI unit.
     reason : str or None
-        Why there is only a bound (absent, hidden, masked, record too short: hours needed), or what to know of the value.
+        Why there is only a bound (absent, hidden, masked, record too short: hours needed), or what to know
+        of the value.
     """
 
     value: float | None
@@ -170,7 +171,8 @@ class TermEstimate:
     Attributes
     ----------
     name : str
-        ``quantization white bias_instability random_walk ramp gauss_markov`` (or ``sinusoid``, ``low_pass_white``, ``arma``).
+        ``quantization white bias_instability random_walk ramp gauss_markov`` (or ``sinusoid``,
+        ``low_pass_white``, ``arma``).
     coefficients : mapping of str to Coefficient
         By the field names of the term's class in `models.noise`.
     """
@@ -198,7 +200,8 @@ class ArmaFit:
     """ARMA(p,q) of a record: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance.
 
     `white` is True where the model cannot be told from white noise; `interval` is the sampling interval
-    of the series that was fitted, s; `steps` are the preprocessing steps and tests, in order, in words with their figures.
+    of the series that was fitted, s; `steps` are the preprocessing steps and tests, in order, in words
+    with their figures.
     """
 
     ar: tuple[Coefficient, ...]

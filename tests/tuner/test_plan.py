@@ -57,12 +57,16 @@ def test_cluster_rule_of_the_standard():
 
 
 def test_what_is_impossible_is_said():
-    hidden = plan(NoiseModel((White(1.0), RandomWalk(1e-9))), interval=0.1, hours=1.0, accuracy=0.1).parameters[1]
+    hidden = plan(
+        NoiseModel((White(1.0), RandomWalk(1e-9))), interval=0.1, hours=1.0, accuracy=0.1
+    ).parameters[1]
     assert not hidden.shown
     assert hidden.hours is None
 
 
-@pytest.mark.parametrize(("hours", "accuracy", "word"), [(0.0, 0.1, "hours"), (1.0, 0.0, "accuracy"), (1.0, 1.5, "accuracy")])
+@pytest.mark.parametrize(
+    ("hours", "accuracy", "word"), [(0.0, 0.1, "hours"), (1.0, 0.0, "accuracy"), (1.0, 1.5, "accuracy")]
+)
 def test_bad_wishes_are_refused(hours, accuracy, word):
     with pytest.raises(ValueError, match=word):
         plan(NoiseModel((White(1.0),)), interval=0.1, hours=hours, accuracy=accuracy)
