@@ -72,10 +72,10 @@ def test_items_have_streams_of_their_own() -> None:
 
 def test_page_and_json_hold_every_claim() -> None:
     items = [small(name) for name in ("fog-bias", "test-design")]
-    page, content = papers_markdown(items), papers_json(items)
+    page, content = papers_markdown(items, "figures/"), papers_json(items)
     for item in items:
         assert f"## {item.name}" in page
-        assert f"({item.name}.png)" in page
+        assert f"(figures/{item.name}.png)" in page
         assert len(content["items"][item.name]["claims"]) == len(item.claims)
         assert all(claim.text in page for claim in item.claims)
     json.dumps(content, allow_nan=False)
@@ -93,8 +93,8 @@ def test_command_writes_page_figure_and_json(tmp_path: Path, capsys: pytest.Capt
     told = capsys.readouterr()
     content = json.loads(told.out)
     assert content["schema"] == "tuner.papers/1"
-    assert content == json.loads((tmp_path / "papers.json").read_text(encoding="utf-8"))
-    assert (tmp_path / "test-design.png").exists()
+    assert content == json.loads((tmp_path / "papers" / "papers.json").read_text(encoding="utf-8"))
+    assert (tmp_path / "papers" / "test-design.png").exists()
     assert "test-design" in (tmp_path / "papers.md").read_text(encoding="utf-8")
     assert "test-design: " in told.err
 

@@ -53,7 +53,10 @@ def test_absence_is_reproduced_by_bounds_only() -> None:
     seen = absent("", "", bounds, why="")
     assert seen.verdict == "reproduced"
     assert seen.ours.upper == 3.0
-    assert absent("", "", [*bounds, OURS], why="").verdict == "not reproduced"
+    once = absent("", "", [*bounds, OURS], why="bounded")
+    assert once.verdict == "reproduced"
+    assert "1 of 3 records shows a trace" in once.why
+    assert absent("", "", [bounds[0], OURS], why="").verdict == "not reproduced"
 
 
 def test_a_printed_number_stands_for_what_rounds_to_it() -> None:

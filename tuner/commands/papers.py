@@ -17,7 +17,7 @@ from tuner.progress import Messages
     "--output-directory",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write NAME.png, papers.md and papers.json there.",
+    help="Write papers.md there, figures and papers.json into DIR/papers.",
 )
 @click.option("--small", is_flag=True, help="Smaller samples: everything in about a minute, wider intervals.")
 @common
@@ -55,12 +55,12 @@ def command(
         if output_directory is not None:
             from tuner.report.papers_figures import draw_item
 
-            draw_item(item, output_directory / f"{name}.png")
+            draw_item(item, output_directory / "papers" / f"{name}.png")
         messages.say(f"{name}: {time.perf_counter() - begin:.1f} s")
         if output.tables:
             show([item_table(item)])
     if output_directory is not None:
-        write_text(output_directory / "papers.md", papers_markdown(items))
-        write_text(output_directory / "papers.json", json_text(papers_json(items)))
+        write_text(output_directory / "papers.md", papers_markdown(items, "papers/"))
+        write_text(output_directory / "papers" / "papers.json", json_text(papers_json(items)))
         messages.say(f"wrote {output_directory / 'papers.md'}")
     output.write(papers_json(items))

@@ -76,7 +76,7 @@ AS_GOOD = 1.1
 def method_table(settings: Settings) -> Item:
     """Return table 1 with measured errors."""
     rng = settings.rng("method-table")
-    runs = settings.size(100, 5)
+    runs = settings.size(60, 5)
     errors = {noise: {name: np.empty(runs) for name in methods} for noise, methods in METHODS.items()}
     for noise, methods in METHODS.items():
         term = NOISES[noise]

@@ -148,10 +148,17 @@ def judge(
 
 
 def absent(text: str, paper: str, found: Sequence[Coefficient], *, why: str) -> Claim:
-    """Return the claim that something does not show: reproduced where every record only bounds it."""
+    """Return the claim that something does not show: reproduced where most records only bound it.
+
+    Identification finds a term that is not there in up to one record of twenty, so that one of three may.
+    """
     seen = [c for c in found if c.value is not None]
-    largest = max(seen or found, key=lambda c: c.value or c.upper or 0.0)
-    return Claim(text, paper, largest, "not reproduced" if seen else "reproduced", why)
+    bounds = [c for c in found if c.upper is not None]
+    if 2 * len(seen) >= len(found):
+        return Claim(text, paper, seen[0], "not reproduced", why)
+    chance = f"; {len(seen)} of {len(found)} records shows a trace, as one of twenty does by chance"
+    largest = max(bounds, key=lambda c: c.upper or 0.0)
+    return Claim(text, paper, largest, "reproduced", why + (chance if seen else ""))
 
 
 def untestable(text: str, paper: str, missing: str) -> Claim:

@@ -103,8 +103,15 @@ def example_curve(settings: Settings) -> Item:
         )
     )
     low, high = (limit[:, 0] for limit in found.interval())
+    fine = np.geomspace(found.tau[0], found.tau[-1], 400)
     lines = [
-        Curve(found.tau, np.sqrt(term.allan_variance(found.tau)), term.name, "dashed", group=group + 1)
+        Curve(
+            _without_lobes(term, fine),
+            np.sqrt(term.allan_variance(_without_lobes(term, fine))),
+            term.name.replace("_", " "),
+            "dashed",
+            group=group + 1,
+        )
         for group, term in enumerate(model.terms)
     ]
     panel = Panel(
@@ -190,6 +197,11 @@ def relative_sd_of_sigma(freedom: FloatArray) -> FloatArray:
     """Return standard deviation ÷ mean of σ̂ where ν σ̂²/σ² is χ² with ν degrees of freedom."""
     mean = np.exp(gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom)) * np.sqrt(2.0 / freedom)
     return np.asarray(np.sqrt(1.0 / mean**2 - 1.0))
+
+
+def _without_lobes(term: Term, tau: FloatArray) -> FloatArray:
+    """Return cluster times, of a sinusoid only those before the second zero of its Allan variance."""
+    return tau[tau < 1.99 / term.frequency] if isinstance(term, Sinusoid) else tau
 
 
 def _alone(name: str, term: Term, n: int, rng: np.random.Generator) -> Claim:

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
 from tuner.files import whole_file
 from tuner.papers.results import Curve, Item, Panel, Picture, Table
@@ -27,12 +28,14 @@ SCALES = {
     "semilogy": ("linear", "log"),
     "linear": ("linear", "linear"),
 }
-SPAN = 1e9
+PALETTE = 64
+"""Colours of a figure."""
+SPAN = 1e7
 """Largest ratio shown on a logarithmic axis."""
 
 
-def draw_item(item: Item, path: Path, *, dpi: int = 130) -> None:
-    """Draw the figure of an item and write it (PNG, SVG, … by suffix)."""
+def draw_item(item: Item, path: Path, *, dpi: int = 110) -> None:
+    """Draw the figure of an item and write it as PNG of few colours, a quarter of the usual size."""
     picture = item.figure
     columns = min(picture.columns, len(picture.panels))
     rows = -(-len(picture.panels) // columns)
@@ -43,19 +46,24 @@ def draw_item(item: Item, path: Path, *, dpi: int = 130) -> None:
             if isinstance(panel, Table):
                 _draw_table(axes, panel)
             else:
-                _draw_panel(axes, panel)
+                _draw_panel(axes, panel, alone=len(picture.panels) == 1)
         for axes in grid[len(picture.panels) :]:
             axes.set_visible(False)
         figure.suptitle(f"{item.name}: {item.paper.split(':')[-1].strip()}", fontsize=10)
         with whole_file(path) as temporary:
             figure.savefig(temporary, dpi=dpi)
+            with Image.open(temporary) as image:
+                small = image.convert("RGB").quantize(PALETTE)
+            small.save(temporary, optimize=True)
 
 
 def _width(picture: Picture) -> float:
-    return 8.0 if any(isinstance(panel, Table) for panel in picture.panels) else 4.8
+    if any(isinstance(panel, Table) for panel in picture.panels):
+        return 8.0
+    return 6.6 if len(picture.panels) == 1 else 4.8
 
 
-def _draw_panel(axes: Axes, panel: Panel) -> None:
+def _draw_panel(axes: Axes, panel: Panel, *, alone: bool) -> None:
     x_scale, y_scale = SCALES[panel.scale]
     for curve in panel.curves:
         _draw_curve(axes, curve)
@@ -77,8 +85,12 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
             va="bottom",
         )
     axes.grid(which="major", color="0.88", lw=0.6)
-    if any(curve.label for curve in panel.curves):
-        axes.legend(fontsize=7, framealpha=0.85, handlelength=1.8)
+    labels = sum(bool(curve.label) for curve in panel.curves)
+    beside: dict[str, Any] = (
+        {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if alone and labels > 4 else {}
+    )
+    if labels:
+        axes.legend(fontsize=7, framealpha=0.85, handlelength=1.8, **beside)
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:
@@ -94,9 +106,9 @@ def _draw_table(axes: Axes, table: Table) -> None:
         np.where(np.isnan(table.cells), np.nan, shade), cmap="YlGnBu", vmin=-0.5, vmax=3.5, aspect="auto"
     )
     for (i, j), value in np.ndenumerate(table.cells):
-        text = "–" if np.isnan(value) else f"{100.0 * value:.2g} %"
+        text = "–" if np.isnan(value) else f"{100.0 * value:.{0 if value > 0.0995 else 1}f} %"
         axes.text(j, i, text, ha="center", va="center", fontsize=8.5)
-    axes.set_xticks(range(len(table.columns)), table.columns)
+    axes.set_xticks(range(len(table.columns)), [name.replace(" ", "\n", 1) for name in table.columns])
     axes.set_yticks(range(len(table.rows)), table.rows)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
     axes.set_title(table.title)

@@ -30,8 +30,8 @@ test needs. **Not reproduced**: neither value agrees. Intervals are 95 %; deriva
 """
 
 
-def papers_markdown(items: Sequence[Item], *, figures: str = "") -> str:
-    """Return the page of all items; their figures are expected at ``figures/NAME.png``."""
+def papers_markdown(items: Sequence[Item], figures: str) -> str:
+    """Return the page of all items; `figures` comes before the NAME.png of each figure."""
     parts = [INTRODUCTION, _summary(items)]
     parts += [_section(item, f"{figures}{item.name}.png") for item in items]
     return "\n".join(parts)
