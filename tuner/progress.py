@@ -28,11 +28,11 @@ class Messages:
 
     @contextmanager
     def bar(self, title: str) -> Iterator[Advance | None]:
-        """Yield a callback that moves a progress bar (None where quiet)."""
-        if self.quiet:
+        """Yield a callback that moves a progress bar (None where quiet, or where no person looks)."""
+        console = Console(stderr=True)
+        if self.quiet or not console.is_terminal:
             yield None
             return
-        console = Console(stderr=True)
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),

@@ -99,6 +99,7 @@ WRITERS = {
     "log.mat": write_mat,
     "navego.mat": write_navego,
     "seven.mat": write_matlab_73,
+    "bare.mat": write_hdf5,
     "log.h5": write_hdf5,
     "log.parquet": write_parquet,
 }

@@ -21,6 +21,8 @@ def list_mat(path: Path) -> Listing:
     """Return the numeric arrays of a MAT file; single numbers become meta."""
     import scipy.io
 
+    if _begins_as_hdf5(path):
+        return read_hdf5(path, turned=False)
     try:
         content = scipy.io.loadmat(path, struct_as_record=True, squeeze_me=True)
     except NotImplementedError:
@@ -34,6 +36,12 @@ def list_mat(path: Path) -> Listing:
         if not name.startswith("__"):
             _flatten(name, np.asarray(value), arrays, meta)
     return listing_of_arrays(path, arrays, units={}, meta=meta)
+
+
+def _begins_as_hdf5(path: Path) -> bool:
+    """Tell an HDF5 file that another program named ``.mat``: it lacks the header of v7.3."""
+    with path.open("rb") as file:
+        return file.read(8) == b"\x89HDF\r\n\x1a\n"
 
 
 def _flatten(name: str, value: NDArray[Any], arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
