@@ -9,6 +9,7 @@ over.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from models import rotation
 from models.earth import llh_displaced
 from models.strapdown import NavigationState
 from tuner.navigation import engine
-from tuner.navigation.initial import Alignment, align, receiver_lag
+from tuner.navigation.initial import Alignment, align, named_axes, receiver_lag
 from tuner.navigation.inputs import Fixes, Solution, Steps, split_at
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
@@ -79,7 +80,9 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
         Where no stretch can be aligned.
     """
     notes: list[str] = []
-    gnss = drive.gnss
+    gnss, axes = named_axes(drive.gnss)
+    if axes is not None:
+        notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     lag = receiver_lag(gnss)
     if lag:
         moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
@@ -97,7 +100,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
     edges = np.concatenate([[0], gaps + 1, [len(drive.imu_t)]])
     stretches: list[Stretch] = []
     failure = ""
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges.tolist()):
         t = drive.imu_t[first:last]
         if len(t) < 2 or t[-1] - t[0] < SHORTEST:
             notes.append(f"a stretch of {t[-1] - t[0]:.1f} s left out: too short to align")
@@ -121,7 +124,9 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
     return tuple(stretches), tuple(notes)
 
 
-def navigate(stretches: tuple[Stretch, ...], settings: FilterSettings, windows: FloatArray) -> tuple[Solution, ...]:
+def navigate(
+    stretches: tuple[Stretch, ...], settings: FilterSettings, windows: FloatArray
+) -> tuple[Solution, ...]:
     """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
     n = settings.size
     parameters, covariance = np.zeros(n), np.diag(settings.initial_sd**2)
@@ -201,7 +206,9 @@ def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
 
 
 def _rows(gnss: Gnss, which: NDArray[np.bool_]) -> Gnss:
-    return Gnss(gnss.t[which], gnss.llh[which], gnss.vel_n[which], gnss.position_sd[which], gnss.velocity_sd[which])
+    return Gnss(
+        gnss.t[which], gnss.llh[which], gnss.vel_n[which], gnss.position_sd[which], gnss.velocity_sd[which]
+    )
 
 
 def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:

@@ -184,10 +184,8 @@ def fly(
                     x[j] += dx[j]
                 calibrate(lay, x, work)
             start_pos, start_vel, start_quat = pos, vel, quat
-            if (use[0] == 2 or use[1] == 2) and use[0] != 1 and use[1] != 1:
-                refused = min(refused, t[i])
-            else:
-                refused = 1e300
+            lost = (use[0] == 2 or use[1] == 2) and use[0] != 1 and use[1] != 1
+            refused = min(refused, t[i]) if lost else 1e300
             for c in range(3):
                 out_state[i, c], out_state[i, 3 + c] = pos[c], vel[c]
             for c in range(4):

@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ WINDOW = 2.0
 """Length of the windows, s."""
 MOVING = 60.0
 """Time in motion that the alignment uses, s."""
-GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(25.0)
+GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
 """Sd of the heading from which more motion is asked for, and from which there is none, rad."""
 ROCKING = 120.0
 """Longest part of a stand-still that is used, s."""
@@ -86,6 +86,35 @@ def velocities(gnss: Gnss) -> FloatArray:
     metres = _metres(gnss)
     slope = np.gradient(metres, gnss.t, axis=0)
     return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
+
+
+AXES = {
+    "north-east-up": ((0, 1, 2), (1.0, 1.0, -1.0)),
+    "east-north-up": ((1, 0, 2), (1.0, 1.0, -1.0)),
+    "east-north-down": ((1, 0, 2), (1.0, 1.0, 1.0)),
+}
+"""Ways in which velocities may be given instead of north, east, down: order and signs that mend them."""
+
+
+def named_axes(gnss: Gnss) -> tuple[Gnss, str | None]:
+    """Return the fixes with velocities north, east, down, and what they were where that was not so.
+
+    Differences of positions are compared with the velocities in every order; another order counts where it
+    leaves less than a quarter of the misfit.
+    """
+    finite = np.isfinite(gnss.vel_n).all(axis=1)
+    if np.count_nonzero(finite) < 20:
+        return gnss, None
+    slope = np.gradient(_metres(gnss), gnss.t, axis=0)
+
+    def misfit(vel: FloatArray) -> float:
+        return float(np.mean(np.abs(vel - slope)[finite]))
+
+    order = {name: gnss.vel_n[:, list(which)] * np.array(sign) for name, (which, sign) in AXES.items()}
+    name = min(order, key=lambda key: misfit(order[key]))
+    if misfit(order[name]) > 0.25 * misfit(gnss.vel_n):
+        return gnss, None
+    return replace(gnss, vel_n=order[name]), name
 
 
 def receiver_lag(gnss: Gnss) -> float:
@@ -163,7 +192,7 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     still_end = standing_until(gnss)
     begin = max(float(gnss.t[0]), still_end - ROCKING)
     stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
-    first, last = np.searchsorted(ends, [begin, stop + offset + 0.1])
+    last = np.searchsorted(ends, stop + offset + 0.1)
     bias, excess = np.zeros(3), np.zeros(3)
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
@@ -200,13 +229,25 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
         low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
         delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
     mat, cost = solve(delay)
-    # Speed changes tell the heading; neighbouring windows overlap, so a window counts by its share.
-    change = float(np.sum(beta[:, :2] ** 2)) * float(np.median(np.diff(fix_t))) / WINDOW
+    # Speed changes tell the heading: what windows of standing show is the receiver's noise. Neighbouring
+    # windows overlap, so a window counts by its share.
+    level = np.sum(beta[:, :2] ** 2, axis=1)
+    standing = fix_t[windows[:, -1]] <= max(still_end, begin)
+    noise = float(np.mean(level[standing])) if np.count_nonzero(standing) > 3 else 0.0
+    change = float(np.sum(level - noise)) * float(np.median(np.diff(fix_t))) / WINDOW
+    heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
     k = int(np.argmin(np.abs(t - fix_t[0])))
     quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
-    level = float(np.sqrt(cost / 3.0))
+    misfit = float(np.sqrt(cost / 3.0))
     return Alignment(
-        float(t[k]), quat, float(np.sqrt(cost / change)), level / (9.8 * WINDOW), bias, delay, still_end - begin, excess
+        float(t[k]),
+        quat,
+        heading_sd,
+        misfit / (9.8 * WINDOW),
+        bias,
+        delay,
+        still_end - begin,
+        excess,
     )
 
 
@@ -218,8 +259,10 @@ def _wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
 
 def _positions_are_better(gnss: Gnss) -> bool:
     """Whether second differences of positions tell changes of velocity better than the velocities do."""
-    position, velocity = (np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
-                          for sd in (gnss.position_sd, gnss.velocity_sd))
+    position, velocity = (
+        np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
+        for sd in (gnss.position_sd, gnss.velocity_sd)
+    )
     if not np.isfinite(gnss.vel_n).any():
         return True
     return bool(np.sqrt(6.0) * position / WINDOW < np.sqrt(2.0) * velocity)

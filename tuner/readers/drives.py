@@ -183,7 +183,9 @@ def _drive(
     _plausible(path, imu, fixes, said)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
-        said.append(f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept as held")
+        said.append(
+            f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept as held"
+        )
     llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
     gnss = Gnss(fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13])
     return Drive(
@@ -218,7 +220,7 @@ def _ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: 
     fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
     if not fresh.all():
         said.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
-    return rows[fresh]
+    return np.asarray(rows[fresh])
 
 
 def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
@@ -235,7 +237,9 @@ def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) 
         msg = f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}"
         raise DataError(msg)
     if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
-        msg = f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}"
+        msg = (
+            f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}"
+        )
         raise DataError(msg)
     zero = int(np.count_nonzero(np.any(fixes[:, 7:10] == 0.0, axis=1)))
     if zero:
@@ -279,7 +283,7 @@ def _table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
 
 def _numbers(path: Path) -> FloatArray:
     try:
-        return np.loadtxt(path, ndmin=2)
+        return np.asarray(np.loadtxt(path, ndmin=2))
     except ValueError as error:
         msg = f"{path}: expected numbers only, {error}"
         raise DataError(msg) from None

@@ -1,0 +1,356 @@
+"""Measured drives: read in every form, repaired or refused, aligned, filtered; simulated ones have a truth."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models import rotation
+from models.gnss import perfect_fixes
+from models.motion import imu_increments
+from models.trajectories import TRAJECTORIES
+from tuner.cli import run
+from tuner.driving import navigate_drive
+from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
+from tuner.navigation.inputs import Steps
+from tuner.readers.drives import read_drive
+from tuner.records import DataError
+from tuner.synthesis import synthesize
+
+INTERVAL = 0.02
+LEVER = (0.5, -0.3, -1.2)
+MOUNTING_RPY = (180.0, 3.0, 100.0)
+DELAY = 0.15
+PLACED = {"lever_arm_frd_m": LEVER, "mounting_rpy_deg": MOUNTING_RPY}
+STILL = 40.0
+MEASURED = os.environ.get("TUNER_DATA")
+
+
+def arrays(duration=400.0, *, seed=1, mounting=MOUNTING_RPY, delay=DELAY):
+    """A simulated drive as the arrays of a file: a city after standing still."""
+    rng = np.random.default_rng(seed)
+    motion = TRAJECTORIES["city"](duration)
+    moving = np.hstack(imu_increments(motion, INTERVAL)) / INTERVAL
+    still = np.tile(moving[0], (round(STILL / INTERVAL), 1))
+    rates = np.vstack([still, moving])
+    sensor = rotation.mat_from_rpy(np.radians(mounting))
+    rates = np.hstack([rates[:, :3] @ sensor.T, rates[:, 3:] @ sensor.T])
+    rates += np.concatenate([[2e-3, -1e-3, 1.5e-3], [0.05, -0.04, 0.06]])
+    density = np.repeat([1.2e-4, 3e-3], 3)
+    rates += rng.standard_normal(rates.shape) * density / np.sqrt(INTERVAL)
+    t = 1000.0 + INTERVAL * np.arange(1, len(rates) + 1)
+    gnss_t = 1000.0 + np.arange(1.0, STILL + duration - 1.0)
+    llh, vel = perfect_fixes(motion, (gnss_t - 1000.0 - STILL - delay).clip(0.0, duration), lever_arm=LEVER)
+    metres = np.array([6.37e6, 6.37e6 * np.cos(0.84), 1.0])
+    llh = llh + rng.standard_normal(llh.shape) * np.array([0.4, 0.4, 0.8]) / metres
+    vel = vel + 0.05 * rng.standard_normal(vel.shape)
+    truth_t = np.arange(0.0, duration, 0.1)
+    state = motion.evaluate(truth_t)
+    return {
+        "imu_t": t,
+        "gyro": rates[:, :3],
+        "accel": rates[:, 3:],
+        "gnss_t": gnss_t,
+        "gnss_llh": np.column_stack([np.degrees(llh[:, :2]), llh[:, 2]]),
+        "gnss_vned": vel,
+        "gnss_pstd": np.tile([0.4, 0.4, 0.8], (len(gnss_t), 1)),
+        "gnss_vstd": np.full((len(gnss_t), 3), 0.05),
+        "ref_t": 1000.0 + STILL + truth_t,
+        "ref_llh": np.column_stack([np.degrees(state.llh[:, :2]), state.llh[:, 2]]),
+        "ref_vned": state.vel_n,
+        "ref_rpy": np.degrees(state.rpy),
+    }
+
+
+def saved(path, data, **meta):
+    np.savez(path, meta=np.array(json.dumps(meta)), **data)
+    return path
+
+
+def configuration(receiver="dgnss"):
+    config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss(receiver))
+    return replace(config, gnss=replace(config.gnss, position_sd=(0.4, 0.4, 0.8), correlated=()))
+
+
+@pytest.fixture(scope="module")
+def data():
+    return arrays()
+
+
+@pytest.fixture(scope="module")
+def file(data, tmp_path_factory):
+    return saved(
+        tmp_path_factory.mktemp("drive") / "drive.npz",
+        data,
+        lever_arm_frd_m=LEVER,
+        mounting_rpy_deg=MOUNTING_RPY,
+    )
+
+
+@pytest.fixture(scope="module")
+def result(file):
+    return navigate_drive(read_drive(file), configuration())
+
+
+def test_simulated_drive_is_navigated(result):
+    found = result.consistency
+    errors = found.errors
+    assert not found.diverged
+    assert max(errors["position_rms_m"][:2]) < 0.5
+    assert max(errors["velocity_rms_m_s"]) < 0.1
+    assert max(errors["attitude_rms_rad"][:2]) < np.radians(0.3)
+    assert found.gated < 0.01
+    assert [outage.seconds for outage in found.outages] == [10.0, 30.0, 60.0]
+    assert all(0.4 < outage.score.ratio < 2.0 for outage in found.outages)
+    blocks = {s.name: s.ratio for s in found.blocks}
+    assert set(blocks) == {"position", "velocity", "attitude"}
+    assert max(blocks.values()) < 1.6
+
+
+def test_clock_offset_and_biases_are_found(result):
+    ((offset, sd),) = result.estimates["time_offset"]
+    delay = result.stretches[0].alignment.delay + offset
+    assert delay == pytest.approx(DELAY, abs=max(0.02, 5.0 * sd))
+    sensor = rotation.mat_from_rpy(np.radians(MOUNTING_RPY))
+    bias = np.array([value for value, _ in result.estimates["gyro_bias"]])
+    np.testing.assert_allclose(sensor @ bias, [2e-3, -1e-3, 1.5e-3], atol=6e-4)
+
+
+def test_mounting_may_be_unknown(data, tmp_path):
+    drive = read_drive(saved(tmp_path / "bare.npz", data))
+    assert drive.mounting is None
+    found = navigate_drive(drive, configuration())
+    assert not found.consistency.diverged
+    assert max(found.consistency.errors["position_rms_m"][:2]) < 0.8
+    arm = np.array([value for value, _ in found.estimates["lever_arm"]])
+    sensor = rotation.mat_from_rpy(np.radians(MOUNTING_RPY))
+    np.testing.assert_allclose((sensor.T @ arm)[:2], LEVER[:2], atol=0.4)
+
+
+def test_without_reference_outages_are_scored_by_the_fixes(data, tmp_path):
+    bare = {name: values for name, values in data.items() if not name.startswith("ref")}
+    found = navigate_drive(read_drive(saved(tmp_path / "bare.npz", bare, **PLACED)), configuration())
+    assert found.consistency.blocks == ()
+    assert len(found.consistency.outages) == 3
+    assert "position_innovation_rms_m" in found.consistency.errors
+
+
+def test_gap_starts_anew(data, tmp_path):
+    cut = dict(data)
+    keep = (data["imu_t"] < 1200.0) | (data["imu_t"] > 1212.0)
+    for name in ("imu_t", "gyro", "accel"):
+        cut[name] = data[name][keep]
+    found = navigate_drive(read_drive(saved(tmp_path / "cut.npz", cut, **PLACED)), configuration())
+    assert len(found.stretches) == 2
+    assert any("1 gaps" in note for note in found.notes)
+    assert not found.consistency.diverged
+
+
+def test_outliers_are_refused_and_counted(data, tmp_path):
+    bad = dict(data)
+    llh = data["gnss_llh"].copy()
+    llh[200::17, 2] += 60.0
+    bad["gnss_llh"] = llh
+    found = navigate_drive(read_drive(saved(tmp_path / "bad.npz", bad, **PLACED)), configuration())
+    scored = len(range(200, len(llh), 17))
+    assert found.consistency.gated == pytest.approx(scored / (len(llh) - STILL - 60.0), rel=0.15)
+    assert abs(found.consistency.errors["position_rms_m"][2]) < 1.0
+
+
+def test_diverging_filter_is_reported(data, tmp_path, capsys):
+    lost = dict(data)
+    llh = data["gnss_llh"].copy()
+    rng = np.random.default_rng(3)
+    llh[110:] += rng.uniform(-0.02, 0.02, llh[110:].shape)
+    lost["gnss_llh"], lost["gnss_vned"] = (
+        llh,
+        data["gnss_vned"]
+        + 30.0 * rng.standard_normal(data["gnss_vned"].shape) * (np.arange(len(llh)) > 110)[:, None],
+    )
+    path = saved(tmp_path / "lost.npz", lost, **PLACED)
+    assert run(["navigate", str(path), "--config", "mpu9250", "--gnss", "dgnss", "--strict", "--quiet"]) == 1
+    assert "diverged" in capsys.readouterr().out
+
+
+def test_standing_and_lag(data, tmp_path):
+    drive = read_drive(saved(tmp_path / "a.npz", data))
+    assert standing_until(drive.gnss) == pytest.approx(STILL + 4.0, abs=4.0)
+    assert receiver_lag(drive.gnss) == 0.0
+    late = np.stack([np.interp(drive.gnss.t - 0.3, drive.gnss.t, v) for v in drive.gnss.vel_n.T], axis=-1)
+    dense = replace(drive.gnss, vel_n=late)
+    assert receiver_lag(dense) == pytest.approx(0.3, abs=0.15)
+
+
+def test_alignment_needs_motion(data):
+    t = data["imu_t"] - 1000.0
+    steps = Steps(0.0, np.diff(t, prepend=0.0), np.hstack([data["gyro"], data["accel"]]) * INTERVAL)
+    from tuner.records import Gnss
+
+    k = 30
+    still = Gnss(
+        data["gnss_t"][:k] - 1000.0,
+        np.radians(data["gnss_llh"][:k] * [1.0, 1.0, np.degrees(1.0)]),
+        data["gnss_vned"][:k],
+        data["gnss_pstd"][:k],
+        data["gnss_vstd"][:k],
+    )
+    with pytest.raises(DataError, match="speed"):
+        align(steps, still)
+
+
+def test_swapped_axes_are_named(data, tmp_path):
+    enu = dict(data)
+    v = data["gnss_vned"]
+    enu["gnss_vned"] = np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])
+    drive = read_drive(saved(tmp_path / "enu.npz", enu))
+    mended, name = named_axes(drive.gnss)
+    assert name == "east-north-up"
+    np.testing.assert_allclose(mended.vel_n, v[: len(mended)], atol=1e-12)
+    assert named_axes(mended)[1] is None
+
+
+def write_folder(path, data, *, truth=True):
+    path.mkdir()
+    header = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
+    np.savetxt(path / "imu.csv", imu, delimiter=",", header=header, comments="")
+    gnss = np.column_stack([data[f"gnss_{n}"] for n in ("t", "llh", "vned", "pstd", "vstd")])
+    names = "t,lat [deg],lon [deg],height [m],vn,ve,vd,sd_n,sd_e,sd_d,sd_vn,sd_ve,sd_vd"
+    np.savetxt(path / "gnss.csv", gnss, delimiter=",", header=names, comments="", fmt="%.12g")
+    if truth:
+        rows = np.column_stack([data[f"ref_{n}"] for n in ("t", "llh", "vned", "rpy")])
+        names = "t,lat,lon,height,vn,ve,vd,roll,pitch,yaw [deg]"
+        np.savetxt(path / "truth.csv", rows, delimiter=",", header=names, comments="", fmt="%.12g")
+    return path
+
+
+def test_folder_and_npz_are_one(data, file, tmp_path):
+    a, b = read_drive(file), read_drive(write_folder(tmp_path / "drive", data))
+    np.testing.assert_allclose(a.imu_t, b.imu_t, atol=1e-6)
+    np.testing.assert_allclose(a.rates, b.rates, atol=1e-9)
+    np.testing.assert_allclose(a.gnss.llh, b.gnss.llh, atol=1e-11)
+    np.testing.assert_allclose(a.gnss.t, b.gnss.t, atol=1e-6)
+    np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
+
+
+def test_kf_gins_files_are_read(data, file, tmp_path):
+    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
+    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
+    np.savetxt(
+        tmp_path / "gnss.txt",
+        np.column_stack([data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]),
+        fmt="%.12f",
+    )
+    yaml = tmp_path / "kf-gins.yaml"
+    yaml.write_text(
+        'imupath: "elsewhere/imu.txt"\ngnsspath: "gnss.txt"\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n',
+        encoding="utf-8",
+    )
+    a, b = read_drive(file), read_drive(yaml)
+    np.testing.assert_allclose(a.rates, b.rates, atol=1e-6)
+    assert b.lever_arm == LEVER
+    assert np.isnan(b.gnss.vel_n).all()
+    assert not navigate_drive(replace(b, mounting=None), configuration()).consistency.diverged
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"accel": 1e3}, "specific force"),
+        ({"accel": 1e-3}, "specific force"),
+        ({"gyro": 1e3}, "rad/s"),
+        ({"gnss_pstd": -1.0}, "negative"),
+        ({"gnss_llh": 1e7}, "degrees"),
+        ({"gnss_t": 10.0}, "same time"),
+    ],
+)
+def test_impossible_drives_are_refused_in_one_line(data, tmp_path, capsys, change, words):
+    wrong = {name: values * change.get(name, 1.0) for name, values in data.items()}
+    path = saved(tmp_path / "wrong.npz", wrong)
+    assert run(["navigate", str(path), "--config", "mpu9250", "--quiet"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert words in err
+
+
+def test_repairs_are_counted(data, tmp_path):
+    dirty = {name: values.copy() for name, values in data.items()}
+    dirty["gyro"][5] = np.nan
+    for name in ("imu_t", "gyro", "accel"):
+        dirty[name] = np.insert(dirty[name], 100, dirty[name][99], axis=0)
+        dirty[name][[200, 201]] = dirty[name][[201, 200]]
+    dirty["gnss_t"] = np.concatenate([[900.0], dirty["gnss_t"]])
+    for name in ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd"):
+        dirty[name] = np.concatenate([dirty[name][:1], dirty[name]])
+    drive = read_drive(saved(tmp_path / "dirty.npz", dirty))
+    said = "; ".join(drive.notes)
+    for words in (
+        "1 unreadable IMU",
+        "1 IMU rows out of order",
+        "1 IMU rows with a doubled",
+        "1 fixes outside",
+    ):
+        assert words in said
+    dirty["gyro"][: len(dirty["gyro"]) // 10] = np.nan
+    with pytest.raises(DataError, match="at most 1 %"):
+        read_drive(saved(tmp_path / "worse.npz", dirty))
+
+
+@pytest.mark.parametrize("name", ["nothing", "empty", "drive.txt"])
+def test_what_is_no_drive_is_refused(tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "drive.txt").write_text("1 2 3\n", encoding="utf-8")
+    with pytest.raises(DataError):
+        read_drive(tmp_path / name)
+
+
+def test_navigate_from_the_command_line(file, tmp_path, capsys):
+    out = tmp_path / "out.json"
+    arguments = [
+        "navigate",
+        str(file),
+        "--config",
+        "mpu9250",
+        "--gnss",
+        "dgnss",
+        "--quiet",
+        "--json",
+        str(out),
+    ]
+    assert run(arguments) == 0
+    content = json.loads(out.read_text(encoding="utf-8"))
+    assert content["schema"] == "tuner.consistency/1"
+    assert content["source"]["estimates"]["time_offset"]
+    assert [o["seconds"] for o in content["outage"]] == [10.0, 30.0, 60.0]
+    capsys.readouterr()
+    for bad in (["--lever-arm", "1,2"], ["--imu-frame", "XYZ"], ["--state", "moon=1"]):
+        assert run([*arguments, *bad]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+DRIVES = {
+    "hipnuc_span_20220320_11": ("icm20602", "spp"),
+    "rtkexplorer_drive_0708": ("mpu9250", "rtk"),
+    "stim300_rtk_20180417": ("stim300", "rtk"),
+    "stim300_rtk_20180419_sharp": ("stim300", "rtk"),
+    "stim300_rtk_20180419_smooth": ("stim300", "rtk"),
+}
+
+
+@pytest.mark.skipif(MEASURED is None, reason="TUNER_DATA is not set")
+@pytest.mark.parametrize("name", DRIVES)
+def test_measured_drives_are_navigated(name):
+    grade, receiver = DRIVES[name]
+    config = synthesize(grade_identification(load_grade(grade)), gnss=load_gnss(receiver))
+    found = navigate_drive(read_drive(Path(str(MEASURED)) / "drives" / f"{name}.npz"), config)
+    assert not found.consistency.diverged
+    assert found.consistency.outages
+    assert found.consistency.verdicts
+    if "position_rms_m" in found.consistency.errors:
+        assert max(found.consistency.errors["position_rms_m"][:2]) < 3.0

@@ -1,0 +1,111 @@
+"""`tuner navigate`: a measured drive through the filter of a configuration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from tuner.commands.check import load_filter
+from tuner.commands.options import Output, common
+from tuner.progress import Messages
+from tuner.records import DataError
+
+if TYPE_CHECKING:
+    from tuner.records import Drive
+
+
+@click.command("navigate", short_help="Filter a measured drive: innovations, errors, outages.")
+@click.argument("drive", metavar="DRIVE")
+@click.option("--config", required=True, metavar="CONFIG", help="YAML or the name of a built-in grade.")
+@click.option("--gnss", metavar="GRADE", help="Built-in receiver, in place of the configuration's.")
+@click.option("--imu-frame", metavar="FRAME", help="Axes of the sensor in the vehicle: FRD, FLU, RFU.")
+@click.option("--mounting-rpy", metavar="R,P,Y", help="Mounting angles, deg: v_sensor = Rz Ry Rx v_vehicle.")
+@click.option("--lever-arm", metavar="X,Y,Z", help="From sensor to antenna, forward, right, down, m.")
+@click.option("--state", "states", multiple=True, metavar="NAME=SD", help="A further state; may be repeated.")
+@click.option("--strict", is_flag=True, help="Exit status 1 where the filter is not consistent.")
+@common
+def command(
+    drive: str,
+    config: str,
+    gnss: str | None,
+    imu_frame: str | None,
+    mounting_rpy: str | None,
+    lever_arm: str | None,
+    states: tuple[str, ...],
+    strict: bool,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> int:
+    """Filter DRIVE, a folder with imu.csv and gnss.csv, an NPZ, or a YAML of KF-GINS.
+
+    Fixes are withheld for 10, 30 and 60 s at a time to see how far the prediction can be trusted; errors are
+    against the reference where the drive has one.
+    """
+    from tuner.driving import navigate_drive
+    from tuner.grades import load_gnss
+    from tuner.jsonconsistency import consistency_json
+    from tuner.readers.drives import read_drive
+    from tuner.report.consistency_tables import consistency_tables
+    from tuner.report.tables import show
+
+    believed = load_filter(config, None if gnss is None else load_gnss(gnss))
+    further = dict(_state(text) for text in states)
+    measured = _placed(read_drive(drive), imu_frame, mounting_rpy, lever_arm)
+    messages.say("navigating (kernels are compiled on first use: some ten seconds)")
+    found = navigate_drive(measured, believed, states=further)
+    estimates = {
+        name: [{"value": value, "sd": sd} for value, sd in values] for name, values in found.estimates.items()
+    }
+    source = {
+        "drive": measured.source,
+        "digest": measured.digest,
+        "config": believed.name,
+        "states": found.settings.size,
+        "fixes": sum(len(stretch.fixes) for stretch in found.stretches),
+        "estimates": estimates,
+        "seed": seed,
+    }
+    if output.tables:
+        show(consistency_tables(found.consistency, found.notes))
+    output.write(consistency_json(found.consistency, source=source, notes=found.notes))
+    return 1 if strict and not found.consistency.consistent else 0
+
+
+def _placed(drive: Drive, frame: str | None, rpy: str | None, arm: str | None) -> Drive:
+    """Return the drive with mounting and lever arm as the user gives them."""
+    from tuner.readers.drives import FRAMES, mounting_of
+
+    if frame is not None and frame.upper() not in FRAMES:
+        msg = f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}"
+        raise DataError(msg)
+    angles = None if rpy is None else _three("--mounting-rpy", rpy)
+    mounting = mounting_of(frame, angles)
+    if mounting is not None:
+        drive = replace(drive, mounting=mounting)
+    return drive if arm is None else replace(drive, lever_arm=_three("--lever-arm", arm))
+
+
+def _three(option: str, text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        msg = f"{option} {text}: expected three numbers with commas between"
+        raise DataError(msg) from None
+    return x, y, z
+
+
+def _state(text: str) -> tuple[str, float]:
+    from models.layout import OPTIONAL
+
+    name, _, value = text.partition("=")
+    try:
+        sd = float(value)
+    except ValueError:
+        sd = -1.0
+    if name not in OPTIONAL or not sd > 0.0:
+        msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(OPTIONAL)} and a positive SD"
+        raise DataError(msg)
+    return name, sd
