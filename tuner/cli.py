@@ -21,6 +21,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "tune": "The main job: log in, filter configuration out.",
         "identify": "Noise terms of a log, with intervals.",
         "check": "Is the filter honest? Monte-Carlo on simulated trajectories.",
+        "navigate": "A measured drive through the filter: innovations, errors, outages.",
         "plan": "How long a static test must be.",
         "curve": "One empirical curve: Allan family, spectrum, correlation.",
         "compare": "Logs, identifications and built-in grades side by side.",
