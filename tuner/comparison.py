@@ -2,7 +2,8 @@
 
 Two estimates with independent errors differ at 95 % where the logarithm of their ratio lies outside its
 own interval,
-|ln(a/b)| > √(h_a² + h_b²) with h the half widths of their logarithmic intervals.
+|ln(a/b)| > √(h_a² + h_b²) with h the half widths of their logarithmic intervals. Means may have any
+sign: they are compared by their difference, and have no ratio.
 """
 
 from __future__ import annotations
@@ -65,11 +66,18 @@ def _compare_axis(axis: str, found: Sequence[Identification]) -> tuple[ComparedC
 
 def _coefficients(channel: ChannelIdentification) -> dict[str, Coefficient]:
     table = {f"{e.name}.{field}": c for e in channel.terms for field, c in e.coefficients.items()}
-    return table | {"sigma_10s": channel.sigma_10s, "minimum": channel.minimum, "floor": channel.floor}
+    return table | {
+        "mean": channel.mean,
+        "sigma_10s": channel.sigma_10s,
+        "minimum": channel.minimum,
+        "floor": channel.floor,
+    }
 
 
 def _compare_coefficient(name: str, values: list[Coefficient | None]) -> ComparedCoefficient:
     first, last = values[0], values[-1]
+    if name == "mean":
+        return ComparedCoefficient(name, tuple(values), None, None, _apart(first, last))
     if first is None or last is None or not first.value or not last.value:
         return ComparedCoefficient(name, tuple(values), None, None, None)
     ratio = last.value / first.value
@@ -80,6 +88,16 @@ def _compare_coefficient(name: str, values: list[Coefficient | None]) -> Compare
     high = math.hypot(widths[1][1], widths[0][0])
     interval = (ratio * math.exp(-low), ratio * math.exp(high))
     return ComparedCoefficient(name, tuple(values), ratio, interval, not interval[0] <= 1.0 <= interval[1])
+
+
+def _apart(first: Coefficient | None, last: Coefficient | None) -> bool | None:
+    """Tell whether two values differ at 95 %; None where one of them has no interval."""
+    if first is None or last is None or first.value is None or last.value is None:
+        return None
+    if first.interval is None or last.interval is None:
+        return None
+    halves = [0.5 * (high - low) for low, high in (first.interval, last.interval)]
+    return abs(last.value - first.value) > math.hypot(*halves)
 
 
 def _half_widths(c: Coefficient) -> tuple[float, float] | None:

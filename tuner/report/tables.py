@@ -243,7 +243,7 @@ def comparison_tables(comparison: Comparison) -> list[Table | str]:
 
 def _ratio(row: ComparedCoefficient) -> str:
     if row.ratio is None:
-        return "–"
+        return {None: "–", True: "differs", False: "agrees"}[row.differs]
     if row.ratio_interval is None:
         return f"{digits(row.ratio)} (no interval)"
     low, high = row.ratio_interval

@@ -1,0 +1,136 @@
+"""Parts of a log under one condition: cut where it changes, compared with ratios; refused where there are none."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tuner.cli import run
+from tuner.comparison import compare
+from tuner.conditions import at_rest, still_parts, temperature_parts
+from tuner.identification import identify
+from tuner.records import DataError, Record
+from tuner.writers import write_log
+
+RATE = 50.0
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+
+
+def moved(seed=1, loud=2.0):
+    """Two stretches at rest of 200 s, parted by 20 s of turning; the second is louder by a factor."""
+    rng = np.random.default_rng(seed)
+    n = 21_000
+    y = 1e-3 * rng.standard_normal((n, 3))
+    y[10_000:11_000] += 0.5
+    y[11_000:] *= loud
+    return Record("gyro", np.arange(n) / RATE, y, AXES, "rad/s", 1 / RATE, source="unit.csv")
+
+
+def warmed(seed=2, n=60_000):
+    """A log that warms up by 20 K, its noise growing from 1 to 2."""
+    celsius = np.linspace(20.0, 40.0, n)
+    y = 1e-3 * (celsius[:, None] / 20.0) * np.random.default_rng(seed).standard_normal((n, 3))
+    return Record(
+        "gyro", np.arange(n) / RATE, y, AXES, "rad/s", 1 / RATE, covariates={"temperature": celsius}
+    )
+
+
+def test_only_what_stands_still_is_kept_and_said():
+    said = []
+    (kept,) = at_rest([moved()], said.append)
+    turning = (kept.t >= 200.0) & (kept.t < 220.0)
+    inside = np.zeros(len(kept), dtype=bool)
+    for start, stop in kept.segments:
+        inside[start:stop] = True
+    assert not np.any(inside & turning)
+    assert inside.mean() > 0.9
+    assert len(said) == 1
+    assert "moved" in said[0]
+
+
+def test_a_log_at_rest_is_left_alone():
+    record = warmed()
+    assert at_rest([record]) == (record,)
+
+
+def test_sensors_on_clocks_of_their_own_are_judged_apart():
+    still = replace(
+        moved(), t=moved().t + 0.1, y=1e-3 * np.random.default_rng(9).standard_normal((21_000, 3))
+    )
+    first, second = at_rest([moved(), still])
+    assert len(first.segments) == 2
+    assert second.segments == still.segments
+
+
+def test_stretches_at_rest_differ_by_the_ratio_of_their_noise():
+    parts = still_parts([moved(loud=2.0)])
+    assert len(parts) == 2
+    found = compare([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
+    for rows in found.axes.values():
+        row = next(r for r in rows if r.name == "white.density")
+        # sd(ln N) = 1/√(2n) = 0.7 % a part, 1 % for the ratio: five of them.
+        assert row.ratio == pytest.approx(2.0, rel=0.05)
+        assert row.differs
+
+
+def test_bins_of_temperature_are_ordered_and_share_the_samples():
+    parts = temperature_parts([warmed()])
+    counts = [sum(b - a for a, b in part.records[0].segments) for part in parts]
+    assert max(counts) - min(counts) < 0.02 * sum(counts)
+    means = []
+    for part in parts:
+        (record,) = part.records
+        chosen = np.concatenate([np.arange(a, b) for a, b in record.segments])
+        means.append(record.covariates["temperature"][chosen].mean())
+    assert means == sorted(means)
+    found = compare([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
+    row = next(r for r in found.axes["gyro_x"] if r.name == "white.density")
+    # Noise of the bins: root mean squares of T/20 over thirds of 20 … 40 °C.
+    rms = [np.sqrt(np.mean(np.linspace(a, b, 999) ** 2)) for a, b in ((20.0, 26.667), (33.333, 40.0))]
+    assert row.ratio == pytest.approx(rms[1] / rms[0], rel=0.05)
+    assert row.ratio_interval[0] < row.ratio < row.ratio_interval[1]
+
+
+def test_a_mean_that_moved_is_said_without_a_ratio():
+    rng = np.random.default_rng(5)
+    logs = []
+    for offset in (0.0, 1e-3):
+        y = offset + 1e-3 * rng.standard_normal((20_000, 3))
+        logs.append(
+            identify([Record("gyro", np.arange(20_000) / RATE, y, AXES, "rad/s", 1 / RATE)], arma=None)
+        )
+    row = next(r for r in compare(["off", "on"], logs).axes["gyro_x"] if r.name == "mean")
+    assert row.ratio is None
+    assert row.differs
+
+
+@pytest.mark.parametrize(
+    ("record", "part", "word"),
+    [
+        (warmed(), still_parts, "two or more stretches"),
+        (moved(), temperature_parts, "temperature"),
+        (
+            replace(warmed(), covariates={"temperature": np.full(60_000, 21.0)}),
+            temperature_parts,
+            "stays within",
+        ),
+    ],
+)
+def test_a_log_without_parts_is_refused(record, part, word):
+    with pytest.raises(DataError, match=word):
+        part([record])
+
+
+def test_the_command_compares_the_parts_of_one_log(tmp_path, capsys):
+    path = tmp_path / "warm.npz"
+    write_log([warmed(n=30_000)], path)
+    assert run(["compare", str(path), "--by", "temperature", "--json", "-", "--quiet"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["sources"]) == 3
+    assert found["sources"][0].endswith("°C")
+    assert found["channels"]["gyro_x"]["coefficients"]["white.density"]["differs"]
+    assert run(["compare", str(path), "--by", "still", "--quiet"]) == 2
+    assert run(["compare", str(path), str(path), "--by", "still", "--quiet"]) == 2
+    assert run(["compare", "mpu9250", "--by", "still", "--quiet"]) == 2
+    assert capsys.readouterr().err.count("\n") == 3
