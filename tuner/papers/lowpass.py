@@ -13,13 +13,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import GaussMarkov
+from models.noise import GaussMarkov, NoiseModel
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.curves.allan import overlapping_allan
+from tuner.diagnosis import diagnose
 from tuner.grades import load_grade
 from tuner.identification import identify_channel
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, untestable
 from tuner.papers.sampling import Settings, estimate, scaled
 from tuner.records import Record
 from tuner.results import AllanCurve, ChannelIdentification
@@ -60,6 +61,7 @@ def lowpass_n(settings: Settings) -> Item:
             claimed=0.0,
             why=_told(filtered),
         ),
+        _named(model, seed),
         _density(filtered, density),
     )
     tau = curves["before"].tau
@@ -93,6 +95,22 @@ def _ratio(before: Record, after: Record, times: float) -> Claim:
         derived=(expected - 0.01, expected + 0.01),
         why=f"expected {expected:.3f}" + (": N can be read from filtered data here" if times >= 10.0 else ""),
     )
+
+
+def _named(model: NoiseModel, seed: int) -> Claim:
+    """Ask the diagnosis what a short filtered record contains."""
+    text, paper = "cause that the diagnosis names", "the filter, not a Markov process"
+    hidden = (f"lowpass@gyro_x:cutoff={CUTOFF:g}",)
+    records, _ = simulate({"gyro_x": Channel(model)}, duration=600.0, rate=RATE, seed=seed, hidden=hidden)
+    found = diagnose(records).findings
+    names = [finding.cause for finding in found]
+    if names == ["lowpass"]:
+        cutoff = found[0].parameters["cutoff"]
+        return Claim(
+            text, paper, cutoff, "reproduced", f"lowpass, cutoff {cutoff.value:.3g} Hz; true {CUTOFF:g} Hz"
+        )
+    named = ", ".join(names) or "nothing"
+    return untestable(text, paper, f"a diagnosis that singles out a filter of one pole: ours names {named}")
 
 
 def _density(found: ChannelIdentification, true: float) -> Claim:
