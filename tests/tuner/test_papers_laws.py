@@ -88,7 +88,7 @@ def test_mean_of_estimates_needs_intervals() -> None:
         mean_of([OURS, Coefficient.bounded(1.0, "1", "hidden")])
 
 
-def test_thio_of_a_ramp_is_its_sum() -> None:
+def test_theo1_of_a_ramp_is_its_sum() -> None:
     y = Ramp(1.0).sample(1000, 1.0, np.random.default_rng(0))
     for m, published in ((10, 3.375), (40, 3.59), (100, 3.64), (400, 3.67)):
         ratio = 0.5 * (0.75 * m) ** 2 / theo1(y, [m])[0]
@@ -107,7 +107,7 @@ def test_thio_of_a_ramp_is_its_sum() -> None:
         ("random_walk", 100, 2.668),
     ],
 )
-def test_thio_of_noises(noise: str, m: int, published: float) -> None:
+def test_theo1_of_noises(noise: str, m: int, published: float) -> None:
     assert theo1_ratio(noise, m) == pytest.approx(published, abs=6e-4)
 
 

@@ -44,7 +44,7 @@ def fog_record(settings: Settings) -> Item:
     one = record_from(y[:, 0], t0)
     slopes = np.array([_squared_ramp(record_from(column, t0)) for column in y.T]) / ramp.rate**2
     expected = theo_br_ratio(model, n, t0, 4 * 4998 // 3)
-    thio = 1.0 / _mixture_ratio(model, t0, 4 * 4998 // 3)
+    remaining = 1.0 / _mixture_ratio(model, t0, 4 * 4998 // 3)
     claims = (
         judge(
             "bias of Thêo1 at τ = 2.7 s",
@@ -65,8 +65,8 @@ def fog_record(settings: Settings) -> Item:
             "negative: total is worse at long τ",
             estimate(np.column_stack([found[k][13] / reference[13] for k in ("theo1", "totdev")]), _worse),
             claimed=(-1.0, 0.0),
-            derived=((1.0 - thio) - 7.0 / 15.0 - 0.03, (1.0 - thio) - 7.0 / 15.0 + 0.03),
-            why=f"the ramp rules: total reads 8/15 of it (−47 %), Thêo1 {thio:.3f} ({100.0 * (thio - 1.0):.0f} %)",
+            derived=((1.0 - remaining) - 7.0 / 15.0 - 0.03, (1.0 - remaining) - 7.0 / 15.0 + 0.03),
+            why=f"the ramp rules: total reads 8/15 (−47 %), Thêo1 {remaining:.3f} ({100.0 * (remaining - 1.0):.0f} %)",
         ),
         judge(
             "bias of ThêoH at τ = T/2",
