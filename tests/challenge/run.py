@@ -46,6 +46,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--held-out", action="store_true", help="make a second record of each sensor")
     parser.add_argument("--part", type=int, default=None, help=argparse.SUPPRESS)
     parser.add_argument("--keep-logs", action="store_true")
+    parser.add_argument("--score-only", action="store_true", help="score the parts that are finished")
     return parser.parse_args(argv)
 
 
@@ -109,14 +110,14 @@ def main(argv: list[str] | None = None) -> int:
     if args.part is not None:
         generate_part(args, args.part)
         return 0
-    parts = -(-args.items // PART)
+    parts = 0 if args.score_only else -(-args.items // PART)
     began = time.monotonic()
     with ThreadPoolExecutor(args.processes) as pool:
         for finished, _ in enumerate(pool.map(lambda part: finish_part(args, argv, part), range(parts)), 1):
             left = (time.monotonic() - began) / finished * (parts - finished)
             sys.stderr.write(f"part {finished} of {parts}, {left / 60.0:.0f} min left\n")
     about = (
-        f"Seed `{args.seed}`, items {args.items}, kinds {args.kinds}, samples {args.samples or 'mixed'}, "
+        f"Seed `{args.seed}`, first {args.items} items, kinds {args.kinds}, samples {args.samples or 'mixed'}, "
         f"revision `{revision()}`."
     )
     text = page(score(args.out), about)
