@@ -33,9 +33,12 @@ def rate(hits: int, tries: int) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table."""
+    """Return a Markdown table; nothing where there are no rows with figures."""
+    body = [[str(cell) for cell in row] for row in rows]
+    if all(cell in ("–", "") for row in body for cell in row[1:]):
+        return ""
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return "\n".join([*lines, *("| " + " | ".join(str(cell) for cell in row) + " |" for row in rows)]) + "\n"
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in body)]) + "\n"
 
 
 def nulls(verdicts: Sequence[Verdict]) -> str:
@@ -242,4 +245,5 @@ def page(verdicts: Sequence[Verdict], about: str) -> str:
     scored = [v.points() for v in verdicts]
     kinds = ", ".join(f"{kind} {count}" for kind, count in Counter(v.kind for v in verdicts).most_common())
     text = f"{about}\n\n{len(verdicts)} sets ({kinds}); mean score {np.mean(scored):.2f}.\n\n"
-    return text + "\n".join(f"### {title}\n\n{make(verdicts)}" for title, make in SECTIONS)
+    parts = ((title, make(verdicts)) for title, make in SECTIONS)
+    return text + "\n".join(f"### {title}\n\n{told}" for title, told in parts if told)
