@@ -87,3 +87,15 @@ def test_too_short_a_curve_is_refused():
     )
     with pytest.raises(DataError, match="octaves"):
         identify_curve(short)
+
+
+def test_a_filter_in_the_sensor_does_not_bend_the_white_noise():
+    """A moving average of eight samples lowers the first octaves; the plateau of the density stays."""
+    rng = np.random.default_rng(9)
+    n, interval = 200_000, 0.01
+    y = np.convolve(rng.standard_normal(n + 7) / np.sqrt(interval), np.ones(8) / 8, mode="valid")
+    found = curve(Record("gyro", np.arange(n) * interval, y[:, None], ("gyro_x",), "rad/s", interval), "oadev")
+    channel = identify_curve(found).channels["gyro_x"]
+    # Without its first octaves the curve tells N to about 1 %: five standard errors.
+    assert channel.term("white").coefficients["density"].value == pytest.approx(1.0, rel=0.06)
+    assert any("clusters shorter" in warning for warning in channel.warnings)

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from models.noise import NoiseModel, Quantization
 from tuner.curves import curve as empirical_curve
 from tuner.identification.arma import FEWEST, Likelihood, fit_arma
-from tuner.identification.band import TOLERANCE, Band, curve_within, find_band, periodogram_within
+from tuner.identification.band import Band, curve_within, find_band, periodogram_within
+from tuner.identification.doubts import about_band, disagreement
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.leastsquares import fit as fit_curve
-from tuner.identification.leastsquares import misfit, unweighted
+from tuner.identification.leastsquares import unweighted
 from tuner.identification.likelihood import LikelihoodFit, fit, fit_periodogram
 from tuner.identification.means import mean_of_noise
 from tuner.identification.octaves import OctaveCurve
@@ -33,9 +34,6 @@ from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coeffici
 FloatArray = NDArray[np.float64]
 
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
-
-DISAGREES = 1e-3
-"""Probability below which the Allan curve and the fitted sum are said to disagree."""
 
 _ORDER = (
     "quantization",
@@ -107,6 +105,8 @@ def identify_channel(
     series = None
     if arma is not None and len(longest) >= FEWEST:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
+    compared = method in ("likelihood", "leastsquares")
+    doubts = disagreement(whole, band, estimates.model) if compared else ()
     return ChannelIdentification(
         axis=axis,
         unit=single.unit,
@@ -125,7 +125,7 @@ def identify_channel(
         allan=allan,
         candidates=candidates,
         arma=series,
-        warnings=(*_about_band(band, single.interval), *_disagreement(whole, band, estimates, method)),
+        warnings=(*about_band(band, single.interval), *doubts),
     )
 
 
@@ -188,34 +188,6 @@ def _minimum(allan: AllanCurve, longest: float) -> tuple[Coefficient, Coefficien
         Coefficient.known(value / by, ends[0] / by, ends[1] / by, allan.unit, reason) for by in (1.0, FLOOR)
     ]
     return known[0], known[1], tau
-
-
-def _about_band(band: Band, interval: float) -> tuple[str, ...]:
-    """Say what part of the record the terms do not describe."""
-    if band.m == 1:
-        return ()
-    part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
-    return (
-        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {part:.2g} % "
-        f"{side} it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
-        f"f ≤ {band.highest:.3g} Hz",
-    )
-
-
-def _disagreement(whole: OctaveCurve, band: Band, estimates: Estimates, method: str) -> tuple[str, ...]:
-    """Say where the Allan curve contradicts the fitted sum; in a cut band, where little above it reaches."""
-    if method not in ("likelihood", "leastsquares") or not estimates.model.terms:
-        return ()
-    judged = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
-    found = misfit(judged, estimates.model, tolerance=TOLERANCE)
-    if found.p_value >= DISAGREES:
-        return ()
-    part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
-    return (
-        f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
-        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {part:.2g} % {side}: "
-        "something in the data is not among the terms",
-    )
 
 
 def _by_method(

@@ -6,7 +6,8 @@ freedom tells it: at the longest τ, flicker noise has v = 5u²/(4(u + 3)) for u
 taken, the shortest record that has such a point, which makes the intervals as wide as they can be.
 
 Terms are added one at a time, each the one that lowers −2 ln L most, as long as the fall exceeds the
-95 % point of the largest of as many boundary tests as terms are tried.
+95 % point of the largest of as many boundary tests as terms are tried. As with samples, short clusters that no
+sum of terms describes are left out (`tuner.identification.band`).
 
 References
 ----------
@@ -25,6 +26,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models.noise import TERMS, BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from tuner.identification.band import Band, curve_within, find_band
+from tuner.identification.doubts import about_band, disagreement
 from tuner.identification.estimates import Estimates, from_fit
 from tuner.identification.leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.octaves import OctaveCurve
@@ -97,7 +100,9 @@ def record_span(curve: AllanCurve) -> float:
 
 
 def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIdentification:
-    octaves = _octaves(curve)
+    whole = _octaves(curve)
+    band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
+    octaves = curve_within(whole, band)
     if terms is not None:
         chosen = fit(octaves, NoiseModel(tuple(_start(TERMS[name]) for name in terms)), generalised=True)
         bounds: tuple[TermEstimate, ...] = ()
@@ -114,7 +119,8 @@ def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIde
     shown = sorted(
         (*estimates.terms, *bounds), key=lambda t: order.index(t.name) if t.name in order else len(order)
     )
-    return _channel(curve, octaves, estimates, tuple(shown), candidates, chosen)
+    doubts = (*about_band(band, octaves.interval), *disagreement(whole, band, estimates.model))
+    return _channel(curve, octaves, estimates, tuple(shown), candidates, chosen, doubts)
 
 
 def _channel(
@@ -124,20 +130,13 @@ def _channel(
     terms: tuple[TermEstimate, ...],
     candidates: tuple[Candidate, ...],
     chosen: CurveFit,
+    doubts: tuple[str, ...],
 ) -> ChannelIdentification:
     span = octaves.interval * octaves.lengths[0]
     dof = _dof(curve, octaves, chosen)
     whole = AllanCurve(curve.estimator, curve.tau, curve.variance, dof[:, None], curve.unit, curve.axes)
     deviation, (low, high) = whole.deviation()[:, 0], (limit[:, 0] for limit in whole.interval())
     at = int(np.argmin(deviation))
-    warning = (
-        (
-            f"the curve disagrees with the sum of terms (χ² = {chosen.statistic:.3g} on {chosen.freedom}, "
-            f"p = {chosen.p_value:.1g})",
-        )
-        if chosen.p_value < 1e-3
-        else ()
-    )
     return ChannelIdentification(
         axis=curve.axes[0],
         unit=curve.unit,
@@ -157,7 +156,7 @@ def _channel(
         minimum_tau=float(curve.tau[at]),
         allan=whole,
         candidates=candidates,
-        warnings=warning,
+        warnings=doubts,
     )
 
 
