@@ -10,13 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from models.motion import Motion
+from tuner.budget import Budget, Cause, attribute, error_budget
 from tuner.consistency import Consistency, evaluate
 from tuner.navigation.sensor import Sensor, sensor_of_config
 from tuner.navigation.settings import filter_settings
 from tuner.navigation.simulate import scenario, simulate
 from tuner.records import DataError
 from tuner.results import FilterConfig, GnssNoise
-from tuner.verdicts import verdicts
+from tuner.verdicts import explained
 
 RUNS = 40
 DURATION = 3600.0
@@ -36,11 +37,17 @@ class Check:
         States of the filter.
     notes : tuple of str
         What had to be assumed.
+    budget : Budget or None
+        Variance by source; where it was asked for or the filter is not consistent.
+    causes : tuple of Cause
+        What would explain the scores of an inconsistent filter, best first.
     """
 
     consistency: Consistency
     states: int
     notes: tuple[str, ...]
+    budget: Budget | None = None
+    causes: tuple[Cause, ...] = ()
 
 
 def check(
@@ -51,6 +58,7 @@ def check(
     receiver: GnssNoise | None = None,
     runs: int = RUNS,
     seed: int = 0,
+    budget: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Check:
     """Fly a configuration many times and score it.
@@ -69,6 +77,8 @@ def check(
         Simulated switch-ons.
     seed : int
         Seed of all randomness.
+    budget : bool
+        Whether the error budget is wanted in any case.
     progress : callable, optional
         Called with (done, runs).
 
@@ -88,4 +98,9 @@ def check(
     plan = scenario(motion, receiver or config.gnss, max(config.interval, FASTEST))
     flown = simulate(settings, truth, plan, runs=runs, seed=seed, progress=progress)
     found = evaluate(flown, plan.outages)
-    return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))
+    if found.diverged or (found.consistent and not budget):
+        return Check(replace(found, verdicts=explained(found, ())), settings.size, tuple(notes))
+    shares = error_budget(settings, plan)
+    causes = () if found.consistent else attribute(found, shares)
+    judged = replace(found, verdicts=explained(found, causes))
+    return Check(judged, settings.size, tuple(notes), shares, causes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tuner.budget import Budget, table
 from tuner.consistency import Consistency, Score
 
 
@@ -58,6 +59,23 @@ def consistency_json(
         "errors": {name: list(values) for name, values in found.errors.items()},
         "gated": found.gated,
         "notes": list(notes),
+    }
+
+
+def budget_json(budget: Budget) -> dict[str, Any]:
+    """Return the share of every source in position, velocity and attitude, and sd at the end ÷ at the start."""
+    names = ("north", "east", "down")
+    titles = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
+    states = [f"{block}_{name}" for block in titles for name in (names if block in titles[:3] else "xyz")]
+    return {
+        "sources": list(budget.sources),
+        "shares": {
+            case: {
+                block: shares[:, i].tolist() for i, block in enumerate(("position", "velocity", "attitude"))
+            }
+            for case, shares in table(budget)
+        },
+        "sd_ratio_end_to_start": dict(zip(states, budget.information.tolist(), strict=True)),
     }
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from tuner.budget import Cause
 from tuner.consistency import Consistency, Score
 
 _WHAT = {
@@ -32,6 +35,30 @@ def verdicts(found: Consistency) -> tuple[str, ...]:
     return tuple(sentences) or (
         "nothing speaks against the filter: no score is shown to be 10 % from honest",
     )
+
+
+def explained(found: Consistency, causes: Sequence[Cause]) -> tuple[str, ...]:
+    """Return the verdicts with, before them, the source that explains them.
+
+    Parameters
+    ----------
+    found : Consistency
+        Scores.
+    causes : sequence of Cause
+        From `tuner.budget.attribute`, best first; may be empty.
+    """
+    sentences = verdicts(found)
+    if found.consistent or found.diverged:
+        return sentences
+    if not causes:
+        return ("no single source of the error budget explains the scores", *sentences)
+    first, others = causes[0], causes[1:3]
+    side = "small" if first.ratio > 1.0 else "large"
+    factor = max(first.ratio, 1.0 / first.ratio)
+    reason = f"{first.source} (sd) about {factor:.2g} times too {side}: that explains the scores best"
+    if others:
+        reason += ", then " + ", ".join(f"{c.source} × {c.ratio:.2g}" for c in others)
+    return (reason, *sentences)
 
 
 def _gravity(score: Score) -> float:

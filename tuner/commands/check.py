@@ -38,6 +38,7 @@ RECEIVER = "spp"
     "--runs", type=click.IntRange(min=2), default=40, show_default=True, help="Simulated switch-ons."
 )
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver, in place of the configuration's.")
+@click.option("--budget", is_flag=True, help="Add the share of every source in the errors.")
 @click.option("--strict", is_flag=True, help="Exit status 1 where the filter is not consistent.")
 @common
 def command(
@@ -47,6 +48,7 @@ def command(
     duration: float,
     runs: int,
     gnss: str | None,
+    budget: bool,
     strict: bool,
     seed: int,
     output: Output,
@@ -60,8 +62,8 @@ def command(
     from models.trajectories import TRAJECTORIES
     from tuner.check import check
     from tuner.grades import load_gnss
-    from tuner.jsonconsistency import consistency_json
-    from tuner.report.consistency_tables import consistency_tables
+    from tuner.jsonconsistency import budget_json, consistency_json
+    from tuner.report.consistency_tables import budget_table, consistency_tables
     from tuner.report.tables import show
 
     if trajectory not in TRAJECTORIES:
@@ -79,6 +81,7 @@ def command(
             receiver=true_receiver,
             runs=runs,
             seed=seed,
+            budget=budget,
             progress=advance,
         )
     source = {
@@ -91,8 +94,13 @@ def command(
         "seed": seed,
     }
     if output.tables:
-        show(consistency_tables(found.consistency, found.notes))
-    output.write(consistency_json(found.consistency, source=source, notes=found.notes))
+        shares = [budget_table(found.budget)] if budget and found.budget is not None else []
+        show([*shares, *consistency_tables(found.consistency, found.notes)])
+    content = consistency_json(found.consistency, source=source, notes=found.notes)
+    content["causes"] = [{"source": c.source, "ratio": c.ratio, "misfit": c.misfit} for c in found.causes]
+    if budget and found.budget is not None:
+        content["budget"] = budget_json(found.budget)
+    output.write(content)
     return 1 if strict and not found.consistency.consistent else 0
 
 

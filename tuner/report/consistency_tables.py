@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from tuner.budget import Budget
+from tuner.budget import table as budget_rows
 from tuner.consistency import Consistency, Score
 
 _TITLES = {
@@ -56,6 +58,18 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     answer.append("consistent" if found.consistent else "NOT consistent")
     answer += [f"  {sentence}" for sentence in found.verdicts]
     return answer
+
+
+def budget_table(budget: Budget) -> Table:
+    """Return the share of every source in per cent: position, velocity, attitude, aided and without fixes."""
+    rows = budget_rows(budget)
+    view = Table(title="share of the variance of position / velocity / attitude, %")
+    view.add_column("source")
+    for case, _ in rows:
+        view.add_column(case, justify="right")
+    for j, name in enumerate(budget.sources):
+        view.add_row(name, *(" / ".join(f"{100.0 * x:.0f}" for x in shares[j]) for _, shares in rows))
+    return view
 
 
 def _band(score: Score) -> str:
