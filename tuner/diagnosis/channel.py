@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -82,12 +83,11 @@ class Channel:
     @property
     def block_time(self) -> FloatArray:
         """Time of the middle of each block since the first sample, s, shape (M,)."""
-        return (np.arange(self.blocks) + 0.5) * self.block * self.interval
+        return np.asarray((np.arange(self.blocks) + 0.5) * self.block * self.interval, dtype=float)
 
     def block_mean(self, x: FloatArray) -> FloatArray:
         """Return the means of n values over the blocks, shape (M,)."""
-        means: FloatArray = x.reshape(self.blocks, self.block).mean(axis=1)
-        return means
+        return np.asarray(x.reshape(self.blocks, self.block).mean(axis=1), dtype=float)
 
     def part(self, first: int, last: int) -> Channel | None:
         """Return samples first … last − 1 as a channel of their own, or None where they are too few."""
@@ -145,7 +145,7 @@ def channel(
     source = np.concatenate([np.arange(*piece) for piece in chosen])
     n = int(place[-1]) + 1
     if n < SHORTEST:
-        msg = f"{record.source or record.name}: {axis} has {n} even samples, expected at least {SHORTEST}; record longer"
+        msg = f"{record.source or record.name}: {axis} has {n} samples, expected {SHORTEST} or more; record longer"
         raise DataError(msg)
     block = max(1, round(n / BLOCKS))
     n -= n % block
@@ -177,7 +177,7 @@ def channel(
 
 
 def difference_sd(x: FloatArray) -> float:
-    """Return the standard deviation of the white part: that of the differences ÷ √2, the median over short blocks."""
+    """Return the standard deviation of the white part: by the differences, median of short blocks."""
     square = np.diff(x) ** 2
     size = min(256, len(square))
     blocks = square[: len(square) // size * size].reshape(-1, size)
@@ -224,7 +224,7 @@ def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator)
 def _index(record: Record, piece: tuple[int, int]) -> NDArray[np.int64]:
     """Return the place of each sample of a segment on the even grid of the record."""
     first = round((record.t[piece[0]] - record.t[0]) / record.interval)
-    return first + np.arange(piece[1] - piece[0])
+    return np.arange(first, first + piece[1] - piece[0], dtype=np.int64)
 
 
 def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
@@ -232,7 +232,7 @@ def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
     pieces = [piece for piece in record.segments if piece[1] > piece[0]]
     longest = LONGEST_GAP * (record.t[-1] - record.t[0])
     groups: list[list[tuple[int, int]]] = [[pieces[0]]]
-    for before, piece in zip(pieces[:-1], pieces[1:], strict=True):
+    for before, piece in pairwise(pieces):
         gap = record.t[piece[0]] - record.t[before[1] - 1]
         overlap = _index(record, piece)[0] <= _index(record, before)[-1]
         if gap > longest or overlap:

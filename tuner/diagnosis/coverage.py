@@ -1,4 +1,4 @@
-"""Coverage: does a simulation of the model look like the data?
+"""Coverage: how well a simulation of the model looks like the data.
 
 Replicas of the model are simulated and fitted again, so that the band knows what fitting hides. The quantity is the log
 of an empirical curve over that of the model fitted to the same samples; the band at each point is the range of
@@ -53,7 +53,8 @@ def covered(outcome: Criticism, replicas: int, seed: int) -> Criticism:
     before, after = (bands(found, replicas, seed) for found in (outcome.base, outcome.final))
     coverage = {name: (before[name].coverage, after[name].coverage) for name in before}
     accepted = tuple(
-        replace(a, gain=None if a.gain is None else replace(a.gain, coverage=coverage)) for a in outcome.accepted
+        replace(a, gain=None if a.gain is None else replace(a.gain, coverage=coverage))
+        for a in outcome.accepted
     )
     return replace(outcome, accepted=accepted)
 
@@ -92,7 +93,9 @@ def bands(found: Residual, replicas: int, seed: int) -> dict[str, Band]:
     return out
 
 
-def _curves(found: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]) -> dict[str, tuple[FloatArray, FloatArray]]:
+def _curves(
+    found: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return the measured curve and that of the model, Allan variance and spectrum, in scales²."""
     square = found.coefficients[1:] ** 2
     count = np.diff(edges).astype(float)
@@ -113,7 +116,7 @@ def _template_path(found: Residual) -> FloatArray:
 
 
 def _model_allan(found: Residual, clusters: NDArray[np.int64]) -> FloatArray:
-    """Return the Allan variance of the noise from its spectrum, 4 Σ E_k sin⁴(x m)/(m² sin² x) Δf, shape of `clusters`."""
+    """Return the Allan variance of the noise from its spectrum, 4 Σ E sin⁴(xm)/(m² sin² x) Δf."""
     n, dt = len(found.channel), found.channel.interval
     edges = np.unique(np.geomspace(1, n, 2000).astype(int))
     count = np.diff(edges).astype(float)
@@ -133,6 +136,10 @@ def _replica(found: Residual, rng: np.random.Generator) -> Channel:
     """Return a simulated channel: noise of the model, its templates and its law."""
     n = len(found.channel)
     law = next((x for x in found.extensions if isinstance(x, HeavyTails)), None)
-    e = rng.standard_normal(n) if law is None else rng.standard_t(law.nu, n) * np.sqrt((law.nu - 2.0) / law.nu)
+    e = (
+        rng.standard_normal(n)
+        if law is None
+        else rng.standard_t(law.nu, n) * np.sqrt((law.nu - 2.0) / law.nu)
+    )
     a = np.concatenate(([0.0], transform(e, 1.0)[1:] * np.sqrt(found.power) * found.spread))
     return replace(found.channel, y=inverse(a, found.channel.interval) + _template_path(found))

@@ -75,8 +75,8 @@ class Value:
     def coefficient(self, unit: str, scale: float) -> Coefficient:
         """Return the parameter in SI, for a channel of this unit and scale."""
         factor = scale if "{u}" in self.unit else 1.0
-        ends = sorted((factor * self.lower, factor * self.upper))
-        return Coefficient.known(factor * self.value, *ends, self.unit.replace("{u}", unit))
+        low, high = sorted((factor * self.lower, factor * self.upper))
+        return Coefficient.known(factor * self.value, low, high, self.unit.replace("{u}", unit))
 
 
 @dataclass(frozen=True)
@@ -85,16 +85,18 @@ class Extension(ABC):
 
     Attributes
     ----------
-    values : dict of str to (value, lower, upper, power)
-        Parameters with 95 % intervals; `power` of the scale turns them into SI.
+    values : mapping of str to Value
+        Parameters by the names of `models.effects`.
     """
 
     cause: ClassVar[str]
     repeats: ClassVar[int] = 1
     """How often the cause may be found in one channel."""
-    values: dict[str, tuple[float, float, float, int]] = field(
-        compare=False, kw_only=True, default_factory=dict
-    )
+    meaning: ClassVar[str]
+    """What the cause is and how it shows, in one sentence."""
+    consequence: ClassVar[str]
+    """What it asks of a filter, in one sentence."""
+    values: Mapping[str, Value] = field(compare=False, kw_only=True, default_factory=dict)
 
     def repair(self, channel: Channel) -> Channel:
         """Return the channel without the effect, as far as that is a matter of samples."""
@@ -104,11 +106,11 @@ class Extension(ABC):
         """Return templates on the blocks, shape (M, p)."""
         return np.empty((channel.blocks, 0))
 
-    def gain(self, f: FloatArray, interval: float) -> FloatArray | float:
+    def gain(self, f: FloatArray, interval: float) -> FloatArray | float:  # noqa: ARG002
         """Return the factor on the spectrum of the white noise at frequencies `f`, Hz."""
         return 1.0
 
-    def power(self, f: FloatArray, interval: float) -> FloatArray | float:
+    def power(self, f: FloatArray, interval: float) -> FloatArray | float:  # noqa: ARG002
         """Return the power added at frequencies `f`, Hz, scale²/Hz."""
         return 0.0
 
@@ -116,11 +118,11 @@ class Extension(ABC):
         """Return residuals, shape (n,), whose law is closer to the standard normal one."""
         return e
 
-    def terms(self, interval: float) -> tuple[Term, ...]:
+    def terms(self, interval: float) -> tuple[Term, ...]:  # noqa: ARG002
         """Return what the extension adds to the noise model, in units of the scale."""
         return ()
 
-    def refined(self, size: Value, widening: float) -> Extension:
+    def refined(self, size: Value, widening: float) -> Extension:  # noqa: ARG002
         """Return the extension with the size of its template from a joint fit.
 
         Parameters

@@ -62,7 +62,10 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
         _Single(
             axis,
             accepted,
-            {name: value.coefficient(channel.unit, channel.scale) for name, value in accepted.extension.values.items()},
+            {
+                name: value.coefficient(channel.unit, channel.scale)
+                for name, value in accepted.extension.values.items()
+            },
             _inflation(axis, outcome, accepted),
         )
         for accepted in outcome.accepted
@@ -83,14 +86,18 @@ def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation |
         before, after = outcome.base.model.white_density(), outcome.final.model.white_density()
         after *= float(np.sqrt(shape.gain(np.zeros(1), outcome.final.channel.interval)[0]))
         if after > 1.02 * before > 0:
-            return Inflation(f"{axis}.white_density", after / before, f"{cause}: white density at the plateau")
+            return Inflation(
+                f"{axis}.white_density", after / before, f"{cause}: white density at the plateau"
+            )
     return None
 
 
 def _shared(group: Sequence[_Single], single: _Single) -> bool:
     """Return whether a finding of another channel is the same cause."""
     first = group[0]
-    if first.accepted.extension.cause != single.accepted.extension.cause or any(g.axis == single.axis for g in group):
+    if first.accepted.extension.cause != single.accepted.extension.cause or any(
+        g.axis == single.axis for g in group
+    ):
         return False
     return all(
         _agree(first.parameters[name], single.parameters[name])
@@ -127,7 +134,8 @@ def _finding(group: list[_Single]) -> Finding:
     best = clearest[0]
     extension, alarm = best.accepted.extension, best.accepted.alarm
     parameters = {
-        name: pooled([s.parameters[name] for s in clearest if name in s.parameters]) for name in best.parameters
+        name: pooled([s.parameters[name] for s in clearest if name in s.parameters])
+        for name in best.parameters
     }
     channels = tuple(single.axis for single in group)
     return Finding(
@@ -163,12 +171,12 @@ def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
         cause: float(np.prod([a.score for one in accepted for a in one.alternatives if a.cause == cause]))
         for cause in common
     }
-    return tuple(Alternative(cause, score) for cause, score in sorted(scores.items(), key=lambda item: -item[1]))
+    return tuple(
+        Alternative(cause, score) for cause, score in sorted(scores.items(), key=lambda item: -item[1])
+    )
 
 
-def words(
-    cause: str, channels: Sequence[str], meaning: str, parameters: Mapping[str, Coefficient]
-) -> str:
+def words(cause: str, channels: Sequence[str], meaning: str, parameters: Mapping[str, Coefficient]) -> str:
     """Return a finding in one sentence."""
     figures = ", ".join(f"{name} {figure(value)}" for name, value in parameters.items())
     return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"

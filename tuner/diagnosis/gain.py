@@ -171,9 +171,14 @@ def _law(found: Residual) -> Callable[[FloatArray], FloatArray]:
         return lambda e: np.asarray(t.logpdf(e, tails.nu, 0.0, size))
     if spikes is not None:
         share = max(spikes.values["rate"].value * found.channel.interval, 1e-8)
-        wide = max(spikes.values["size"].value / float(np.sqrt(found.power[-1] / found.channel.interval)), 6.0) * sd
+        wide = (
+            max(spikes.values["size"].value / float(np.sqrt(found.power[-1] / found.channel.interval)), 6.0)
+            * sd
+        )
         return lambda e: np.asarray(
-            np.logaddexp(np.log1p(-share) + norm.logpdf(e, 0.0, sd), np.log(share) + norm.logpdf(e, 0.0, wide))
+            np.logaddexp(
+                np.log1p(-share) + norm.logpdf(e, 0.0, sd), np.log(share) + norm.logpdf(e, 0.0, wide)
+            )
         )
     return lambda e: np.asarray(norm.logpdf(e, 0.0, sd))
 

@@ -32,4 +32,4 @@ def histogram(e: FloatArray) -> Histogram:
     index = np.round((np.clip(e, -REACH, REACH) + REACH) / WIDTH).astype(int)
     count = np.bincount(index)
     filled = np.flatnonzero(count)
-    return Histogram(filled * WIDTH - REACH, count[filled].astype(float))
+    return Histogram(np.asarray(filled * WIDTH - REACH, dtype=float), count[filled].astype(float))

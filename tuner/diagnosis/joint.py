@@ -1,8 +1,9 @@
 """Pairs that hide each other: neither alarms alone, because the noise, refitted, swallows what is left.
 
-When nothing alarms, the noise is fitted under a saturated mean (temperature and its lags, transients, and the best
-pair at the noise as fitted): if that gains more than chance at 2 %, all pairs of templates are scored with this noise, and the best pair is judged by a
-likelihood ratio with the noise refitted, χ²₂ times the number of pairs that differ.
+When nothing alarms, the noise is fitted under a saturated mean (temperature and its lags, transients, and
+the best pair at the noise as fitted): if that gains more than chance at 2 %, all pairs of templates are
+scored with this noise, and the best pair is judged by a likelihood ratio with the noise refitted, χ²₂ times
+the number of pairs that differ.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ def test(found: Residual) -> Alarm | None:
     candidates = _candidates(found)
     if len(candidates) < 2:
         return None
-    columns = block_transform(np.stack([c.column for c in candidates], axis=1), found.channel, found.track.singles)
+    columns = block_transform(
+        np.stack([c.column for c in candidates], axis=1), found.channel, found.track.singles
+    )
     hint = _best_pairs(found, candidates, columns, found.fit.expected)
     chosen = sorted({*_saturating(candidates), *hint[0]}) if hint else []
     if not chosen:

@@ -23,6 +23,16 @@ from tuner.results import Alternative, Gain
 PASSES = 16
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
+CERTAIN = 60.0
+"""Gain beyond which an extension is not put in question again, nats."""
+SHARE = 0.2
+"""Share of the largest gain from which an alarm of another group is believed in the same pass."""
+GROUPS = (
+    ("line", "vibration", "lowpass", "colour"),
+    ("spikes", "heavy_tails", "burst", "variance_drift"),
+    ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair"),
+)
+"""Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
 BROAD = ("lowpass", "colour")
 """Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one."""
 
@@ -80,11 +90,13 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     accepted: list[Accepted] = []
     panels: list[tuple[Alarm, ...]] = []
     alarms: tuple[Alarm, ...] = ()
+    fresh = 0
     for _ in range(PASSES):
         alarms = panel(found)
         panels.append(alarms)
-        if accepted and len(panels) > 1:
-            accepted = _with_rivals(accepted, panels[-2], alarms, threshold)
+        if fresh:
+            known = [_with_rivals(one, panels[-2], alarms, threshold) for one in accepted[-fresh:]]
+            accepted = [*accepted[:-fresh], *known]
         raised = [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
         if not raised:
             masked = pair_test(found)
@@ -97,11 +109,15 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         if not raised:
             break
         if any(alarm.local for alarm in raised):
-            raised = [alarm for alarm in raised if alarm.cause not in BROAD]
-        best = max(raised, key=lambda alarm: alarm.gain)
-        assert best.propose is not None
-        new = best.propose()
-        accepted += [Accepted(extension, best) for extension in new]
+            raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
+        chosen = _clearest(raised)
+        new: list[Extension] = []
+        for alarm in chosen:
+            assert alarm.propose is not None
+            proposed = alarm.propose()
+            accepted += [Accepted(extension, alarm) for extension in proposed]
+            new += proposed
+        fresh = len(new)
         found = residual(channel, (*found.extensions, *new), starts=found.starts)
     found, accepted = _prune(found, accepted, threshold)
     found = _refined(found)
@@ -111,31 +127,45 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
 
 
+def _clearest(raised: list[Alarm]) -> list[Alarm]:
+    """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
+    best = max(raised, key=lambda alarm: alarm.gain)
+    chosen = [best]
+    for group in GROUPS:
+        mine = [alarm for alarm in raised if alarm.cause in group]
+        clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
+        if best.cause not in group and clearest is not best and clearest.gain > SHARE * best.gain:
+            chosen.append(clearest)
+    return chosen
+
+
 def _with_rivals(
-    accepted: list[Accepted], before: tuple[Alarm, ...], after: tuple[Alarm, ...], threshold: float
-) -> list[Accepted]:
-    """Return the list with the alternatives of its last entry: what fell silent together with it."""
-    last = accepted[-1]
+    one: Accepted, before: tuple[Alarm, ...], after: tuple[Alarm, ...], threshold: float
+) -> Accepted:
+    """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
+    group = next((g for g in GROUPS if one.alarm.cause in g), ())
     silent = {a.cause for a in before} - {a.cause for a in after if a.p_value < threshold and a.gain > 0}
-    rivals = [
-        Alternative(a.cause, float(np.exp(min(a.gain - last.alarm.gain, 0.0))))
+    rivals = {
+        a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
         for a in before
         if a.propose is not None
         and a.cause in silent
-        and a.cause != last.alarm.cause
+        and a.cause in group
+        and a.cause != one.alarm.cause
         and a.p_value < threshold
-        and a.gain > last.alarm.gain - CLOSE
-    ]
-    return [*accepted[:-1], replace(last, alternatives=tuple(rivals))]
+        and a.gain > max(one.alarm.gain - CLOSE, 0.0)
+    }
+    return replace(one, alternatives=tuple(rivals.values()))
 
 
-def _prune(
-    found: Residual, accepted: list[Accepted], threshold: float
-) -> tuple[Residual, list[Accepted]]:
+def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
     """Return the model without the extensions whose own test is silent once they are taken out."""
     at = 0
     given = len(found.extensions) - len(accepted)
     while len(accepted) > 1 and at < len(accepted):
+        if accepted[at].alarm.gain > CERTAIN:
+            at += 1
+            continue
         fewer = without(found, given + at)
         alarm = retest(fewer, accepted[at].extension.cause)
         if alarm is not None and not (alarm.p_value < threshold and alarm.gain > 0):

@@ -85,8 +85,11 @@ class Residual:
         )
 
     def reach(self, column: int) -> tuple[float, float]:
-        """Return the 95 % interval of the size of a template: that of the likelihood with the noise refitted for each
-        size, or that of the size averaged over slow noise too weak to be seen, the wider one."""
+        """Return the 95 % interval of the size of a template.
+
+        It is that of the likelihood, with the noise refitted for each size, or that of the size averaged over slow
+        noise too weak to be seen: the wider one.
+        """
         centre, sd = float(self.fit.beta[column]), float(np.sqrt(self.fit.beta_covariance[column, column]))
 
         def drop(size: float) -> float:
@@ -95,8 +98,12 @@ class Residual:
             return 2.0 * (self.fit.log_likelihood - best)
 
         flicker = next(f for f in self.fits if BiasInstability in f.kinds)
-        half = 1.96 * float(np.sqrt(self.track.averaged_variance(flicker, column, (RandomWalk, BiasInstability))))
-        return min(_crossing(drop, centre, -sd), centre - half), max(_crossing(drop, centre, sd), centre + half)
+        half = 1.96 * float(
+            np.sqrt(self.track.averaged_variance(flicker, column, (RandomWalk, BiasInstability)))
+        )
+        return min(_crossing(drop, centre, -sd), centre - half), max(
+            _crossing(drop, centre, sd), centre + half
+        )
 
     @cached_property
     def model(self) -> NoiseModel:
@@ -238,8 +245,8 @@ def residual(
         gain_of(extensions, cells.frequency, channel.interval),
         power_of(extensions, cells.frequency, channel.interval),
     )
-    more = (GaussMarkov,) * sum(x.cause == "gauss_markov" for x in extensions)
-    kinds = [(*base, *more) for base in BASES]
+    more: Kinds = (GaussMarkov,) * sum(x.cause == "gauss_markov" for x in extensions)
+    kinds: list[Kinds] = [(*base, *more) for base in BASES]
     known = starts or {}
     fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
     return Residual(channel, repaired, extensions, track, tuple(fits), a)

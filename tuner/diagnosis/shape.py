@@ -168,7 +168,13 @@ def fit_hump(data: Bins, middle: float, width: float) -> ShapeFit:
         return deviance(weight, data.power, expected(x))
 
     base = [np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale]
-    bounds = [(np.log(0.002), np.log(0.495)), (np.log(0.7), np.log(200.0)), (-16.0, 6.0), (-8.0, 5.0), (0.0, 20.0)]
+    bounds = [
+        (np.log(0.002), np.log(0.495)),
+        (np.log(2.0), np.log(200.0)),
+        (-16.0, 6.0),
+        (-8.0, 5.0),
+        (0.0, 20.0),
+    ]
     best = None
     for share in (0.5, 1.5):
         quality = max(middle / (share * width), 1.0)
@@ -182,10 +188,10 @@ def fit_hump(data: Bins, middle: float, width: float) -> ShapeFit:
 
 def hump_power(x: FloatArray, cycles: FloatArray, scale: float) -> FloatArray:
     """Return the power of a hump: x = ln of frequency (cycles), quality, variance ÷ (scale × rate)."""
-    frequency, quality, variance = np.exp(x)
-    ar = Vibration(float(frequency), float(quality), 1.0).recursion(1.0)
+    frequency, quality, variance = np.exp(np.clip(x, -20.0, 10.0))
+    ar = Vibration(min(float(frequency), 0.4999), float(quality), 1.0).recursion(1.0)
     rho = ar[0] / (1.0 - ar[1])
-    return scale * variance * (1.0 - ar[1] ** 2) * (1.0 - rho**2) * _arma(ar, (), cycles)
+    return np.asarray(scale * variance * (1.0 - ar[1] ** 2) * (1.0 - rho**2) * _arma(ar, (), cycles))
 
 
 def deviance(weight: FloatArray, power: FloatArray, level: FloatArray) -> float:
@@ -240,7 +246,7 @@ def _arma(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> Float
     return np.asarray(np.abs(above / below) ** 2)
 
 
-def _white(x: FloatArray, cycles: FloatArray) -> FloatArray:
+def _white(_: FloatArray, cycles: FloatArray) -> FloatArray:
     return np.ones_like(cycles)
 
 
@@ -338,6 +344,10 @@ class ShapeTest:
     colours: tuple[ShapeFit, ...]
     hump: ShapeFit | None
     hump_p_value: float
+
+    def falling(self, fitted: ShapeFit) -> bool:
+        """Return whether a fitted spectrum falls all the way to the highest frequency."""
+        return bool(np.all(np.diff(fitted.expected) <= 0.0))
 
     def gain(self, fitted: ShapeFit) -> float:
         """Return the log likelihood gained over the null, less half the log of the coefficients a parameter."""

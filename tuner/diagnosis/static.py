@@ -80,17 +80,21 @@ def diagnose(
     notes: list[str] = []
     outcomes: dict[str, Criticism] = {}
     refused: list[str] = []
+    ready: list[Channel] = []
     for record in sensors:
         tests = hygiene(record)
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
-        channels = _channels(record, tests, limit, seed, refused)
-        moved, kept = _motion(channels)
+        ready += _channels(record, tests, limit, seed, refused)
+    for group in _by_clock(ready):
+        moved, kept = _motion(group)
         found += moved
-        for ready, extensions in kept:
-            outcomes[ready.axis] = criticise(ready, limit, extensions)
+        for part, extensions in kept:
+            outcomes[part.axis] = criticise(part, limit, extensions)
     if not outcomes:
-        raise DataError(refused[0] if refused else "no channel to diagnose; give a record with at least one axis")
+        raise DataError(
+            refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
+        )
     others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
     for axis, outcome in outcomes.items():
         outcomes[axis] = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
@@ -126,11 +130,17 @@ def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
         text = words("cross_axis", shared.channels, cross_axis.MEANING, parameters)
         found.append(
             Finding(
-                "cross_axis", shared.channels, "correlation of the residuals ÷ its deviation", shared.statistic,
-                shared.p_value, parameters, text, cross_axis.CONSEQUENCE,
+                "cross_axis",
+                shared.channels,
+                "correlation of the residuals ÷ its deviation",
+                shared.statistic,
+                shared.p_value,
+                parameters,
+                text,
+                cross_axis.CONSEQUENCE,
                 {"cause": "cross_axis", "joins": "law of the noise"},
                 by_channel={pair: {"correlation": value} for pair, value in shared.pairs.items()},
-            )  # fmt: skip
+            )
         )
     tilt = attitude.test(finals, limit)
     if tilt is not None:
@@ -138,9 +148,16 @@ def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
         text = words("attitude", tilt.channels, attitude.MEANING, parameters)
         found.append(
             Finding(
-                "attitude", tilt.channels, "likelihood ratio of a turning gravity", tilt.statistic, tilt.p_value,
-                parameters, text, attitude.CONSEQUENCE, {"cause": "attitude", "joins": "preprocessing"},
-            )  # fmt: skip
+                "attitude",
+                tilt.channels,
+                "likelihood ratio of a turning gravity",
+                tilt.statistic,
+                tilt.p_value,
+                parameters,
+                text,
+                attitude.CONSEQUENCE,
+                {"cause": "attitude", "joins": "preprocessing"},
+            )
         )
     return found
 
@@ -186,12 +203,18 @@ def _thinned(record: Record, kept: BoolArray) -> Record:
     )
 
 
+def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
+    """Return the channels in groups that were sampled together."""
+    groups: dict[tuple[int, float, float], list[Channel]] = {}
+    for one in channels:
+        groups.setdefault((len(one), one.start, one.interval), []).append(one)
+    return list(groups.values())
+
+
 def _motion(
     channels: list[Channel],
 ) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]]]:
-    """Return the findings of motion in one sensor, and its channels with the stretches to leave out."""
-    if not channels or len({len(c) for c in channels}) > 1:
-        return [], [(c, ()) for c in channels]
+    """Return the findings of motion in channels of one clock, and the channels with the stretches to leave out."""
     stretches = motion.stretches(channels)
     if not stretches:
         return [], [(c, ()) for c in channels]
@@ -199,12 +222,20 @@ def _motion(
     extensions = tuple(motion.extension(channels[0], first, last) for first, last in stretches)
     found = []
     for extension in extensions:
-        parameters = {k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()}
+        parameters = {
+            k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()
+        }
         found.append(
             Finding(
-                "motion", axes, "steps between short means ÷ their deviation", motion.THRESHOLD, 1e-10, parameters,
-                words("motion", axes, motion.Motion.meaning, parameters), motion.Motion.consequence,
-            )  # fmt: skip
+                "motion",
+                axes,
+                "steps between short means ÷ their deviation",
+                motion.THRESHOLD,
+                1e-10,
+                parameters,
+                words("motion", axes, motion.Motion.meaning, parameters),
+                motion.Motion.consequence,
+            )
         )
     share = sum(last - first for first, last in stretches) / len(channels[0])
     if share <= MOSTLY:

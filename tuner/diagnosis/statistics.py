@@ -79,7 +79,7 @@ def maximum(
 
 
 def curvature(cost: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:
-    """Return the inverse of the second derivatives of a cost, by differences of the size that costs a tenth of a nat."""
+    """Return the inverse of the second derivatives of a cost, by differences that cost a tenth of a nat."""
     p, middle = len(x), cost(x)
     h = np.empty(p)
     for i in range(p):
@@ -96,6 +96,8 @@ def curvature(cost: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:
     for i in range(p):
         for j in range(i + 1):
             corners = [cost(x + s * eye[i] + t * eye[j]) for s, t in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
-            second[i, j] = second[j, i] = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * h[i] * h[j])
+            second[i, j] = second[j, i] = (corners[0] - corners[1] - corners[2] + corners[3]) / (
+                4 * h[i] * h[j]
+            )
     values, vectors = np.linalg.eigh(np.where(np.isfinite(second), second, 0.0))
     return np.asarray((vectors / np.maximum(values, 1e-8)) @ vectors.T)

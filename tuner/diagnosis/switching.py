@@ -60,10 +60,8 @@ def switching(
             to_one = chance[0] * p01 + chance[1] * (1.0 - p10)
             to_zero = 1.0 - to_one
             for m in range(2):
-                if m == 1:
-                    share = chance[0] * p01 / (to_one + 1e-300)
-                else:
-                    share = chance[0] * (1.0 - p01) / (to_zero + 1e-300)
+                stays = 1.0 - p01 if m == 0 else p01
+                share = chance[0] * stays / ((to_zero if m == 0 else to_one) + 1e-300)
                 for i in range(n):
                     mixed_s[m, i] = share * s[0, i] + (1.0 - share) * s[1, i]
                 for i in range(n):

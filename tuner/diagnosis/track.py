@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -145,8 +146,16 @@ class Track:
         amplitude = self.grid.amplitude.copy()
         amplitude[: self.singles] -= size * self.columns[:, column]
         return replace(
-            self, grid=replace(self.grid, amplitude=amplitude), columns=np.delete(self.columns, column, axis=1)
+            self,
+            grid=replace(self.grid, amplitude=amplitude),
+            columns=np.delete(self.columns, column, axis=1),
         )
+
+
+def unit(kind: type[Term], *scale: float) -> Term:
+    """Return a term of amplitude 1."""
+    make: Callable[..., Term] = kind
+    return make(1.0, *scale)
 
 
 @dataclass(frozen=True)
@@ -178,7 +187,7 @@ class _Problem:
         return tuple(
             None
             if len(kind.PARAMETERS) > 1
-            else self._weighted(kind, expected_power(kind(1.0), self.track.grid)[0])
+            else self._weighted(kind, expected_power(unit(kind), self.track.grid)[0])
             for kind in self.kinds
         )
 
@@ -195,7 +204,7 @@ class _Problem:
                 gradient = 2.0 * power[None]
             else:
                 power, gradient = expected_power(
-                    kind(1.0, *np.exp(theta[at + 1 : at + 2]).tolist()), self.track.grid
+                    unit(kind, *np.exp(theta[at + 1 : at + 2]).tolist()), self.track.grid
                 )
                 power, gradient = gain * power, gain * gradient
             total += power
@@ -209,7 +218,7 @@ class _Problem:
         weighted = track.columns / expected[: track.singles, None]
         information = weighted.T @ track.columns
         ridge = np.diag(1e-10 * np.diag(information) + 1e-300)
-        covariance = np.linalg.inv(information + ridge)
+        covariance = np.asarray(np.linalg.inv(information + ridge), dtype=float)
         beta = covariance @ (weighted.T @ track.grid.amplitude[: track.singles])
         rest = track.grid.amplitude.copy()
         rest[: track.singles] -= track.columns @ beta
@@ -251,7 +260,7 @@ class _Problem:
                 break
         expected = self.expected(theta)[0]
         beta, covariance, _ = self.profile(expected)
-        spread = 2.0 * np.linalg.inv(information + 1e-6 * np.eye(len(theta)))
+        spread = np.asarray(2.0 * np.linalg.inv(information + 1e-6 * np.eye(len(theta))), dtype=float)
         return Fit(self.kinds, theta, spread, -0.5 * value, expected, beta, covariance)
 
     def starts(self) -> list[FloatArray]:
@@ -260,7 +269,7 @@ class _Problem:
         grid = self.track.grid
         number = sum(kind is GaussMarkov for kind in self.kinds)
         times = np.geomspace(2.0 * SHORTEST_MEMORY * grid.interval, 0.3 * grid.longest, 6)
-        choices = [(t,) for t in times] if number == 1 else [()]
+        choices: list[tuple[float, ...]] = [(t,) for t in times.tolist()] if number == 1 else [()]
         if number == 2:
             choices = [(a, b) for i, a in enumerate(times) for b in times[i + 1 :]]
         found = []
@@ -270,7 +279,7 @@ class _Problem:
             for kind, shape in zip(self.kinds, self.shapes, strict=True):
                 scale = [left.pop(0)] if shape is None else []
                 logs.append(np.log(scale))
-                powers.append(expected_power(kind(1.0, *scale), grid)[0] if shape is None else shape)
+                powers.append(expected_power(unit(kind, *scale), grid)[0] if shape is None else shape)
             variances = self._shares(np.stack(powers))
             start = np.concatenate([(0.5 * np.log(v), *log) for v, log in zip(variances, logs, strict=True)])
             start = np.clip(start, lower, upper)

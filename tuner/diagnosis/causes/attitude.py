@@ -2,8 +2,8 @@
 
 An even tilt about a horizontal axis makes a ramp of the two channels across it, which the base noise has, and bends
 the third: the specific force keeps its length, so a change h across gravity takes h²/2g along it.
-Statistic: likelihood ratio of that parabola, whose size the ramps foretell, in the channel along gravity; χ²₁. It counts
-only where the fitted size agrees with the foretold one.
+Statistic: likelihood ratio of that parabola, whose size the ramps foretell, in the channel along gravity;
+χ²₁. It counts only where the fitted size agrees with the foretold one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from tuner.diagnosis.statistics import SHRINK
 from tuner.results import Coefficient
 
 MEANING = "the mount gives way: gravity turns in the axes of the sensor, its length kept"
-CONSEQUENCE = "fix the mount; the ramps of these channels are geometry, not drift of the sensor: leave them out"
+CONSEQUENCE = (
+    "fix the mount; the ramps of these channels are geometry, not drift of the sensor: leave them out"
+)
 STANDARD = 9.80665
 
 
@@ -70,7 +72,9 @@ def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
     bend = -np.sign(level[along]) * 0.5 * (change * place) ** 2 / norm
     offsets = np.array([residuals[a].channel.level for a in across])
     slope = -np.sign(level[along]) * float(offsets @ rate) / norm * place
-    template = block_transform(((bend + slope) / found.channel.scale)[:, None], found.channel, found.track.singles)
+    template = block_transform(
+        ((bend + slope) / found.channel.scale)[:, None], found.channel, found.track.singles
+    )
     fit = found.refit(template[:, 0])
     ratio = max(0.0, 2.0 * (fit.log_likelihood - found.fit.log_likelihood))
     p_value = float(chi2.sf(SHRINK * ratio, 1))

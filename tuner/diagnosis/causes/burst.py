@@ -9,7 +9,7 @@ Extension: the residuals inside are divided by the square root of the ratio.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from tuner.diagnosis.residual import CLIP, Residual
 from tuner.diagnosis.statistics import variance_deviate
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger[Any]]
 
 SHORTEST = 64
 """Samples in the narrowest window."""
@@ -31,9 +32,13 @@ class Burst(Extension):
     """Samples first … last − 1 have `ratio` times the variance of the others."""
 
     cause: ClassVar[str] = "burst"
-    repeats: ClassVar[int] = 4
-    meaning: ClassVar[str] = "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
-    consequence: ClassVar[str] = "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
+    repeats: ClassVar[int] = 3
+    meaning: ClassVar[str] = (
+        "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
+    )
+    consequence: ClassVar[str] = (
+        "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
+    )
     first: int
     last: int
     ratio: float
@@ -69,11 +74,16 @@ def test(found: Residual) -> Alarm:
         gain, edges = refine(total, *edges)
         gain = gain * 2.0 / kappa - 2.0 * float(np.log(n))
     return Alarm(
-        "burst", p_value, gain, best[3], f"mean square of {best[2]} residuals", lambda: (extension(found, *edges),)
+        "burst",
+        p_value,
+        gain,
+        best[3],
+        f"mean square of {best[2]} residuals",
+        lambda: (extension(found, *edges),),
     )
 
 
-def two_variances(total: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
+def two_variances(total: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
     """Return the log likelihood gained by another variance in samples first … last − 1, same shapes."""
     n = len(total) - 1
     inside = np.asarray(last - first, dtype=float)

@@ -19,6 +19,9 @@ from tuner.diagnosis.shape import ShapeFit, ShapeTest, ar2, spread
 
 FloatArray = NDArray[np.float64]
 
+LIKE_A_FILTER = 0.9
+"""Share of the gain that a low-pass filter must reach to be named for a spectrum that falls all the way."""
+
 
 @dataclass(frozen=True)
 class Colour(Extension):
@@ -26,7 +29,9 @@ class Colour(Extension):
 
     cause: ClassVar[str] = "colour"
     meaning: ClassVar[str] = "neighbouring samples are correlated: the fast noise is ARMA, not white"
-    consequence: ClassVar[str] = "read the white density at the plateau; a filter at full rate needs shaping states or thinning"
+    consequence: ClassVar[str] = (
+        "read the white density at the plateau; a filter at full rate needs shaping states or thinning"
+    )
     ar: tuple[float, ...]
     ma: tuple[float, ...]
 
@@ -60,7 +65,10 @@ def test(tested: ShapeTest) -> Alarm:
         return Alarm("colour", p_value, -9.0, 0.0, name)
     best = tested.colours[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
-    return Alarm("colour", p_value, tested.gain(best), ratio, name, lambda: (extension(tested, best),))
+    gain = tested.gain(best)
+    if tested.falling(best) and tested.gain(tested.filters[0]) > LIKE_A_FILTER * gain:
+        gain = min(gain, tested.gain(tested.filters[0]) - 1e-6)
+    return Alarm("colour", p_value, gain, ratio, name, lambda: (extension(tested, best),))
 
 
 def extension(tested: ShapeTest, fitted: ShapeFit) -> Colour:
@@ -68,7 +76,9 @@ def extension(tested: ShapeTest, fitted: ShapeFit) -> Colour:
     ar, ma = coefficients(fitted.name, fitted.x)
     covariance = spread(tested.data, fitted)
     step = 1e-5
-    moved = [np.concatenate(coefficients(fitted.name, fitted.x + step * unit)) for unit in np.eye(len(fitted.x))]
+    moved = [
+        np.concatenate(coefficients(fitted.name, fitted.x + step * unit)) for unit in np.eye(len(fitted.x))
+    ]
     jacobian = (np.stack(moved, axis=1) - np.concatenate((ar, ma))[:, None]) / step
     sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)).tolist()
     values = {f"ar_{i + 1}" if len(ar) > 1 else "ar": Value.of(a, sd[i]) for i, a in enumerate(ar)}

@@ -1,7 +1,7 @@
 """Cross-axis: white noise that several channels share.
 
-Statistic: Σ e_i e_j / √n of the residuals of two channels, standard normal where they are independent; Bonferroni over
-the pairs. Pairs that alarm and hang together are one finding.
+Statistic: Σ e_i e_j / √n of the residuals of two channels, standard normal where they are independent;
+Bonferroni over the pairs. Pairs that alarm and hang together are one finding.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from scipy.stats import norm
 from tuner.diagnosis.residual import CLIP, Residual
 from tuner.results import Coefficient
 
-MEANING = "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
+MEANING = (
+    "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
+)
 CONSEQUENCE = "a full block of the white covariance instead of a diagonal one"
 
 
@@ -91,7 +93,8 @@ def _shared(group: set[str], found: Mapping[tuple[str, str], tuple[float, float,
     half = max(half, 1.96 * spread / np.sqrt(len(rho)))
     axes = tuple(dict.fromkeys(axis for pair in mine for axis in pair))
     each = {
-        ", ".join(pair): Coefficient.known(r, r - 1.96 * s, r + 1.96 * s, "1") for pair, (r, s, _) in mine.items()
+        ", ".join(pair): Coefficient.known(r, r - 1.96 * s, r + 1.96 * s, "1")
+        for pair, (r, s, _) in mine.items()
     }
     best = float(np.max(np.abs(rho) / sd))
     p_value = min(value[2] for value in mine.values())

@@ -25,7 +25,9 @@ class MoreMarkov(Extension):
     """A further Gauss–Markov process; its parameters are fitted with those of the other noise."""
 
     cause: ClassVar[str] = "gauss_markov"
-    meaning: ClassVar[str] = "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
+    meaning: ClassVar[str] = (
+        "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
+    )
     consequence: ClassVar[str] = "a Gauss–Markov bias state to add, with this sd and time constant"
 
 

@@ -33,7 +33,9 @@ class HeavyTails(Extension):
 
     cause: ClassVar[str] = "heavy_tails"
     meaning: ClassVar[str] = "large deviations are more frequent than normal noise allows, at all sizes"
-    consequence: ClassVar[str] = "the variance is right but its tails are not: a robust update or a wider gate"
+    consequence: ClassVar[str] = (
+        "the variance is right but its tails are not: a robust update or a wider gate"
+    )
     nu: float
 
     def whiten(self, e: FloatArray) -> FloatArray:
@@ -50,7 +52,9 @@ def test(found: Residual) -> Alarm:
     square = e * e
     n = len(e)
     kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
-    white = found.spread * float(np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval))
+    white = found.spread * float(
+        np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval)
+    )
     lattice = -1.2 * (found.channel.lattice**2 / 12.0 / white**2) ** 2
     deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
     p_value = float(norm.sf(deviate))
@@ -59,7 +63,12 @@ def test(found: Residual) -> Alarm:
         gain, nu, spread = student(histogram(found.good))
         gain -= 0.5 * float(np.log(n))
     return Alarm(
-        "heavy_tails", p_value, gain, kurtosis, "excess kurtosis of the residuals", lambda: (extension(nu, spread),)
+        "heavy_tails",
+        p_value,
+        gain,
+        kurtosis,
+        "excess kurtosis of the residuals",
+        lambda: (extension(nu, spread),),
     )
 
 

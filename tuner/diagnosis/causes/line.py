@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes import vibration
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.level import FIRST, local_level
 from tuner.diagnosis.residual import CLIP, Residual
 from tuner.diagnosis.statistics import any_of
 
@@ -32,8 +34,6 @@ NEIGHBOURS = 1024
 """Ordinates from whose median the level is taken."""
 EFFECTIVE = 490
 """Independent ordinates that would give the level as well as that median."""
-FIRST = 20
-"""Lowest Fourier frequency that is searched."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,10 @@ class Line(Extension):
     """A sinusoid c cos 2πft + s sin 2πft, t from the first sample, amplitudes in scales."""
 
     cause: ClassVar[str] = "line"
-    repeats: ClassVar[int] = 8
-    meaning: ClassVar[str] = "a coherent oscillation (mains, fan, dither): a peak one bin wide in the spectrum"
+    repeats: ClassVar[int] = 6
+    meaning: ClassVar[str] = (
+        "a coherent oscillation (mains, fan, dither): a peak one bin wide in the spectrum"
+    )
     consequence: ClassVar[str] = (
         "distrust this frequency: remove the source or notch it; it needs no filter state unless it is slow"
     )
@@ -57,7 +59,7 @@ class Line(Extension):
     def signal(self, n: int, interval: float) -> FloatArray:
         """Return the sinusoid, shape (n,), in scales."""
         phase = 2.0 * np.pi * self.frequency * interval * np.arange(n)
-        return self.cosine * np.cos(phase) + self.sine * np.sin(phase)
+        return np.asarray(self.cosine * np.cos(phase) + self.sine * np.sin(phase))
 
 
 def test(found: Residual) -> Alarm:
@@ -72,6 +74,10 @@ def test(found: Residual) -> Alarm:
     best = first + int(np.argmax(ratio[first:]))
     height = float(ratio[best])
     nats = EFFECTIVE * float(np.log1p(height / EFFECTIVE))
+    if nats > 2.0 * np.log(n):
+        wider = vibration.rival(found, float(frequency[best]), height)
+        if wider is not None:
+            return wider
     return Alarm(
         "line",
         any_of(float(np.exp(-nats)), n),
@@ -81,15 +87,6 @@ def test(found: Residual) -> Alarm:
         lambda: (extension(found, float(frequency[best])),),
         local=True,
     )
-
-
-def local_level(power: FloatArray, width: int) -> FloatArray:
-    """Return the level of exponential ordinates by medians over `width` of them, shape of `power`."""
-    width = min(width, len(power))
-    number = len(power) // width
-    median = np.median(power[: number * width].reshape(number, width), axis=1) / np.log(2.0)
-    centre = (np.arange(number) + 0.5) * width
-    return np.asarray(np.maximum(np.interp(np.arange(len(power)), centre, median), 0.2))
 
 
 def extension(found: Residual, near: float) -> Line:

@@ -1,7 +1,8 @@
 """Low-pass: the sensor's own filter, or an anti-alias filter, shapes the white noise.
 
-Statistic: likelihood ratio of first-order colour on the bins of the fast spectrum (χ²₁, two shapes), or their scatter
-about white noise. Extension: the filter in the noise model; the white density is read where the filter is flat.
+Statistic: likelihood ratio of first-order colour on the bins of the fast spectrum (χ²₁, two shapes), or
+their scatter about white noise.
+Extension: the filter in the noise model; the white density is read where the filter is flat.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ class LowPass(Extension):
     """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz."""
 
     cause: ClassVar[str] = "lowpass"
-    meaning: ClassVar[str] = "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
+    meaning: ClassVar[str] = (
+        "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
+    )
     consequence: ClassVar[str] = (
         "read the white density beyond ten filter time constants; samples closer together are not independent"
     )

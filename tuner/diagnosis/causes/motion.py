@@ -3,12 +3,15 @@
 Statistic: steps between the means of short blocks over their standard deviation, which is the larger of that in the
 rest of the record (from the median) and that of white noise as loud as the samples in the two blocks: a burst of
 white noise is no motion. Several large ones close together make a stretch; the threshold is far beyond chance.
+Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
+deviations close together, after which the level is another one.
 Extension: the stretch is taken out and the level may differ before and after it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -29,6 +32,10 @@ TOGETHER = 4
 """Large steps that make a stretch."""
 APART = 40
 """Blocks without a large step that end a stretch."""
+JOLT = 12.0
+"""Jump of a sample, in deviations of the white noise, that no still sensor makes."""
+MOST = 8
+"""Stretches that are told apart; closer ones are joined beyond."""
 RESTLESS, NEAR = 4.0, 12
 """A stretch grows to the last step of so many deviations with no more than so many quieter ones before it."""
 
@@ -41,7 +48,9 @@ class Motion(Extension):
     """Samples first … last − 1 are not used."""
 
     cause: ClassVar[str] = "motion"
-    meaning: ClassVar[str] = "the sensor was not still: an Allan curve of the whole record would be that of the motion"
+    meaning: ClassVar[str] = (
+        "the sensor was not still: an Allan curve of the whole record would be that of the motion"
+    )
     consequence: ClassVar[str] = "identify from the still parts only; nothing here is sensor noise"
     first: int
     last: int
@@ -73,6 +82,22 @@ def large_steps(y: FloatArray, interval: float) -> tuple[FloatArray, int]:
 
 def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
     """Return the moved stretches of channels with one clock, as sample ranges."""
+    found = sorted([*_swayed(channels), *_turned(channels)])
+    joined: list[tuple[int, int]] = []
+    for first, last in found:
+        if joined and first <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(last, joined[-1][1]))
+        else:
+            joined.append((first, last))
+    while len(joined) > MOST:
+        gaps = [later[0] - earlier[1] for earlier, later in pairwise(joined)]
+        at = int(np.argmin(gaps))
+        joined[at : at + 2] = [(joined[at][0], joined[at + 1][1])]
+    return joined
+
+
+def _swayed(channels: list[Channel]) -> list[tuple[int, int]]:
+    """Return the stretches that steps of short means show."""
     ratio, size = large_steps(channels[0].y, channels[0].interval)
     for channel in channels[1:]:
         ratio = np.maximum(ratio, large_steps(channel.y, channel.interval)[0])
@@ -80,7 +105,7 @@ def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
     if len(large) < TOGETHER:
         return []
     restless = np.flatnonzero(ratio > RESTLESS)
-    found: list[tuple[int, int]] = []
+    found = []
     for group in np.split(large, np.flatnonzero(np.diff(large) > APART) + 1):
         if len(group) < TOGETHER:
             continue
@@ -90,10 +115,26 @@ def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
         while len(near := restless[(restless > last) & (restless <= last + NEAR)]):
             last = int(near[-1])
         margin = NEAR + round(MARGIN * (last - first))
-        start, stop = max(0, (first - margin) * size), min(len(channels[0]), (last + 1 + margin) * size)
-        if found and start <= found[-1][1]:
-            start, _ = found.pop()
-        found.append((start, stop))
+        found.append((max(0, (first - margin) * size), min(len(channels[0]), (last + 1 + margin) * size)))
+    return found
+
+
+def _turned(channels: list[Channel]) -> list[tuple[int, int]]:
+    """Return the stretches that jumps of samples show, where the level before and after differs."""
+    y = np.stack([channel.y for channel in channels])
+    jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JOLT * np.sqrt(2.0))
+    if len(jumps) < TOGETHER:
+        return []
+    apart = max(APART, round(60.0 * SHORT / channels[0].interval))
+    found = []
+    for group in np.split(jumps, np.flatnonzero(np.diff(jumps) > apart) + 1):
+        first, last = int(group[0]), int(group[-1]) + 1
+        before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
+        if len(group) < TOGETHER or 0 in (before.shape[1], after.shape[1]):
+            continue
+        change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
+        if float(change.max()) > 0.5 * JOLT:
+            found.append((max(0, first - apart), min(y.shape[1], last + apart)))
     return found
 
 

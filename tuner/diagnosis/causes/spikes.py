@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
-from scipy.stats import norm, poisson
 from scipy.stats import chi2 as chi2_law
+from scipy.stats import norm, poisson
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
@@ -36,7 +36,9 @@ class Spikes(Extension):
 
     cause: ClassVar[str] = "spikes"
     meaning: ClassVar[str] = "single samples far off (glitches of the wire or of the converter)"
-    consequence: ClassVar[str] = "a gate at five deviations in front of the filter; do not widen the white noise for them"
+    consequence: ClassVar[str] = (
+        "a gate at five deviations in front of the filter; do not widen the white noise for them"
+    )
     places: tuple[int, ...]
 
     def repair(self, channel: Channel) -> Channel:
@@ -87,11 +89,11 @@ def extension(found: Residual) -> Spikes:
     by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
     count = len(places)
     span = len(e) * dt
-    low, high = 0.5 * chi2_law.ppf(0.025, 2 * count), 0.5 * chi2_law.ppf(0.975, 2 * count + 2)
+    low, high = (0.5 * chi2_law.ppf([0.025, 0.975], [2 * count, 2 * count + 2])).tolist()
     white = found.spread * float(np.sqrt(found.power[-max(1, len(found.power) // 2) :].mean() / dt))
     sizes = np.abs(e[places]) * white
     middle = float(np.median(sizes))
-    spread = (1.2533 * float(np.std(sizes)) + white) / np.sqrt(max(count, 1))
+    spread = (1.2533 * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
     return Spikes(
         tuple(places.tolist()),
         values={

@@ -27,10 +27,13 @@ class Step(Extension):
     """A step at a block boundary."""
 
     cause: ClassVar[str] = "step"
-    repeats: ClassVar[int] = 6
-    meaning: ClassVar[str] = "the bias jumps once and stays; the noise alone would have to be called a random walk for it"
+    repeats: ClassVar[int] = 4
+    meaning: ClassVar[str] = (
+        "the bias jumps once and stays; the noise alone would have to be called a random walk for it"
+    )
     consequence: ClassVar[str] = (
-        "keep the jump out of the random walk; a filter that meets such jumps needs its bias variance opened at that moment"
+        "keep the jump out of the random walk; a filter that meets such jumps needs its bias variance "
+        "opened at that moment"
     )
     boundary: int
 
@@ -38,7 +41,7 @@ class Step(Extension):
         """Return the step on the blocks, shape (M, 1)."""
         return (np.arange(channel.blocks) >= self.boundary).astype(float)[:, None]
 
-    def refined(self, size: Value, widening: float) -> Step:
+    def refined(self, size: Value, widening: float) -> Step:  # noqa: ARG002
         """Take the size from a joint fit."""
         return replace(self, values={**self.values, "size": replace(size, unit="{u}")})
 

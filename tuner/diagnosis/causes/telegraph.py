@@ -1,10 +1,11 @@
 """Telegraph ("popcorn") noise: a bias that switches between two levels.
 
-Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block means
-under two levels, one Gauss–Markov process and a random walk, less that of the best Gaussian model (flicker or one
-Gauss–Markov process, with one more and a random walk), by one and the same filter; χ²₅, and a price of 1.5 ln M nats because the
-problem is not regular. A path with fewer than four switches is a matter of steps. The
-level that is held longer is called low: which of two levels is the true bias cannot be told.
+Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block
+means under two levels, one Gauss–Markov process and a random walk, less that of the best Gaussian model
+(flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter; χ²₅, and
+a price of 1.5 ln M nats because the problem is not regular. A path with fewer than four switches is a
+matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
+told.
 Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
 
 References
@@ -45,7 +46,9 @@ class Telegraph(Extension):
 
     cause: ClassVar[str] = "telegraph"
     meaning: ClassVar[str] = "the bias switches between two levels (popcorn noise)"
-    consequence: ClassVar[str] = "a Gauss–Markov bias state of the same variance; a switching filter would do better"
+    consequence: ClassVar[str] = (
+        "a Gauss–Markov bias state of the same variance; a switching filter would do better"
+    )
     path: tuple[float, ...]
     sd: float
     time_constant: float
@@ -55,7 +58,7 @@ class Telegraph(Extension):
         path = np.repeat(np.array(self.path), channel.block)
         return replace(channel, y=channel.y - path)
 
-    def terms(self, interval: float) -> tuple[Term, ...]:
+    def terms(self, interval: float) -> tuple[Term, ...]:  # noqa: ARG002
         """Return the Gauss–Markov process of the same autocovariance."""
         return (GaussMarkov(self.sd, self.time_constant),)
 
@@ -67,12 +70,11 @@ class _Slow:
     phi: FloatArray
     q: FloatArray
     initial: FloatArray
-    extra: float
 
     @classmethod
     def of(cls, terms: Sequence[Term], step: float) -> _Slow:
-        """Return the states of noise terms for blocks of `step` s; fast parts join the white noise of a block."""
-        phi, q, initial, extra = [], [], [], 0.0
+        """Return the states of noise terms for blocks of `step` s; the others have none."""
+        phi, q, initial = [], [], []
         for term in terms:
             if isinstance(term, RandomWalk):
                 phi.append(1.0)
@@ -85,7 +87,7 @@ class _Slow:
                 phi.append(decay)
                 q.append(mean * (1.0 - decay**2))
                 initial.append(mean)
-        return cls(np.array(phi), np.array(q), np.array(initial), extra)
+        return cls(np.array(phi), np.array(q), np.array(initial))
 
 
 def _ladder(level: float, shortest: float, longest: float) -> tuple[GaussMarkov, ...]:
@@ -104,10 +106,12 @@ def _expanded(terms: Sequence[Term], step: float, span: float) -> list[Term]:
     return out
 
 
-def block_noise(terms: Sequence[Term], step: float, interval: float) -> float:
+def block_noise(terms: Sequence[Term], step: float) -> float:
     """Return the variance of the white part of a block mean."""
     white = sum(t.density**2 / step for t in terms if isinstance(t, White))
-    return float(white + sum(2.0 * (t.increment_sd / step) ** 2 for t in terms if isinstance(t, Quantization)))
+    return float(
+        white + sum(2.0 * (t.increment_sd / step) ** 2 for t in terms if isinstance(t, Quantization))
+    )
 
 
 def test(found: Residual) -> Alarm:
@@ -123,8 +127,8 @@ def test(found: Residual) -> Alarm:
     for fit in (*found.fits, *more):
         terms = fit.terms()
         slow = _Slow.of(_expanded(terms, step, channel.span), step)
-        null = max(null, _likelihood(y, 0.0, 1.0, 1.0, slow, block_noise(terms, step, channel.interval)))
-    r = block_noise(found.fit.terms(), step, channel.interval)
+        null = max(null, _likelihood(y, 0.0, 1.0, 1.0, slow, block_noise(terms, step)))
+    r = block_noise(found.fit.terms(), step)
     best = _search(y, step, channel.span, r, found, null)
     price = 1.5 * float(np.log(channel.blocks))
     if best[0] - null > price:
@@ -154,7 +158,9 @@ def _likelihood(y: FloatArray, size: float, p01: float, p10: float, slow: _Slow,
 def _parts(x: FloatArray, step: float) -> tuple[float, float, float, _Slow]:
     """Return size, chances and slow states of the free numbers (ln sd, ln T, ln K, size, ln dwells)."""
     p01, p10 = -np.expm1(-step / np.exp(x[4])), -np.expm1(-step / np.exp(x[5]))
-    slow = _Slow.of([GaussMarkov(float(np.exp(x[0])), float(np.exp(x[1]))), RandomWalk(float(np.exp(x[2])))], step)
+    slow = _Slow.of(
+        [GaussMarkov(float(np.exp(x[0])), float(np.exp(x[1]))), RandomWalk(float(np.exp(x[2])))], step
+    )
     return float(x[3]), float(p01), float(p10), slow
 
 
@@ -183,7 +189,9 @@ def _polished(y: FloatArray, step: float, span: float, r: float, x: FloatArray) 
             return 1e12
         sds, constants = np.exp(free[[0, 3]]).tolist(), np.exp(free[[1, 4]]).tolist()
         markov = [GaussMarkov(sd, constant) for sd, constant in zip(sds, constants, strict=True)]
-        return -_likelihood(y, 0.0, 1.0, 1.0, _Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r)
+        return -_likelihood(
+            y, 0.0, 1.0, 1.0, _Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r
+        )
 
     start = np.concatenate((x[:3], second))
     simplex = np.vstack([start, start + 0.7 * np.eye(5)])
@@ -224,9 +232,7 @@ def _search(
     return best
 
 
-def _extension(
-    y: FloatArray, step: float, span: float, r: float, x: FloatArray
-) -> tuple[Telegraph, int]:
+def _extension(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> tuple[Telegraph, int]:
     """Return the extension at the maximum, and the number of switches of its path."""
 
     def cost(free: FloatArray) -> float:

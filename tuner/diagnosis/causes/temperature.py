@@ -29,13 +29,15 @@ class Temperature(Extension):
 
     cause: ClassVar[str] = "temperature"
     meaning: ClassVar[str] = "the bias follows the measured temperature"
-    consequence: ClassVar[str] = "a calibration to apply: subtract slope × (T − T₀) before the filter; the bias drive shrinks"
+    consequence: ClassVar[str] = (
+        "a calibration to apply: subtract slope × (T − T₀) before the filter; the bias drive shrinks"
+    )
 
     def columns(self, channel: Channel) -> FloatArray:
         """Return the temperature on the blocks, shape (M, 1), K about its mean."""
         return centred(channel)[:, None]
 
-    def refined(self, size: Value, widening: float) -> Temperature:
+    def refined(self, size: Value, widening: float) -> Temperature:  # noqa: ARG002
         """Take the slope from a joint fit."""
         return replace(self, values={**self.values, "slope": replace(size, unit="{u}/K")})
 

@@ -31,7 +31,9 @@ class ThermalLag(Extension):
 
     cause: ClassVar[str] = "thermal_lag"
     meaning: ClassVar[str] = "the bias follows the measured temperature late: a loop of bias over temperature"
-    consequence: ClassVar[str] = "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ"
+    consequence: ClassVar[str] = (
+        "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ"
+    )
     time_constant: float
 
     def columns(self, channel: Channel) -> FloatArray:
@@ -70,7 +72,9 @@ def test(found: Residual) -> Alarm | None:
         return Alarm("thermal_lag", 1.0, -9.0, float(scores.score[scores.best] ** 2), name)
     result = judge(found, templates[:, scores.best], scores.correlation, price=float(np.log(8.0)))
     near = float(grid[scores.best])
-    return Alarm("thermal_lag", result.p_value, result.gain, result.ratio, name, lambda: (extension(found, near),))
+    return Alarm(
+        "thermal_lag", result.p_value, result.gain, result.ratio, name, lambda: (extension(found, near),)
+    )
 
 
 def extension(found: Residual, near: float) -> ThermalLag:

@@ -28,7 +28,9 @@ class VarianceDrift(Extension):
 
     cause: ClassVar[str] = "variance_drift"
     meaning: ClassVar[str] = "the white noise grows (or fades) through the record"
-    consequence: ClassVar[str] = "one white density does not serve the whole record: take the larger end, or make it follow"
+    consequence: ClassVar[str] = (
+        "one white density does not serve the whole record: take the larger end, or make it follow"
+    )
     change: float
 
     def whiten(self, e: FloatArray) -> FloatArray:

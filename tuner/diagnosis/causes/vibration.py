@@ -21,8 +21,8 @@ from models.arma import Arma
 from models.effects.spectral import Vibration as Effect
 from models.noise import Term
 from tuner.diagnosis.alarm import Alarm
-from tuner.diagnosis.causes.line import FIRST, local_level
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.level import FIRST, local_level
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.shape import ShapeTest
 from tuner.diagnosis.statistics import maximum
@@ -32,6 +32,10 @@ FloatArray = NDArray[np.float64]
 WINDOWS = (8, 32, 128, 512, 2048, 4096)
 STRETCH = 16
 """Stretches that the band is cut into to take the level."""
+NEAR = 200
+"""Ordinates about one that tell a line from a hump."""
+NARROW = 3.0
+"""Quality below which a hump is a matter of the broad shape of the spectrum."""
 CAP = 25.0
 """Largest ordinate that counts: a line is no resonance."""
 
@@ -41,7 +45,7 @@ class Vibration(Extension):
     """An AR(2) resonance, standard deviation in scales."""
 
     cause: ClassVar[str] = "vibration"
-    repeats: ClassVar[int] = 6
+    repeats: ClassVar[int] = 4
     meaning: ClassVar[str] = "a narrow-band resonance: a hump in the spectrum, wider than a line"
     consequence: ClassVar[str] = (
         "distrust this band: damp or notch it; where it cannot be removed it calls for a two-state shaping filter"
@@ -57,8 +61,20 @@ class Vibration(Extension):
         return Arma(ar, (), self.sd**2 * (1.0 - ar[1] ** 2) * (1.0 - rho**2), interval)
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return its spectrum."""
-        return self.arma(interval).psd(f, interval=interval)
+        """Return its spectrum, c/(1 + φ₁² + φ₂² − 2φ₁(1 − φ₂) cos x − 2φ₂ cos 2x) with x = 2πfΔ."""
+        process = self.arma(interval)
+        first, second = process.ar
+        cosine = np.cos(2.0 * np.pi * interval * f)
+        below = (
+            (1.0 + second) ** 2 + first**2 - cosine * (2.0 * first * (1.0 - second) + 4.0 * second * cosine)
+        )
+        return np.asarray(interval * process.variance / below)
+
+    def overlaps(self, found: Residual) -> bool:
+        """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
+        others = [x for x in found.extensions if isinstance(x, Vibration)]
+        unknown = self.values["sd"].upper > 3.0 * self.sd
+        return unknown or any(abs(x.frequency - self.frequency) < x.frequency / x.quality for x in others)
 
     def terms(self, interval: float) -> tuple[Term, ...]:
         """Return the process as a noise term."""
@@ -91,6 +107,8 @@ def test(found: Residual) -> Alarm:
         return Alarm("vibration", p_value, -9.0, mean, name)
     gain, fitted = extension(found, middle, half)
     p_value = min(1.0, 2.0 * min(p_value, tests * float(np.exp(-max(gain, 0.0)))))
+    if fitted.quality < NARROW or fitted.overlaps(found):
+        gain = -np.inf
     return Alarm("vibration", p_value, gain - float(np.log(tests)), mean, name, lambda: (fitted,), local=True)
 
 
@@ -116,7 +134,13 @@ def wide(tested: ShapeTest, found: Residual) -> Alarm:
         },
     )
     ratio = 2.0 * (tested.null.cost - hump.cost)
-    return Alarm("vibration", p_value, tested.gain(hump), ratio, name, lambda: (fitted,))
+    gain = -np.inf if quality < NARROW or fitted.overlaps(found) else tested.gain(hump)
+    return Alarm("vibration", p_value, gain, ratio, name, lambda: (fitted,))
+
+
+def _lines_cut(power: FloatArray, cap: float) -> FloatArray:
+    """Return ordinates, none above `cap` times the level of its near neighbours: lines are not resonances."""
+    return power if np.isinf(cap) else np.minimum(power, cap * local_level(power, NEAR))
 
 
 def _log_tail(ratio: float, width: float, reference: float) -> float:
@@ -129,7 +153,20 @@ def _log_tail(ratio: float, width: float, reference: float) -> float:
     return float(log_density - np.log(reference))
 
 
-def extension(found: Residual, middle: float, half: float) -> tuple[float, Vibration]:
+def rival(found: Residual, frequency: float, height: float) -> Alarm | None:
+    """Return the alarm of a resonance that explains a peak of the spectrum better than a line of that height.
+
+    A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
+    """
+    n, dt = len(found.e), found.channel.interval
+    gain, fitted = extension(found, frequency, 8.0 / (n * dt), cap=np.inf)
+    if gain < height + float(np.log(n)) or not NARROW < fitted.quality < frequency * n * dt:
+        return None
+    name = "likelihood of a resonance in place of a line"
+    return Alarm("vibration", float(np.exp(-gain)) * n, gain, gain, name, lambda: (fitted,), local=True)
+
+
+def extension(found: Residual, middle: float, half: float, *, cap: float = CAP) -> tuple[float, Vibration]:
     """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains."""
     dt, power = found.channel.interval, found.periodogram
     df = 1.0 / (len(found.e) * dt)
@@ -137,8 +174,8 @@ def extension(found: Residual, middle: float, half: float) -> tuple[float, Vibra
     first, last = max(FIRST, int((middle - reach) / df)), min(len(power), int((middle + reach) / df))
     size = max(1, (last - first) // 500)
     number = (last - first) // size
-    mean = np.minimum(power[first : first + number * size], CAP).reshape(number, size).mean(axis=1)
-    f = (first + 0.5 + (np.arange(number) + 0.5) * size) * df
+    mean = _lines_cut(power, cap)[first : first + number * size].reshape(number, size).mean(axis=1)
+    f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)
     white = found.spread**2 * found.power_at(f)
     place = (f - middle) / reach
 
@@ -147,7 +184,12 @@ def extension(found: Residual, middle: float, half: float) -> tuple[float, Vibra
 
     def cost(x: FloatArray) -> float:
         frequency, quality, sd = np.exp(x[:3])
-        if not (abs(frequency - middle) < reach and 0.5 < quality < 1e5 and frequency < 0.499 / dt and abs(x[4]) < 0.9):
+        if not (
+            abs(frequency - middle) < reach
+            and 0.5 < quality < 1e5
+            and frequency < 0.499 / dt
+            and abs(x[4]) < 0.9
+        ):
             return 1e12
         hump = 1.0 + Vibration(frequency, quality, sd).power(f, dt) / white
         return likelihood(np.exp(x[3]) * (1.0 + x[4] * place) * hump)

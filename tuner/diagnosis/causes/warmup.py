@@ -29,7 +29,9 @@ class Warmup(Extension):
 
     cause: ClassVar[str] = "warmup"
     meaning: ClassVar[str] = "the bias decays exponentially after power-on"
-    consequence: ClassVar[str] = "wait five time constants before use, or carry the transient as a decaying bias state"
+    consequence: ClassVar[str] = (
+        "wait five time constants before use, or carry the transient as a decaying bias state"
+    )
     time_constant: float
 
     def columns(self, channel: Channel) -> FloatArray:

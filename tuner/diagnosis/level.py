@@ -1,0 +1,20 @@
+"""The level of a periodogram about each frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+FIRST = 20
+"""Lowest Fourier frequency that is searched for lines and humps."""
+
+
+def local_level(power: FloatArray, width: int) -> FloatArray:
+    """Return the level of exponential ordinates by medians over `width` of them, shape of `power`."""
+    width = min(width, len(power))
+    number = len(power) // width
+    median = np.median(power[: number * width].reshape(number, width), axis=1) / np.log(2.0)
+    centre = (np.arange(number) + 0.5) * width
+    return np.asarray(np.maximum(np.interp(np.arange(len(power)), centre, median), 0.2))
