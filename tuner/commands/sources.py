@@ -26,11 +26,13 @@ def is_file(source: str) -> bool:
 
 
 def is_log(source: str) -> bool:
-    """Tell a log from a grade, a datasheet and a measured curve."""
+    """Tell a log from a grade, a datasheet, an identification on file and a measured curve."""
     from tuner.datasheet import is_datasheet
     from tuner.readers import is_curve
+    from tuner.written import is_written
 
-    return is_file(source) and not is_datasheet(Path(source)) and not is_curve(Path(source))
+    path = Path(source)
+    return is_file(source) and not (is_datasheet(path) or is_written(path) or is_curve(path))
 
 
 def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:
@@ -63,7 +65,7 @@ def load_identification(
     arma: Likelihood | None = "fast",
     latitude: float | None = None,
 ) -> Identification:
-    """Identify whatever the source is: a grade, a datasheet, a measured curve or a log.
+    """Identify whatever the source is: a grade, a datasheet, an identification on file, a curve or a log.
 
     Raises
     ------
@@ -75,7 +77,9 @@ def load_identification(
     from tuner.grades import grade_identification, grade_names, load_grade
     from tuner.identification import identify
     from tuner.identification.curvefit import identify_curve
+    from tuner.poses import calibrate
     from tuner.readers import is_curve, read_curve
+    from tuner.written import is_written, read_written
 
     if not is_file(source):
         if source not in grade_names():
@@ -84,8 +88,13 @@ def load_identification(
         return grade_identification(load_grade(source))
     if is_datasheet(Path(source)):
         return read_datasheet(Path(source))
+    if is_written(Path(source)):
+        return read_written(Path(source))
     if is_curve(Path(source)):
         return identify_curve(read_curve(Path(source)), source=source_name(source), terms=terms)
-    records = at_rest(load_records(source, reading, messages), messages.say)
+    whole = load_records(source, reading, messages)
+    records = at_rest(whole, messages.say)
+    if calibrate(whole) is not None:
+        messages.say("several poses: `tuner tune` also calibrates the sensors from them")
     messages.say("identifying")
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)

@@ -14,6 +14,8 @@ from tuner.progress import Messages
 from tuner.records import DataError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tuner.records import Record
     from tuner.results import Diagnosis, FilterConfig, Identification
 
@@ -80,6 +82,7 @@ def command(
     hidden in it.
     """
     from tuner.agreement import agreed, findings_for_config, judge_hidden, settled_inflations
+    from tuner.calibrated import calibration_json, calibration_words, with_calibration
     from tuner.conditions import at_rest
     from tuner.exporters import export, native
     from tuner.files import json_text, write_text
@@ -88,6 +91,7 @@ def command(
     from tuner.jsondiagnosis import diagnosis_json
     from tuner.jsonio import identification_json
     from tuner.jsonviews import config_json
+    from tuner.poses import calibrate
     from tuner.report.allan_figure import draw_allan
     from tuner.report.diagnosis_figure import draw_findings
     from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
@@ -129,6 +133,9 @@ def command(
     )
     if diagnosis is not None:
         config = inflate(config, settled_inflations(diagnosis, config))
+    calibration = calibrate(records) if records else None
+    if calibration is not None:
+        config = with_calibration(config, calibration)
     texts = {
         "noise.yaml": native.dumps(config),
         **{f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED},
@@ -140,6 +147,8 @@ def command(
         if key is not None:
             judged = judge_hidden(key, diagnosis)
             result["hidden"] = judged
+    if calibration is not None:
+        result["calibration"] = calibration_json(calibration)
     result |= {"config": config_json(config), "absent": absent}
     directory = output_dir or Path("tuner-out") / name
     if any(channel.allan.tau.size for channel in found.channels.values()):
@@ -148,14 +157,20 @@ def command(
     pictures = [] if diagnosis is None else draw_findings(records, diagnosis, directory, replicas, seed)
     for file, text in texts.items():
         write_text(directory / file, text)
+    sections: list[tuple[str, Sequence[Table | str]]]
     sections = [("What a simulation of it gets wrong", told)] if told else []
+    about_poses = [] if calibration is None else calibration_words(calibration)
+    if about_poses:
+        sections.append(("Calibration from poses", about_poses))
     page = write_page(found, config, title=name, sections=sections, figures=pictures, absent=absent)
     write_text(directory / "report.html", page)
     if key is not None:
         write_text(directory / "key.json", json_text(key))
     write_text(directory / "result.json", json_text(result))
     if output.tables:
-        show([*identification_tables(found), *told, *_summary(directory, config, found, absent)])
+        show(
+            [*identification_tables(found), *told, *about_poses, *_summary(directory, config, found, absent)]
+        )
     output.write(result)
 
 
