@@ -1,7 +1,7 @@
 """Known effects hidden in real recordings, and the same recordings as they are.
 
 ``TUNER_DATA=FOLDER python tests/challenge/measured.py`` prints the table. The noise that sizes the effects is
-from the recording itself: white sd from the differences, floor from the smallest Allan deviation. Codes are
+read from the recording: white sd from the Allan deviation of 16 samples, floor from the smallest one. Codes are
 dithered before an effect is added and rounded again after it, as a converter would have done.
 """
 
@@ -67,16 +67,17 @@ def samples(recording: Recording, where: Path) -> FloatArray:
 
 
 def seen(y: FloatArray, recording: Recording) -> Noise:
-    """Return the noise of an axis as its differences and its smallest Allan deviation show it."""
-    white = float(np.std(np.diff(y)) / np.sqrt(2.0))
+    """Return the noise of an axis as its Allan deviation shows it."""
     total = np.concatenate(([0.0], np.cumsum(y)))
-    sizes = np.unique(np.geomspace(10, len(y) // 30, 30).astype(int))
-    second = [np.diff(np.diff(total[::m])) / m for m in sizes]
-    floor = min(float(np.sqrt(0.5 * np.mean(d * d))) for d in second)
+
+    def deviation(m: int) -> float:
+        return float(np.sqrt(0.5 * np.mean(np.diff(np.diff(total[::m]) / m) ** 2)))
+
+    white = 4.0 * deviation(16)
+    floor = min(deviation(int(m)) for m in np.geomspace(10, len(y) // 30, 30))
     code = recording.code
-    return Noise(
-        float(np.sqrt(max(white**2 - code**2 / 12.0, 0.0))), 0.0, floor / 0.664, 0.0, 0.0, 0.0, 0.0, code, 0.0
-    )
+    inner = float(np.sqrt(max(white**2 - code**2 / 12.0, 0.0)))
+    return Noise(inner, 0.0, floor / 0.664, 0.0, 0.0, 0.0, 0.0, code, 0.0)
 
 
 def with_effect(
