@@ -134,7 +134,7 @@ def test_far_fixes_are_gated():
 def test_lost_filter_believes_fixes_again():
     settings = replace(filter_settings(plain(configuration())), patience=4.0)
     _, start, steps, fixes = flight(settings, "straight", 30.0)
-    lost = corrected(start, np.array([500.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    lost = corrected(start, np.array([40.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     solution = engine.run(settings, lost, steps, fixes)
     assert np.all(solution.use[:4, 0] == GATED)
     assert np.all(solution.use[-10:, 0] == USED)

@@ -37,6 +37,32 @@ from tuner.navigation.settings import FilterSettings, chi2_gate, total_bias
 FloatArray = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Passage:
+    """The way of the errors from one fix to the next, and what the fix did.
+
+    Attributes
+    ----------
+    transition : ndarray, shape (n, n)
+        Φ since the fix before, or since the start.
+    before, after : ndarray, shape (n, n)
+        P before and after the fix.
+    H : ndarray, shape (m, n)
+        Of position and, where there is one, velocity.
+    gain : ndarray, shape (n, m)
+        K; zero columns for what was not used.
+    correction : ndarray, shape (n,)
+        K z: what was added to the estimate.
+    """
+
+    transition: FloatArray
+    before: FloatArray
+    after: FloatArray
+    H: FloatArray
+    gain: FloatArray
+    correction: FloatArray
+
+
 @dataclass
 class _Interval:
     """What has been summed since the covariance was last advanced."""
@@ -71,6 +97,32 @@ def run(
     parameters, covariance : ndarray, shapes (n,), (n, n), optional
         Estimates of the other states and P at the beginning; by default zeros and P0.
     """
+    return _run(settings, start, steps, fixes, parameters, covariance, None)
+
+
+def run_with_passages(
+    settings: FilterSettings,
+    start: NavigationState,
+    steps: Steps,
+    fixes: Fixes,
+    *,
+    parameters: FloatArray | None = None,
+    covariance: FloatArray | None = None,
+) -> tuple[Solution, tuple[Passage, ...]]:
+    """Filter a stretch of data and keep what smoothers and critics need: a `Passage` for every fix."""
+    kept: list[Passage] = []
+    return _run(settings, start, steps, fixes, parameters, covariance, kept), tuple(kept)
+
+
+def _run(
+    settings: FilterSettings,
+    start: NavigationState,
+    steps: Steps,
+    fixes: Fixes,
+    parameters: FloatArray | None,
+    covariance: FloatArray | None,
+    kept: list[Passage] | None,
+) -> Solution:
     model, n = settings.model, settings.size
     kf = KalmanFilter(dim_x=n, dim_z=6)
     kf.P = np.diag(settings.initial_sd**2) if covariance is None else covariance.copy()
@@ -82,7 +134,7 @@ def run(
     for i, k in enumerate(fixes.after):
         at_fix[int(k)].append(i)
     rows: list[Any] = []
-    sample, refused = np.zeros(6), np.inf
+    sample, refused, way = np.zeros(6), np.full(2, np.inf), np.eye(n)
     for k in range(len(steps.dt) + 1):
         if k > 0:
             dt = float(steps.dt[k - 1])
@@ -114,14 +166,23 @@ def run(
             phi = transition(model, at, now.dt)
             kf.predict(F=phi, Q=process_noise(model, at, now.dt))
             x[9:] = phi[9:, 9:] @ x[9:]
+            if kept is not None:
+                way = phi @ way
             sensor = calibration(model, x)
             now = _Interval(state, 0.0, np.zeros(3), np.zeros(3))
         for i in at_fix.get(k, ()):
             rates = sample / (steps.dt[k - 1] if k else 1.0)
-            gated = not fixes.trusted[i] and fixes.t[i] - refused < settings.patience
-            limit = chi2_gate(settings.gate, 3) if gated else np.inf
-            state, row = _update(kf, settings, state, x, sensor, rates, fixes, i, limit)
-            refused = min(refused, fixes.t[i]) if GATED in row[-1] and USED not in row[-1] else np.inf
+            gated = (fixes.t[i] - refused < settings.patience) & ~fixes.trusted[i]
+            limit = np.where(gated, chi2_gate(settings.gate, 3), np.inf)
+            prior = kf.P
+            state, row, used = _update(kf, settings, state, x, sensor, rates, fixes, i, limit)
+            if kept is not None:
+                kept.append(Passage(way, prior, kf.P, *used))
+                way = np.eye(n)
+            use = row[-1]
+            refused = np.where(
+                use == GATED, np.minimum(refused, fixes.t[i]), np.where(use == ABSENT, refused, np.inf)
+            )
             sensor = calibration(model, x)
             now = replace(now, start=state)
             rows.append(row)
@@ -137,9 +198,12 @@ def _update(
     rates: FloatArray,
     fixes: Fixes,
     i: int,
-    limit: float,
-) -> tuple[NavigationState, tuple[Any, ...]]:
-    """Use fix i; changes `kf` and `x`, returns the corrected state and a row of the solution."""
+    limit: FloatArray,
+) -> tuple[NavigationState, tuple[Any, ...], tuple[FloatArray, FloatArray, FloatArray]]:
+    """Use fix i; changes `kf` and `x`.
+
+    Returns the corrected state, a row of the solution, and H, K, K z of the fix.
+    """
     model = settings.model
     mat_nb = rotation.mat_from_quat(state.quat_nb)
     at = Linearization(state.llh, state.vel_n, mat_nb, rates[:3], rates[3:], sensor)
@@ -152,19 +216,21 @@ def _update(
     use = np.full(2, ABSENT)
     for g in range(len(parts)):
         own = slice(3 * g, 3 * g + 3)
-        far = z[own] @ np.linalg.solve(s[own, own], z[own]) > limit
+        far = z[own] @ np.linalg.solve(s[own, own], z[own]) > limit[g]
         use[g] = WITHHELD if fixes.withheld[i] else GATED if far else USED
     taken = np.repeat(use[: len(parts)] == USED, 3)
+    gain, correction = np.zeros((len(x), len(z))), np.zeros(len(x))
     if taken.any():
         kf.x = np.zeros((len(x), 1))
         kf.update(z[taken, None], R=r[np.ix_(taken, taken)], H=h[taken])
-        correction = kf.x[:, 0]
+        gain[:, taken], correction = kf.K, kf.x[:, 0].copy()
         state = corrected(state, correction[:9])
         x[9:] += correction[9:]
     innovation, spread = np.zeros(6), np.zeros((6, 6))
     innovation[: len(z)], spread[: len(z), : len(z)] = z, s
     m = total_bias(model)
-    return state, (state, x.copy(), m @ kf.P @ m.T, innovation, spread, use)
+    row = (state, x.copy(), m @ kf.P @ m.T, innovation, spread, use)
+    return state, row, (h, gain, correction)
 
 
 def _solution(

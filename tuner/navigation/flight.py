@@ -113,7 +113,7 @@ def fly(
     true, sample = np.zeros(6), np.zeros(6)
     z, S, dx, use = np.zeros(6), np.zeros((6, 6)), np.zeros(lay.size), np.zeros(2, dtype=np.int64)
     H = np.zeros((6, lay.size))
-    n_steps, i, refused = len(dt), 0, 1e300
+    n_steps, i, refused, limits = len(dt), 0, np.full(2, 1e300), np.empty(2)
     for k in range(n_steps + 1):
         if k > 0:
             d = dt[k - 1]
@@ -176,16 +176,20 @@ def fly(
                 true[c] = angle[c] * inverse
                 true[3 + c] = velocity[c] * inverse
             fix_model(lay, pos, vel, quat, x, true, fixes[i], work, z, H)
-            gated = not trusted[i] and t[i] - refused < lay.patience
-            limit = lay.gate if gated else 1e300
-            if update(P, z, H, sd[i], available[i], withheld[i], limit, dx, S, use):
+            for g in range(2):
+                gated = not trusted[i] and t[i] - refused[g] < lay.patience
+                limits[g] = lay.gate if gated else 1e300
+            if update(P, z, H, sd[i], available[i], withheld[i], limits, dx, S, use):
                 pos, vel, quat = correct(pos, vel, quat, dx)
                 for j in range(9, lay.size):
                     x[j] += dx[j]
                 calibrate(lay, x, work)
             start_pos, start_vel, start_quat = pos, vel, quat
-            lost = (use[0] == 2 or use[1] == 2) and use[0] != 1 and use[1] != 1
-            refused = min(refused, t[i]) if lost else 1e300
+            for g in range(2):
+                if use[g] == 2:
+                    refused[g] = min(refused[g], t[i])
+                elif use[g] != 0:
+                    refused[g] = 1e300
             for c in range(3):
                 out_state[i, c], out_state[i, 3 + c] = pos[c], vel[c]
             for c in range(4):

@@ -50,8 +50,8 @@ class FilterSettings:
     position_sd, velocity_sd : tuple of 3 floats or None
         What the configuration says of a fix, north, east, down, m and m/s.
     patience : float
-        After so long with nothing but refused fixes the next one is used whatever the gate says, s: the
-        filter, not the receiver, is lost.
+        After so long with nothing but refused positions, or velocities, the next one is used whatever the
+        gate says, s: the filter, not the receiver, is lost.
     """
 
     model: ErrorModel

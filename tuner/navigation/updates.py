@@ -192,7 +192,7 @@ def update(
     sd: FloatArray,
     available: int,
     withheld: bool,
-    gate: float,
+    limits: FloatArray,
     dx: FloatArray,
     S: FloatArray,
     use: IntArray,
@@ -211,8 +211,8 @@ def update(
         1 position only, 2 with velocity.
     withheld : bool
         Whether it is only compared.
-    gate : float
-        χ² limit.
+    limits : ndarray, shape (2,)
+        χ² limits of position and velocity.
     dx : ndarray, shape (n,)
         The estimated errors.
     """
@@ -242,7 +242,7 @@ def update(
                     own[a, b] = S[3 * g + a, 3 * g + b]
             whiten(factor(own, 3), 3, part)
             distance = part[0, 0] ** 2 + part[1, 0] ** 2 + part[2, 0] ** 2
-            use[g] = 3 if withheld else 1 if distance <= gate else 2
+            use[g] = 3 if withheld else 1 if distance <= limits[g] else 2
             if use[g] == 1:
                 for a in range(3):
                     taken[count] = 3 * g + a
