@@ -43,6 +43,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--samples", type=int, default=None, help="samples of every record, else 3.6e5 or 1e6"
     )
+    parser.add_argument(
+        "--axes", type=int, choices=(1, 3, 6), help="axes of every log, where the effects allow it"
+    )
     parser.add_argument("--held-out", action="store_true", help="make a second record of each sensor")
     parser.add_argument("--part", type=int, default=None, help=argparse.SUPPRESS)
     parser.add_argument("--keep-logs", action="store_true")
@@ -57,7 +60,7 @@ def generate_part(args: argparse.Namespace, part: int) -> None:
     numbers = range(part * PART, min(args.items, (part + 1) * PART))
     published = generate(
         numbers, args.seed, args.out / "logs" / str(part), args.out / "keys" / f"{part}.json",
-        kinds=tuple(args.kinds.split(",")), samples=args.samples, held_out=args.held_out,
+        kinds=tuple(args.kinds.split(",")), samples=args.samples, width=args.axes, held_out=args.held_out,
     )  # fmt: skip
     (args.out / "manifest" / f"{part}.sha256").write_text(published)
 
@@ -118,6 +121,7 @@ def main(argv: list[str] | None = None) -> int:
             sys.stderr.write(f"part {finished} of {parts}, {left / 60.0:.0f} min left\n")
     about = (
         f"Seed `{args.seed}`, first {args.items} items, kinds {args.kinds}, samples {args.samples or 'mixed'}, "
+        f"axes {args.axes or 'mixed'}, "
         f"revision `{revision()}`."
     )
     text = page(score(args.out), about)

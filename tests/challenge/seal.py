@@ -19,6 +19,7 @@ def generate(
     *,
     kinds: tuple[str, ...] = tuple(KINDS),
     samples: int | None = None,
+    width: int | None = None,
     held_out: bool = False,
 ) -> str:
     """Write the logs of some items, and their key.
@@ -31,7 +32,7 @@ def generate(
         Seeds are its HMACs of the numbers.
     logs, keys : Path
         Folder of ``NAME.npz`` (and ``NAME.b.npz``), and the file of the key, which is not to lie in it.
-    kinds, samples
+    kinds, samples, width
         As in `items.item`.
     held_out : bool
         Write record B too, where there is something to find.
@@ -45,7 +46,7 @@ def generate(
     keys.parent.mkdir(parents=True, exist_ok=True)
     truths = []
     for number in numbers:
-        made = item(secret, number, kinds, samples)
+        made = item(secret, number, kinds, samples, width)
         np.savez(logs / f"{made.name}.npz", **log(made))  # type: ignore[arg-type]
         truths.append(made.truth())
         if held_out and made.hidden:

@@ -100,8 +100,17 @@ class Item:
         }
 
 
-def item(secret: str, number: int, kinds: tuple[str, ...] = tuple(KINDS), samples: int | None = None) -> Item:
-    """Make item `number` of a secret; kinds in the proportions of `KINDS`."""
+def item(
+    secret: str,
+    number: int,
+    kinds: tuple[str, ...] = tuple(KINDS),
+    samples: int | None = None,
+    width: int | None = None,
+) -> Item:
+    """Make item `number` of a secret; kinds in the proportions of `KINDS`.
+
+    `samples` and `width` fix the length and the number of axes, where the effects allow it.
+    """
     digest = hmac.new(secret.encode(), str(number).encode(), hashlib.sha256).digest()
     seed = int.from_bytes(digest[:7], "big")
     rng = np.random.default_rng(seed)
@@ -109,7 +118,7 @@ def item(secret: str, number: int, kinds: tuple[str, ...] = tuple(KINDS), sample
     kind = str(rng.choice(list(kinds), p=weights / weights.sum()))
     for _ in range(40):
         try:
-            place, hidden = _filled(kind, rng, seed, samples)
+            place, hidden = _filled(kind, rng, seed, samples, width)
         except UnreachableError:
             continue
         return Item(digest.hex()[-12:], kind, seed, place, hidden)
@@ -118,21 +127,24 @@ def item(secret: str, number: int, kinds: tuple[str, ...] = tuple(KINDS), sample
 
 
 def _filled(
-    kind: str, rng: np.random.Generator, seed: int, samples: int | None
+    kind: str, rng: np.random.Generator, seed: int, samples: int | None, width: int | None
 ) -> tuple[Scene, tuple[Hidden, ...]]:
     if kind in ("null", "hard"):
-        return scene(rng, hard=str(rng.choice(HARD)) if kind == "hard" else "", samples=samples), ()
+        hard = str(rng.choice(HARD)) if kind == "hard" else ""
+        return scene(rng, hard=hard, samples=samples, width=width), ()
     if kind == "unknown":
         chosen: tuple[type[Effect], ...] = (FOREIGN[int(rng.integers(len(FOREIGN)))],)
-        return _hide(rng, seed, chosen, lambda: log_uniform(rng, 35.0, 500.0), samples)
+        return _hide(rng, seed, chosen, lambda: log_uniform(rng, 35.0, 500.0), samples, width)
     if kind == "twin":
         effect, twin = TWINS[int(rng.integers(len(TWINS)))]
-        where, hidden = _hide(rng, seed, (effect,), lambda: log_uniform(rng, 35.0, 300.0), samples, twin=twin)
+        where, hidden = _hide(
+            rng, seed, (effect,), lambda: log_uniform(rng, 35.0, 300.0), samples, width, twin=twin
+        )
         return where, tuple(replace(h, twin=twin) for h in hidden)
     number = {"single": 1, "pair": 2, "triple": 3}[kind]
     if number == 1:
-        return _hide(rng, seed, _causes(rng, 1), lambda: log_uniform(rng, 3.0, 1000.0), samples)
-    return _hide(rng, seed, _causes(rng, number), lambda: log_uniform(rng, 50.0, 500.0), samples)
+        return _hide(rng, seed, _causes(rng, 1), lambda: log_uniform(rng, 3.0, 1000.0), samples, width)
+    return _hide(rng, seed, _causes(rng, number), lambda: log_uniform(rng, 50.0, 500.0), samples, width)
 
 
 def _causes(rng: np.random.Generator, number: int) -> tuple[type[Effect], ...]:
@@ -153,11 +165,12 @@ def _hide(
     effects: tuple[type[Effect], ...],
     target: Callable[[], float],
     samples: int | None,
+    width: int | None,
     *,
     twin: str = "",
 ) -> tuple[Scene, tuple[Hidden, ...]]:
     needs = {effect.needs for effect in effects}
-    width = 6 if "accel" in needs else 3 if "triad" in needs else None
+    width = 6 if "accel" in needs else 3 if "triad" in needs else width
     where = scene(rng, samples=samples, width=width)
     if "temperature" in needs or "temperature" in twin:
         where = replace(where, profile=str(rng.choice(["warming", "diurnal", "chamber"])))
