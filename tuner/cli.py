@@ -75,6 +75,8 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(error.format_message())
     except (DataError, OSError) as error:
         return _refuse(str(error))
+    except MemoryError as error:
+        return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
         sys.stderr.write("tuner: interrupted; files already finished were kept\n")
         return 130
