@@ -20,6 +20,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "tune": "The main job: log in, filter configuration out.",
         "identify": "Noise terms of a log, with intervals.",
+        "diagnose": "What a simulation of the noise gets wrong, why, and the gain.",
         "check": "Is the filter honest? Monte-Carlo on simulated trajectories.",
         "navigate": "A measured drive through the filter: innovations, errors, outages.",
         "plan": "How long a static test must be.",

@@ -1,0 +1,110 @@
+"""`tuner diagnose` end to end: the hidden effect is named, the contract holds, strictness has a status."""
+
+import json
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner.cli import run
+from tuner.results import Diagnosis, Unexplained
+from tuner.simulation import simulate
+from tuner.writers import write_log
+
+RATE, DURATION = 100.0, 600.0
+MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+LINE = "line@gyro_x:frequency=12.5,amplitude=2.5e-4"
+"""A quarter of the white deviation of a sample: z = 0.25 √(60 000 / 2) = 43 deviations, 940 nats."""
+
+
+def log(path, *hidden, seed):
+    axes = {"gyro_x": MODEL, "gyro_y": MODEL}
+    records, _ = simulate(axes, duration=DURATION, rate=RATE, seed=seed, hidden=hidden)
+    write_log(records, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def lined(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lined")
+    first, second = log(folder / "a.npz", LINE, seed=1), log(folder / "b.npz", LINE, seed=2)
+    file = folder / "found.json"
+    arguments = [
+        "diagnose",
+        first,
+        "--holdout",
+        second,
+        "--replicas",
+        5,
+        "--strict",
+        "--json",
+        file,
+        "--quiet",
+    ]
+    assert run([str(a) for a in arguments]) == 0
+    return json.loads(file.read_text())
+
+
+def test_the_hidden_line_is_named_with_its_parameters(lined):
+    (finding,) = lined["findings"]
+    assert finding["cause"] == "line"
+    assert finding["channels"] == ["gyro_x"]
+    frequency, amplitude = (finding["parameters"][name] for name in ("frequency", "amplitude"))
+    # sd of the frequency √6/(π T z) = 3e-5 Hz and of the amplitude 1/z = 2.3 %: five of them.
+    assert frequency["value"] == pytest.approx(12.5, abs=1.5e-4)
+    assert amplitude["value"] == pytest.approx(2.5e-4, rel=0.12)
+    assert frequency["unit"] == "Hz"
+    assert not lined["quiet"]
+
+
+def test_the_contract_holds(lined):
+    assert lined["schema"] == "tuner.diagnosis/1"
+    (finding,) = lined["findings"]
+    assert {"p_value", "parameters", "gain", "alternatives", "text"} <= set(finding)
+    for coefficient in finding["parameters"].values():
+        low, high = coefficient["interval"]
+        assert low <= coefficient["value"] <= high
+    assert isinstance(lined["unexplained"], list)
+    assert isinstance(lined["notes"], list)
+
+
+def test_the_gain_is_measured_on_the_second_record(lined):
+    gain = lined["findings"][0]["gain"]
+    assert gain["split"] == "second record"
+    likelihood = gain["held_out_log_likelihood_per_sample"]
+    assert likelihood["after"] > likelihood["before"]
+    assert set(gain["coverage"]) == {"allan", "psd"}
+
+
+def test_a_clean_log_is_quiet(tmp_path, capsys):
+    assert run(["diagnose", str(log(tmp_path / "clean.npz", seed=4)), "--json", "-", "--quiet"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["quiet"]
+    assert found["findings"] == []
+
+
+def test_words_for_the_terminal(tmp_path, capsys):
+    assert run(["diagnose", str(log(tmp_path / "lined.npz", LINE, seed=3)), "--quiet"]) == 0
+    out = capsys.readouterr().out
+    assert "line" in out
+    assert "12.50" in out
+    assert "60/40" in out
+
+
+def test_what_stays_unexplained_is_a_status_only_if_strict(tmp_path, capsys, monkeypatch):
+    odd = Diagnosis((), (Unexplained("kurtosis of the residuals", ("gyro_x",), 1e-9),))
+    monkeypatch.setattr("tuner.diagnosis.diagnose", lambda *_, **__: odd)
+    path = str(log(tmp_path / "odd.npz", seed=5))
+    assert run(["diagnose", path, "--quiet"]) == 0
+    assert "unexplained: kurtosis of the residuals in gyro_x" in capsys.readouterr().out
+    assert run(["diagnose", path, "--strict", "--quiet"]) == 1
+
+
+def test_a_log_too_short_is_refused_in_one_line(tmp_path, capsys):
+    y = np.random.default_rng(1).standard_normal(200)
+    path = tmp_path / "short.csv"
+    path.write_text("t,gyro_x\n" + "\n".join(f"{i / 100},{v * 1e-3:.9g}" for i, v in enumerate(y)) + "\n")
+    assert run(["diagnose", str(path), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert "short.csv" in error
+    assert error.count("\n") == 1
