@@ -192,6 +192,24 @@ def test_compare_lists_grades_and_compares(log, capsys):
     assert ratio == pytest.approx(1.0, rel=0.02)
 
 
+def test_identifications_on_file_compare_as_the_log_did(tuned, capsys):
+    compared = {}
+    for name in ("result.json", "noise.yaml"):
+        assert run(["compare", "mpu9250", str(tuned / name), "--json", "-", "--quiet"]) == 0
+        compared[name] = json.loads(said(capsys)[0])["channels"]["accel_y"]["coefficients"]
+    for name in ("white.density", "random_walk.density", "bias_instability.level"):
+        assert compared["result.json"][name] == compared["noise.yaml"][name]
+    assert compared["result.json"]["sigma_10s"]["values"][1]["interval"] is not None
+    assert compared["result.json"]["white.density"]["ratio"] == pytest.approx(1.0, rel=0.02)
+
+
+def test_other_json_is_refused(tmp_path, capsys):
+    for text in ("[]", "{}", "not json", '{"schema": "tuner.curve/1"}'):
+        path = tmp_path / "other.json"
+        path.write_text(text)
+        assert "other.json" in refused(capsys, ["compare", "mpu9250", path])
+
+
 def test_export_of_a_tuned_configuration(tuned, tmp_path, capsys):
     file = tmp_path / "imu.yaml"
     assert run(["export", str(tuned / "noise.yaml"), "--to", "kalibr", "-o", str(file), "--quiet"]) == 0
@@ -270,6 +288,19 @@ def test_bad_logs_are_refused_in_one_line(case, command, tmp_path, capsys, monke
     message = refused(capsys, [command, path, "--quiet"])
     assert "bad.csv" in message
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_a_refusal_is_one_line_also_where_messages_are_wanted(tmp_path, capsys):
+    path = tmp_path / "empty.csv"
+    path.write_text("")
+    assert "empty" in refused(capsys, ["identify", path])
+    assert "no such file" in refused(capsys, ["curve", tmp_path / "none.csv"])
+
+
+def test_more_than_memory_holds_is_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "memory" in refused(capsys, ["simulate", "mpu9250", "--hours", "1e9"])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_place_of_bad_text_is_named(tmp_path, capsys):

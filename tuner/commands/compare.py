@@ -35,8 +35,9 @@ def command(
 ) -> None:
     """Compare sensors coefficient by coefficient; where intervals allow, say which differ and by how much.
 
-    Ratios are of the last source to the first. A source is a log, a curve, a datasheet, a noise.yaml or
-    the name of a built-in grade. With --by: the parts of one log. Without arguments: list the grades.
+    Ratios are of the last source to the first. A source is a log, a curve, a datasheet, a noise.yaml,
+    the JSON of identify or tune, or the name of a built-in grade. With --by: the parts of one log.
+    Without arguments: list the grades.
     """
     from tuner.comparison import compare
     from tuner.grades import grade_names, load_grade
