@@ -111,7 +111,7 @@ def draw_course(panel: Axes, subject: Subject, values: Mapping[str, float]) -> N
         panel.plot(hours, signal - signal.mean(), color=CAUSE, lw=1.4, label="found")
     for event in subject.values("motion") if cause == "motion" else ():
         first, last = event["start"] / 3600.0, (event["start"] + event["duration"]) / 3600.0
-        panel.axvspan(first, last, color=CAUSE, alpha=0.2, lw=0)
+        panel.axvspan(first, last, color=CAUSE, alpha=0.2, lw=1.5)
     panel.set(xlabel="time, h", ylabel=f"bias, {unit_of(subject)}", title="time course")
 
 
