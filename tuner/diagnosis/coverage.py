@@ -16,6 +16,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import inverse, transform
+from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.loop import Criticism
 from tuner.diagnosis.residual import Residual, residual
 
@@ -76,9 +77,10 @@ def bands(found: Residual, replicas: int, seed: int) -> dict[str, Band]:
     edges = np.unique(np.geomspace(1, n, BANDS).astype(int))
     measured = _curves(found, clusters, edges)
     ratios: dict[str, list[FloatArray]] = {name: [] for name in measured}
+    kept = tuple(x for x in found.extensions if type(x).repair is Extension.repair)
     rng = np.random.default_rng((seed, 39))
     for _ in range(max(2, replicas)):
-        again = residual(_replica(found, rng), starts=found.starts if len(found.starts) == 2 else None)
+        again = residual(_replica(found, rng), kept, starts=found.starts)
         for name, (curve, model) in _curves(again, clusters, edges).items():
             ratios[name].append(np.log(curve / model))
     scale = found.channel.scale**2

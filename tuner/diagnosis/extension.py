@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from numpy.typing import NDArray
 from models.noise import Term
 from tuner.diagnosis.channel import Channel
 from tuner.results import Coefficient
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.residual import Residual
 
 FloatArray = NDArray[np.float64]
 
@@ -121,6 +124,10 @@ class Extension(ABC):
     def terms(self, interval: float) -> tuple[Term, ...]:  # noqa: ARG002
         """Return what the extension adds to the noise model, in units of the scale."""
         return ()
+
+    def polished(self, found: Residual, index: int) -> Extension:  # noqa: ARG002
+        """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
+        return self
 
     def refined(self, size: Value, widening: float) -> Extension:  # noqa: ARG002
         """Return the extension with the size of its template from a joint fit.

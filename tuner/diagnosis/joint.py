@@ -42,7 +42,7 @@ class _Candidate:
 
 def test(found: Residual) -> Alarm | None:
     """Search for a masked pair; None where there is no room for one."""
-    candidates = _candidates(found)
+    candidates = [] if found.found("telegraph") else _candidates(found)
     if len(candidates) < 2:
         return None
     columns = block_transform(

@@ -119,6 +119,9 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             new += proposed
         fresh = len(new)
         found = residual(channel, (*found.extensions, *new), starts=found.starts)
+        polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
+        if any(a is not b for a, b in zip(polished, found.extensions, strict=True)):
+            found = residual(channel, polished, starts=found.starts)
     found, accepted = _prune(found, accepted, threshold)
     found = _refined(found)
     refined = found.extensions[len(given) :]

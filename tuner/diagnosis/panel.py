@@ -68,6 +68,8 @@ EXCLUSIVE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"temperature": ("temperature", "thermal_lag"), "thermal_lag": ("temperature", "thermal_lag")}
 )
 """Causes of which a channel has one at most."""
+HIDDEN_BY_PATH = ("step", "warmup", "gauss_markov")
+"""Causes that what is wrong in the path of telegraph noise could be taken for."""
 
 
 def threshold(channels: int) -> float:
@@ -83,6 +85,8 @@ def panel(found: Residual) -> tuple[Alarm, ...]:
 
 def is_open(found: Residual, cause: str) -> bool:
     """Return whether a channel may have this cause (once more)."""
+    if cause in HIDDEN_BY_PATH and found.found("telegraph"):
+        return False
     return found.found(*EXCLUSIVE.get(cause, (cause,))) < LIMITS.get(cause, 1)
 
 

@@ -3,11 +3,12 @@
 The squared coefficients above a hundredth of the rate are averaged in 128 even bins; their law is that of a gamma
 variable about::
 
-    E(f) = w g(f; shape) + q · 4 sin²(πfΔ) + slow(f)
+    E(f) = w g(f; shape) + q · 4 sin²(πfΔ) + s · slow(f)
 
-with the slow part as fitted, w ≥ 0 the white noise, q ≥ 0 quantization (the base has it: a rise that differenced
-white noise explains is no finding). Shapes compete by likelihood: poles of a filter (an AR of first or second order
-with gain 1 at 0, with or without the zeros of the bilinear map), and ARMA colour.
+with the slow part as fitted up to its size s ≥ 0, w ≥ 0 the white noise, q ≥ 0 quantization (the base has
+it: a rise that differenced white noise explains is no finding). Shapes compete by likelihood: poles of a
+filter (an AR of first or second order with gain 1 at 0, with or without the zeros of the bilinear map), and
+ARMA colour.
 
 References
 ----------
@@ -17,7 +18,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,8 @@ class ShapeFit:
         Minus the log likelihood.
     expected : ndarray, shape (b,)
         Expected power.
+    slow : float
+        Share of the slow noise that is left: the fit without the shape may have used it for the shape.
     """
 
     name: str
@@ -86,6 +89,7 @@ class ShapeFit:
     covariance: FloatArray
     cost: float
     expected: FloatArray
+    slow: float
 
 
 def bins(found: Residual) -> Bins:
@@ -122,8 +126,10 @@ def fit(data: Bins, name: str) -> ShapeFit:
     scale = data.start[0] + data.start[1]
 
     def expected(x: FloatArray) -> FloatArray:
-        form = data.white * shape(x[2:], data.cycles)
-        out: FloatArray = scale * (np.exp(x[0]) * form + max(x[1], 0.0) * quantized) + data.rest
+        form = data.white * shape(x[3:], data.cycles)
+        out: FloatArray = (
+            scale * (np.exp(x[0]) * form + max(x[1], 0.0) * quantized) + max(x[2], 0.0) * data.rest
+        )
         return np.maximum(out, 1e-12 * scale)
 
     def cost(x: FloatArray) -> float:
@@ -131,12 +137,12 @@ def fit(data: Bins, name: str) -> ShapeFit:
 
     best = None
     for start in starts:
-        x0 = np.array([np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale, *start])
-        found = minimize(cost, x0, method="L-BFGS-B", bounds=[(-8.0, 5.0), (0.0, 20.0), *bounds])
+        x0 = np.array([np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale, 1.0, *start])
+        found = minimize(cost, x0, method="L-BFGS-B", bounds=[(-8.0, 5.0), (0.0, 20.0), (0.0, 3.0), *bounds])
         if best is None or found.fun < best.fun:
             best = found
     assert best is not None
-    return ShapeFit(name, best.x[2:], np.empty((0, 0)), float(best.fun), expected(best.x))
+    return ShapeFit(name, best.x[3:], np.empty((0, 0)), float(best.fun), expected(best.x), float(best.x[2]))
 
 
 def hump_scan(data: Bins, null: ShapeFit) -> tuple[float, float, float]:
@@ -161,19 +167,20 @@ def fit_hump(data: Bins, middle: float, width: float) -> ShapeFit:
     scale = data.start[0] + data.start[1]
 
     def expected(x: FloatArray) -> FloatArray:
-        level = scale * (np.exp(x[3]) * data.white + max(x[4], 0.0) * quantized) + data.rest
+        level = scale * (np.exp(x[3]) * data.white + max(x[4], 0.0) * quantized) + max(x[5], 0.0) * data.rest
         return np.asarray(level + hump_power(x[:3], data.cycles, scale))
 
     def cost(x: FloatArray) -> float:
         return deviance(weight, data.power, expected(x))
 
-    base = [np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale]
+    base = [np.log(max(data.start[0] / scale, 1e-3)), data.start[1] / scale, 1.0]
     bounds = [
         (np.log(0.002), np.log(0.495)),
         (np.log(2.0), np.log(200.0)),
         (-16.0, 6.0),
         (-8.0, 5.0),
         (0.0, 20.0),
+        (0.0, 3.0),
     ]
     best = None
     for share in (0.5, 1.5):
@@ -183,7 +190,14 @@ def fit_hump(data: Bins, middle: float, width: float) -> ShapeFit:
         if best is None or found.fun < best.fun:
             best = found
     assert best is not None
-    return ShapeFit("hump", best.x[:3], curvature(cost, best.x)[:3, :3], float(best.fun), expected(best.x))
+    return ShapeFit(
+        "hump",
+        best.x[:3],
+        curvature(cost, best.x)[:3, :3],
+        float(best.fun),
+        expected(best.x),
+        float(best.x[5]),
+    )
 
 
 def hump_power(x: FloatArray, cycles: FloatArray, scale: float) -> FloatArray:
@@ -205,6 +219,7 @@ def spread(data: Bins, fitted: ShapeFit) -> FloatArray:
     shape, weight = SHAPES[fitted.name][0], 0.5 * data.count
     scale = data.start[0] + data.start[1]
     quantized = rise(data.cycles)
+    data = replace(data, rest=fitted.slow * data.rest)
 
     def cost(x: FloatArray) -> float:
         form = data.white * shape(x, data.cycles) * scale
@@ -236,7 +251,7 @@ def _levels(form: FloatArray, quantized: FloatArray, data: Bins, weight: FloatAr
 def misfit(data: Bins, fitted: ShapeFit) -> float:
     """Return the chance that the bins scatter about the fit as much as they do."""
     square = 0.5 * data.count * (data.power / fitted.expected - 1.0) ** 2
-    return float(chi2.sf(square.sum(), len(square) - 2 - len(fitted.x)))
+    return float(chi2.sf(square.sum(), len(square) - 3 - len(fitted.x)))
 
 
 def _arma(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ FLICKER: Kinds = (Quantization, White, RandomWalk, BiasInstability)
 MARKOV: Kinds = (Quantization, White, RandomWalk, GaussMarkov)
 BASES = (FLICKER, MARKOV)
 """The two kinds of slow noise."""
-SHORTEST_MEMORY = 20.0
+SHORTEST_MEMORY = 100.0
 """Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the spectrum."""
 
 

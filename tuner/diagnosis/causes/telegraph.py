@@ -233,7 +233,10 @@ def _search(
 
 
 def _extension(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> tuple[Telegraph, int]:
-    """Return the extension at the maximum, and the number of switches of its path."""
+    """Return the extension at the maximum, and the number of switches of its path.
+
+    A mean dwell is known no better than by the root of the number of dwells.
+    """
 
     def cost(free: FloatArray) -> float:
         return _cost(y, step, span, r, free)
@@ -250,11 +253,12 @@ def _extension(y: FloatArray, step: float, span: float, r: float, x: FloatArray)
         size = -size
     low, high = np.exp(x[4:]).tolist()
     share = high / (low + high)
+    switches = int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if low < span / 6.0 else 0
+    spread[4:] = np.maximum(spread[4:], 1.0 / np.sqrt(max(0.5 * switches, 1.0)))
     values = {
         "size": Value.of(size, float(spread[3]), "{u}"),
         "dwell_low": Value.log(low, float(spread[4]), "s"),
         "dwell_high": Value.log(high, float(spread[5]), "s"),
     }
     sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
-    switches = int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if low < span / 6.0 else 0
     return Telegraph(tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), values=values), switches

@@ -76,6 +76,34 @@ class Vibration(Extension):
         unknown = self.values["sd"].upper > 3.0 * self.sd
         return unknown or any(abs(x.frequency - self.frequency) < x.frequency / x.quality for x in others)
 
+    def polished(self, found: Residual, index: int) -> Vibration:  # noqa: ARG002
+        """Fit the hump again, over the noise as fitted with it: what it stood on before was tilted by it."""
+        dt, n = found.channel.interval, len(found.coefficients)
+        df = 0.5 / (n * dt)
+        reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
+        first, last = (int((self.frequency + sign * reach) / df) for sign in (-1, 1))
+        first, last = max(FIRST, first), min(n - 1, last)
+        size = max(1, (last - first) // 400)
+        number = (last - first) // size
+        square = _lines_cut(found.coefficients[1:] ** 2 / found.power, CAP) * found.power
+        inside = slice(first, first + number * size)
+        mean = square[inside].reshape(number, size).mean(axis=1)
+        f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
+        expected = found.power[inside].reshape(number, size).mean(axis=1)
+        other = found.spread**2 * np.maximum(expected - self.power(f, dt), 1e-3 * expected)
+
+        def cost(x: FloatArray) -> float:
+            frequency, quality, sd = np.exp(np.clip(x, -20.0, 20.0))
+            if not (frequency < 0.499 / dt and 0.5 < quality < 1e5):
+                return 1e12
+            ratio = mean / (other + Vibration(frequency, quality, sd).power(f, dt))
+            return 0.5 * size * float(np.sum(ratio - 1.0 - np.log(ratio)))
+
+        x, covariance, _ = maximum(
+            cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02
+        )
+        return _fitted(x, np.sqrt(np.diag(covariance)))
+
     def terms(self, interval: float) -> tuple[Term, ...]:
         """Return the process as a noise term."""
         return (self.arma(interval),)
@@ -203,9 +231,13 @@ def extension(found: Residual, middle: float, half: float, *, cap: float = CAP) 
     starts = [[np.log(middle), np.log(middle / w), np.log(sd), level, 0.0] for w in (0.5 * half, 2.0 * half)]
     x, covariance, value = maximum(cost, starts, scale=0.05)
     null = maximum(flat, [[level, 0.0]], scale=0.05)[2]
-    spread = np.sqrt(np.diag(covariance))
-    frequency, quality, sd = np.exp(x[:3]).tolist()
-    return null - value, Vibration(
+    return null - value, _fitted(x[:3], np.sqrt(np.diag(covariance)))
+
+
+def _fitted(x: FloatArray, spread: FloatArray) -> Vibration:
+    """Return the resonance of fitted logs of frequency, quality and sd, with their standard deviations."""
+    frequency, quality, sd = np.exp(x).tolist()
+    return Vibration(
         frequency,
         quality,
         sd,
