@@ -16,10 +16,14 @@ from tuner.records import DataError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from tuner.check import Check
     from tuner.records import Record
     from tuner.results import Diagnosis, FilterConfig, Identification
 
-NO_CHECK = "this version does not yet run the configured filter on simulated trajectories"
+CHECK_RUNS = 20
+"""Simulated hours on the city trajectory behind the verdict of tune; `tuner check` flies more and others."""
+DEMO_RECEIVER = "spp"
+"""Receiver that goes with the built-in simulated IMU."""
 NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
 
 EXPORTED = ("kalibr", "kf-gins")
@@ -88,11 +92,13 @@ def command(
     from tuner.files import json_text, write_text
     from tuner.grades import load_gnss, load_grade
     from tuner.identification import identify
+    from tuner.jsonconsistency import consistency_json
     from tuner.jsondiagnosis import diagnosis_json
     from tuner.jsonio import identification_json
     from tuner.jsonviews import config_json
     from tuner.poses import calibrate
     from tuner.report.allan_figure import draw_allan
+    from tuner.report.consistency_tables import consistency_tables
     from tuner.report.diagnosis_figure import draw_findings
     from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
     from tuner.report.page import write_page
@@ -101,7 +107,7 @@ def command(
     from tuner.synthesis import inflate, synthesize
 
     completion = load_grade(complete) if complete else None
-    receiver = load_gnss(gnss) if gnss else None
+    receiver = load_gnss(gnss or DEMO_RECEIVER) if gnss or log is None else None
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     if log is None:
@@ -112,7 +118,7 @@ def command(
         name = source_name(log)
         if is_log(log):
             records = load_records(log, reading, messages)
-    absent = {"consistency": NO_CHECK}
+    absent: dict[str, str] = {}
     diagnosis: Diagnosis | None = None
     if records:
         still = at_rest(records, messages.say)
@@ -149,6 +155,13 @@ def command(
             result["hidden"] = judged
     if calibration is not None:
         result["calibration"] = calibration_json(calibration)
+    checked = _checked(config, seed, messages, absent)
+    if checked is not None:
+        result["consistency"] = consistency_json(
+            checked.consistency,
+            source={"config": config.name, "trajectory": "city", "runs": CHECK_RUNS, "seed": seed},
+            notes=checked.notes,
+        )
     result |= {"config": config_json(config), "absent": absent}
     directory = output_dir or Path("tuner-out") / name
     if any(channel.allan.tau.size for channel in found.channels.values()):
@@ -162,6 +175,9 @@ def command(
     about_poses = [] if calibration is None else calibration_words(calibration)
     if about_poses:
         sections.append(("Calibration from poses", about_poses))
+    verdict = [] if checked is None else consistency_tables(checked.consistency, checked.notes)
+    if verdict:
+        sections.append(("Is the filter honest?", verdict))
     page = write_page(found, config, title=name, sections=sections, figures=pictures, absent=absent)
     write_text(directory / "report.html", page)
     if key is not None:
@@ -169,7 +185,13 @@ def command(
     write_text(directory / "result.json", json_text(result))
     if output.tables:
         show(
-            [*identification_tables(found), *told, *about_poses, *_summary(directory, config, found, absent)]
+            [
+                *identification_tables(found),
+                *told,
+                *about_poses,
+                *verdict,
+                *_summary(directory, config, found, absent),
+            ]
         )
     output.write(result)
 
@@ -184,6 +206,19 @@ def _diagnosed(
         return diagnose(records, replicas=replicas, seed=seed)
     except DataError as error:
         absent["diagnosis"] = str(error)
+        return None
+
+
+def _checked(config: FilterConfig, seed: int, messages: Messages, absent: dict[str, str]) -> Check | None:
+    """Return the check on simulated hours of city driving, or None with the reason put into `absent`."""
+    from models.trajectories import TRAJECTORIES
+    from tuner.check import DURATION, check
+
+    messages.say(f"checking the filter on {CHECK_RUNS} simulated hours")
+    try:
+        return check(config, TRAJECTORIES["city"](DURATION), runs=CHECK_RUNS, seed=seed)
+    except DataError as error:
+        absent["consistency"] = str(error)
         return None
 
 
