@@ -28,13 +28,13 @@ SCALES = {
     "semilogy": ("linear", "log"),
     "linear": ("linear", "linear"),
 }
-PALETTE = 64
+PALETTE = 128
 """Colours of a figure."""
-SPAN = 1e7
+SPAN = 1e8
 """Largest ratio shown on a logarithmic axis."""
 
 
-def draw_item(item: Item, path: Path, *, dpi: int = 110) -> None:
+def draw_item(item: Item, path: Path, *, dpi: int = 100) -> None:
     """Draw the figure of an item and write it as PNG of few colours, a quarter of the usual size."""
     picture = item.figure
     columns = min(picture.columns, len(picture.panels))
