@@ -49,7 +49,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--held-out", action="store_true", help="make a second record of each sensor")
     parser.add_argument("--part", type=int, default=None, help=argparse.SUPPRESS)
     parser.add_argument("--keep-logs", action="store_true")
-    parser.add_argument("--score-only", action="store_true", help="score the parts that are finished")
+    parser.add_argument("--score-only", action="store_true", help="score the answers that are there")
     return parser.parse_args(argv)
 
 
@@ -86,13 +86,13 @@ def finish_part(args: argparse.Namespace, argv: list[str], part: int) -> None:
 
 
 def score(out: Path) -> list[Verdict]:
-    """Step 3: open the keys of the finished parts and judge the answers."""
+    """Step 3: open the keys and judge the answers that are there."""
     verdicts = []
-    for done in sorted((out / "done").iterdir(), key=lambda path: int(path.name)):
-        published = (out / "manifest" / f"{done.name}.sha256").read_text()
-        for truth in opened(out / "keys" / f"{done.name}.json", published):
-            answer = json.loads((out / "answers" / f"{truth['name']}.json").read_text())
-            verdicts.append(judge(truth, answer))
+    for published in sorted((out / "manifest").iterdir(), key=lambda path: int(path.stem)):
+        for truth in opened(out / "keys" / f"{published.stem}.json", published.read_text()):
+            answer = out / "answers" / f"{truth['name']}.json"
+            if answer.exists():
+                verdicts.append(judge(truth, json.loads(answer.read_text())))
     return verdicts
 
 
