@@ -25,8 +25,9 @@ functions that `tuner` offers: run it yourself with `tuner papers NAME`, or all 
 3. Zhang Meng et al.: Allan variance of two groupings and ARMA model of a MEMS gyro (in Chinese)
 
 A verdict follows from numbers. **Reproduced**: the paper's value lies within about four standard deviations of ours.
-**Corrected**: it does not, and the value derived in its place does. **Untestable**: the paper does not publish what a
-test needs. **Not reproduced**: neither value agrees. Intervals are 95 %; derivations are in [maths](maths.md).
+**Corrected**: the value derived in its place does, and lies nearer. **Untestable**: what a test needs is missing, and
+named. **Not reproduced**: neither value agrees. Intervals are 95 %; the derivations are in `docs/maths.md` of the
+project.
 """
 
 
