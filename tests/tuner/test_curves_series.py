@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
 
 from models.noise import BiasInstability
 from tuner.curves import acf, pacf
@@ -107,5 +108,14 @@ def test_lags_out_of_range_are_named(lag):
 
 
 def test_long_partial_correlations_are_refused():
-    with pytest.raises(DataError, match="at most 2000"):
-        pacf(record(np.random.default_rng(9).standard_normal(5000)), lag=[30.0])
+    with pytest.raises(DataError, match="at most 20000"):
+        pacf(record(np.random.default_rng(9).standard_normal(50_000)), lag=[300.0])
+
+
+def test_partial_correlation_is_the_last_weight_of_the_best_prediction():
+    y = record(np.random.default_rng(11).standard_normal(400).cumsum() + np.arange(400.0) % 5)
+    seconds = np.arange(31) * 0.01
+    correlation, partial = acf(y, lag=seconds).value[:, 0], pacf(y, lag=seconds).value[:, 0]
+    for order in (1, 2, 7, 30):
+        weights = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
+        np.testing.assert_allclose(partial[order], weights[-1], rtol=1e-9, atol=1e-12)
