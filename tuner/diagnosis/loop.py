@@ -33,6 +33,8 @@ GROUPS = (
     ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair"),
 )
 """Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
+MEASURED = ("temperature", "thermal_lag")
+"""What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
 BROAD = ("lowpass", "colour")
 """Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one."""
 
@@ -110,6 +112,8 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             break
         if any(alarm.local for alarm in raised):
             raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
+        if any(alarm.cause in MEASURED for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.cause != "telegraph"]
         chosen = _clearest(raised)
         new: list[Extension] = []
         for alarm in chosen:

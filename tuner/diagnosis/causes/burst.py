@@ -150,4 +150,4 @@ def _reach(total: FloatArray, first: int, last: int, *, move_first: bool) -> tup
     fixed = np.full(len(place), last if move_first else first)
     value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
     near = place[value > value.max() - 3.0]
-    return int(near.min()), int(near.max())
+    return min(int(near.min()), edge), max(int(near.max()), edge)

@@ -34,6 +34,8 @@ APART = 40
 """Blocks without a large step that end a stretch."""
 JOLT = 12.0
 """Jump of a sample, in deviations of the white noise, that no still sensor makes."""
+HANDLING = 120.0
+"""Time without a jump that ends the handling of a sensor, and what is left out before and after it, s."""
 MOST = 8
 """Stretches that are told apart; closer ones are joined beyond."""
 RESTLESS, NEAR = 4.0, 12
@@ -62,11 +64,11 @@ class Motion(Extension):
         return channel.refilled(missing, np.random.default_rng(self.first))
 
     def columns(self, channel: Channel) -> FloatArray:
-        """Return a step at its middle: another pose has another level."""
-        middle = 0.5 * (self.first + self.last) / channel.block
-        if not 1.0 <= middle <= channel.blocks - 1.0:
+        """Return the line that bridges it, from one level to the other: another pose has another level."""
+        if self.first == 0 or self.last == len(channel):
             return np.empty((channel.blocks, 0))
-        return (np.arange(channel.blocks) >= middle).astype(float)[:, None]
+        place = (np.arange(channel.blocks) + 0.5) * channel.block
+        return np.clip((place - self.first) / (self.last - self.first), 0.0, 1.0)[:, None]
 
 
 def large_steps(y: FloatArray, interval: float) -> tuple[FloatArray, int]:
@@ -125,13 +127,15 @@ def _turned(channels: list[Channel]) -> list[tuple[int, int]]:
     jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JOLT * np.sqrt(2.0))
     if len(jumps) < TOGETHER:
         return []
-    apart = max(APART, round(60.0 * SHORT / channels[0].interval))
+    apart = max(APART, round(HANDLING / channels[0].interval))
     found = []
     for group in np.split(jumps, np.flatnonzero(np.diff(jumps) > apart) + 1):
         first, last = int(group[0]), int(group[-1]) + 1
-        before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
-        if len(group) < TOGETHER or 0 in (before.shape[1], after.shape[1]):
+        if len(group) < TOGETHER:
             continue
+        before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
+        if 0 in (before.shape[1], after.shape[1]):  # at an end of the record: the level changes inside
+            before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
         change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
         if float(change.max()) > 0.5 * JOLT:
             found.append((max(0, first - apart), min(y.shape[1], last + apart)))

@@ -102,7 +102,8 @@ class Vibration(Extension):
         x, covariance, _ = maximum(
             cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02
         )
-        return _fitted(x, np.sqrt(np.diag(covariance)))
+        again = _fitted(x, np.sqrt(np.diag(covariance)))
+        return again if abs(np.log(again.frequency / self.frequency)) < 1.0 / self.quality else self
 
     def terms(self, interval: float) -> tuple[Term, ...]:
         """Return the process as a noise term."""
