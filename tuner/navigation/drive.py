@@ -13,12 +13,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from models import rotation
 from models.earth import llh_displaced
 from models.strapdown import NavigationState
 from tuner.navigation import engine
-from tuner.navigation.initial import Alignment, align, named_axes, receiver_lag
+from tuner.navigation.initial import LONGEST_OFFSET, Alignment, align, named_axes, receiver_lag
 from tuner.navigation.inputs import Fixes, Solution, Steps, split_at
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
@@ -31,6 +32,10 @@ SHORTEST = 20.0
 """Shortest stretch that is worth an alignment, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
 """Least sds of an alignment, rad."""
+DELAY_STEP = 0.25
+"""Spacing of the delays that are tried, s."""
+OUTLIER = 50.0
+"""Largest squared distance that a fix counts with in the choice of the delay."""
 SETTLING = 60.0
 """Time in motion during which fixes are used whatever the gate says, s: the start may be wrong, not they."""
 
@@ -107,7 +112,8 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            stretch = _stretch(steps, gnss, settings)
+            known = stretches[0].alignment.delay if stretches else None
+            stretch = _stretch(steps, gnss, settings, known)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -169,14 +175,48 @@ def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -
     return p
 
 
-def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings) -> Stretch:
+def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
+    """Align a stretch; where the delay of the fixes is not known yet, the filter itself decides on it."""
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
     own = _rows(gnss, inside)
     if len(own) < 10:
         msg = f"{len(own)} fixes"
         raise DataError(msg)
+    if delay is not None:
+        a = align(steps, _shifted(own, delay), offset=0.0)
+        return _timed(steps, own, replace(a, delay=delay), settings)
     a = align(steps, own)
+
+    def misfit(value: float) -> float:
+        return _misfit(_timed(steps, own, replace(a, delay=value), settings), settings)
+
+    grid = [a.delay, *np.arange(-LONGEST_OFFSET, LONGEST_OFFSET + 1e-9, DELAY_STEP).tolist()]
+    best = min(grid, key=misfit)
+    span = (best - DELAY_STEP, best + DELAY_STEP)
+    found = minimize_scalar(misfit, bounds=span, method="bounded", options={"xatol": 0.01})
+    sharp = align(steps, _shifted(own, float(found.x)), offset=0.0)
+    return _timed(steps, own, replace(sharp, delay=float(found.x)), settings)
+
+
+def _misfit(stretch: Stretch, settings: FilterSettings) -> float:
+    """Return minus twice the log likelihood of a fix, outliers limited; all fixes are used."""
+    trusting = replace(stretch.fixes, trusted=np.ones(len(stretch.fixes), dtype=bool))
+    (solution,) = navigate((replace(stretch, fixes=trusting),), settings, np.zeros((0, 2)))
+    z, s = solution.innovation[:, :3], solution.innovation_covariance[:, :3, :3]
+    if not (np.isfinite(z).all() and np.isfinite(s).all()):
+        return float("inf")
+    distance = np.sum(z * np.linalg.solve(s, z[..., None])[..., 0], axis=-1)
+    return float(np.mean(np.minimum(distance, OUTLIER) + np.linalg.slogdet(s)[1]))
+
+
+def _shifted(gnss: Gnss, delay: float) -> Gnss:
+    return replace(gnss, t=gnss.t - delay)
+
+
+def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> Stretch:
+    """Put fixes on the clock of the inertial unit and cut the steps to begin with the first."""
+    ends = steps.ends()
     t = own.t - a.delay
     keep = (t > ends[0]) & (t < ends[-1])
     own, t = _rows(own, keep), t[keep]
