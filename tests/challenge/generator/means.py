@@ -50,7 +50,9 @@ class Line(MeanEffect):
 
     def draw(self, place: Place) -> None:
         rng, scene = place.rng, place.scene
-        self.frequency = log_uniform(rng, max(0.05, 60.0 / scene.span), 0.49 * scene.rate)
+        self.frequency = log_uniform(
+            rng, min(max(0.05, 60.0 / scene.span), 0.1 * scene.rate), 0.49 * scene.rate
+        )
         self.phase = float(rng.uniform(0.0, 2.0 * np.pi))
 
     def template(self, felt: FloatArray, scene: Scene) -> FloatArray:
@@ -98,7 +100,9 @@ class Warmup(MeanEffect):
     cause = "warmup"
 
     def draw(self, place: Place) -> None:
-        self.memory = log_uniform(place.rng, 20.0, min(900.0, 0.25 * place.scene.span))
+        self.memory = log_uniform(
+            place.rng, min(20.0, 0.1 * place.scene.span), min(900.0, 0.25 * place.scene.span)
+        )
 
     def template(self, felt: FloatArray, scene: Scene) -> FloatArray:
         return np.exp(-(scene.clock() - scene.start) / self.memory)

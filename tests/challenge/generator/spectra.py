@@ -128,7 +128,7 @@ class SecondMarkov(Effect):
     @classmethod
     def hide(cls, place: Place, target: float) -> SecondMarkov:
         self, scene, noise = cls(), place.scene, place.scene.axes[place.axis]
-        self.memory = log_uniform(place.rng, 1.0, scene.span / 50.0)
+        self.memory = log_uniform(place.rng, min(1.0, scene.span / 100.0), scene.span / 50.0)
         shape = noise.white**2 * markov_power(place.oracle.frequency, scene.interval, 1.0, self.memory)
         self.size, self.nats = sized(
             lambda s: place.oracle.spectrum(place.oracle.power + s**2 * shape), target, 1e-3, 3.0
