@@ -7,11 +7,16 @@ Exit status: 0 done; 1 done, but with a verdict against the filter or the model 
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import click
+
+# Threads inside small matrix products cost more than they give; this must be said before numpy is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from tuner.origin import foreign_models
 from tuner.records import DataError
