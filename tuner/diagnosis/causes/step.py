@@ -68,8 +68,8 @@ def extension(found: Residual, scores: Scan, boundary: int) -> Step:
     start = found.channel.start
     time = Value(
         start + boundary * length,
-        start + (likely.min() - 1.0) * length,
-        start + (likely.max() + 1.0) * length,
+        start + (float(likely.min()) - 1.0) * length,
+        start + (float(likely.max()) + 1.0) * length,
         "s",
     )
     return Step(boundary, values={"time": time})
