@@ -94,7 +94,9 @@ def test_a_filter_in_the_sensor_does_not_bend_the_white_noise():
     rng = np.random.default_rng(9)
     n, interval = 200_000, 0.01
     y = np.convolve(rng.standard_normal(n + 7) / np.sqrt(interval), np.ones(8) / 8, mode="valid")
-    found = curve(Record("gyro", np.arange(n) * interval, y[:, None], ("gyro_x",), "rad/s", interval), "oadev")
+    found = curve(
+        Record("gyro", np.arange(n) * interval, y[:, None], ("gyro_x",), "rad/s", interval), "oadev"
+    )
     channel = identify_curve(found).channels["gyro_x"]
     # Without its first octaves the curve tells N to about 1 %: five standard errors.
     assert channel.term("white").coefficients["density"].value == pytest.approx(1.0, rel=0.06)
