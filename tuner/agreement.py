@@ -18,10 +18,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from tuner.files import plain
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
 from tuner.jsondiagnosis import finding_json
-from tuner.jsonio import plain
 from tuner.records import IdentificationError, Record
 from tuner.results import (
     ChannelIdentification,

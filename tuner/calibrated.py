@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from tuner.jsonio import coefficient_json, plain
+from tuner.files import plain
+from tuner.jsonio import coefficient_json
 from tuner.poses import PoseCalibration
 from tuner.results import Coefficient, FilterConfig
 from tuner.synthesis.initial import initial_uncertainty

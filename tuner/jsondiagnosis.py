@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.jsonio import coefficient_json, plain
+from tuner.files import plain
+from tuner.jsonio import coefficient_json
 from tuner.results import Diagnosis, Finding, Gain
 
 

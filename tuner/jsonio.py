@@ -7,12 +7,10 @@ Gauss–Markov is a list.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
+from tuner.files import plain
 from tuner.identification.estimates import BASE
 from tuner.results import (
     AllanCurve,
@@ -24,21 +22,6 @@ from tuner.results import (
     Spectrum,
     TermEstimate,
 )
-
-
-def plain(value: Any) -> Any:
-    """Return nested values as lists and Python's own numbers, with null for NaN and infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 def coefficient_json(coefficient: Coefficient) -> dict[str, Any]:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.slopes import FLOOR, read_segments
+from models.terms.flicker import ALLAN_FLOOR
+from tuner.identification.slopes import read_segments
 
 TAU = np.geomspace(0.01, 1e5, 120)
 MANY = np.full(TAU.size, 1e4)
@@ -32,7 +33,7 @@ def test_five_segments_of_well_separated_terms():
 
 
 def test_floor_of_flicker():
-    assert pytest.approx(0.664282, abs=1e-6) == FLOOR
+    assert pytest.approx(0.664282, abs=1e-6) == ALLAN_FLOOR
 
 
 def test_points_with_few_degrees_of_freedom_are_not_read():

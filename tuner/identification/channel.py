@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Quantization
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
 from tuner.identification.arma import FEWEST, Likelihood, fit_arma
 from tuner.identification.band import Band, curve_within, find_band, periodogram_within
@@ -27,7 +28,7 @@ from tuner.identification.means import mean_of_noise
 from tuner.identification.octaves import OctaveCurve
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
-from tuner.identification.slopes import FLOOR, read_segments
+from tuner.identification.slopes import read_segments
 from tuner.records import DataError, Record
 from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 
@@ -181,11 +182,12 @@ def _minimum(allan: AllanCurve, longest: float) -> tuple[Coefficient, Coefficien
     tau = float(allan.tau[usable[at]])
     if at == len(usable) - 1:
         reason = f"the curve still falls at {tau:.3g} s, a quarter of the record"
-        limits = [Coefficient.bounded(ends[1] / by, allan.unit, reason) for by in (1.0, FLOOR)]
+        limits = [Coefficient.bounded(ends[1] / by, allan.unit, reason) for by in (1.0, ALLAN_FLOOR)]
         return limits[0], limits[1], tau
     reason = f"smallest measured Allan deviation, at {tau:.3g} s"
     known = [
-        Coefficient.known(value / by, ends[0] / by, ends[1] / by, allan.unit, reason) for by in (1.0, FLOOR)
+        Coefficient.known(value / by, ends[0] / by, ends[1] / by, allan.unit, reason)
+        for by in (1.0, ALLAN_FLOOR)
     ]
     return known[0], known[1], tau
 

@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models.noise import TERMS, BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.identification.band import Band, curve_within, find_band
 from tuner.identification.doubts import about_band, disagreement
 from tuner.identification.estimates import Estimates, from_fit
 from tuner.identification.leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.octaves import OctaveCurve
-from tuner.identification.slopes import FLOOR
 from tuner.records import DataError
 from tuner.results import (
     AllanCurve,
@@ -151,7 +151,10 @@ def _channel(
         sigma_10s=_interpolated(whole, 10.0),
         minimum=Coefficient.known(float(deviation[at]), float(low[at]), float(high[at]), curve.unit),
         floor=Coefficient.known(
-            float(deviation[at]) / FLOOR, float(low[at]) / FLOOR, float(high[at]) / FLOOR, curve.unit
+            float(deviation[at]) / ALLAN_FLOOR,
+            float(low[at]) / ALLAN_FLOOR,
+            float(high[at]) / ALLAN_FLOOR,
+            curve.unit,
         ),
         minimum_tau=float(curve.tau[at]),
         allan=whole,

@@ -95,7 +95,7 @@ def from_fit(
             rows += range(at, at + size)
         at += size
     remaining = NoiseModel(tuple(kept))
-    return Estimates(remaining, tuple(terms), parameter_names(remaining), covariance[np.ix_(rows, rows)])
+    return Estimates(remaining, tuple(terms), remaining.parameters, covariance[np.ix_(rows, rows)])
 
 
 def from_segments(estimates: Estimates, segments: Sequence[Segment]) -> Estimates:
@@ -120,18 +120,6 @@ def from_powers(estimates: Estimates, coefficients: Mapping[str, float]) -> Esti
         if value > 0.0
     }
     return _replaced(estimates, answers, "the unweighted fit gives a negative variance")
-
-
-def parameter_names(model: NoiseModel) -> tuple[str, ...]:
-    """Return the names of the parameters of a sum, such as ``white.density`` and ``gauss_markov_2.sd``."""
-    names: list[str] = []
-    seen: list[str] = []
-    for term in model.terms:
-        seen.append(term.name)
-        repeat = seen.count(term.name)
-        label = term.name if repeat == 1 else f"{term.name}_{repeat}"
-        names += [f"{label}.{parameter}" for parameter in term.PARAMETERS]
-    return tuple(names)
 
 
 _Answer = tuple[float, Interval | None, float, str]
@@ -164,7 +152,7 @@ def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str
             high = own.interval[1] if own.interval else np.inf
             terms.append(TermEstimate(estimate.name, {name: Coefficient.bounded(high, own.unit, missing)}))
     model = NoiseModel(tuple(kept))
-    return Estimates(model, tuple(terms), parameter_names(model), np.diag(variances))
+    return Estimates(model, tuple(terms), model.parameters, np.diag(variances))
 
 
 def _stretch(segment: Segment) -> str:

@@ -30,7 +30,7 @@ from scipy.stats import chi2, norm
 
 from models.noise import NoiseModel
 from tuner.identification.covariance import allan_covariance
-from tuner.identification.estimates import BASE, parameter_names
+from tuner.identification.estimates import BASE
 from tuner.identification.octaves import CurveProblem, OctaveCurve
 from tuner.results import LEVEL
 
@@ -128,7 +128,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
     statistic = float(residual @ np.linalg.solve(sigma, residual))
     return CurveFit(
         problem.model(theta),
-        parameter_names(start),
+        start.parameters,
         theta,
         covariance,
         tuple(intervals),
@@ -214,7 +214,7 @@ def misfit(curve: OctaveCurve, model: NoiseModel, *, tolerance: float = 0.0) -> 
     residual = np.log(curve.variance) - log_bias(dof) - np.log(mean)
     sigma = sigma + (2.0 * tolerance) ** 2 * np.eye(len(curve.m))
     statistic = float(residual @ np.linalg.solve(sigma, residual))
-    freedom = max(len(curve.m) - len(parameter_names(model)), 1)
+    freedom = max(len(curve.m) - len(model.parameters), 1)
     worst = int(np.argmax(np.abs(residual) / np.sqrt(np.diag(sigma))))
     ratio = float(np.exp(0.5 * residual[worst]))
     return Misfit(statistic, freedom, float(chi2.sf(statistic, freedom)), float(curve.tau[worst]), ratio)

@@ -26,12 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.results import LEVEL
 
 FloatArray = NDArray[np.float64]
-
-FLOOR = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
-"""Allan deviation of flicker of level 1."""
 
 _LINES = (
     ("quantization", -1.0, np.sqrt(3.0)),
@@ -103,7 +101,9 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
         weight = v[run] / np.sum(v[run])
         line = float(weight @ (y[run] - wanted * x[run]))
         value = (
-            float(np.exp(line)) / FLOOR if read_at is None else float(np.exp(line + wanted * np.log(read_at)))
+            float(np.exp(line)) / ALLAN_FLOOR
+            if read_at is None
+            else float(np.exp(line + wanted * np.log(read_at)))
         )
         best = float(np.max(v[run]))
         tail = 0.5 * (1.0 - LEVEL)

@@ -25,9 +25,10 @@ from models.noise import (
     Term,
     White,
 )
+from models.terms.flicker import ALLAN_FLOOR
 from tuner.curves import curve, dof
 from tuner.curves.allan import allan, overlapping_allan
-from tuner.identification.slopes import FLOOR, Segment, read_segments
+from tuner.identification.slopes import Segment, read_segments
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
 from tuner.plan import plan
@@ -51,8 +52,8 @@ def example_model() -> tuple[NoiseModel, dict[str, float]]:
     """Return five terms with the corners above, a sinusoid and a Gauss–Markov process, and the five coefficients."""
     q_n, n_b, b_k, k_r = CORNERS
     white = 1.0
-    level = white / np.sqrt(n_b) / FLOOR
-    walk = np.sqrt(3.0 / b_k) * FLOOR * level
+    level = white / np.sqrt(n_b) / ALLAN_FLOOR
+    walk = np.sqrt(3.0 / b_k) * ALLAN_FLOOR * level
     true = {
         "quantization": white * np.sqrt(q_n / 3.0),
         "white": white,
