@@ -1,0 +1,75 @@
+"""One pass of a filter as a linear record: all that a criticism of the drive needs, and no trajectory any more.
+
+Between the updates of fixes i − 1 and i the error state obeys e⁻ᵢ = Φᵢ e⁺ᵢ₋₁ + Bᵢ θ + w, e⁺ᵢ = e⁻ᵢ − cᵢ, and the
+innovation of fix i is νᵢ = Hᵢ e⁻ᵢ + Dᵢ θ + v. Here cᵢ is the correction that the filter applied, θ the parameters
+of causes that the filter does not know, var w = Σ_g s_g Q_gᵢ over groups of process noise, each as configured
+(s_g = 1), and var v the square of the assumed sds. Errors are truth minus estimate, attitude the φ-angle in n, as
+in `models.errorstate`. All causes, other Q, R and further states are judged on this record alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
+"""Groups of process noise: white noise of the sensors, and the drives of all their bias states."""
+
+
+@dataclass(frozen=True)
+class LinearRecord:
+    """A filter's pass over k fixes, n states, p candidate parameters.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Times of the fixes, s.
+    transition : ndarray, shape (k, n, n)
+        Φ from just after the update of the fix before (or from the start) to each fix.
+    noise : mapping of str to ndarray, shape (k, n, n)
+        Process noise of each of `GROUPS` over the same interval, as configured.
+    H : ndarray, shape (k, 6, n)
+        Jacobian of position (north, east, down, m) and velocity (m/s) fixes.
+    innovation : ndarray, shape (k, 6)
+        Fix minus prediction; 0 where the fix has none.
+    sd : ndarray, shape (k, 6)
+        Assumed sds.
+    reported_sd : ndarray, shape (k, 6)
+        What the receiver says of each fix, NaN where it says nothing.
+    available, used : ndarray of bool, shape (k, 6)
+        Rows that the fix has; rows that the filter took (neither gated nor withheld).
+    correction : ndarray, shape (k, n)
+        c: what the filter added to its state.
+    initial : ndarray, shape (n, n)
+        P at the start.
+    parameters : tuple of str
+        Names of the columns of B and D: ``time_offset.delay``, ``lever_arm.x``, …: cause, dot, parameter.
+    drive : ndarray, shape (k, n, p)
+        B.
+    seen : ndarray, shape (k, 6, p)
+        D.
+    starts : ndarray of bool, shape (k,)
+        True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
+    """
+
+    t: FloatArray
+    transition: FloatArray
+    noise: Mapping[str, FloatArray]
+    H: FloatArray
+    innovation: FloatArray
+    sd: FloatArray
+    reported_sd: FloatArray
+    available: BoolArray
+    used: BoolArray
+    correction: FloatArray
+    initial: FloatArray
+    parameters: tuple[str, ...]
+    drive: FloatArray
+    seen: FloatArray
+    starts: BoolArray
