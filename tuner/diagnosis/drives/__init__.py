@@ -1,1 +1,1 @@
-"""Criticism of the navigation simulation: what a measured drive says against the filter, why, and what naming it gains."""
+"""Criticism of the navigation simulation: what a measured drive says against the filter, and why."""

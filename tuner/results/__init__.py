@@ -1,0 +1,54 @@
+"""What was found: the frozen results every room hands to the next.
+
+Numbers are SI; every number a user sees is a `Coefficient`: a value with its 95 % interval, or an upper limit
+with the reason why there is no more. Results import none of the code that makes them.
+"""
+
+from __future__ import annotations
+
+from tuner.results.coefficient import LEVEL, Coefficient
+from tuner.results.config import (
+    ChannelNoise,
+    FilterConfig,
+    GnssNoise,
+    Inflation,
+    InitialUncertainty,
+    MarkovState,
+)
+from tuner.results.curves import AllanCurve, Correlogram, Spectrum
+from tuner.results.diagnosis import Alternative, Diagnosis, Finding, Gain, Unexplained
+from tuner.results.identification import (
+    ArmaFit,
+    Candidate,
+    ChannelIdentification,
+    Identification,
+    PooledChannel,
+    PooledCoefficient,
+    TermEstimate,
+)
+
+__all__ = [
+    "LEVEL",
+    "AllanCurve",
+    "Alternative",
+    "ArmaFit",
+    "Candidate",
+    "ChannelIdentification",
+    "ChannelNoise",
+    "Coefficient",
+    "Correlogram",
+    "Diagnosis",
+    "FilterConfig",
+    "Finding",
+    "Gain",
+    "GnssNoise",
+    "Identification",
+    "Inflation",
+    "InitialUncertainty",
+    "MarkovState",
+    "PooledChannel",
+    "PooledCoefficient",
+    "Spectrum",
+    "TermEstimate",
+    "Unexplained",
+]

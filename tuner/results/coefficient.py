@@ -1,0 +1,46 @@
+"""One number and how far it can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LEVEL = 0.95
+"""Level of every interval and limit that does not say otherwise."""
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One number and how far it can be trusted.
+
+    Attributes
+    ----------
+    value : float or None
+        Estimate; None where the data only bound it.
+    interval : (float, float) or None
+        Two-sided 95 % interval.
+    upper : float or None
+        One-sided 95 % upper limit, where there is no value.
+    unit : str
+        SI unit.
+    reason : str or None
+        Why there is only a bound (absent, hidden, masked, record too short: hours needed), or what to know
+        of the value.
+    """
+
+    value: float | None
+    interval: tuple[float, float] | None
+    upper: float | None
+    unit: str
+    reason: str | None = None
+
+    @classmethod
+    def known(
+        cls, value: float, lower: float, upper: float, unit: str, reason: str | None = None
+    ) -> Coefficient:
+        """Make an estimate with its interval."""
+        return cls(value, (lower, upper), None, unit, reason)
+
+    @classmethod
+    def bounded(cls, upper: float, unit: str, reason: str) -> Coefficient:
+        """Make an upper limit with its reason."""
+        return cls(None, None, upper, unit, reason)

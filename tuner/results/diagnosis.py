@@ -1,0 +1,147 @@
+"""What a simulation gets wrong: named causes, their parameters, and what naming them gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.results.coefficient import Coefficient
+from tuner.results.config import Inflation
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What an extension of the model is worth, before and after.
+
+    Attributes
+    ----------
+    split : str
+        Where it was measured: ``second record``, ``60/40`` or ``in sample``.
+    before, after : float
+        Log likelihood a sample of the data held out, nats.
+    nats : float
+        Log likelihood gained there, all samples together.
+    coverage : mapping of str to (float, float)
+        Share of the Allan curve (``allan``) and of the spectrum (``psd``) inside the band of refitted replicas.
+    user : mapping of str to (float, float)
+        Figures a user reads, with their unit in the name, such as ``bias_prediction_60s [rad/s]``.
+    """
+
+    split: str
+    before: float
+    after: float
+    nats: float
+    coverage: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    user: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A cause that explains an alarm nearly as well; `score` is its weight, 1 for as well as the cause named."""
+
+    cause: str
+    score: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause of a misfit between data and simulation.
+
+    Attributes
+    ----------
+    cause : str
+        Code of the catalogue, such as ``temperature``.
+    channels : tuple of str
+        Axes that show it.
+    statistic : str
+        What gave it away, in words.
+    value : float
+        Value of that statistic.
+    p_value : float
+        Chance of such a value without the cause, the search paid for.
+    parameters : mapping of str to Coefficient
+        SI. Of several channels: pooled where they agree, else those of the channel that shows it best.
+    text : str
+        The cause in words, with its figures.
+    consequence : str
+        What it asks of a filter.
+    extension : mapping of str to object
+        What was added to the model, as plain values.
+    gain : Gain or None
+        What that is worth.
+    alternatives : tuple of Alternative
+        Causes within 3 nats.
+    inflations : tuple of Inflation
+        Settings to be enlarged for it.
+    by_channel : mapping of str to mapping
+        Parameters of every channel.
+    replicates : ndarray or None
+        Values of the statistic in replicas without the cause.
+    """
+
+    cause: str
+    channels: tuple[str, ...]
+    statistic: str
+    value: float
+    p_value: float
+    parameters: Mapping[str, Coefficient]
+    text: str
+    consequence: str = ""
+    extension: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    gain: Gain | None = None
+    alternatives: tuple[Alternative, ...] = ()
+    inflations: tuple[Inflation, ...] = ()
+    by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
+    replicates: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """An alarm that no cause explains."""
+
+    statistic: str
+    channels: tuple[str, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the simulation of the base model gets wrong.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        Named causes, the clearest first.
+    unexplained : tuple of Unexplained
+        Alarms without a cause.
+    notes : tuple of str
+        What is worth knowing and harmless.
+    models : mapping of str to NoiseModel
+        Extended noise model of every axis, SI.
+    base : mapping of str to NoiseModel
+        Noise model before.
+    """
+
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...] = ()
+    notes: tuple[str, ...] = ()
+    models: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
+    base: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings and not self.unexplained
+
+    @property
+    def inflations(self) -> tuple[Inflation, ...]:
+        """Settings of a filter to be enlarged."""
+        return tuple(inflation for finding in self.findings for inflation in finding.inflations)
