@@ -10,7 +10,7 @@ in `models.errorstate`. All causes, other Q, R and further states are judged on 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,8 @@ class LinearRecord:
     transition : ndarray, shape (k, n, n)
         Φ from just after the update of the fix before (or from the start) to each fix.
     noise : mapping of str to ndarray, shape (k, n, n)
-        Process noise of each of `GROUPS` over the same interval, as configured.
+        Process noise of each of `GROUPS` over the same interval, as configured, and of ``gnss_position`` where the
+        filter has such states; Q is the sum of all.
     H : ndarray, shape (k, 6, n)
         Jacobian of position (north, east, down, m) and velocity (m/s) fixes.
     innovation : ndarray, shape (k, 6)
@@ -56,6 +57,8 @@ class LinearRecord:
         D.
     starts : ndarray of bool, shape (k,)
         True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
+    scored : ndarray of bool, shape (k,)
+        Fixes that count in sums over the record; false while the filter settles, all by default.
     """
 
     t: FloatArray
@@ -73,3 +76,16 @@ class LinearRecord:
     drive: FloatArray
     seen: FloatArray
     starts: BoolArray
+    scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        if len(self.scored) != len(self.t):
+            object.__setattr__(self, "scored", np.ones(len(self.t), dtype=bool))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def counted(self) -> BoolArray:
+        """Rows that enter sums: taken by the filter, after it has settled; shape (k, 6)."""
+        return self.used & self.scored[:, None]
