@@ -10,6 +10,7 @@ import numpy as np
 from models.noise import NoiseModel, Term, White
 from tuner.diagnosis.causes.colour import Colour
 from tuner.diagnosis.causes.lowpass import LowPass
+from tuner.diagnosis.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.gain import summed
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.residual import Residual
@@ -75,8 +76,8 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
 def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation | None:
     """Return what to enlarge in a filter that is set from the base model."""
     values, cause = accepted.extension.values, accepted.extension.cause
-    if cause == "variance_drift":
-        factor = float(np.exp(0.25 * abs(values["slope"].value) * outcome.final.channel.span))
+    if isinstance(accepted.extension, VarianceDrift):
+        factor = accepted.extension.inflation
         return Inflation(f"{axis}.white_density", factor, "variance_drift: the noise at its louder end")
     if cause == "burst" and values["variance_ratio"].value > 1.0:
         factor = float(np.sqrt(values["variance_ratio"].value))

@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.stats import chi2
 
+from tuner.diagnosis import modulation
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes import (
     burst,
@@ -34,7 +35,7 @@ from tuner.diagnosis.shape import shape_test
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
-FAMILIES = 22
+FAMILIES = 25
 """Families of tests a channel, those of hygiene and of several channels included."""
 
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
@@ -80,7 +81,12 @@ def threshold(channels: int) -> float:
 def panel(found: Residual) -> tuple[Alarm, ...]:
     """Run every test that is still open on a residual."""
     alarms = [test(found) for cause, test in SINGLE.items() if is_open(found, cause)]
-    return (*(alarm for alarm in alarms if alarm is not None), *spectrum(found), *leftovers(found))
+    return (
+        *(alarm for alarm in alarms if alarm is not None),
+        *spectrum(found),
+        *leftovers(found),
+        *modulation.test(found),
+    )
 
 
 def is_open(found: Residual, cause: str) -> bool:
