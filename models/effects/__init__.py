@@ -2,7 +2,8 @@
 
 `models.effects.static` is the front door to the causes that a sensor at rest can show: their classes by cause
 code (`EFFECTS`), `parse` and `draw` to get one, `hide` to put several into a block of `Samples`. Temperature
-curves are in `models.effects.profiles`.
+curves are in `models.effects.profiles`. `models.effects.navigation` is the same for what a drive can show:
+inertial samples and satellite fixes together (`models.effects.drive`).
 
 The fields of an effect bear the names under which a finding reports them, so that what was hidden and
 what was found can be laid side by side.

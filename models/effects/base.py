@@ -18,15 +18,16 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from models.effects.text import Written
+
 FloatArray = NDArray[np.float64]
-Parameter = float | int | tuple[float, ...]
 
 NOISE, SIGNAL, FILTER, GLITCH, RAIL, LATTICE, HOLD, STAMP = range(8)
 """Stages in the order in which a sample passes them."""
@@ -116,10 +117,9 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Effect(ABC):
+class Effect(Written, ABC):
     """One cause with its parameters (the fields), in SI units."""
 
-    name: ClassVar[str]
     stage: ClassVar[int] = SIGNAL
 
     @abstractmethod
@@ -130,21 +130,6 @@ class Effect(ABC):
     @abstractmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
         """Return the effect with random parameters, sized by the record they are meant for."""
-
-    def parameters(self) -> dict[str, Parameter]:
-        """Return the parameters that are set, by name."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {key: value for key, value in values.items() if value is not None}
-
-    def __str__(self) -> str:
-        parts = (f"{key}={_written(value)}" for key, value in self.parameters().items())
-        return f"{self.name}:{','.join(parts)}"
-
-
-def _written(value: Parameter) -> str:
-    if isinstance(value, tuple):
-        return "/".join(map(_written, value))
-    return repr(value) if isinstance(value, int) else repr(float(value))
 
 
 def require_finite(**values: float) -> None:

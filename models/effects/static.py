@@ -32,18 +32,19 @@ Some have one further parameter that no finding reports, such as the phase of a 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields, replace
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from models.effects.base import STAMP, Effect, Parameter, Samples, Scale, require_positive
+from models.effects.base import STAMP, Effect, Samples, Scale, require_positive
 from models.effects.events import Motion, Spikes, Step, Telegraph
 from models.effects.geometry import Attitude
 from models.effects.sampling import Clipping, Duplicates, Lattice, Timing
 from models.effects.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.tails import Burst, CrossAxis, HeavyTails, VarianceDrift
+from models.effects.text import kind
+from models.effects.text import parse as text_parse
 from models.effects.thermal import TemperatureSlope, ThermalLag, Warmup
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
@@ -59,60 +60,9 @@ EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
 """Class of every static cause, by its code."""
 
 
-def kind(code: str) -> type[Effect]:
-    """Return the class of a cause; ValueError names the codes there are."""
-    if code not in EFFECTS:
-        msg = f"an effect must be one of {', '.join(EFFECTS)}; got '{code}'"
-        raise ValueError(msg)
-    return EFFECTS[code]
-
-
 def parse(text: str) -> Effect:
-    """Read an effect such as ``line:frequency=12.5,amplitude=0.01``.
-
-    Parameters
-    ----------
-    text : str
-        Code, colon, ``name=value`` parted by commas, in SI units; the numbers of a list are parted by ``/``.
-        ``str(effect)`` writes this form.
-
-    Returns
-    -------
-    Effect
-        The effect.
-
-    Raises
-    ------
-    ValueError
-        One line that names what is wrong and what is allowed.
-    """
-    code, _, rest = text.strip().partition(":")
-    effect = kind(code.strip())
-    known: dict[str, Field[Any]] = {f.name: f for f in fields(effect)}
-    values: dict[str, Parameter] = {}
-    for part in filter(None, (p.strip() for p in rest.split(","))):
-        name, equals, value = (p.strip() for p in part.partition("="))
-        if not equals or name not in known:
-            msg = f"'{code}' takes {', '.join(f'{k}=VALUE' for k in known)}; got '{part}'"
-            raise ValueError(msg)
-        values[name] = _number(code, known[name], value)
-    missing = [k for k, f in known.items() if f.default is MISSING and k not in values]
-    if missing:
-        msg = f"'{code}' needs {', '.join(f'{k}=VALUE' for k in missing)}; got '{text.strip()}'"
-        raise ValueError(msg)
-    return effect(**values)
-
-
-def _number(code: str, parameter: Field[Any], text: str) -> Parameter:
-    declared = str(parameter.type)
-    try:
-        if declared.startswith("tuple"):
-            return tuple(float(part) for part in text.split("/") if part)
-        return int(text) if declared == "int" else float(text)
-    except ValueError:
-        wanted = {"int": "an integer", "tuple[float, ...]": "numbers parted by '/'"}.get(declared, "a number")
-        msg = f"'{parameter.name}' of '{code}' must be {wanted}, got '{text}'"
-        raise ValueError(msg) from None
+    """Read an effect such as ``line:frequency=12.5,amplitude=0.01`` (see `models.effects.text`)."""
+    return text_parse(text, EFFECTS)
 
 
 def draw(
@@ -150,7 +100,7 @@ def draw(
     """
     require_positive(white_sd=white_sd, interval=interval, span=span)
     least = white_sd * float(np.sqrt(min(1.0, 100.0 * interval / span)))
-    return kind(code).draw(
+    return kind(code, EFFECTS).draw(
         rng, Scale(white_sd, interval, span, start, least if floor is None else floor, level)
     )
 
