@@ -1,9 +1,10 @@
 """Vibration: a narrow-band resonance, an AR(2) process added to the noise.
 
-Statistic: means of 8 … 4096 neighbouring ordinates of the periodogram of the residuals over the level about them.
-The level is a median over a stretch far wider than the window, so that a wide resonance does not hide itself; with
-m effective ordinates in it the ratio of a mean of w of them has Fisher's law F(2w, 2m). Bonferroni over the windows.
-Where that is promising, the likelihood ratio of the fitted hump may be the clearer of the two: χ²₂ for each window.
+Statistic: means of w = 8, 16 … 4096 neighbouring ordinates of the periodogram of the residuals over the mean of
+those beside them, 16 w on either side and half a window away, so that a resonance does not raise its own level. With
+m of these the ratio has Fisher's law F(2w, 2m). Every width has the same share of the false alarms, and so has every
+window of a width. Where that is promising, the likelihood ratio of the fitted hump may be the clearer of the two: χ²₂
+for each window as wide as the hump.
 Extension: frequency, quality and standard deviation by the likelihood of the ordinates about the peak, over a
 level that may slope.
 """
@@ -11,7 +12,7 @@ level that may slope.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,13 @@ from tuner.diagnosis.shape import ShapeTest
 from tuner.diagnosis.statistics import maximum
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger[Any]]
 
-WINDOWS = (8, 32, 128, 512, 2048, 4096)
-STRETCH = 16
-"""Stretches that the band is cut into to take the level."""
+WINDOWS = tuple(8 * 2**k for k in range(10))
+BESIDE = 16
+"""Widths of a window from which its level is taken, on either side."""
+PROMISING = 0.03
+"""Chance of a window from which the hump is fitted."""
 NEAR = 200
 """Ordinates about one that tell a line from a hump."""
 NARROW = 3.0
@@ -113,32 +117,57 @@ class Vibration(Extension):
 def test(found: Residual) -> Alarm:
     """Search the spectrum of the residuals for a hump."""
     power = found.periodogram
-    n = len(found.e)
-    stretch = max(2048, len(power) // STRETCH)
-    total = np.concatenate(([0.0], np.cumsum(np.minimum(power / local_level(power, stretch), CAP))))
-    best, tests = (0.0, 8, FIRST, 1.0), 0
-    for width in WINDOWS:
-        if width > len(power) // 24:
-            break
+    total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, CAP))))
+    widths = [width for width in WINDOWS if width <= len(power) // 24]
+    best = (np.inf, 8, FIRST, 1.0)
+    for width in widths:
         start = np.arange(FIRST, len(power) - width, width // 2)
-        sums = total[start + width] - total[start]
-        tests += len(start)
-        at = int(np.argmax(sums))
-        nats = -_log_tail(float(sums[at]) / width, width, 0.48 * stretch)
-        if nats > best[0]:
-            best = (nats, width, int(start[at]), float(sums[at]) / width)
-    nats, width, at, mean = best
-    p_value = float(min(1.0, tests * np.exp(-nats)))
-    df = 1.0 / (n * found.channel.interval)
+        ratio, beside = _over_neighbours(total, start, width)
+        nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in _largest(ratio, 8)])
+        at = _largest(ratio, 8)[int(np.argmax(nats))]
+        log_chance = np.log(len(widths) * len(start)) - float(nats.max())
+        if log_chance < best[0]:
+            best = (log_chance, width, int(start[at]), float(ratio[at]))
+    log_chance, width, at, mean = best
+    p_value = float(np.exp(min(log_chance, 0.0)))
+    df = 1.0 / (len(found.e) * found.channel.interval)
     middle, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
-    if p_value > 1e-3:
-        return Alarm("vibration", p_value, -9.0, mean, name)
+    if p_value > PROMISING:
+        return Alarm("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
     gain, fitted = extension(found, middle, half)
-    p_value = min(1.0, 2.0 * min(p_value, tests * float(np.exp(-max(gain, 0.0)))))
+    covered = float(np.clip(fitted.frequency / fitted.quality / df, WINDOWS[0], widths[-1]))
+    price = float(np.log(len(widths) * 2.0 * len(power) / covered))
+    p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
     if fitted.quality < NARROW or fitted.overlaps(found):
         gain = -np.inf
-    return Alarm("vibration", p_value, gain - float(np.log(tests)), mean, name, lambda: (fitted,), local=True)
+    return Alarm("vibration", p_value, gain - price, mean, name, lambda: (fitted,), local=True)
+
+
+def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[FloatArray, FloatArray]:
+    """Return the means of windows over those of the ordinates beside them, and how many these are, shape of `start`.
+
+    `total` holds the running sums of the ordinates.
+    """
+    last = len(total) - 1
+    gap = width // 2
+
+    def sums(first: IntArray, stop: IntArray) -> tuple[FloatArray, FloatArray]:
+        stop = np.maximum(first, stop)
+        return total[stop] - total[first], (stop - first).astype(float)
+
+    below, number_below = sums(np.maximum(start - gap - BESIDE * width, FIRST), start - gap)
+    above, number_above = sums(
+        np.minimum(start + width + gap, last), np.minimum(start + width + gap + BESIDE * width, last)
+    )
+    number = number_below + number_above
+    inside = (total[start + width] - total[start]) / width
+    return inside * number / (below + above), number
+
+
+def _largest(values: FloatArray, number: int) -> IntArray:
+    """Return the places of the largest values."""
+    return np.argsort(values)[-number:]
 
 
 def wide(tested: ShapeTest, found: Residual) -> Alarm:
