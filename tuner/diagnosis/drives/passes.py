@@ -1,0 +1,311 @@
+"""Compiled passes over a linear record: the filter forwards, the gradient of its likelihood backwards.
+
+Forwards, one fix after the other and one row h after the other, since the errors of rows are independent::
+
+    a ← Φ a,  P ← Φ P Φᵀ + Σ_g s_g Q_g,  V ← Φ V + B          to the fix
+    z = ν − h a,  f = h P hᵀ + r,  K = P hᵀ/f,  s = D + h V    innovation, its variance, gain, d z/dθ
+    a ← a + K z,  P ← P − K f Kᵀ,  V ← V − K s                 a row that is taken
+    a ← a − c                                                  what the recorded filter did
+
+Three further states may stand for a Gauss–Markov error of the position fixes. Backwards [1]_, with L = I − K h::
+
+    u = z/f − K·r,   d = 1/f + K·N K            ∂ ln L/∂r = (u² − d)/2
+    r ← hᵀ z/f + Lᵀ r,   N ← hᵀ h/f + Lᵀ N L    before the row; if ln L does not count it,
+    r ← Lᵀ r,            N ← Lᵀ N L − (Lᵀ r h + hᵀ rᵀ L) z/f    and    ∂ ln L/∂r = ((K·r)² − K·N K)/2 − K·r z/f
+    ∂ ln L/∂s_g = ½ Σ tr (r rᵀ − N) Q_g,        then r ← Φᵀ r, N ← Φᵀ N Φ
+
+r is the score of an impulse in the states and N its information [2]_.
+
+References
+----------
+.. [1] S. J. Koopman, N. Shephard, Exact score for time series models in state space form, Biometrika 79 (1992).
+.. [2] P. de Jong, J. Penzer, Diagnosing shocks in time series, J. Amer. Statist. Assoc. 93 (1998).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NAVIGATION = 9
+"""States that begin anew with every stretch."""
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _product(left: FloatArray, n: int, right: FloatArray, out: FloatArray) -> None:
+    """Set the first n rows of out to left @ right, passing over the zeros of left."""
+    for i in range(n):
+        out[i] = 0.0
+        for m in range(n):
+            c = left[i, m]
+            if c != 0.0:
+                for j in range(right.shape[1]):
+                    out[i, j] += c * right[m, j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _turned_product(left: FloatArray, n: int, right: FloatArray, out: FloatArray) -> None:
+    """Set the first n rows of out to leftᵀ @ right, passing over the zeros of left."""
+    out[:n] = 0.0
+    for m in range(n):
+        for i in range(n):
+            c = left[m, i]
+            if c != 0.0:
+                for j in range(right.shape[1]):
+                    out[i, j] += c * right[m, j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _flip(matrix: FloatArray, out: FloatArray) -> None:
+    """Set out to the transpose."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[j, i] = matrix[i, j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def forward(
+    phi: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    gyro_bias: FloatArray,
+    accel_bias: FloatArray,
+    receiver: FloatArray,
+    factor: FloatArray,
+    H: FloatArray,
+    innovation: FloatArray,
+    sd: FloatArray,
+    available: BoolArray,
+    rows: BoolArray,
+    correction: FloatArray,
+    initial: FloatArray,
+    starts: BoolArray,
+    drive: FloatArray,
+    seen: FloatArray,
+    decay: FloatArray,
+    markov_sd: FloatArray,
+    z: FloatArray,
+    f: FloatArray,
+    s: FloatArray,
+    gains: FloatArray,
+) -> None:
+    """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains (k, 6, N), N the states with those of the fixes.
+
+    `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows that are available
+    and not taken get z, f and s as predicted.
+    """
+    k, n, p = phi.shape[0], phi.shape[1], drive.shape[2]
+    size = gains.shape[2]
+    P, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    a, b = np.zeros(size), np.zeros(size)
+    V, W = np.zeros((size, p)), np.zeros((size, p))
+    Ph, at = np.zeros(size), np.zeros(size, dtype=np.int64)
+    P[:n, :n] = initial
+    for j in range(n, size):
+        P[j, j] = markov_sd[j - n] ** 2
+    for i in range(k):
+        if i > 0 and starts[i]:
+            a[:NAVIGATION] = 0.0
+            V[:NAVIGATION] = 0.0
+            P[:NAVIGATION] = 0.0
+            P[:, :NAVIGATION] = 0.0
+            P[:NAVIGATION, :NAVIGATION] = initial[:NAVIGATION, :NAVIGATION]
+        F = phi[i]
+        for m in range(n):
+            b[m] = 0.0
+            for j in range(n):
+                b[m] += F[m, j] * a[j]
+        for m in range(n, size):
+            b[m] = decay[i] * a[m]
+        a, b = b, a
+        if p:
+            _product(F, n, V, W)
+            for m in range(n):
+                for q in range(p):
+                    W[m, q] += drive[i, m, q]
+            for m in range(n, size):
+                for q in range(p):
+                    W[m, q] = decay[i] * V[m, q]
+            V, W = W, V
+        _product(F, n, P, T)
+        for m in range(n, size):
+            for j in range(size):
+                T[m, j] = decay[i] * P[m, j]
+        _flip(T, U)
+        _product(F, n, U, P)
+        for m in range(n, size):
+            for j in range(size):
+                P[m, j] = decay[i] * U[m, j]
+            P[m, m] += markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
+        for m in range(n):
+            for j in range(n):
+                P[m, j] += (
+                    factor[0] * gyro[i, m, j]
+                    + factor[1] * accel[i, m, j]
+                    + factor[2] * gyro_bias[i, m, j]
+                    + factor[3] * accel_bias[i, m, j]
+                )
+        if receiver.shape[0]:
+            for m in range(n):
+                for j in range(n):
+                    P[m, j] += receiver[i, m, j]
+        for row in range(6):
+            if not available[i, row]:
+                continue
+            count = 0
+            for j in range(n):
+                if H[i, row, j] != 0.0:
+                    at[count] = j
+                    count += 1
+            of_fix = n + row if row < 3 and size > n else -1
+            residual = innovation[i, row]
+            Ph[:] = 0.0
+            for m in range(count):
+                c = H[i, row, at[m]]
+                residual -= c * a[at[m]]
+                for j in range(size):
+                    Ph[j] += c * P[at[m], j]
+            if of_fix >= 0:
+                residual -= a[of_fix]
+                for j in range(size):
+                    Ph[j] += P[of_fix, j]
+            variance = sd[i, row] ** 2
+            for m in range(count):
+                variance += H[i, row, at[m]] * Ph[at[m]]
+            if of_fix >= 0:
+                variance += Ph[of_fix]
+            z[i, row], f[i, row] = residual, variance
+            for q in range(p):
+                total = seen[i, row, q]
+                for m in range(count):
+                    total += H[i, row, at[m]] * V[at[m], q]
+                if of_fix >= 0:
+                    total += V[of_fix, q]
+                s[i, row, q] = total
+            if not rows[i, row]:
+                continue
+            for m in range(size):
+                c = Ph[m] / variance
+                gains[i, row, m] = c
+                a[m] += c * residual
+                for j in range(size):
+                    P[m, j] -= c * Ph[j]
+                for q in range(p):
+                    V[m, q] -= c * s[i, row, q]
+        for m in range(n):
+            a[m] -= correction[i, m]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def backward(
+    phi: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    gyro_bias: FloatArray,
+    accel_bias: FloatArray,
+    factor: FloatArray,
+    H: FloatArray,
+    sd: FloatArray,
+    rows: BoolArray,
+    counted: BoolArray,
+    starts: BoolArray,
+    decay: FloatArray,
+    markov_sd: FloatArray,
+    z: FloatArray,
+    f: FloatArray,
+    gains: FloatArray,
+    by_sd: FloatArray,
+    by_drive: FloatArray,
+    by_markov: FloatArray,
+    score: FloatArray,
+    information: FloatArray,
+) -> None:
+    """Set the derivatives of ln L by the logs of the sds (k, 6), of the factors (4,) and of markov_sd (3,).
+
+    Also sets score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix.
+    """
+    k, n, size, b = phi.shape[0], phi.shape[1], gains.shape[2], score.shape[1]
+    N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    r, w, NK, h = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    by_drive[:] = 0.0
+    by_markov[:] = 0.0
+    for i in range(k - 1, -1, -1):
+        for m in range(b):
+            score[i, m] = r[NAVIGATION + m]
+            for j in range(b):
+                information[i, m, j] = N[NAVIGATION + m, NAVIGATION + j]
+        for row in range(5, -1, -1):
+            by_sd[i, row] = 0.0
+            if not rows[i, row]:
+                continue
+            K, variance = gains[i, row], f[i, row]
+            Kr = 0.0
+            KNK = 0.0
+            for m in range(size):
+                Kr += K[m] * r[m]
+                total = 0.0
+                for j in range(size):
+                    total += N[m, j] * K[j]
+                NK[m] = total
+                KNK += K[m] * total
+            pull = z[i, row] / variance
+            own = 1.0 if counted[i, row] else 0.0
+            u = own * pull - Kr
+            weight = own / variance + KNK
+            by_sd[i, row] = sd[i, row] ** 2 * (u * u - weight - 2.0 * (1.0 - own) * Kr * pull)
+            h[:n] = H[i, row]
+            if size > n:
+                h[n:] = 0.0
+                if row < 3:
+                    h[n + row] = 1.0
+            for m in range(size):
+                if h[m] != 0.0:
+                    r[m] += h[m] * u
+                    for j in range(size):
+                        N[m, j] -= h[m] * NK[j]
+                        N[j, m] -= h[m] * NK[j]
+                    for j in range(size):
+                        N[m, j] += h[m] * h[j] * weight
+            if own == 0.0:
+                for m in range(size):
+                    if h[m] != 0.0:
+                        for j in range(size):
+                            N[m, j] -= pull * h[m] * r[j]
+                            N[j, m] -= pull * h[m] * r[j]
+        for m in range(n):
+            for j in range(n):
+                c = 0.5 * (r[m] * r[j] - N[m, j])
+                by_drive[0] += c * gyro[i, m, j]
+                by_drive[1] += c * accel[i, m, j]
+                by_drive[2] += c * gyro_bias[i, m, j]
+                by_drive[3] += c * accel_bias[i, m, j]
+        for m in range(n, size):
+            gain = markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
+            by_markov[m - n] += gain * (r[m] * r[m] - N[m, m])
+        for m in range(size):
+            w[m] = decay[i] * r[m] if m >= n else 0.0
+        for m in range(n):
+            for j in range(n):
+                w[j] += phi[i, m, j] * r[m]
+        r, w = w, r
+        _turned_product(phi[i], n, N, T)
+        for m in range(n, size):
+            for j in range(size):
+                T[m, j] = decay[i] * N[m, j]
+        _flip(T, U)
+        _turned_product(phi[i], n, U, N)
+        for m in range(n, size):
+            for j in range(size):
+                N[m, j] = decay[i] * U[m, j]
+        if i > 0 and starts[i]:
+            r[:NAVIGATION] = 0.0
+            N[:NAVIGATION] = 0.0
+            N[:, :NAVIGATION] = 0.0
+    for m in range(n, size):
+        by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
+    for g in range(4):
+        by_drive[g] *= factor[g]
