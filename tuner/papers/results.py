@@ -15,7 +15,6 @@ A picture names what is drawn, not how: `tuner.report.papers_figures` draws it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -147,18 +146,9 @@ def judge(
     return Claim(text, paper, ours, verdict, why)
 
 
-def absent(text: str, paper: str, found: Sequence[Coefficient], *, why: str) -> Claim:
-    """Return the claim that something does not show: reproduced where most records only bound it.
-
-    Identification finds a term that is not there in up to one record of twenty, so that one of three may.
-    """
-    seen = [c for c in found if c.value is not None]
-    bounds = [c for c in found if c.upper is not None]
-    if 2 * len(seen) >= len(found):
-        return Claim(text, paper, seen[0], "not reproduced", why)
-    chance = f"; {len(seen)} of {len(found)} records shows a trace, as one of twenty does by chance"
-    largest = max(bounds, key=lambda c: c.upper or 0.0)
-    return Claim(text, paper, largest, "reproduced", why + (chance if seen else ""))
+def absent(text: str, paper: str, found: Coefficient, *, why: str) -> Claim:
+    """Return the claim that something does not show: reproduced where the data only bound it."""
+    return Claim(text, paper, found, "reproduced" if found.value is None else "not reproduced", why)
 
 
 def untestable(text: str, paper: str, missing: str) -> Claim:
