@@ -54,15 +54,20 @@ class Stretch:
         At the first fix, where `steps` begin.
     alignment : Alignment
         Where it comes from.
+    lag : float
+        How much later the receiver's velocities were than its positions, s; mended in `fixes`.
     """
 
     steps: Steps
     fixes: Fixes
     start: NavigationState
     alignment: Alignment
+    lag: float = 0.0
 
 
-def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+def prepare(
+    drive: Drive, settings: FilterSettings, *, timed: bool = False
+) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
     """Cut a drive into stretches and align each.
 
     Parameters
@@ -71,6 +76,8 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
         The drive.
     settings : FilterSettings
         Lever arm and, where the receiver reports no sds, those of the configuration.
+    timed : bool
+        The stamps of the fixes are known to be right: neither delay nor lag is looked for.
 
     Returns
     -------
@@ -88,10 +95,9 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
     gnss, axes = named_axes(drive.gnss)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
-    lag = receiver_lag(gnss)
+    lag = 0.0 if timed else receiver_lag(gnss)
     if lag:
-        moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
-        gnss = replace(gnss, vel_n=moved)
+        gnss = unlagged(gnss, lag)
         notes.append(f"velocities of the receiver are {lag:.3f} s later than its positions: moved")
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
@@ -112,8 +118,8 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            known = stretches[0].alignment.delay if stretches else None
-            stretch = _stretch(steps, gnss, settings, known)
+            known = 0.0 if timed else stretches[0].alignment.delay if stretches else None
+            stretch = replace(_stretch(steps, gnss, settings, known), lag=lag)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -134,30 +140,37 @@ def navigate(
     stretches: tuple[Stretch, ...], settings: FilterSettings, windows: FloatArray
 ) -> tuple[Solution, ...]:
     """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
-    n = settings.size
-    parameters, covariance = np.zeros(n), np.diag(settings.initial_sd**2)
     answers: list[Solution] = []
-    for i, stretch in enumerate(stretches):
-        a = stretch.alignment
-        p = _fresh(covariance, settings, stretch)
-        x = parameters.copy()
-        if i == 0 and a.still > 0.0:
-            x[settings.model.layout["gyro_bias"]] = a.gyro_bias
-            x[settings.model.layout["accel_bias"]] = a.accel_bias
-            own = range(settings.model.layout["accel_bias"].start, settings.model.layout["accel_bias"].stop)
-            p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
-        answers.append(
-            engine.run(
-                settings,
-                stretch.start,
-                stretch.steps,
-                stretch.fixes.without(windows),
-                parameters=x,
-                covariance=p,
-            )
-        )
-        parameters, covariance = answers[-1].final_parameters, answers[-1].final_covariance
+    for stretch in stretches:
+        x, p = beginning(settings, stretch, answers[-1] if answers else None)
+        fixes = stretch.fixes.without(windows)
+        answers.append(engine.run(settings, stretch.start, stretch.steps, fixes, parameters=x, covariance=p))
     return tuple(answers)
+
+
+def beginning(
+    settings: FilterSettings, stretch: Stretch, before: Solution | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the other states (n,) and P (n, n) at the start of a stretch that follows a solution, or none."""
+    if before is not None:
+        return before.final_parameters.copy(), _fresh(before.final_covariance, settings, stretch)
+    a, at = stretch.alignment, settings.model.layout
+    x, p = np.zeros(settings.size), _fresh(np.diag(settings.initial_sd**2), settings, stretch)
+    if a.still > 0.0:
+        x[at["gyro_bias"]] = a.gyro_bias
+        x[at["accel_bias"]] = a.accel_bias
+        own = range(at["accel_bias"].start, at["accel_bias"].stop)
+        p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
+    return x, p
+
+
+def unlagged(gnss: Gnss, lag: float) -> Gnss:
+    """Return the fixes with velocities that are so much earlier, s."""
+    known = np.isfinite(gnss.vel_n).all(axis=1)
+    t = gnss.t[known]
+    moved = np.full_like(gnss.vel_n, np.nan)
+    moved[known] = np.stack([np.interp(t + lag, t, v) for v in gnss.vel_n[known].T], axis=-1)
+    return replace(gnss, vel_n=moved)
 
 
 def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -> FloatArray:
@@ -257,4 +270,6 @@ def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     velocity = settings.velocity_sd or (0.1, 0.1, 0.2)
     reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
     believed = np.array([*position, *velocity])
-    return np.where(reported > 0.0, np.maximum(reported, believed), believed)
+    if settings.fix_scale is None:
+        return np.where(reported > 0.0, np.maximum(reported, believed), believed)
+    return np.where(reported > 0.0, reported, believed) * np.repeat(settings.fix_scale, (2, 1, 2, 1))

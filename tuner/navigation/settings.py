@@ -52,6 +52,9 @@ class FilterSettings:
     patience : float
         After so long with nothing but refused positions, or velocities, the next one is used whatever the
         gate says, s: the filter, not the receiver, is lost.
+    fix_scale : tuple of 4 floats or None
+        Measured ratio of true to reported sd: position horizontal, vertical, velocity horizontal, vertical. None:
+        not measured, and the larger of the reported and the configured sd counts.
     """
 
     model: ErrorModel
@@ -62,6 +65,7 @@ class FilterSettings:
     position_sd: tuple[float, float, float] | None = None
     velocity_sd: tuple[float, float, float] | None = None
     patience: float = PATIENCE
+    fix_scale: tuple[float, float, float, float] | None = None
 
     @property
     def size(self) -> int:

@@ -1,0 +1,161 @@
+"""What is held to be true of a drive, and the filter's pass under it.
+
+A hypothesis is a configuration, a compensation and fixes left out. `examine` takes the compensation out of the drive,
+aligns, filters and leaves the linear record; the criticism happens in the axes of the sensor, whatever the mounting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drives.passage import linear_record
+from tuner.diagnosis.drives.record import LinearRecord
+from tuner.navigation.compensation import compensated, compensated_settings
+from tuner.navigation.drive import Stretch, beginning, navigate, prepare
+from tuner.navigation.inputs import Solution
+from tuner.navigation.settings import FilterSettings, filter_settings
+from tuner.records import Drive
+from tuner.results import FilterConfig
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MOST = 6000
+"""Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What is held to be true.
+
+    Attributes
+    ----------
+    config : FilterConfig
+        Noise of the sensor and of the receiver.
+    values : mapping of str to float
+        Compensation, see `tuner.navigation.compensation`.
+    position_out, velocity_out : ndarray of bool, shape (k,)
+        Fixes of the drive whose position (and velocity), or velocity alone, is left out.
+    """
+
+    config: FilterConfig
+    values: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    position_out: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    velocity_out: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def with_values(self, values: Mapping[str, float]) -> Hypothesis:
+        """Return the hypothesis with further values of the compensation, or others."""
+        return replace(self, values={**self.values, **values})
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A filter's pass over a drive under a hypothesis.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+        Under which.
+    settings : FilterSettings
+        The filter.
+    stretches, solutions : tuples
+        What was filtered, and the outcome.
+    record : LinearRecord
+        The same made linear.
+    notes : tuple of str
+        What was done on the way.
+    """
+
+    hypothesis: Hypothesis
+    settings: FilterSettings
+    stretches: tuple[Stretch, ...]
+    solutions: tuple[Solution, ...]
+    record: LinearRecord
+    notes: tuple[str, ...]
+
+
+def in_sensor_axes(drive: Drive) -> Drive:
+    """Return the drive with its lever arm in the axes of the sensor and no mounting."""
+    if drive.mounting is None:
+        return drive
+    arm = drive.lever_arm
+    if arm is not None:
+        x, y, z = (drive.mounting @ np.array(arm)).tolist()
+        arm = (x, y, z)
+    return replace(drive, mounting=None, lever_arm=arm)
+
+
+def thinned(drive: Drive) -> tuple[Drive, int]:
+    """Return the drive with at most `MOST` fixes, and of how many one was kept."""
+    every = -(-len(drive.gnss) // MOST)
+    gnss = drive.gnss
+    kept = slice(None, None, every)
+    fewer = replace(
+        gnss,
+        t=gnss.t[kept],
+        llh=gnss.llh[kept],
+        vel_n=gnss.vel_n[kept],
+        position_sd=gnss.position_sd[kept],
+        velocity_sd=gnss.velocity_sd[kept],
+    )
+    return replace(drive, gnss=fewer), every
+
+
+def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
+    """Return the filter of a hypothesis for a drive that is already compensated: it believes the receiver's sds."""
+    arm = drive.lever_arm or (0.0, 0.0, 0.0)
+    settings = filter_settings(hypothesis.config, lever_arm=arm)
+    settings = replace(settings, fix_scale=(1.0, 1.0, 1.0, 1.0))
+    return compensated_settings(settings, hypothesis.values)
+
+
+def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
+    """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
+    drive = compensated(drive, hypothesis.values)
+    gnss = drive.gnss
+    if hypothesis.velocity_out.any():
+        gnss = replace(gnss, vel_n=np.where(hypothesis.velocity_out[:, None], np.nan, gnss.vel_n))
+    if hypothesis.position_out.any():
+        kept = ~hypothesis.position_out
+        gnss = replace(
+            gnss,
+            t=gnss.t[kept],
+            llh=gnss.llh[kept],
+            vel_n=gnss.vel_n[kept],
+            position_sd=gnss.position_sd[kept],
+            velocity_sd=gnss.velocity_sd[kept],
+        )
+    return replace(drive, gnss=gnss)
+
+
+def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
+    """Filter a drive in sensor axes under a hypothesis.
+
+    Raises
+    ------
+    DataError
+        Where the drive cannot be aligned.
+    """
+    seen = mended(drive, hypothesis)
+    settings = settings_of(seen, hypothesis)
+    stretches, notes = prepare(seen, settings, timed=True)
+    solutions = navigate(stretches, settings, np.zeros((0, 2)))
+    starts = [
+        beginning(settings, stretch, solutions[i - 1] if i else None) for i, stretch in enumerate(stretches)
+    ]
+    assert settings.fix_scale is not None
+    scale = np.repeat(settings.fix_scale, (2, 1, 2, 1))
+    record = linear_record(
+        settings,
+        stretches,
+        solutions,
+        starts[0][1],
+        [x for x, _ in starts],
+        [stretch.fixes.sd / scale for stretch in stretches],
+    )
+    return Pass(hypothesis, settings, stretches, solutions, record, notes)

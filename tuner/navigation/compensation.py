@@ -1,0 +1,96 @@
+"""What is known to be wrong with a drive, taken out of it: clocks, frames, the calibration of the sensors.
+
+A compensation maps names of parameters to values, SI, in the axes of the sensor, all by the conventions of
+`models`: measured (ω, f) = A true, stamps of fixes late by a delay, velocities by a lag besides, velocities turned by
+a rotation. An empty one changes nothing.
+
+================================ ==========================================================================
+time_offset.delay                positions of stamp t are those of t − delay
+velocity_lag.delay               velocities are so much later than the positions beside them
+lever_arm.x y z                  what the given lever arm (none: 0) lacks
+gnss_frame.roll pitch yaw        rotation vector of reported velocities against north-east-down
+gyro_scale, accel_scale .x y z   scale factor errors
+gyro_misalignment.xy …           elements of K beside the diagonal; accel_misalignment the same
+g_sensitivity.xx …               gyro error by specific force
+gravity.offset                   excess of gravity
+gnss_noise_scale.…               true ÷ reported sd: position_horizontal, …_vertical, velocity_…
+================================ ==========================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.calibration import OFF_DIAGONAL
+from tuner.navigation.drive import unlagged
+from tuner.navigation.settings import FilterSettings
+from tuner.records import Drive
+
+FloatArray = NDArray[np.float64]
+
+XYZ = ("x", "y", "z")
+NOISE_SCALE = tuple(
+    f"gnss_noise_scale.{quantity}_{axis}"
+    for quantity in ("position", "velocity")
+    for axis in ("horizontal", "vertical")
+)
+
+
+def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
+    """Return the drive without what is known to be wrong with it.
+
+    Parameters
+    ----------
+    drive : Drive
+        As measured.
+    values : mapping of str to float
+        The compensation.
+    """
+    if not values:
+        return drive
+    rates = np.linalg.solve(sensor_matrix(values), drive.rates.T).T
+    gnss = drive.gnss
+    lag = values.get("velocity_lag.delay", 0.0)
+    if lag:
+        gnss = unlagged(gnss, lag)
+    turn = rotation.mat_from_rotvec(_triple(values, "gnss_frame", ("roll", "pitch", "yaw")))
+    gnss = replace(gnss, t=gnss.t - values.get("time_offset.delay", 0.0), vel_n=gnss.vel_n @ turn)
+    lacking = _triple(values, "lever_arm", XYZ)
+    arm = drive.lever_arm
+    if lacking.any() or arm is not None:
+        if drive.mounting is not None:
+            lacking = drive.mounting.T @ lacking
+        x, y, z = (np.array(arm or (0.0, 0.0, 0.0)) + lacking).tolist()
+        arm = (x, y, z)
+    return replace(drive, rates=rates, gnss=gnss, lever_arm=arm)
+
+
+def compensated_settings(settings: FilterSettings, values: Mapping[str, float]) -> FilterSettings:
+    """Return the filter with the measured scale of the receiver's sds, where there is one."""
+    if not any(name in values for name in NOISE_SCALE):
+        return settings
+    a, b, c, d = (values.get(name, 1.0) for name in NOISE_SCALE)
+    return replace(settings, fix_scale=(a, b, c, d))
+
+
+def sensor_matrix(values: Mapping[str, float]) -> FloatArray:
+    """Return A (6, 6) with measured (ω, f) = A true."""
+    matrix = np.eye(6)
+    for first, sensor in ((0, "gyro"), (3, "accel")):
+        for i, axis in enumerate(XYZ):
+            matrix[first + i, first + i] += values.get(f"{sensor}_scale.{axis}", 0.0)
+        for i, j in OFF_DIAGONAL:
+            matrix[first + i, first + j] += values.get(f"{sensor}_misalignment.{XYZ[i]}{XYZ[j]}", 0.0)
+    for i, a in enumerate(XYZ):
+        for j, b in enumerate(XYZ):
+            matrix[i, 3 + j] += values.get(f"g_sensitivity.{a}{b}", 0.0)
+    return matrix
+
+
+def _triple(values: Mapping[str, float], cause: str, parts: tuple[str, ...]) -> FloatArray:
+    return np.array([values.get(f"{cause}.{part}", 0.0) for part in parts])
