@@ -13,6 +13,7 @@ from tuner.papers.freedom import printed_allan, printed_theo1, printed_theoh, pr
 from tuner.papers.results import absent, exact, judge, rounded, untestable
 from tuner.papers.sampling import estimate, mean_of, ratio_of_means, share_of
 from tuner.papers.segments import relative_sd_of_sigma
+from tuner.papers.timeseries import MODEL, stays_white
 from tuner.results import Coefficient
 
 OURS = Coefficient.known(1.0, 0.9, 1.1, "1")
@@ -137,3 +138,16 @@ def test_relative_sd_of_a_root() -> None:
     # χ with many degrees of freedom has 1/√(2ν); with one it is that of |x|.
     assert relative_sd_of_sigma(np.array([1.0]))[0] == pytest.approx(np.sqrt(np.pi / 2.0 - 1.0))
     assert relative_sd_of_sigma(np.array([1e4]))[0] == pytest.approx(1.0 / np.sqrt(2e4), rel=1e-3)
+
+
+def test_how_often_equation_16_stays_white() -> None:
+    # The likelihood of one autoregressive coefficient gains −n ln(1 − r₁²); 2000 records, 5 standard errors.
+    rng, n, runs = np.random.default_rng(8), 2000, 2000
+    kept = 0
+    for _ in range(runs):
+        y = MODEL.sample(n, 0.01, rng)
+        r = np.dot(y[1:], y[:-1]) / np.dot(y, y)
+        kept += -n * np.log1p(-(r**2)) < np.log(n)
+    assert stays_white(n) == pytest.approx(kept / runs, abs=5.0 * np.sqrt(0.034 * 0.966 / runs))
+    assert stays_white(20_000) < stays_white(2000)
+    assert stays_white(23_000) > 0.5 > stays_white(24_000)
