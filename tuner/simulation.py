@@ -116,7 +116,7 @@ def simulate(
     constant = {a: _gravity(a) + c.bias_sd * float(biases.standard_normal()) for a, c in channels.items()}
     t = np.arange(round(duration * rate)) / rate
     profile = temperature or Warming(25.0, 8.0, duration / 6.0)
-    y, white = _noise(channels, constant, len(t), 1.0 / rate, noise)
+    y, white = sample_noise(channels, constant, len(t), 1.0 / rate, noise)
     block = Samples(t, y, 1.0 / rate, profile.celsius(t), white)
     models = {axis: channel.model for axis, channel in channels.items()}
     chosen = [
@@ -203,14 +203,20 @@ def _gravity(axis: str) -> float:
     return -GRAVITY if axis == "accel_z" else 0.0
 
 
-def _noise(
+def sample_noise(
     channels: Mapping[str, Channel],
     constant: Mapping[str, float],
     n: int,
     interval: float,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the samples and their white part, shapes (n, k)."""
+    """Draw the samples of channels about constants, each term from a stream of its own.
+
+    Returns
+    -------
+    y, white : ndarray, shape (n, k)
+        Samples and their white part.
+    """
     y, white = np.empty((n, len(channels)), order="F"), np.zeros((n, len(channels)), order="F")
     for j, (stream, (axis, channel)) in enumerate(
         zip(rng.spawn(len(channels)), channels.items(), strict=True)

@@ -1,4 +1,4 @@
-"""Records to log files that any reader of the input format understands: CSV (plain or gzip) and NPZ.
+"""Records and drives to files that any reader of the input format understands: CSV (plain or gzip) and NPZ.
 
 Columns are ``t`` and the axes of the records, in SI units named in brackets in a text header, then the
 covariates. Numbers are written in full: what is read back is equal to the last bit. Files appear whole or not
@@ -7,14 +7,16 @@ at all.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models import rotation
 from tuner.files import whole_file
-from tuner.records import DataError, Record
+from tuner.records import DataError, Drive, Record
 
 FloatArray = NDArray[np.float64]
 
@@ -62,6 +64,42 @@ def write_npz(records: Sequence[Record], path: Path) -> None:
     arrays |= _covariates(records)
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
+
+
+def write_drive(drive: Drive, path: Path) -> None:
+    """Write a drive with a known mounting as one NPZ: the arrays of `tuner.readers.drives`."""
+    if path.suffix.lower() != ".npz":
+        msg = f"{path}: expected a name that ends in .npz, got '{path.name}'"
+        raise DataError(msg)
+    gnss, begin = drive.gnss, drive.origin
+    meta: dict[str, object] = {"name": drive.name, "lever_arm_frd_m": drive.lever_arm}
+    if drive.mounting is not None:
+        meta["mounting_rpy_deg"] = np.degrees(rotation.rpy_from_mat(drive.mounting)).tolist()
+    arrays = {
+        "imu_t": drive.imu_t + begin,
+        "gyro": drive.rates[:, :3],
+        "accel": drive.rates[:, 3:],
+        "gnss_t": gnss.t + begin,
+        "gnss_llh": _degrees(gnss.llh),
+        "gnss_vned": gnss.vel_n,
+        "gnss_pstd": gnss.position_sd,
+        "gnss_vstd": gnss.velocity_sd,
+        "meta": np.array(json.dumps(meta)),
+    }
+    if drive.reference is not None:
+        r = drive.reference
+        arrays |= {
+            "ref_t": r.t + begin,
+            "ref_llh": _degrees(r.llh),
+            "ref_vned": r.vel_n,
+            "ref_rpy": np.degrees(r.rpy),
+        }
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
+
+
+def _degrees(llh: FloatArray) -> FloatArray:
+    return np.column_stack([np.degrees(llh[:, :2]), llh[:, 2]])
 
 
 def _clock(records: Sequence[Record]) -> FloatArray:

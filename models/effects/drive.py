@@ -46,6 +46,8 @@ class DriveSamples:
         The truth, or the best that is known of it.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, in axes of the vehicle, m.
+    mounting : ndarray, shape (3, 3), optional
+        Rotates axes of the vehicle into those of the sensor; by default they are the same.
     errors, white : ndarray, shape (n, 6), optional
         Errors of the unit, and the white part of them, where they are known.
     fix_white : ndarray, shape (k, 6), optional
@@ -61,6 +63,7 @@ class DriveSamples:
     velocity_sd: FloatArray
     course: Course
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mounting: FloatArray | None = None
     errors: FloatArray | None = None
     white: FloatArray | None = None
     fix_white: FloatArray | None = None

@@ -59,8 +59,9 @@ class Gravity(DriveEffect):
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Take the excess off the specific force, along the vertical in the middle of each interval."""
         middle = drive.t - 0.5 * np.diff(drive.t, prepend=2.0 * drive.t[0] - drive.t[1])
+        down = drive.course.mat_nb(middle)[:, 2, :]
         change = np.zeros_like(drive.rates)
-        change[:, 3:] = -self.offset * drive.course.mat_nb(middle)[:, 2, :]
+        change[:, 3:] = -self.offset * (down if drive.mounting is None else down @ drive.mounting.T)
         return drive.felt(change)
 
     @classmethod

@@ -1,8 +1,9 @@
-"""`tuner simulate`: a static log of a sensor, effects hidden on request, the key in a file of its own."""
+"""`tuner simulate`: a static log or a drive, effects hidden on request, the key in a file of its own."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,8 +11,11 @@ from tuner.commands.options import Output, common
 from tuner.progress import Messages
 from tuner.records import DataError
 
+if TYPE_CHECKING:
+    from tuner.records import Drive
 
-@click.command("simulate", short_help="A static log of a sensor, with effects hidden on request.")
+
+@click.command("simulate", short_help="A log or a drive of a sensor, with effects hidden on request.")
 @click.argument("sensor", metavar="SENSOR")
 @click.option(
     "--hide",
@@ -20,6 +24,8 @@ from tuner.records import DataError
     metavar="EFFECT[@AXES][:NAME=VALUE,…]",
     help="Hide an effect; may be repeated.",
 )
+@click.option("--trajectory", metavar="NAME", help="A drive along a built-in trajectory, as NPZ.")
+@click.option("--gnss", metavar="GRADE", help="Built-in receiver of a drive.")
 @click.option("--hours", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True)
 @click.option(
     "--rate",
@@ -38,6 +44,8 @@ from tuner.records import DataError
 def command(
     sensor: str,
     hidden: tuple[str, ...],
+    trajectory: str | None,
+    gnss: str | None,
     hours: float,
     rate: float | None,
     output_file: Path | None,
@@ -45,19 +53,60 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Simulate a static log of SENSOR, a built-in grade; what was hidden is written to FILE.key.json."""
+    """Simulate SENSOR, a built-in grade: a static log, or a drive along a trajectory with a receiver.
+
+    What was hidden is written to FILE.key.json.
+    """
     from tuner.files import json_text, write_text
     from tuner.grades import grade_names, load_grade
     from tuner.simulation import simulate
-    from tuner.writers import write_log
+    from tuner.writers import write_drive, write_log
 
     if sensor not in grade_names():
         msg = f"{sensor}: expected a built-in grade ({' '.join(grade_names())})"
         raise DataError(msg)
-    path = output_file or Path(f"{sensor}.npz")
-    records, key = simulate(load_grade(sensor), duration=3600.0 * hours, rate=rate, seed=seed, hidden=hidden)
-    write_log(records, path)
+    if gnss is not None and trajectory is None:
+        msg = f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver"
+        raise DataError(msg)
+    key: dict[str, Any]
+    if trajectory is None:
+        path = output_file or Path(f"{sensor}.npz")
+        records, key = simulate(
+            load_grade(sensor), duration=3600.0 * hours, rate=rate, seed=seed, hidden=hidden
+        )
+        write_log(records, path)
+    else:
+        path = output_file or Path(f"{sensor}-{trajectory}.npz")
+        drive, key = _drive(sensor, trajectory, gnss, 3600.0 * hours, rate, seed, hidden)
+        write_drive(drive, path)
     key_path = path.with_name(path.name.split(".")[0] + ".key.json")
     write_text(key_path, json_text(key))
     messages.say(f"wrote {path} and its key {key_path}")
     output.write({"schema": "tuner.simulation/1", "log": str(path), "key": str(key_path)})
+
+
+def _drive(
+    sensor: str,
+    trajectory: str,
+    gnss: str | None,
+    duration: float,
+    rate: float | None,
+    seed: int,
+    hidden: tuple[str, ...],
+) -> tuple[Drive, dict[str, Any]]:
+    from models.trajectories import TRAJECTORIES
+    from tuner.commands.check import RECEIVER
+    from tuner.drives import simulate_drive
+    from tuner.grades import load_gnss, load_grade
+
+    if trajectory not in TRAJECTORIES:
+        msg = f"--trajectory {trajectory}: expected one of {' '.join(TRAJECTORIES)}"
+        raise DataError(msg)
+    return simulate_drive(
+        load_grade(sensor),
+        TRAJECTORIES[trajectory](duration),
+        load_gnss(gnss or RECEIVER),
+        rate=rate,
+        seed=seed,
+        hidden=hidden,
+    )

@@ -1,0 +1,143 @@
+"""Simulated drives: what is written is read, effects are in, the noise stays; measured drives take effects too."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.earth import ned_between
+from models.effects.navigation import EFFECTS
+from models.effects.receiver import TimeOffset
+from models.gnss import perfect_fixes
+from models.motion import imu_increments
+from models.trajectories import city
+from tuner.cli import run as run_command
+from tuner.drives import hide_in_drive, simulate_drive
+from tuner.grades import load_gnss, load_grade
+from tuner.readers.drives import read_drive
+from tuner.records import DataError
+from tuner.writers import write_drive
+
+DURATION, RATE = 120.0, 50.0
+MOTION = city(DURATION)
+RECEIVER = replace(load_gnss("rtk"), correlated=())
+
+
+def run(*hidden, seed=3, **options):
+    return simulate_drive(
+        load_grade("stim300"), MOTION, RECEIVER, rate=RATE, seed=seed, hidden=hidden, **options
+    )
+
+
+def test_errors_of_unit_and_receiver_have_their_size():
+    """6000 samples and 118 fixes: χ² of the white parts within five standard errors (6e-7)."""
+    drive, _ = run()
+    perfect = np.hstack(imu_increments(MOTION, 1.0 / RATE)) * RATE
+    error = drive.rates[1:] - perfect
+    grade = load_grade("stim300")
+    for first, kind in ((0, "gyro"), (3, "accel")):
+        white = np.diff(error[:, first : first + 3], axis=0) / np.sqrt(2.0)
+        sd = grade.noise_model(kind).white_density() * np.sqrt(RATE)
+        assert np.sqrt(np.mean(white**2)) == pytest.approx(sd, rel=0.05)
+    llh, vel = perfect_fixes(MOTION, drive.gnss.t)
+    for off, sd in (
+        (ned_between(drive.gnss.llh, llh), drive.gnss.position_sd),
+        (drive.gnss.vel_n - vel, drive.gnss.velocity_sd),
+    ):
+        assert np.mean((off / sd) ** 2) == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / off.size))
+
+
+def test_seed_decides_and_effects_leave_the_noise():
+    clean, key = run()
+    again, twin = run()
+    np.testing.assert_array_equal(clean.rates, again.rates)
+    assert key == twin
+    scaled, _ = run("gyro_scale:z=1e-3")
+    change = scaled.rates - clean.rates
+    perfect = np.hstack(imu_increments(MOTION, 1.0 / RATE)) * RATE
+    np.testing.assert_allclose(change[1:, 2], 1e-3 * perfect[:, 2], atol=1e-12)
+    np.testing.assert_array_equal(scaled.gnss.llh, clean.gnss.llh)
+
+
+def test_drive_is_read_as_it_was_written(tmp_path):
+    drive, _ = run("time_offset:delay=0.05", lever_arm=(0.5, -0.2, -1.0))
+    write_drive(drive, tmp_path / "drive.npz")
+    read = read_drive(tmp_path / "drive.npz")
+    np.testing.assert_array_equal(read.rates, drive.rates)
+    np.testing.assert_array_equal(read.imu_t, drive.imu_t)
+    np.testing.assert_array_equal(read.gnss.t, drive.gnss.t)
+    np.testing.assert_allclose(ned_between(read.gnss.llh, drive.gnss.llh), 0.0, atol=1e-8)
+    np.testing.assert_allclose(read.reference.rpy, drive.reference.rpy, atol=1e-14)
+    np.testing.assert_allclose(read.mounting, np.eye(3), atol=1e-15)
+    assert read.lever_arm == drive.lever_arm
+    with pytest.raises(DataError, match=r"ends in \.npz"):
+        write_drive(drive, tmp_path / "drive.csv")
+
+
+def test_every_cause_can_be_drawn_into_a_drive():
+    for code in EFFECTS:
+        drive, key = run(code)
+        assert key["hidden"][0]["cause"] == code
+        assert np.isfinite(drive.rates).all()
+        json.dumps(key)
+
+
+def test_what_is_hidden_in_a_measured_drive_is_as_stated():
+    clean, _ = run()
+    bare = replace(clean, reference=None)
+    late, told = hide_in_drive(bare, [TimeOffset(0.1), "gnss_frame:yaw=0.01"], seed=1)
+    assert [item["cause"] for item in told] == ["time_offset", "gnss_frame"]
+    np.testing.assert_allclose(late.gnss.t, clean.gnss.t[: len(late.gnss)] + 0.1)
+    heavier, _ = hide_in_drive(clean, ["gravity:offset=1e-3"], seed=1)
+    from_fixes, _ = hide_in_drive(bare, ["gravity:offset=1e-3"], seed=1)
+    change = heavier.rates[:, 3:] - clean.rates[:, 3:]
+    np.testing.assert_allclose(np.linalg.norm(change, axis=1), 1e-3, rtol=1e-6)
+    assert np.median(np.abs(from_fixes.rates - heavier.rates)[:, 3:]) < 1e-4
+    turned, _ = hide_in_drive(
+        replace(clean, mounting=np.diag([1.0, -1.0, -1.0])), ["gravity:offset=1e-3"], seed=1
+    )
+    np.testing.assert_allclose(turned.rates[:, 5] - clean.rates[:, 5], -change[:, 2], atol=1e-12)
+
+
+@pytest.mark.skipif("TUNER_DATA" not in os.environ, reason="TUNER_DATA is not set")
+def test_a_measured_drive_takes_every_effect():
+    drive = read_drive(Path(os.environ["TUNER_DATA"]) / "drives" / "rtkexplorer_drive_0708.npz")
+    for code in EFFECTS:
+        changed, told = hide_in_drive(
+            drive, [code if code != "imu_noise_scale" else f"{code}:gyro=2"], seed=5
+        )
+        assert told[0]["cause"] == code
+        assert np.isfinite(changed.rates).all()
+
+
+def test_command_writes_a_drive_and_its_key(tmp_path, capsys):
+    path = tmp_path / "d.npz"
+    command = [
+        "simulate",
+        "stim300",
+        "--trajectory",
+        "city",
+        "--hours",
+        "0.03",
+        "--rate",
+        "50",
+        "-o",
+        str(path),
+    ]
+    assert run_command([*command, "--hide", "time_offset:delay=0.05", "--quiet"]) == 0
+    key = json.loads((tmp_path / "d.key.json").read_text())
+    assert key["hidden"] == [{"cause": "time_offset", "channels": ["drive"], "parameters": {"delay": 0.05}}]
+    assert read_drive(path).gnss.t[0] == pytest.approx(1.05)
+    for wrong, says in (
+        (["--hide", "delay"], "must be one of time_offset"),
+        (["--hide", "time_offset:lag=1"], "takes delay=VALUE"),
+    ):
+        assert run_command([*command, *wrong]) == 2
+        assert says in capsys.readouterr().err
+    assert run_command(["simulate", "stim300", "--trajectory", "moon"]) == 2
+    assert run_command(["simulate", "stim300", "--gnss", "spp"]) == 2
