@@ -62,6 +62,12 @@ def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
     assert path.stat().st_size > 1_500
 
 
+def test_figures_of_a_smaller_study_lie_within_its_scatter() -> None:
+    told = [claim.why for claim in small("fog-sim").claims if "smaller study" in claim.why]
+    assert len(told) == 7
+    assert all(" holds " in why for why in told)
+
+
 def test_items_have_streams_of_their_own() -> None:
     again = run("fog-bias", Settings(seed=0, small=True))
     other = run("fog-bias", Settings(seed=1, small=True))

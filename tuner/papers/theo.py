@@ -18,7 +18,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
 from tuner.papers.expected import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, exact, judge
 from tuner.papers.sampling import (
     Settings,
     estimate,
@@ -27,6 +27,7 @@ from tuner.papers.sampling import (
     record_from,
     relative_sd,
     scaled,
+    scatter,
 )
 from tuner.results import Coefficient
 
@@ -46,6 +47,17 @@ NOISES: Mapping[str, Term] = MappingProxyType(
         "ramp": Ramp(1.0),
     }
 )
+
+SET = 100
+"""Records in a smaller study, whose figures are to be met within its scatter."""
+QUOTED_RATIO: Mapping[str, Range] = MappingProxyType(
+    {"theo1": (0.36, 0.38), "theobr": (0.96, 0.99), "totdev": (0.72, 0.72)}
+)
+"""Ratio to the Allan variance of random walk at τ = 3 s, of a smaller study."""
+QUOTED_SD: Mapping[str, Range] = MappingProxyType(
+    {"oadev": (0.68, 0.68), "totdev": (0.58, 0.58), "theobr": (0.46, 0.46), "theo1": (0.39, 0.39)}
+)
+"""Relative standard deviation of the variances of white noise at τ = 3 s, of a smaller study."""
 
 
 def variances(y: FloatArray, m: IntArray) -> dict[str, FloatArray]:
@@ -98,48 +110,63 @@ def fog_sim(settings: Settings) -> Item:
                 "variance ÷ expected Allan variance",
                 spread(found[noise], _mean_allan(noise, m), tau),
                 "semilogx",
+                ((3.0, "τ = 3 s"),),
             ),
         ]
-    walk = {
-        name: np.column_stack([v[at], found["random_walk"]["oadev"][at]])
-        for name, v in found["random_walk"].items()
-    }
-    sd = {name: estimate(v[at], relative_sd) for name, v in found["white"].items()}
+    claims = _of_statistics(found, at, n, rng)
+    return Item("fog-sim", f"{PAPER}: figures 6–9", claims, Picture(tuple(panels), columns=3))
+
+
+def _of_statistics(
+    found: Mapping[str, Mapping[str, FloatArray]], at: int, n: int, rng: np.random.Generator
+) -> tuple[Claim, ...]:
+    """Judge bias and spread at τ = 3 s, row `at` of the variances found for each noise."""
+    white, walk = ({name: v[at] for name, v in found[noise].items()} for noise in ("white", "random_walk"))
+    ratio = {name: np.column_stack([v, walk["oadev"]]) for name, v in walk.items()}
     expected = {
         name: float(np.sqrt(2.0 / dof(name, n, 400 if "theo" in name else 300, "white")[0]))
         for name in LABELS
     }
-    allan_sd = sd["oadev"].value
-    assert allan_sd is not None
-    claims = (
+
+    def aside(name: str, quoted: Mapping[str, Range]) -> str:
+        values, statistic = (ratio, ratio_of_means) if quoted is QUOTED_RATIO else (white, relative_sd)
+        low, high = scatter(values[name], statistic, SET, rng)
+        first, last = quoted[name]
+        holds = "holds" if low <= last and first <= high else "does not hold"
+        figure = f"{first:g}" if first == last else f"{first:g}–{last:g}"
+        return f"; the scatter of {SET} records, {low:.2f} … {high:.2f}, {holds} {figure}, expected of a smaller study"
+
+    allan_sd = relative_sd(white["oadev"])
+    return (
         judge(
             "random walk, τ = 3 s: Thêo1 ÷ Allan variance",
             "biased",
-            estimate(walk["theo1"], ratio_of_means),
+            estimate(ratio["theo1"], ratio_of_means),
             claimed=(0.0, 0.95),
-            why=f"expected 1/{theo1_ratio('random_walk', 400):.2f} = {1.0 / theo1_ratio('random_walk', 400):.3f}",
+            why=f"exactly 1/{theo1_ratio('random_walk', 400):.2f} = {1.0 / theo1_ratio('random_walk', 400):.3f}"
+            + aside("theo1", QUOTED_RATIO),
         ),
         judge(
             "random walk, τ = 3 s: ThêoBR (so ThêoH) ÷ Allan variance",
             "unbiased: 1",
-            estimate(walk["theobr"], ratio_of_means),
+            estimate(ratio["theobr"], ratio_of_means),
             claimed=(0.95, 1.05),
-            why="one noise rules at every τ, so the ratio taken at short τ holds at long τ",
+            why="one noise rules at every τ, so the ratio taken at short τ holds at long τ"
+            + aside("theobr", QUOTED_RATIO),
         ),
         judge(
             "random walk, τ = 3 s: total ÷ Allan variance",
             "unbiased: a = 0",
-            estimate(walk["totdev"], ratio_of_means),
+            estimate(ratio["totdev"], ratio_of_means),
             claimed=1.0,
             derived=total_ratio("random_walk", 0.3),
-            why="1 − 3τ/(4T) = 0.775 at τ/T = 0.3: the factor 0.75 belongs to the random walk",
+            why="exactly 1 − 3τ/(4T) = 0.775 at τ/T = 0.3: the factor 0.75 belongs to the random walk"
+            + aside("totdev", QUOTED_RATIO),
         ),
         judge(
             "white noise, τ = 3 s: total ÷ Allan variance",
             "1 − 0.48 τ/T = 0.856",
-            estimate(
-                np.column_stack([found["white"]["totdev"][at], found["white"]["oadev"][at]]), ratio_of_means
-            ),
+            estimate(np.column_stack([white["totdev"], white["oadev"]]), ratio_of_means),
             claimed=1.0 - PRINTED_TOTAL["white"] * 0.3,
             derived=(n - 1) / (n - 2),
             why="total variance of white noise has no bias; 0.48 belongs to bias instability",
@@ -147,23 +174,24 @@ def fog_sim(settings: Settings) -> Item:
         judge(
             "white noise, τ = 3 s: relative sd of the Allan variance",
             "2E = √(2/(N/m − 1)) = 0.926",
-            sd["oadev"],
+            estimate(white["oadev"], relative_sd),
             claimed=float(np.sqrt(2.0 / (n / 300 - 1.0))),
             derived=expected["oadev"],
-            why="overlapping uses more than N/m − 1 differences: ν = 2 (E V)²/var V from the covariance of all of them",
+            why=f"√(2/ν) = {expected['oadev']:.3f} with ν from the covariance of all N − 2m differences, not N/m − 1"
+            + aside("oadev", QUOTED_SD),
         ),
         *(
             judge(
                 f"white noise, τ = 3 s: relative sd of {LABELS[name]}",
                 "smaller than Allan's",
-                sd[name],
+                estimate(white[name], relative_sd),
                 claimed=(0.0, allan_sd),
-                why=f"expected √(2/ν) = {expected[name]:.2f}, Allan {expected['oadev']:.2f}",
+                why=f"√(2/ν) = {expected[name]:.3f} against Allan's {expected['oadev']:.3f}"
+                + aside(name, QUOTED_SD),
             )
             for name in ("totdev", "theobr", "theo1")
         ),
     )
-    return Item("fog-sim", f"{PAPER}: figures 6–9", claims, Picture(tuple(panels), columns=3))
 
 
 def fog_bias(settings: Settings) -> Item:
