@@ -1,0 +1,140 @@
+"""Wrong R, wrong Q: the noise that a drive asks for, next to what the filter was told.
+
+`fit_noise` estimates all factors together, true ÷ assumed; prior knowledge, such as the intervals of a static
+identification, enters as sds of the logs. The tests `gnss_noise_scale` and `imu_noise_scale` ask for each factor
+alone, the rest as believed: score and curvature of ln L by the log x of the factor first, a refit where they promise
+something. The null of a factor whose log is known to σ only is a factor anywhere about 1 with that σ::
+
+    LR = max_x 2 ln L(x) − max_x [2 ln L(x) − x²/σ²] ~ χ²₁,    exactly known (σ = 0): 2 ln L(x̂) − 2 ln L(0)
+
+whether x ~ N(0, σ²) or x = 0. A factor on R or Q is inside its range there: no mixture of χ² is needed. The family
+pays for its number of factors; of R, those on all of a position or a velocity bear less of it than those on a part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.drives.claim import Claim, silent
+from tuner.diagnosis.drives.fitting import NO_PRIOR, Fit, maximise
+from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient
+from tuner.diagnosis.drives.record import GROUPS
+from tuner.diagnosis.drives.scales import BLOCKS, ROWS, factors, present
+from tuner.results import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+PROMISING = 6.0
+"""Score statistic from which a refit is worth its time."""
+SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROWS, 0.1)}
+"""Share of the family's error rate that goes to each factor of R."""
+FLAT = 0.25
+"""Curvature by a log below which the drive says nothing of a factor."""
+SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
+"""Names of factors in a finding where they differ."""
+_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Score and curvature of ln L by the logs of factors, others as believed."""
+
+    names: tuple[str, ...]
+    value: float
+    slope: FloatArray
+    curvature: FloatArray
+
+    def tells(self, name: str) -> bool:
+        """Whether the drive says anything of a factor."""
+        return bool(self.curvature[self.names.index(name)] > FLAT)
+
+    def ratio(self, name: str, prior_sd: float) -> float:
+        """Return the score's approximation to the likelihood ratio of a factor."""
+        j = self.names.index(name)
+        slope, curvature = float(self.slope[j]), float(self.curvature[j])
+        if curvature < FLAT:
+            return 0.0
+        return slope**2 / curvature / (1.0 + curvature * prior_sd**2)
+
+
+def scores(belief: Belief) -> Scores:
+    """Return scores of all factors that the record has anything of."""
+    names = present(belief, (*ROWS, *BLOCKS, *GROUPS))
+    scales, zero = factors(names), np.zeros(len(names))
+    found, gradient = evaluate_with_gradient(belief)
+    slope = scales.slopes(belief, zero, gradient)
+    curvature = np.empty(len(names))
+    for j, unit in enumerate(np.eye(len(names))):
+        moved = scales.change(belief, _STEP * unit)
+        other = scales.slopes(belief, zero, evaluate_with_gradient(moved)[1])
+        curvature[j] = (slope[j] - other[j]) / _STEP
+    return Scores(names, found.value, slope, curvature)
+
+
+def fit_noise(belief: Belief, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
+    """Fit all factors of R and Q together.
+
+    Parameters
+    ----------
+    belief : Belief
+        What is believed so far: its noise is factor 1.
+    prior_sd : mapping of str to float
+        What is known of the log of a factor, by name of `ROWS` or `GROUPS`.
+    """
+    return maximise(belief, factors(present(belief, (*ROWS, *GROUPS))), prior_sd=prior_sd)
+
+
+def gnss_noise(belief: Belief, found: Scores) -> Claim:
+    """Test the factors on the sds of the fixes."""
+    return _test(belief, found, "gnss_noise_scale", SHARE, NO_PRIOR)
+
+
+def imu_noise(belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Claim:
+    """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
+    told = [name for name in GROUPS if name in found.names and found.tells(name)]
+    return _test(belief, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
+
+
+def _test(
+    belief: Belief, found: Scores, cause: str, share: Mapping[str, float], prior_sd: Mapping[str, float]
+) -> Claim:
+    title = "likelihood ratio of a factor on the noise"
+    ratio = {name: found.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in found.names}
+    chance = {name: min(1.0, float(chi2.sf(value, 1)) / share[name]) for name, value in ratio.items()}
+    best = min(chance, key=lambda name: chance[name], default="")
+    if not best or ratio[best] < PROMISING:
+        return silent(cause, belief, chance.get(best, 1.0), ratio.get(best, 0.0), title)
+    exact = _refitted(belief, found.value, best, prior_sd.get(best, 0.0))
+    p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
+    price = 0.5 * float(np.log(belief.count))
+    parts = tuple(name for name in ratio if name not in BLOCKS)
+    wrong = tuple(name for name in parts if ratio[name] > PROMISING)
+    fits = [maximise(belief, factors(names)) for names in {(best,), wrong} if names]
+    fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
+    gain = fit.log_likelihood - found.value - price * len(fit.estimate)
+    alarm = Alarm(cause, p_value, gain, exact, title)
+    others = {name: sd for name, sd in prior_sd.items() if name not in fit.scales.names}
+    return Claim(alarm, fit.belief, lambda: _described(belief, parts, others))
+
+
+def _refitted(belief: Belief, value: float, name: str, prior_sd: float) -> float:
+    """Return the likelihood ratio of one factor."""
+    fit = maximise(belief, factors((name,)))
+    x = float(fit.estimate[0])
+    if prior_sd == 0.0:
+        return max(0.0, 2.0 * (fit.log_likelihood - value))
+    tied = maximise(belief, factors((name,)), prior_sd={name: prior_sd}, start=np.array([0.5 * x]))
+    return max(0.0, 2.0 * (fit.log_likelihood - tied.objective))
+
+
+def _described(
+    belief: Belief, names: tuple[str, ...], prior_sd: Mapping[str, float]
+) -> Mapping[str, Coefficient]:
+    fit = maximise(belief, factors(names), prior_sd=prior_sd)
+    return {SHORT.get(name, name): fit.coefficient(name) for name in names}
