@@ -10,12 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from models.motion import Motion
-from tuner.budget import Budget, Cause, attribute, error_budget
+from tuner.attribution import Cause, attribute
+from tuner.budget import Budget, error_budget
 from tuner.consistency import Consistency, evaluate
 from tuner.navigation.sensor import Sensor, sensor_of_config
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import scenario, simulate
+from tuner.navigation.simulate import resolution, scenario, simulate
+from tuner.observability import Observability, observability
 from tuner.records import DataError
+from tuner.responses import responses
 from tuner.results import FilterConfig, GnssNoise
 from tuner.verdicts import explained
 
@@ -39,6 +42,8 @@ class Check:
         What had to be assumed.
     budget : Budget or None
         Variance by source; where it was asked for or the filter is not consistent.
+    seen : Observability or None
+        What the trajectory shows of the states; beside the budget.
     causes : tuple of Cause
         What would explain the scores of an inconsistent filter, best first.
     """
@@ -47,6 +52,7 @@ class Check:
     states: int
     notes: tuple[str, ...]
     budget: Budget | None = None
+    seen: Observability | None = None
     causes: tuple[Cause, ...] = ()
 
 
@@ -101,6 +107,9 @@ def check(
     if found.diverged or (found.consistent and not budget):
         return Check(replace(found, verdicts=explained(found, ())), settings.size, tuple(notes))
     shares = error_budget(settings, plan)
-    causes = () if found.consistent else attribute(found, shares)
+    causes: tuple[Cause, ...] = ()
+    if not found.consistent:
+        causes = attribute(found, responses(settings, plan, shares, window=resolution(settings, truth)))
     judged = replace(found, verdicts=explained(found, causes))
-    return Check(judged, settings.size, tuple(notes), shares, causes)
+    seen = observability(settings, shares.final)
+    return Check(judged, settings.size, tuple(notes), shares, seen, causes)

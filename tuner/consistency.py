@@ -225,7 +225,7 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
     settling : float
         Time after the start and after an outage that is not scored as aided, s.
     """
-    aided = _aided(runs.t, outages, settling)
+    aided = aided_epochs(runs.t, outages, settling)
     chosen = aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))] if len(aided) else aided
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
     lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
@@ -314,7 +314,7 @@ def whiteness(
     return best
 
 
-def _aided(t: FloatArray, outages: FloatArray, settling: float) -> NDArray[np.intp]:
+def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
     """Return the epochs that are aided and settled; all where none is settled."""
     settled = t >= t[0] + settling
     for begin, end in outages:

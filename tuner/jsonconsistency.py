@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tuner.budget import Budget, table
+from tuner.budget import Budget, blind_spots, table
 from tuner.consistency import Consistency, Score
+from tuner.observability import Observability
 
 
 def consistency_json(
@@ -62,11 +64,8 @@ def consistency_json(
     }
 
 
-def budget_json(budget: Budget) -> dict[str, Any]:
-    """Return the share of every source in position, velocity and attitude, and sd at the end ÷ at the start."""
-    names = ("north", "east", "down")
-    titles = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
-    states = [f"{block}_{name}" for block in titles for name in (names if block in titles[:3] else "xyz")]
+def budget_json(budget: Budget, seen: Observability) -> dict[str, Any]:
+    """Return shares of every source, wrong beliefs that would not show, and the observability map."""
     return {
         "sources": list(budget.sources),
         "shares": {
@@ -75,7 +74,17 @@ def budget_json(budget: Budget) -> dict[str, Any]:
             }
             for case, shares in table(budget)
         },
-        "sd_ratio_end_to_start": dict(zip(states, budget.information.tolist(), strict=True)),
+        "unnoticed": {
+            name: {
+                "too_small_up_to": small if math.isfinite(small) else None,
+                "too_large_up_to": large if math.isfinite(large) else None,
+            }
+            for name, (small, large) in blind_spots(budget).items()
+        },
+        "sd_ratio_end_to_start": seen.left,
+        "weak_directions": [
+            {"states": list(d.states), "parts": list(d.parts), "strength": d.strength} for d in seen.weak
+        ],
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.budget import Cause
+from tuner.attribution import Cause
 from tuner.consistency import Consistency, Score
 
 _WHAT = {
@@ -45,19 +45,16 @@ def explained(found: Consistency, causes: Sequence[Cause]) -> tuple[str, ...]:
     found : Consistency
         Scores.
     causes : sequence of Cause
-        From `tuner.budget.attribute`, best first; may be empty.
+        From `tuner.attribution.attribute`, best first; may be empty.
     """
     sentences = verdicts(found)
     if found.consistent or found.diverged:
         return sentences
     if not causes:
-        return ("no single source of the error budget explains the scores", *sentences)
-    first, others = causes[0], causes[1:3]
-    side = "small" if first.ratio > 1.0 else "large"
-    factor = max(first.ratio, 1.0 / first.ratio)
-    reason = f"{first.source} (sd) about {factor:.2g} times too {side}: that explains the scores best"
-    if others:
-        reason += ", then " + ", ".join(f"{c.source} × {c.ratio:.2g}" for c in others)
+        return ("no single cause explains the scores", *sentences)
+    reason = f"{causes[0].text}: that explains the scores best"
+    if len(causes) > 1:
+        reason += "; nearly as well do: " + "; ".join(cause.text for cause in causes[1:4])
     return (reason, *sentences)
 
 

@@ -63,7 +63,7 @@ def command(
     from tuner.check import check
     from tuner.grades import load_gnss
     from tuner.jsonconsistency import budget_json, consistency_json
-    from tuner.report.consistency_tables import budget_table, consistency_tables
+    from tuner.report.consistency_tables import budget_tables, consistency_tables
     from tuner.report.tables import show
 
     if trajectory not in TRAJECTORIES:
@@ -94,12 +94,23 @@ def command(
         "seed": seed,
     }
     if output.tables:
-        shares = [budget_table(found.budget)] if budget and found.budget is not None else []
+        shares = []
+        if budget and found.budget is not None and found.seen is not None:
+            shares = budget_tables(found.budget, found.seen)
         show([*shares, *consistency_tables(found.consistency, found.notes)])
     content = consistency_json(found.consistency, source=source, notes=found.notes)
-    content["causes"] = [{"source": c.source, "ratio": c.ratio, "misfit": c.misfit} for c in found.causes]
-    if budget and found.budget is not None:
-        content["budget"] = budget_json(found.budget)
+    content["causes"] = [
+        {
+            "source": c.source,
+            "ratio": c.ratio,
+            "interval": list(c.interval),
+            "misfit": c.misfit,
+            "text": c.text,
+        }
+        for c in found.causes
+    ]
+    if budget and found.budget is not None and found.seen is not None:
+        content["budget"] = budget_json(found.budget, found.seen)
     output.write(content)
     return 1 if strict and not found.consistency.consistent else 0
 

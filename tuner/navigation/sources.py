@@ -4,6 +4,9 @@ The gains K are those of the filter's own P. Each source, alone, then goes throu
 gains::
 
     P_g ← Φ P_g Φᵀ + Q_g              P_g ← (I − KH) P_g (I − KH)ᵀ + K R_g Kᵀ              Σ P_g = P
+
+A source that the filter does not know, as a bias of another time constant, has states of its own at the end
+of x: with neither prior nor drive in P, they get no gain, and what they do to the filter's errors is exact.
 """
 
 from __future__ import annotations
@@ -56,6 +59,23 @@ def gain(P: FloatArray, H: FloatArray, sd: FloatArray, m: int) -> FloatArray:
 
 
 @compiled
+def spread(P: FloatArray, H: FloatArray, sd: FloatArray, m: int, HP: FloatArray, out: FloatArray) -> None:
+    """Set the covariance of the first m innovations: H P Hᵀ + R; `HP` (6, n) is scratch."""
+    n = P.shape[0]
+    for a in range(m):
+        HP[a] = 0.0
+        for k in range(n):
+            if H[a, k] != 0.0:
+                for j in range(n):
+                    HP[a, j] += H[a, k] * P[k, j]
+        for b in range(m):
+            y = sd[a] * sd[a] if a == b else 0.0
+            for k in range(n):
+                y += HP[a, k] * H[b, k]
+            out[a, b] = y
+
+
+@compiled
 def joseph(P: FloatArray, H: FloatArray, K: FloatArray, sd: FloatArray) -> None:
     """Replace P by (I − KH) P (I − KH)ᵀ + K R Kᵀ; K is given as Kᵀ (m, n)."""
     m, n = K.shape
@@ -87,6 +107,7 @@ def trace_sources(
     lay: Layout,
     state: FloatArray,
     P: FloatArray,
+    rates: FloatArray,
     white: FloatArray,
     drive: FloatArray,
     fix_sd: FloatArray,
@@ -96,8 +117,10 @@ def trace_sources(
     fixes: FloatArray,
     available: IntArray,
     withheld: NDArray[np.bool_],
+    slot: IntArray,
     out: FloatArray,
     out_S: FloatArray,
+    aided: FloatArray,
 ) -> None:
     """Carry the covariance of every source along a noise-free flight.
 
@@ -111,18 +134,22 @@ def trace_sources(
         True start.
     P : ndarray, shape (g, n, n)
         Covariances at the start; changed.
-    white, drive, fix_sd : ndarray, shapes (g, 6), (g, n), (g, 6)
-        Squared densities and sds of fixes of every source.
+    rates, white, drive, fix_sd : ndarray, shapes (g, n), (g, 6), (g, n), (g, 6)
+        Inverse time constants, 1/s, squared densities and sds of fixes of every source.
     dt, increments, after, fixes, available, withheld
         As of `flight.fly`, perfect.
-    out : ndarray, shape (k, g, 15, 15)
-        Covariances of navigation errors and total biases after each fix.
-    out_S : ndarray, shape (k, g, 6)
-        Variances of innovations.
+    slot : ndarray of int, shape (k,)
+        Row of `out` that keeps a fix, −1 for none.
+    out : ndarray, shape (e, g, 15, 15)
+        Covariances of navigation errors and total biases after the fixes that are kept.
+    out_S : ndarray, shape (e, g, 6, 6)
+        Covariances of their innovations.
+    aided : ndarray, shape (n, n)
+        The filter's own P after the last fix that was used.
     """
     sources, n = P.shape[0], lay.size
     wide, answer, small = np.empty((9, n + 6)), np.empty((6, n + 6)), np.empty((9, 6))
-    decay, driven = np.empty(n), np.zeros((sources, n))
+    decay, driven = np.empty((sources, n)), np.zeros((sources, n))
     unit, bias = np.eye(6), np.zeros(6)
     pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])
     quat = (state[6], state[7], state[8], state[9])
@@ -132,6 +159,7 @@ def trace_sources(
     angle, velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     before_angle, before_velocity = angle, velocity
     true, x, z, H = np.zeros(6), np.zeros(n), np.zeros(6), np.zeros((6, n))
+    HP = np.zeros((6, n))
     for k in range(len(dt) + 1):
         if k > 0:
             d = dt[k - 1]
@@ -159,11 +187,11 @@ def trace_sources(
                 true[c], true[3 + c] = rate[c], force_b[c]
             for g in range(sources):
                 own = Layout(
-                    lay.size, lay.rate, drive[g], white[g], lay.row, lay.source, lay.slope, lay.gravity,
+                    lay.size, rates[g], drive[g], white[g], lay.row, lay.source, lay.slope, lay.gravity,
                     lay.lever, lay.delay, lay.gnss, lay.processes, lay.ideal, lay.arm, lay.gate,
                     lay.covariance_step, lay.patience,
                 )  # fmt: skip
-                work = Workspace(wide, answer, small, decay, driven[g], unit, unit, bias)
+                work = Workspace(wide, answer, small, decay[g], driven[g], unit, unit, bias)
                 if elapsed != decay_dt:
                     set_decay(own, elapsed, work)
                 advance(
@@ -185,23 +213,21 @@ def trace_sources(
             inverse = 1.0 / dt[max(k - 1, 0)]
             for c in range(3):
                 true[c], true[3 + c] = angle[c] * inverse, velocity[c] * inverse
-            work = Workspace(wide, answer, small, decay, driven[0], unit, unit, bias)
+            work = Workspace(wide, answer, small, decay[0], driven[0], unit, unit, bias)
             fix_model(lay, pos, vel, quat, x, true, fixes[i], work, z, H)
             m = 3 * available[i]
-            for g in range(sources):
-                for a in range(m):
-                    y = fix_sd[g, a] * fix_sd[g, a]
-                    for r in range(n):
-                        if H[a, r] != 0.0:
-                            for s in range(n):
-                                y += H[a, r] * P[g, r, s] * H[a, s]
-                    out_S[i, g, a] = y
+            row = slot[i]
+            if row >= 0:
+                for g in range(sources):
+                    spread(P[g], H, fix_sd[g], m, HP, out_S[row, g])
             if not withheld[i]:
                 K = gain(P[0], H, fix_sd[0], m)
                 for g in range(sources):
                     joseph(P[g], H, K, fix_sd[g])
-            for g in range(sources):
-                summarise(lay, P[g], out[i, g])
+                aided[:] = P[0]
+            if row >= 0:
+                for g in range(sources):
+                    summarise(lay, P[g], out[row, g])
             i += 1
 
 

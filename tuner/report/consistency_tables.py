@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.budget import Budget
+from tuner.budget import Budget, blind_spots
 from tuner.budget import table as budget_rows
 from tuner.consistency import Consistency, Score
+from tuner.observability import Observability
 
 _TITLES = {
     "nees": "NEES, all",
@@ -60,16 +62,28 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     return answer
 
 
-def budget_table(budget: Budget) -> Table:
-    """Return the share of every source in per cent: position, velocity, attitude, aided and without fixes."""
-    rows = budget_rows(budget)
-    view = Table(title="share of the variance of position / velocity / attitude, %")
-    view.add_column("source")
+def budget_tables(budget: Budget, seen: Observability) -> list[Table | str]:
+    """Return the shares of every source, what is left of the prior, and what stays hidden.
+
+    Shares are per cent of the variances of position, velocity and attitude, aided and without fixes. Beside
+    them stands by how much the sd of a source may be wrong before any error leaves the 10 % margin.
+    """
+    rows, spots = budget_rows(budget), blind_spots(budget)
+    shares = Table(title="share of the variance of position / velocity / attitude, %")
+    shares.add_column("source")
     for case, _ in rows:
-        view.add_column(case, justify="right")
+        shares.add_column(case, justify="right")
+    shares.add_column("shows where × too small, large", justify="right")
     for j, name in enumerate(budget.sources):
-        view.add_row(name, *(" / ".join(f"{100.0 * x:.0f}" for x in shares[j]) for _, shares in rows))
-    return view
+        small, large = spots[name]
+        cells = (" / ".join(f"{100.0 * x:.0f}" for x in part[j]) for _, part in rows)
+        shares.add_row(name, *cells, f"{small:.2g}, {'never' if math.isinf(large) else f'{large:.2g}'}")
+    left = Table(title="sd after the last fix, % of that at the start")
+    left.add_column("state")
+    left.add_column("%", justify="right")
+    for name, value in seen.left.items():
+        left.add_row(name, f"{100.0 * value:.3g}")
+    return [shares, left, *(f"  {sentence}" for sentence in seen.sentences())]
 
 
 def _band(score: Score) -> str:

@@ -1,0 +1,121 @@
+"""What a trajectory shows of the states of a filter, and what it cannot tell apart.
+
+From the filter's own covariance P after its last fix and P₀ at the start, both of the states a user knows
+(position, velocity, attitude, total biases, constants)::
+
+    left_i = √(P_ii / P₀_ii)                     1: nothing was learnt; above 1: known worse than at the start
+    C = D⁻¹ P D⁻¹,  D = diag √P_ii               C v = λ v
+
+Uncorrelated states have λ = 1. An eigenvector with λ well above 1 is a weak direction: its states move together,
+and what the fixes see is only another sum of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.navigation.settings import FilterSettings, total_bias
+
+FloatArray = NDArray[np.float64]
+
+TOGETHER = 1.7
+"""λ from which states are said to move together: two of them correlated by 0.7."""
+MEMBER = 0.35
+"""Least part of a state in a weak direction."""
+POOR, BLIND = 0.3, 0.7
+"""Share of the prior sd that is left from which a state is poorly, or hardly, known."""
+
+NAMES = (
+    *(f"{what} {axis}" for what in ("position", "velocity") for axis in ("north", "east", "down")),
+    "tilt about north",
+    "tilt about east",
+    "heading",
+    *(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"),
+)
+
+
+@dataclass(frozen=True)
+class WeakDirection:
+    """States that move together.
+
+    Attributes
+    ----------
+    states : tuple of str
+        The states, the largest part first.
+    parts : tuple of float
+        Part of each in the direction, a unit vector of errors in units of their sds.
+    strength : float
+        λ: the number of states, where they cannot be told apart at all.
+    """
+
+    states: tuple[str, ...]
+    parts: tuple[float, ...]
+    strength: float
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What is left of the prior sd of every state, and the weak directions, the strongest first."""
+
+    left: dict[str, float]
+    weak: tuple[WeakDirection, ...]
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return it in words."""
+        said = []
+        for direction in self.weak:
+            names = ", ".join(direction.states[:-1]) + f" and {direction.states[-1]}"
+            left = " and ".join(f"{100.0 * self.left[name]:.2g} %" for name in direction.states)
+            said.append(f"cannot be told apart on this trajectory: {names} ({left} of their prior sd left)")
+        blind = [f"{name} ({100.0 * value:.2g} %)" for name, value in self.left.items() if value > BLIND]
+        if blind:
+            said.append(f"hardly better known than at the start: {', '.join(blind)}")
+        return tuple(said)
+
+
+def observability(settings: FilterSettings, final: FloatArray) -> Observability:
+    """Return what was learnt by a filter.
+
+    Parameters
+    ----------
+    settings : FilterSettings
+        States and prior.
+    final : ndarray, shape (n, n)
+        P after the last fix.
+    """
+    names, m = _view(settings)
+    after, before = m @ final @ m.T, m**2 @ settings.initial_sd**2
+    sd = np.sqrt(np.diag(after))
+    left = dict(zip(names, (sd / np.where(before > 0.0, np.sqrt(before), np.inf)).tolist(), strict=True))
+    known = sd > 0.0
+    labels = [name for name, good in zip(names, known, strict=True) if good]
+    correlation = (after / np.outer(np.where(known, sd, 1.0), np.where(known, sd, 1.0)))[np.ix_(known, known)]
+    values, vectors = np.linalg.eigh(correlation)
+    weak = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        order = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) > MEMBER]
+        if value < TOGETHER or len(order) < 2 or max(left[labels[i]] for i in order) < POOR:
+            continue
+        sign = np.sign(vector[order[0]])
+        weak.append(
+            WeakDirection(
+                tuple(labels[i] for i in order), tuple(float(sign * vector[i]) for i in order), float(value)
+            )
+        )
+    return Observability(left, tuple(weak))
+
+
+def _view(settings: FilterSettings) -> tuple[list[str], FloatArray]:
+    """Return names and the matrix from the states to those a user knows."""
+    model = settings.model
+    names, rows = list(NAMES), [total_bias(model)]
+    for name, size in model.layout.blocks[5:]:
+        if name not in ("gyro_markov", "accel_markov", "gnss_position"):
+            rows.append(np.eye(settings.size)[model.layout[name]])
+            label = name.replace("_", " ").replace("accel ", "accelerometer ")
+            own = "xyz" if size == 3 else [str(i + 1) for i in range(size)]
+            names += [label] if size == 1 else [f"{label} {axis}" for axis in own]
+    return names, np.vstack(rows)
