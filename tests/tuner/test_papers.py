@@ -112,6 +112,28 @@ def test_command_lists_items_and_refuses_others(capsys: pytest.CaptureFixture[st
     assert "rlg: expected an item of the papers" in capsys.readouterr().err
 
 
+def test_an_interrupted_run_keeps_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(name: str, settings: Settings) -> Item:
+        if name == "fog-bias":
+            raise KeyboardInterrupt
+        return run(name, settings)
+
+    monkeypatch.setattr("tuner.papers.run", interrupted)
+    assert command(["papers", "test-design", "fog-bias", "--small", "-o", str(tmp_path)]) == 130
+    content = json.loads((tmp_path / "papers" / "papers.json").read_text(encoding="utf-8"))
+    assert list(content["items"]) == ["test-design"]
+    assert "## test-design" in (tmp_path / "papers.md").read_text(encoding="utf-8")
+    assert "fog-bias …" in capsys.readouterr().err
+
+
+def test_long_items_tell_of_their_progress() -> None:
+    told: list[tuple[int, int]] = []
+    run("method-table", Settings(small=True, advance=lambda done, total: told.append((done, total))))
+    assert [done for done, _ in told] == list(range(1, told[-1][1] + 1))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ITEMS)
 def test_every_claim_is_judged_alike_by_another_seed(name: str) -> None:

@@ -32,7 +32,8 @@ def command(
     """Reproduce items of the three papers; without NAME: list them.
 
     Each item simulates data to the paper's settings, runs the functions of the other commands, draws the paper's
-    figure and judges every claim: reproduced, corrected, untestable.
+    figure and judges every claim: reproduced, corrected, untestable. The page is written anew after each item, so that
+    an interrupted run keeps what is done.
     """
     import time
 
@@ -50,17 +51,17 @@ def command(
     for name in chosen(names):
         messages.say(f"{name} …")
         begin = time.perf_counter()
-        item = run(name, Settings(seed, small))
-        items.append(item)
+        with messages.bar(name) as advance:
+            items.append(run(name, Settings(seed, small, advance)))
         if output_directory is not None:
             from tuner.report.papers_figures import draw_item
 
-            draw_item(item, output_directory / "papers" / f"{name}.png")
+            draw_item(items[-1], output_directory / "papers" / f"{name}.png")
+            write_text(output_directory / "papers.md", papers_markdown(items, "papers/"))
+            write_text(output_directory / "papers" / "papers.json", json_text(papers_json(items)))
         messages.say(f"{name}: {time.perf_counter() - begin:.1f} s")
         if output.tables:
-            show([item_table(item)])
+            show([item_table(items[-1])])
     if output_directory is not None:
-        write_text(output_directory / "papers.md", papers_markdown(items, "papers/"))
-        write_text(output_directory / "papers" / "papers.json", json_text(papers_json(items)))
         messages.say(f"wrote {output_directory / 'papers.md'}")
     output.write(papers_json(items))

@@ -26,7 +26,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ def _pair(
     """Sum 2 n γ² + 4 n δ γ over the lags of one pair of cluster sizes, δ from the ramp."""
     (m1, m2), (i, j) = m, at
     knots = _STEPS @ np.array(m)
-    lags = _lags(m1, m2, int((counts[:, i] + counts[:, j]).max()), knots)
+    lags = _lags(m1, m2, int((counts[:, i] + counts[:, j]).max()))
     spacing = np.empty(len(lags))
     spacing[1:-1] = 0.5 * (lags[2:] - lags[:-2])
     spacing[[0, -1]] = 0.5
@@ -116,8 +116,10 @@ def _pair(
 _ZERO = np.zeros(1)
 
 
-def _lags(m1: int, m2: int, furthest: int, knots: IntArray) -> FloatArray:
+@lru_cache(maxsize=1024)
+def _lags(m1: int, m2: int, furthest: int) -> FloatArray:
     """Return the lags between centres where γ is evaluated: dense at the knots, thin away from them."""
+    knots = _STEPS @ np.array((m1, m2))
     step = max(1, m1 // _PER_STEP)
     near = np.arange(0, 2 * m1 + 1, step)
     outermost = furthest + m1 + m2
@@ -126,7 +128,9 @@ def _lags(m1: int, m2: int, furthest: int, knots: IntArray) -> FloatArray:
     offsets = np.concatenate((near, far))
     centres = np.array([-m2, 0, m2])
     lags = np.unique(np.concatenate((*(centres[:, None] + offsets), *(centres[:, None] - offsets), knots)))
-    return np.asarray(lags[np.abs(lags) <= outermost], dtype=np.float64)
+    kept = np.asarray(lags[np.abs(lags) <= outermost], dtype=np.float64)
+    kept.setflags(write=False)
+    return kept
 
 
 def _pairs(lag: FloatArray, first: IntArray, second: IntArray) -> FloatArray:

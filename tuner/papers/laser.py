@@ -57,7 +57,8 @@ def rlg_static(settings: Settings) -> Item:
     slow: list[FloatArray] = []
     curves: list[Curve] = []
     increments: list[Curve] = []
-    for axis in AXES:
+    for k in settings.steps(len(AXES)):
+        axis = AXES[k]
         record = record_of(LASER, n, INTERVAL, rng, axes=(axis,))
         found = identify_channel(record, axis, arma=None)
         coefficients["Q"].append(_coefficient(found, "quantization"))

@@ -78,14 +78,14 @@ def method_table(settings: Settings) -> Item:
     rng = settings.rng("method-table")
     runs = settings.size(60, 5)
     errors = {noise: {name: np.empty(runs) for name in methods} for noise, methods in METHODS.items()}
-    for noise, methods in METHODS.items():
+    for step in settings.steps(len(METHODS) * runs):
+        noise, k = tuple(METHODS)[step // runs], step % runs
         term = NOISES[noise]
         model = NoiseModel((term,)) if isinstance(term, White) else White(1.0) + term
         true = float(getattr(term, term.PARAMETERS[0]))
-        for k in range(runs):
-            y = model.sample(round(SPAN / INTERVAL), INTERVAL, rng)
-            for name, method in methods.items():
-                errors[noise][name][k] = method(y) / true - 1.0
+        y = model.sample(round(SPAN / INTERVAL), INTERVAL, rng)
+        for name, method in METHODS[noise].items():
+            errors[noise][name][k] = method(y) / true - 1.0
     rows = ("Allan", "spectrum", "N-second averages", "correlation", "regression", "time plot")
     cells = np.array([[_rms(errors[noise].get(row, np.array([np.nan]))) for noise in NOISES] for row in rows])
     table = Table("rms error of the coefficient (– : no way to get it)", rows, tuple(NOISES), cells)

@@ -42,7 +42,7 @@ def fog_record(settings: Settings) -> Item:
         for at in (9, 4998)
     }
     one = record_from(y[:, 0], t0)
-    slopes = np.array([_squared_ramp(record_from(column, t0)) for column in y.T]) / ramp.rate**2
+    slopes = np.array([_squared_ramp(record_from(y[:, k], t0)) for k in settings.steps(runs)]) / ramp.rate**2
     expected = theo_br_ratio(model, n, t0, 4 * 4998 // 3)
     remaining = 1.0 / _mixture_ratio(model, t0, 4 * 4998 // 3)
     claims = (

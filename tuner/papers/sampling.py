@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.noise import NoiseModel, Term
+from tuner.progress import Advance
 from tuner.records import Record
 from tuner.results import LEVEL, Coefficient
 
@@ -23,10 +24,11 @@ GROUPS = 50
 
 @dataclass(frozen=True)
 class Settings:
-    """How an item is run: the seed of all randomness, and whether a small version will do."""
+    """How an item is run: the seed of all randomness, whether a small version will do, and who is told of progress."""
 
     seed: int = 0
     small: bool = False
+    advance: Advance | None = None
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a stream of its own for a purpose, whatever else is run."""
@@ -35,6 +37,13 @@ class Settings:
     def size(self, full: int, small: int) -> int:
         """Return the number of samples or runs."""
         return small if self.small else full
+
+    def steps(self, count: int) -> Iterator[int]:
+        """Yield 0 … count − 1 and tell of each that is done."""
+        for k in range(count):
+            yield k
+            if self.advance is not None:
+                self.advance(k + 1, count)
 
 
 def record_of(

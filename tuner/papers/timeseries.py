@@ -43,7 +43,9 @@ def mems_arma(settings: Settings) -> Item:
     """Return figures 3–5, table 2 and equation 16."""
     rng = settings.rng("mems-arma")
     runs = settings.size(100, 50)
-    orders = {n: _orders(n, runs if n < 10_000 else settings.size(200, 20), rng) for n in (2000, 20_000)}
+    orders = {
+        n: _orders(n, settings, count, rng) for n, count in ((2000, runs), (20_000, settings.size(200, 20)))
+    }
     series = MODEL.sample(2000, 0.01, rng)
     prepared = prepare(_raw(series, rng), rule="3sigma")
     record = record_from(prepared.y, 0.01)
@@ -199,11 +201,11 @@ def _of_correlation(settings: Settings, rng: np.random.Generator) -> list[Claim]
 
 
 def _orders(
-    n: int, runs: int, rng: np.random.Generator
+    n: int, settings: Settings, runs: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return, of every record of n samples of the printed model: called white; (1,1) by BIC; (1,1) by AIC."""
     white, by_bic, by_aic = [], [], []
-    for _ in range(runs):
+    for _ in settings.steps(runs):
         fit = fit_arma(MODEL.sample(n, 0.01, rng), 0.01, "deg/s")
         aic = {order: score - (np.log(n) - 2.0) * (sum(order) + 1) for order, score in fit.scores.items()}
         white.append(fit.white)
