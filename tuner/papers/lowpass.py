@@ -53,7 +53,7 @@ def lowpass_n(settings: Settings) -> Item:
             claimed=(0.2, 0.45),
             why="filtered white noise peaks at f_c τ = 0.301: the shape shows the cutoff, not the gyro",
         ),
-        *(_ratio(before, after, times) for times in (1.0, 3.0, 10.0)),
+        *(_ratio(before, after, model, times) for times in (1.0, 3.0, 10.0)),
         judge(
             "Gauss–Markov terms identified in the filtered record",
             "not Markov",
@@ -79,21 +79,24 @@ def lowpass_n(settings: Settings) -> Item:
     return Item("lowpass-n", title, claims, Picture((panel,), columns=1))
 
 
-def _ratio(before: Record, after: Record, times: float) -> Claim:
+def _ratio(before: Record, after: Record, model: NoiseModel, times: float) -> Claim:
     """Compare the deviations of the same noise at τ = times/f_c, by the scatter of parts of the record."""
     m = round(times / CUTOFF * RATE)
     pairs = [
         [float(overlapping_allan(part, [m])[0]) for part in np.array_split(r.y[:, 0], PIECES)]
         for r in (after, before)
     ]
-    expected = float(filtered_share(np.array([m / RATE]))[0])
+    alone = float(filtered_share(np.array([m / RATE]))[0])
+    white = model.white_density() ** 2 * RATE / m / float(model.allan_variance(np.array([m / RATE]))[0])
+    expected = float(np.sqrt(1.0 - white * (1.0 - alone**2)))
     return judge(
         f"deviation with ÷ without filter at τ = {times:g}/f_c",
         "none: only for unfiltered data",
         estimate(np.array(pairs).T, lambda p: np.sqrt(p[:, 0].mean() / p[:, 1].mean())),
         claimed=None,
-        derived=(expected - 0.01, expected + 0.01),
-        why=f"expected {expected:.3f}" + (": N can be read from filtered data here" if times >= 10.0 else ""),
+        derived=(expected - 0.003, expected + 0.003),
+        why=f"expected {expected:.3f}; of white noise alone, {100.0 * white:.0f} % of the variance here, {alone:.3f}"
+        + (": N can be read from filtered data" if times >= 10.0 else ""),
     )
 
 

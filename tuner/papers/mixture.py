@@ -100,11 +100,11 @@ def fog_record(settings: Settings) -> Item:
         Panel(
             "one record",
             "time, s",
-            "deg/h",
+            "rate, deg/h",
             (Curve(one.t, one.y[:, 0] / DEG_PER_HOUR, style="faint"),),
             "linear",
         ),
-        Panel("its four curves", "τ, s", "deg/h", (*shown, truth)),
+        Panel("its four curves", "τ, s", "deviation, deg/h", (*shown, truth)),
         Panel(
             f"{runs} records: mean and quartiles ÷ true",
             "τ, s",

@@ -26,7 +26,7 @@ from tuner.results import Coefficient
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 Verdict = Literal["reproduced", "corrected", "untestable", "not reproduced"]
-Style = Literal["line", "dashed", "dotted", "points", "faint"]
+Style = Literal["line", "dashed", "dotted", "points", "crosses", "faint"]
 
 ROOM = 2.0
 """Half width of agreement, in half widths of the 95 % interval."""

@@ -111,20 +111,29 @@ def example_curve(settings: Settings) -> Item:
             np.sqrt(term.allan_variance(_without_lobes(term, fine))),
             term.name.replace("_", " "),
             "dashed",
-            group=group + 1,
+            group=group,
         )
         for group, term in enumerate(model.terms)
     ]
+    places = {
+        "quantization": np.sqrt(3.0),
+        "white": 1.0,
+        "bias_instability": float(np.sqrt(CORNERS[1] * CORNERS[2])),
+        "random_walk": 3.0,
+        "ramp": np.sqrt(2.0),
+    }
+    heights = [true[name] * (floor if name == "bias_instability" else 1.0) for name in places]
     panel = Panel(
         f"all terms, {n * interval:.0f} s",
         "cluster time τ, s",
-        "Allan deviation",
+        "Allan deviation, in units of N = 1",
         (
             *lines,
-            Curve(found.tau, exactly, "sum, exact", group=5),
-            Curve(found.tau, deviation, "sum, simulated", "points", low, high),
+            Curve(found.tau, exactly, "sum, exact", group=7),
+            Curve(found.tau, deviation, "sum, simulated, 95 %", "points", low, high, 7),
+            Curve(np.array([*places.values()]), np.array(heights), "Q, N, 0.664 B, K, R", "crosses", group=7),
         ),
-        marks=((np.sqrt(3.0), "√3"), (1.0, "1"), (3.0, "3"), (np.sqrt(2.0), "√2")),
+        marks=((1.0, "1: N"), (np.sqrt(2.0), "√2: R"), (np.sqrt(3.0), "√3: Q"), (3.0, "3: K")),
     )
     return Item("example-curve", f"{PAPER}: figure 1, table 2", tuple(claims), Picture((panel,), columns=1))
 

@@ -213,7 +213,14 @@ def fog_bias(settings: Settings) -> Item:
         y = realisations(term, n, 1 if noise == "ramp" else runs, rng)
         reference = term.allan_variance(shares.astype(float), interval=1.0)
         totals = total(y, shares) / reference[:, None]
-        of_total += _against(shares / n, totals, names[noise], g, [total_ratio(noise, s) for s in shares / n])
+        of_total += _against(
+            shares / n,
+            totals,
+            names[noise],
+            g,
+            [total_ratio(noise, s) for s in shares / n],
+            1.0 - PRINTED_TOTAL[noise] * shares / n,
+        )
         half = exact(100.0 * float(totals[-1, 0]) - 100.0, "%") if noise == "ramp" else _per_cent(totals[-1])
         true_bias = 100.0 * (total_ratio(noise, 0.5) - 1.0)
         claimed = 0.0 - 50.0 * PRINTED_TOTAL[noise]
@@ -231,11 +238,16 @@ def fog_bias(settings: Settings) -> Item:
         raw = theo1(y, sizes)
         clusters = 0.75 * sizes
         ratio = term.allan_variance(clusters, interval=1.0)[:, None] / raw.mean(axis=1, keepdims=True)
-        of_theo1 += _against(
-            sizes.astype(float), ratio, names[noise], g, [theo1_ratio(noise, k) for k in sizes.tolist()]
-        )
         a, b, c = PRINTED_THEO1[noise]
         printed = a + b / 100.0**c
+        of_theo1 += _against(
+            sizes.astype(float),
+            ratio,
+            names[noise],
+            g,
+            [theo1_ratio(noise, k) for k in sizes.tolist()],
+            a + b / sizes**c,
+        )
         at = int(np.flatnonzero(sizes == 100)[0])
         variance = float(term.allan_variance(75.0, interval=1.0))
         constant = (
@@ -255,8 +267,8 @@ def fog_bias(settings: Settings) -> Item:
             )
         )
     panels = (
-        Panel("total variance ÷ Allan variance", "τ/T", "ratio", tuple(of_total), "linear"),
-        Panel("Allan variance ÷ Thêo1", "m", "ratio", tuple(of_theo1)),
+        Panel(f"total variance ÷ Allan variance, {runs} records", "τ/T", "ratio", tuple(of_total), "linear"),
+        Panel(f"Allan variance ÷ Thêo1, {runs} records", "m", "ratio", tuple(of_theo1)),
     )
     return Item("fog-bias", f"{PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
 
@@ -272,11 +284,14 @@ def spread(found: dict[str, FloatArray], reference: FloatArray, tau: FloatArray)
     return tuple(curves)
 
 
-def _against(x: FloatArray, runs: FloatArray, label: str, group: int, expected: list[float]) -> list[Curve]:
-    """Return the mean of runs as points beside the expected line."""
+def _against(
+    x: FloatArray, runs: FloatArray, label: str, group: int, expected: list[float], printed: FloatArray
+) -> list[Curve]:
+    """Return the mean of runs as points, the expected line, and crosses where the paper prints it."""
     return [
         Curve(x, runs.mean(axis=1), label, "points", group=group),
-        Curve(x, np.array(expected), style="line", group=group),
+        Curve(x, np.array(expected), "derived" if group == 0 else "", "line", group=group),
+        Curve(x, printed, "printed" if group == 0 else "", "crosses", group=group),
     ]
 
 

@@ -78,8 +78,8 @@ def mems_arma(settings: Settings) -> Item:
                 Curve(correlation.lag[1:], correlation.value[1:, 0], "autocorrelation", "points", group=0),
                 Curve(partial.lag[1:], partial.value[1:, 0], "partial", "points", group=1),
                 *(
-                    Curve(correlation.lag[1:], np.full(30, sign * correlation.band), style="dotted", group=5)
-                    for sign in (1.0, -1.0)
+                    Curve(correlation.lag[1:], np.full(30, sign * correlation.band), label, "dotted", group=5)
+                    for sign, label in ((1.0, "95 % band of white noise"), (-1.0, ""))
                 ),
             ),
             "linear",

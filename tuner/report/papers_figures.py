@@ -14,12 +14,13 @@ from PIL import Image
 from tuner.files import whole_file
 from tuner.papers.results import Curve, Item, Panel, Picture, Table
 
-COLOURS = ("#1f5fa8", "#c2410c", "#0f766e", "#7c3aed", "#a16207", "#475569", "#be185d")
+COLOURS = ("#1f5fa8", "#c2410c", "#0f766e", "#7c3aed", "#a16207", "#475569", "#be185d", "#111827")
 STYLES: dict[str, dict[str, Any]] = {
     "line": {"lw": 1.3},
     "dashed": {"lw": 1.2, "ls": "--"},
     "dotted": {"lw": 1.4, "ls": ":"},
     "points": {"ls": "none", "marker": "o", "ms": 3.0, "mew": 0},
+    "crosses": {"ls": "none", "marker": "x", "ms": 6.0, "mew": 1.4},
     "faint": {"lw": 0.5, "alpha": 0.6},
 }
 SCALES = {
@@ -30,6 +31,8 @@ SCALES = {
 }
 PALETTE = 128
 """Colours of a figure."""
+CROWDED = 2
+"""Marks of a panel from which on their labels stand at different heights."""
 SPAN = 1e8
 """Largest ratio shown on a logarithmic axis."""
 
@@ -53,7 +56,7 @@ def draw_item(item: Item, path: Path, *, dpi: int = 100) -> None:
         with whole_file(path) as temporary:
             figure.savefig(temporary, dpi=dpi)
             with Image.open(temporary) as image:
-                small = image.convert("RGB").quantize(PALETTE)
+                small = image.convert("RGB").quantize(PALETTE, Image.Quantize.MAXCOVERAGE, kmeans=2)
             small.save(temporary, optimize=True)
 
 
@@ -71,11 +74,11 @@ def _draw_panel(axes: Axes, panel: Panel, *, alone: bool) -> None:
     if y_scale == "log":
         bottom, top = axes.get_ylim()
         axes.set_ylim(max(bottom, top / SPAN), top)
-    for x, label in panel.marks:
+    for k, (x, label) in enumerate(panel.marks):
         axes.axvline(x, color="0.55", lw=0.8, ls=":")
         axes.annotate(
             label,
-            (x, 0.02),
+            (x, 0.02 + (0.11 * k if len(panel.marks) > CROWDED else 0.0)),
             xycoords=("data", "axes fraction"),
             xytext=(2, 0),
             textcoords="offset points",
