@@ -1,6 +1,6 @@
 """The blind challenge: effects are hidden in data, found without the key, and scored afterwards.
 
-``python tests/challenge/run.py --items 1000 --seed 1 --out DIR [--processes 2]``
+``python tests/challenge/run.py --items 1000 --seed 1 --out DIR [--processes 2] [--drives]``
 
 Three steps, each a process of its own, for parts of the items: *generate* writes logs with anonymous names
 and a sealed key, whose SHA-256 goes into ``manifest``; *analyse* (`answer`) sees the folder of the logs;
@@ -24,8 +24,10 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path.append(str(HERE.parent))
 
+from challenge.drives.files import generate as generate_drives  # noqa: E402
+from challenge.drives.items import KINDS as DRIVE_KINDS  # noqa: E402
 from challenge.generator.items import KINDS  # noqa: E402
-from challenge.seal import opened  # noqa: E402
+from challenge.seal import generate, opened  # noqa: E402
 from challenge.tables import page  # noqa: E402
 from challenge.verdict import Verdict, judge  # noqa: E402
 
@@ -39,7 +41,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--seed", required=True, help="secret of the draw; any text")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of items, with commas between")
+    parser.add_argument("--drives", action="store_true", help="drives instead of static logs")
+    parser.add_argument("--reference", action="store_true", help="drives of the reference profile only")
+    parser.add_argument("--kinds", default=None, help="kinds of items, with commas between")
     parser.add_argument(
         "--samples", type=int, default=None, help="samples of every record, else 3.6e5 or 1e6"
     )
@@ -50,18 +54,25 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--part", type=int, default=None, help=argparse.SUPPRESS)
     parser.add_argument("--keep-logs", action="store_true")
     parser.add_argument("--score-only", action="store_true", help="score the answers that are there")
-    return parser.parse_args(argv)
+    args = parser.parse_args(argv)
+    args.kinds = args.kinds or ",".join(DRIVE_KINDS if args.drives else KINDS)
+    return args
 
 
 def generate_part(args: argparse.Namespace, part: int) -> None:
     """Step 1, in a process of its own (``--part``)."""
-    from challenge.seal import generate
-
     numbers = range(part * PART, min(args.items, (part + 1) * PART))
-    published = generate(
-        numbers, args.seed, args.out / "logs" / str(part), args.out / "keys" / f"{part}.json",
-        kinds=tuple(args.kinds.split(",")), samples=args.samples, width=args.axes, held_out=args.held_out,
-    )  # fmt: skip
+    logs, key = args.out / "logs" / str(part), args.out / "keys" / f"{part}.json"
+    kinds = tuple(args.kinds.split(","))
+    if args.drives:
+        published = generate_drives(
+            numbers, args.seed, logs, key, kinds=kinds, reference=args.reference or None
+        )
+    else:
+        published = generate(
+            numbers, args.seed, logs, key,
+            kinds=kinds, samples=args.samples, width=args.axes, held_out=args.held_out,
+        )  # fmt: skip
     (args.out / "manifest" / f"{part}.sha256").write_text(published)
 
 
@@ -119,10 +130,13 @@ def main(argv: list[str] | None = None) -> int:
         for finished, _ in enumerate(pool.map(lambda part: finish_part(args, argv, part), range(parts)), 1):
             left = (time.monotonic() - began) / finished * (parts - finished)
             sys.stderr.write(f"part {finished} of {parts}, {left / 60.0:.0f} min left\n")
+    extent = (
+        f"drives{' of the reference profile' if args.reference else ''}, "
+        if args.drives
+        else f"samples {args.samples or 'mixed'}, axes {args.axes or 'mixed'}, "
+    )
     about = (
-        f"Seed `{args.seed}`, first {args.items} items, kinds {args.kinds}, samples {args.samples or 'mixed'}, "
-        f"axes {args.axes or 'mixed'}, "
-        f"revision `{revision()}`."
+        f"Seed `{args.seed}`, first {args.items} items, kinds {args.kinds}, {extent}revision `{revision()}`."
     )
     text = page(score(args.out), about)
     (args.out / "tables.md").write_text(text)

@@ -51,6 +51,11 @@ def generate(
         truths.append(made.truth())
         if held_out and made.hidden:
             np.savez(logs / f"{made.name}.b.npz", **log(made, "b"))  # type: ignore[arg-type]
+    return sealed(truths, keys)
+
+
+def sealed(truths: list[dict], keys: Path) -> str:
+    """Write a key and return its SHA-256."""
     text = json.dumps(truths, indent=1, default=float)
     keys.write_text(text)
     return digest(text)

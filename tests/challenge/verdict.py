@@ -9,6 +9,8 @@ FAMILIES = (
     frozenset({"temperature", "thermal_lag", "warmup"}),
     frozenset({"lowpass", "colour"}),
     frozenset({"heavy_tails", "spikes"}),
+    frozenset({"time_offset", "velocity_lag"}),
+    frozenset({"correlated_gnss", "gnss_noise_scale"}),
 )
 """Causes that count half where one stands for the other."""
 EXACT = frozenset({"timing", "lattice", "motion"})
