@@ -104,7 +104,7 @@ def best(ratios: FloatArray, effective: FloatArray, rivals: Sequence[Explanation
         fit = minimize_scalar(misfit, bounds=near, method="bounded")
         likely = np.exp(grid[values <= fit.fun + LIKELY])
         theta = math.exp(float(fit.x))
-        low, high = min(theta, *likely), max(theta, *likely)
+        low, high = min([theta, *likely]), max([theta, *likely])
         causes.append(
             Cause(rival.source, theta, (low, high), float(fit.fun), rival.words(theta, (low, high)))
         )
