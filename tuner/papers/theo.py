@@ -243,7 +243,7 @@ def fog_bias(settings: Settings) -> Item:
         of_theo1 += _against(
             sizes.astype(float),
             ratio,
-            names[noise],
+            "",
             g,
             [theo1_ratio(noise, k) for k in sizes.tolist()],
             a + b / sizes**c,
@@ -268,7 +268,7 @@ def fog_bias(settings: Settings) -> Item:
         )
     panels = (
         Panel(f"total variance ÷ Allan variance, {runs} records", "τ/T", "ratio", tuple(of_total), "linear"),
-        Panel(f"Allan variance ÷ Thêo1, {runs} records", "m", "ratio", tuple(of_theo1)),
+        Panel(f"Allan variance ÷ Thêo1, {runs} records (colours as before)", "m", "ratio", tuple(of_theo1)),
     )
     return Item("fog-bias", f"{PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
 
@@ -290,8 +290,8 @@ def _against(
     """Return the mean of runs as points, the expected line, and crosses where the paper prints it."""
     return [
         Curve(x, runs.mean(axis=1), label, "points", group=group),
-        Curve(x, np.array(expected), "derived" if group == 0 else "", "line", group=group),
-        Curve(x, printed, "printed" if group == 0 else "", "crosses", group=group),
+        Curve(x, np.array(expected), "derived" if label and group == 0 else "", "line", group=group),
+        Curve(x, printed, "printed" if label and group == 0 else "", "crosses", group=group),
     ]
 
 

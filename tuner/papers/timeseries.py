@@ -222,10 +222,10 @@ def _of_orders(
     claims = []
     for n, (white, by_bic, by_aic) in orders.items():
         gained, single = (n * gain for gain in gains)
-        kept = stays_white(n)
+        kept, size = stays_white(n), str(n) if n < 10_000 else f"{n:_}".replace("_", " ")
         claims += [
             judge(
-                f"records of the printed model called white, n = {n}",
+                f"records of the printed model called white, n = {size}",
                 "none: ARMA(1,1)",
                 share_of(white),
                 claimed=(0.0, 0.05),
@@ -234,7 +234,7 @@ def _of_orders(
                 f"{np.log(n):.1f}: χ²₁ of non-centrality {single:.1f} stays below that in {100.0 * kept:.0f} %",
             ),
             judge(
-                f"records whose BIC is smallest at (1,1), n = {n}",
+                f"records whose BIC is smallest at (1,1), n = {size}",
                 "(1,1)",
                 share_of(by_bic),
                 claimed=(0.5, 1.0),
@@ -243,7 +243,7 @@ def _of_orders(
                 f"{gained - single:.1f} for {np.log(n):.1f}, pays from 100 000 samples on",
             ),
             judge(
-                f"records whose AIC is smallest at (1,1), n = {n}",
+                f"records whose AIC is smallest at (1,1), n = {size}",
                 "(1,1)",
                 share_of(by_aic),
                 claimed=(0.5, 1.0),

@@ -33,6 +33,8 @@ PALETTE = 128
 """Colours of a figure."""
 CROWDED = 2
 """Marks of a panel from which on their labels stand at different heights."""
+LEGEND = 0.06
+"""Height of a legend's entry, of the axes: room for it above the curves of a linear axis."""
 SPAN = 1e8
 """Largest ratio shown on a logarithmic axis."""
 
@@ -92,6 +94,9 @@ def _draw_panel(axes: Axes, panel: Panel, *, alone: bool) -> None:
     beside: dict[str, Any] = (
         {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if alone and labels > 4 else {}
     )
+    if labels and not beside and y_scale == "linear":
+        bottom, top = axes.get_ylim()
+        axes.set_ylim(bottom, top + LEGEND * labels * (top - bottom))
     if labels:
         axes.legend(fontsize=7, framealpha=0.85, handlelength=1.8, **beside)
 
