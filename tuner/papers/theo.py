@@ -6,7 +6,7 @@ degrees of freedom, ν = 2 (mean ÷ standard deviation)².
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -128,14 +128,6 @@ def _of_statistics(
         for name in LABELS
     }
 
-    def aside(name: str, quoted: Mapping[str, Range]) -> str:
-        values, statistic = (ratio, ratio_of_means) if quoted is QUOTED_RATIO else (white, relative_sd)
-        low, high = scatter(values[name], statistic, SET, rng)
-        first, last = quoted[name]
-        holds = "holds" if low <= last and first <= high else "does not hold"
-        figure = f"{first:g}" if first == last else f"{first:g}–{last:g}"
-        return f"; the scatter of {SET} records, {low:.2f} … {high:.2f}, {holds} {figure}, expected of a smaller study"
-
     allan_sd = relative_sd(white["oadev"])
     return (
         judge(
@@ -144,7 +136,7 @@ def _of_statistics(
             estimate(ratio["theo1"], ratio_of_means),
             claimed=(0.0, 0.95),
             why=f"exactly 1/{theo1_ratio('random_walk', 400):.2f} = {1.0 / theo1_ratio('random_walk', 400):.3f}"
-            + aside("theo1", QUOTED_RATIO),
+            + _aside(ratio["theo1"], ratio_of_means, QUOTED_RATIO["theo1"], rng),
         ),
         judge(
             "random walk, τ = 3 s: ThêoBR (so ThêoH) ÷ Allan variance",
@@ -152,7 +144,7 @@ def _of_statistics(
             estimate(ratio["theobr"], ratio_of_means),
             claimed=(0.95, 1.05),
             why="one noise rules at every τ, so the ratio taken at short τ holds at long τ"
-            + aside("theobr", QUOTED_RATIO),
+            + _aside(ratio["theobr"], ratio_of_means, QUOTED_RATIO["theobr"], rng),
         ),
         judge(
             "random walk, τ = 3 s: total ÷ Allan variance",
@@ -161,7 +153,7 @@ def _of_statistics(
             claimed=1.0,
             derived=total_ratio("random_walk", 0.3),
             why="exactly 1 − 3τ/(4T) = 0.775 at τ/T = 0.3: the factor 0.75 belongs to the random walk"
-            + aside("totdev", QUOTED_RATIO),
+            + _aside(ratio["totdev"], ratio_of_means, QUOTED_RATIO["totdev"], rng),
         ),
         judge(
             "white noise, τ = 3 s: total ÷ Allan variance",
@@ -178,7 +170,7 @@ def _of_statistics(
             claimed=float(np.sqrt(2.0 / (n / 300 - 1.0))),
             derived=expected["oadev"],
             why=f"√(2/ν) = {expected['oadev']:.3f} with ν from the covariance of all N − 2m differences, not N/m − 1"
-            + aside("oadev", QUOTED_SD),
+            + _aside(white["oadev"], relative_sd, QUOTED_SD["oadev"], rng),
         ),
         *(
             judge(
@@ -187,11 +179,22 @@ def _of_statistics(
                 estimate(white[name], relative_sd),
                 claimed=(0.0, allan_sd),
                 why=f"√(2/ν) = {expected[name]:.3f} against Allan's {expected['oadev']:.3f}"
-                + aside(name, QUOTED_SD),
+                + _aside(white[name], relative_sd, QUOTED_SD[name], rng),
             )
             for name in ("totdev", "theobr", "theo1")
         ),
     )
+
+
+def _aside(
+    runs: FloatArray, statistic: Callable[[FloatArray], float], quoted: Range, rng: np.random.Generator
+) -> str:
+    """Say whether the scatter of a smaller study holds its figure."""
+    low, high = scatter(runs, statistic, SET, rng)
+    first, last = quoted
+    holds = "holds" if low <= last and first <= high else "does not hold"
+    figure = f"{first:g}" if first == last else f"{first:g}–{last:g}"
+    return f"; the scatter of {SET} records, {low:.2f} … {high:.2f}, {holds} {figure}, expected of a smaller study"
 
 
 def fog_bias(settings: Settings) -> Item:
