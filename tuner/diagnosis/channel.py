@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.covariate import code_step, smoothed
+from tuner.diagnosis.covariate import code_step, hold, smoothed
 from tuner.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -165,7 +165,9 @@ def channel(
     y = fill(y, ~valid, 1.0, np.random.default_rng((seed, 77)))
     covariates = {
         name: smoothed(
-            np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1), code_step(values)
+            np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1),
+            code_step(values),
+            -(-hold(values) // block),
         )
         for name, values in record.covariates.items()
         if np.all(np.isfinite(values)) and np.ptp(values) > 0

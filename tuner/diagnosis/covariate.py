@@ -1,8 +1,10 @@
-"""A covariate as the sensor felt it: the readings of a digital thermometer without their lattice.
+"""A covariate as the sensor felt it: the readings of a digital thermometer without their lattice and their noise.
 
-Readings on a lattice of step Δ hold still and jump; the temperature did neither. The smoothest curve within their
-rounding error is taken (Whittaker's smoother): it minimises Σ(x − r)² + λ Σ(second differences of x)², with the λ for
-which the readings r lie √(Δ²/12) about it.
+Readings on a lattice of step Δ hold still and jump, and they are noisy; the temperature did none of that. The smoothest
+curve within their error s is taken (Whittaker's smoother): it minimises Σ(x − r)² + λ Σ(third differences of x)², with
+the largest λ for which the readings r lie s about it over the record, and not much more in any part of it: where the
+temperature turns fast, the curve has to follow. s is √(Δ²/12), or the noise of the readings as their second differences
+over the time that they are held show it, if that is more.
 
 References
 ----------
@@ -18,6 +20,11 @@ from scipy.linalg import solveh_banded
 
 FloatArray = NDArray[np.float64]
 
+PARTS = 64
+"""Parts of a record in each of which the curve must follow the readings."""
+LOCAL = 1.6
+"""Root mean square of what is left in a part, in errors, beyond which it does not."""
+
 
 def code_step(values: FloatArray) -> float:
     """Return the step of the lattice of readings, shape (n,); 0 where they take too many values for one."""
@@ -27,34 +34,55 @@ def code_step(values: FloatArray) -> float:
     return float(np.median(np.diff(codes)))
 
 
-def smoothed(readings: FloatArray, step: float) -> FloatArray:
-    """Return the smoothest curve within the rounding error of readings on a lattice, shape (n,)."""
-    error = step / np.sqrt(12.0)
+def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
+    """Return the smoothest curve within the error of readings, shape (n,).
+
+    Parameters
+    ----------
+    readings : ndarray, shape (n,)
+    step : float
+        Of their lattice; 0 for none.
+    held : int
+        Readings that one measurement is held for.
+    """
     curve = readings
-    if step == 0.0 or len(readings) < 8:
+    if len(readings) < 4 * PARTS:
+        return curve
+    held = min(held, len(readings) // PARTS)
+    second = readings[2 * held :] - 2.0 * readings[held:-held] + readings[: -2 * held]
+    error = max(step / np.sqrt(12.0), float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0)))
+    if error == 0.0:
         return curve
     low, high = -2.0, 13.0
     for _ in range(24):
         middle = 0.5 * (low + high)
         trial = _whittaker(readings, 10.0**middle)
-        if float(np.std(readings - trial)) <= error:
+        if _within(readings - trial, error):
             low, curve = middle, trial
         else:
             high = middle
     return curve
 
 
+def hold(values: FloatArray) -> int:
+    """Return how many equal values follow each other, typically."""
+    change = np.flatnonzero(np.diff(values))
+    return int(np.median(np.diff(change))) if len(change) > 1 else len(values)
+
+
+def _within(rest: FloatArray, error: float) -> bool:
+    parts = rest[: len(rest) // PARTS * PARTS].reshape(PARTS, -1)
+    worst = float(np.sqrt(np.mean(parts**2, axis=1)).max())
+    return float(np.std(rest)) <= error and worst <= LOCAL * error
+
+
 def _whittaker(y: FloatArray, weight: float) -> FloatArray:
-    """Return the minimum of Σ(x − y)² + weight Σ(second differences of x)²."""
-    n = len(y)
-    bands = np.zeros((3, n))
-    bands[2] = 6.0
-    bands[2, [0, -1]] = 1.0
-    bands[2, [1, -2]] = 5.0
-    bands[1, 1:] = -4.0
-    bands[1, [1, -1]] = -2.0
-    bands[0, 2:] = 1.0
-    bands *= weight
-    bands[2] += 1.0
+    """Return the minimum of Σ(x − y)² + weight Σ(third differences of x)²."""
+    n, third = len(y), np.array([-1.0, 3.0, -3.0, 1.0])
+    bands = np.zeros((4, n))
+    for i in range(4):
+        for j in range(i, 4):
+            bands[3 - (j - i), j : n - 3 + j] += weight * third[i] * third[j]
+    bands[3] += 1.0
     centre = float(y.mean())
     return np.asarray(centre + solveh_banded(bands, y - centre))

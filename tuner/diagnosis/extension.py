@@ -58,21 +58,10 @@ class Value:
         factor = float(np.exp(1.96 * min(relative_sd, 5.0)))
         return cls(value, value / factor, value * factor, unit)
 
-    def widened(self, factor: float) -> Value:
-        """Return the value with an interval that reaches so many times as far, evenly in the logarithm if positive."""
-        if self.lower > 0:
-            return replace(
-                self,
-                lower=self.value * (self.lower / self.value) ** factor,
-                upper=self.value * (self.upper / self.value) ** factor,
-            )
-        lower, upper = (self.value + factor * (end - self.value) for end in (self.lower, self.upper))
-        return replace(self, lower=lower, upper=upper)
-
-    def joined(self, other: Value) -> Value:
-        """Return the value with an interval as wide as the wider of the two on either side."""
-        below = max(self.value - self.lower, other.value - other.lower)
-        above = max(self.upper - self.value, other.upper - other.value)
+    def owing(self, drift: float) -> Value:
+        """Return the value with an interval that reaches, in quadrature, `drift` further on either side."""
+        below = float(np.hypot(self.value - self.lower, drift))
+        above = float(np.hypot(self.upper - self.value, drift))
         return replace(self, lower=self.value - below, upper=self.value + above)
 
     def coefficient(self, unit: str, scale: float) -> Coefficient:
@@ -129,14 +118,16 @@ class Extension(ABC):
         """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
         return self
 
-    def refined(self, size: Value, widening: float) -> Extension:  # noqa: ARG002
-        """Return the extension with the size of its template from a joint fit.
+    def refined(self, found: Residual, index: int, size: Value) -> Extension:  # noqa: ARG002
+        """Return the extension with its parameters from the joint fit.
 
         Parameters
         ----------
+        found : Residual
+            The final residual, which has the extension.
+        index : int
+            Its place there.
         size : Value
-            Size in scales, its interval with the noise refitted.
-        widening : float
-            That interval over the one at fixed noise, 1 or more: what other intervals lack as well.
+            Size of its first template in scales, with the 95 % interval at noise refitted.
         """
         return self

@@ -116,17 +116,20 @@ def _signal(found: Residual, test: _Test) -> FloatArray:
     beta, at = found.fit.beta, 1
     total = np.zeros(test.context.blocks)
     for extension in found.extensions:
-        columns = _columns(extension, test.context)
+        columns = _columns(extension, test)
         total += columns @ beta[at : at + columns.shape[1]]
         at += extension.columns(found.channel).shape[1]
     return np.repeat(total, test.context.block)[test.first : test.first + len(test.channel)]
 
 
-def _columns(extension: Extension, context: Channel) -> FloatArray:
-    """Return the templates of an extension in another record; events of the first one are constants there."""
+def _columns(extension: Extension, test: _Test) -> FloatArray:
+    """Return the templates of an extension in another record; what was an event of the first one is nothing there."""
+    columns = extension.columns(test.context)
     if extension.cause in ("step", "motion"):
-        return np.zeros((context.blocks, extension.columns(context).shape[1]))
-    return extension.columns(context)
+        return np.zeros_like(columns)
+    if extension.cause == "thermal_lag" and test.first == 0:
+        columns[:, 1:] = 0.0
+    return columns
 
 
 def _score(found: Residual, test: _Test) -> float:

@@ -161,7 +161,7 @@ def _rough(found: Residual, candidate: _Candidate) -> Extension:
         return thermal_lag.ThermalLag(float(thermal_lag.lags(channel)[candidate.number]))
     if candidate.cause == "warmup":
         return warmup.Warmup(float(warmup.constants(channel)[candidate.number]))
-    return step.Step(candidate.number)
+    return step.Step(candidate.number * channel.block)
 
 
 def _fine(found: Residual, candidate: _Candidate) -> Extension:

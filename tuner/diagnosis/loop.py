@@ -17,16 +17,21 @@ from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
 from tuner.diagnosis.joint import upgrade
 from tuner.diagnosis.panel import panel, retest
+from tuner.diagnosis.profile import first_column
 from tuner.diagnosis.residual import Residual, relabelled, residual, without
 from tuner.results import Alternative, Gain
 
 PASSES = 16
+POLISHES = 3
+"""Times that parameters are fitted again beside each other in a pass, at most."""
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
 CERTAIN = 60.0
 """Gain beyond which an extension is not put in question again, nats."""
 SHARE = 0.2
 """Share of the largest gain from which an alarm of another group is believed in the same pass."""
+ALONE = ("burst", "variance_drift")
+"""Causes that are believed only as the clearest of all: a jump of the level makes a burst of what is left of it."""
 GROUPS = (
     ("line", "vibration", "lowpass", "colour"),
     ("spikes", "heavy_tails", "burst", "variance_drift"),
@@ -36,7 +41,10 @@ GROUPS = (
 MEASURED = ("temperature", "thermal_lag")
 """What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
 BROAD = ("lowpass", "colour")
-"""Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one."""
+"""Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one.
+
+They come alone, and the noise is fitted afresh with them: without them the slow noise stood in for them.
+"""
 
 
 @dataclass(frozen=True)
@@ -114,7 +122,10 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
         if any(alarm.cause in MEASURED for alarm in raised):
             raised = [alarm for alarm in raised if alarm.cause != "telegraph"]
+        broad = [alarm for alarm in raised if alarm.cause in BROAD]
         chosen = _clearest(raised)
+        if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
+            chosen = [max(broad, key=lambda alarm: alarm.gain)]
         new: list[Extension] = []
         for alarm in chosen:
             assert alarm.propose is not None
@@ -122,9 +133,12 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             accepted += [Accepted(extension, alarm) for extension in proposed]
             new += proposed
         fresh = len(new)
-        found = residual(channel, (*found.extensions, *new), starts=found.starts)
-        polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
-        if any(a is not b for a, b in zip(polished, found.extensions, strict=True)):
+        starts = None if any(x.cause in BROAD for x in new) else found.starts
+        found = residual(channel, (*found.extensions, *new), starts=starts)
+        for _ in range(POLISHES):
+            polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
+            if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
+                break
             found = residual(channel, polished, starts=found.starts)
     found, accepted = _prune(found, accepted, threshold)
     found = _refined(found)
@@ -139,7 +153,7 @@ def _clearest(raised: list[Alarm]) -> list[Alarm]:
     best = max(raised, key=lambda alarm: alarm.gain)
     chosen = [best]
     for group in GROUPS:
-        mine = [alarm for alarm in raised if alarm.cause in group]
+        mine = [alarm for alarm in raised if alarm.cause in group and alarm.cause not in ALONE]
         clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
         if best.cause not in group and clearest is not best and clearest.gain > SHARE * best.gain:
             chosen.append(clearest)
@@ -184,15 +198,13 @@ def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple
 
 
 def _refined(found: Residual) -> Residual:
-    """Return the residual whose extensions carry the sizes of the joint fit."""
-    at, refined = 1, []
-    for extension in found.extensions:
-        width = extension.columns(found.channel).shape[1]
-        if width == 1 and extension.cause != "motion":
+    """Return the residual whose extensions carry the parameters of the joint fit."""
+    refined = []
+    for index, extension in enumerate(found.extensions):
+        at = first_column(found, index)
+        if extension.columns(found.channel).shape[1] and extension.cause != "motion":
             lower, upper = found.reach(at)
-            sd = float(np.sqrt(found.fit.beta_covariance[at, at]))
             size = Value(float(found.fit.beta[at]), lower, upper)
-            extension = extension.refined(size, max(1.0, (upper - lower) / (3.92 * sd)))
+            extension = extension.refined(found, index, size)
         refined.append(extension)
-        at += width
     return relabelled(found, tuple(refined))

@@ -37,7 +37,7 @@ class Temperature(Extension):
         """Return the temperature on the blocks, shape (M, 1), K about its mean."""
         return centred(channel)[:, None]
 
-    def refined(self, size: Value, widening: float) -> Temperature:  # noqa: ARG002
+    def refined(self, found: Residual, index: int, size: Value) -> Temperature:  # noqa: ARG002
         """Take the slope from a joint fit."""
         return replace(self, values={**self.values, "slope": replace(size, unit="{u}/K")})
 

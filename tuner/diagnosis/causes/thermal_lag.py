@@ -1,7 +1,9 @@
 """Thermal lag: a bias in proportion to a temperature that follows the measured one with a first-order lag.
 
 Statistic: likelihood ratio of the best lag of a grid, the noise refitted; Davies' bound over the grid.
-Extension: a template; slope and lag from a joint linearised fit.
+Extension: a template; its lag by the profile of the likelihood. The lagging temperature starts at the measured
+one. Where the sensor was not at rest before the record that is wrong by slope · (L(0) − T(0)) exp(−t/τ): a second,
+free template, taken where a likelihood ratio of χ²₁ asks for it at 0.1 %.
 """
 
 from __future__ import annotations
@@ -19,15 +21,20 @@ from tuner.diagnosis.causes.temperature import COVARIATE
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.profile import SAME, Template, best_constant, profile
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.scan import judge, project, rest, scan, weights
+from tuner.diagnosis.statistics import SHRINK
 
 FloatArray = NDArray[np.float64]
+
+SETTLES = 10.8
+"""Likelihood ratio from which a temperature that settles first is believed: χ²₁ at 0.1 %."""
 
 
 @dataclass(frozen=True)
 class ThermalLag(Extension):
-    """Bias in proportion to the lagging temperature."""
+    """Bias in proportion to the lagging temperature; `settling`: it may start anywhere."""
 
     cause: ClassVar[str] = "thermal_lag"
     meaning: ClassVar[str] = "the bias follows the measured temperature late: a loop of bias over temperature"
@@ -35,16 +42,35 @@ class ThermalLag(Extension):
         "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ"
     )
     time_constant: float
+    settling: bool = False
 
     def columns(self, channel: Channel) -> FloatArray:
-        """Return the lagging temperature on the blocks, shape (M, 1)."""
-        return lagged(channel, self.time_constant)[:, None]
+        """Return the lagging temperature on the blocks, shape (M, 1); with what settles, (M, 2)."""
+        main = lagged(channel, self.time_constant)
+        if not self.settling:
+            return main[:, None]
+        return np.stack((main, np.exp(-channel.block_time / self.time_constant)), axis=1)
 
-    def refined(self, size: Value, widening: float) -> ThermalLag:
-        """Take the slope from a joint fit; its interval keeps the share of the time constant."""
-        slope = replace(size, unit="{u}/K").joined(self.values["slope"])
-        constant = self.values["time_constant"].widened(widening)
-        return replace(self, values={"time_constant": constant, "slope": slope})
+    def polished(self, found: Residual, index: int) -> ThermalLag:
+        """Fit the lag again, and let the temperature start where it likes if the record asks for that."""
+        constant = best_constant(found, index, self._template(found.channel), self.time_constant)
+        settling = self.settling or self._settles(found)
+        close = abs(np.log(constant / self.time_constant)) < SAME and settling == self.settling
+        return self if close else replace(self, time_constant=constant, settling=settling)
+
+    def _settles(self, found: Residual) -> bool:
+        start = np.exp(-found.channel.block_time / self.time_constant)[:, None]
+        fit = found.refit(block_transform(start, found.channel, found.track.singles))
+        return 2.0 * SHRINK * (fit.log_likelihood - found.fit.log_likelihood) > SETTLES
+
+    def refined(self, found: Residual, index: int, size: Value) -> ThermalLag:
+        """Take slope and lag from the joint fit."""
+        reach = profile(found, index, self._template(found.channel), self.time_constant, size)
+        values = {"time_constant": reach.constant, "slope": replace(size, unit="{u}/K").owing(reach.drift)}
+        return replace(self, values=values)
+
+    def _template(self, channel: Channel) -> Template:
+        return lambda constant: replace(self, time_constant=constant).columns(channel)
 
 
 def lagged(channel: Channel, time_constant: float) -> FloatArray:
@@ -57,7 +83,7 @@ def lagged(channel: Channel, time_constant: float) -> FloatArray:
 def lags(channel: Channel) -> FloatArray:
     """Return the grid of lags, s."""
     shortest = max(30.0, 4.0 * channel.block * channel.interval)
-    return np.geomspace(shortest, max(0.25 * channel.span, 2.0 * shortest), 9)
+    return np.geomspace(shortest, max(channel.span, 2.0 * shortest), 12)
 
 
 def test(found: Residual) -> Alarm | None:
@@ -87,18 +113,4 @@ def extension(found: Residual, near: float) -> ThermalLag:
         return -float((project(found, template)[0][:, 0] @ target) ** 2)
 
     best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
-    constant = float(np.exp(best.x))
-    shape = lagged(channel, constant)
-    slope = (lagged(channel, 1.02 * constant) - lagged(channel, constant / 1.02)) / (2.0 * np.log(1.02))
-    white, norm = project(found, block_transform(np.stack((shape, slope), axis=1), channel, singles))
-    design = white * norm
-    covariance = np.linalg.pinv(design.T @ design, hermitian=True)
-    size = float((covariance @ (design.T @ target))[0])
-    relative = float(np.sqrt(covariance[1, 1])) / max(abs(size), 1e-12)
-    return ThermalLag(
-        constant,
-        values={
-            "time_constant": Value.log(constant, relative, "s"),
-            "slope": Value.of(size, float(np.sqrt(covariance[0, 0])), "{u}/K"),
-        },
-    )
+    return ThermalLag(float(np.exp(best.x)))

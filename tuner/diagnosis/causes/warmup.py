@@ -1,7 +1,7 @@
 """Warm-up: an exponential transient after power-on.
 
 Statistic: likelihood ratio of the best time constant of a grid, the noise refitted; Davies' bound over the grid.
-Extension: a template; amplitude and time constant from a joint linearised fit.
+Extension: a template; its time constant by the profile of the likelihood.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.profile import SAME, Template, best_constant, profile
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.scan import judge, project, rest, scan, weights
 
@@ -25,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Warmup(Extension):
-    """exp(−t/time_constant), t from the first sample; `slope` is its derivative by the time constant."""
+    """exp(−t/time_constant), t from the first sample."""
 
     cause: ClassVar[str] = "warmup"
     meaning: ClassVar[str] = "the bias decays exponentially after power-on"
@@ -38,11 +39,20 @@ class Warmup(Extension):
         """Return the transient on the blocks, shape (M, 1)."""
         return transient(channel, self.time_constant)[:, None]
 
-    def refined(self, size: Value, widening: float) -> Warmup:
-        """Take the amplitude from a joint fit; its interval keeps the share of the time constant."""
-        amplitude = replace(size, unit="{u}").joined(self.values["amplitude"])
-        constant = self.values["time_constant"].widened(widening)
-        return replace(self, values={"time_constant": constant, "amplitude": amplitude})
+    def polished(self, found: Residual, index: int) -> Warmup:
+        """Fit the time constant again, with the noise that is left beside the transient."""
+        constant = best_constant(found, index, self._template(found.channel), self.time_constant)
+        close = abs(np.log(constant / self.time_constant)) < SAME
+        return self if close else replace(self, time_constant=constant)
+
+    def refined(self, found: Residual, index: int, size: Value) -> Warmup:
+        """Take amplitude and time constant from the joint fit."""
+        reach = profile(found, index, self._template(found.channel), self.time_constant, size)
+        values = {"time_constant": reach.constant, "amplitude": replace(size, unit="{u}").owing(reach.drift)}
+        return replace(self, values=values)
+
+    def _template(self, channel: Channel) -> Template:
+        return lambda constant: replace(self, time_constant=constant).columns(channel)
 
 
 def transient(channel: Channel, time_constant: float) -> FloatArray:
@@ -79,19 +89,4 @@ def extension(found: Residual, near: float) -> Warmup:
         return -float((project(found, template)[0][:, 0] @ target) ** 2)
 
     best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
-    constant = float(np.exp(best.x))
-    shape = transient(channel, constant)
-    slope = shape * channel.block_time / constant
-    white, norm = project(found, block_transform(np.stack((shape, slope), axis=1), channel, singles))
-    design = white * norm
-    covariance = np.linalg.pinv(design.T @ design, hermitian=True)
-    amplitude = float((covariance @ (design.T @ target))[0])
-    size = amplitude if amplitude else 1e-12
-    relative = float(np.sqrt(covariance[1, 1])) / abs(size)
-    return Warmup(
-        constant,
-        values={
-            "time_constant": Value.log(constant, relative, "s"),
-            "amplitude": Value.of(amplitude, float(np.sqrt(covariance[0, 0])), "{u}"),
-        },
-    )
+    return Warmup(float(np.exp(best.x)))
