@@ -27,6 +27,7 @@ from tuner.consistency import (
     squares,
     whiteness,
 )
+from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
 from tuner.navigation.inputs import GATED, USED, WITHHELD, Solution
 from tuner.navigation.settings import FilterSettings, filter_settings
@@ -79,7 +80,7 @@ def drive_filter(
     drive: Drive, config: FilterConfig, *, states: Mapping[str, float] | None = None
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with the offset of the clocks and an unknown lever arm."""
-    constants = {**STATES, **(states or {})}
+    constants = {**STATES, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):
         arm = None
@@ -87,7 +88,8 @@ def drive_filter(
     if arm is None:
         constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM)
         notes.append(f"lever arm estimated from 0 ± {constants['lever_arm']:g} m")
-    return filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0)), tuple(notes)
+    settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
+    return compensated_settings(settings, config.compensation), tuple(notes)
 
 
 def navigate_drive(
@@ -109,6 +111,7 @@ def navigate_drive(
     DataError
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
+    drive = compensated(drive, config.compensation)
     settings, assumed = drive_filter(drive, config, states=states)
     stretches, notes = prepare(drive, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))

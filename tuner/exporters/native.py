@@ -5,6 +5,7 @@ Numbers are SI and exact, ``loads(dumps(c)) == c``; customary units stand in com
 
     sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
     initial: P0 with reasons      gnss: R and gate      findings: […]
+    compensation: {NAME: value}   constants: {STATE: sd of its prior}
     inflations: [{quantity, factor, reason}]            provenance: {…}       notes: […]
 """
 
@@ -65,6 +66,8 @@ def dumps(config: FilterConfig) -> str:
         "sensors": sensors,
         "initial": _initial(config.initial),
         "gnss": None if config.gnss is None else _gnss(config.gnss),
+        **({"compensation": dict(config.compensation)} if config.compensation else {}),
+        **({"constants": dict(config.constants)} if config.constants else {}),
         "findings": [dict(finding) for finding in config.findings],
         "inflations": [vars(inflation) for inflation in config.inflations],
         "provenance": dict(config.provenance),
@@ -110,6 +113,8 @@ def loads(text: str, *, source: str = "configuration") -> FilterConfig:
         provenance=_mapping(root, "provenance"),
         notes=_list(root, "notes", Node.text),
         findings=_list(root, "findings", Node.mapping),
+        compensation=_numbers(root, "compensation"),
+        constants=_numbers(root, "constants"),
     )
 
 
@@ -179,6 +184,7 @@ def _gnss(gnss: GnssNoise) -> dict[str, Any]:
         "interval": Noted(gnss.interval, "s"),
         "gate": Noted(gnss.gate, "sigmas"),
         "correlated": [Noted(_state(markov), "m, s") for markov in gnss.correlated],
+        **({"correlated_down": gnss.correlated_down} if gnss.correlated_down != 1.0 else {}),
         "reference": gnss.reference,
     }
 
@@ -233,6 +239,7 @@ def _read_gnss(node: Node) -> GnssNoise:
     position = node["position_sd"].numbers(3)
     velocity = node.get("velocity_sd")
     speeds = velocity.numbers(3) if velocity else None
+    down = node.get("correlated_down")
     return GnssNoise(
         (position[0], position[1], position[2]),
         (speeds[0], speeds[1], speeds[2]) if speeds else None,
@@ -240,6 +247,7 @@ def _read_gnss(node: Node) -> GnssNoise:
         node["gate"].number(positive=True),
         _list(node, "correlated", _read_markov),
         node["reference"].text(),
+        1.0 if down is None else down.number(positive=True),
     )
 
 
@@ -255,3 +263,8 @@ def _list(node: Node, key: str, read: Callable[[Node], T]) -> tuple[T, ...]:
 def _mapping(node: Node, key: str) -> Mapping[str, Any]:
     entry = node.get(key)
     return {} if entry is None else entry.mapping()
+
+
+def _numbers(node: Node, key: str) -> Mapping[str, float]:
+    entry = node.get(key)
+    return {} if entry is None else {name: value.number() for name, value in entry.items()}

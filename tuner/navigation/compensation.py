@@ -1,16 +1,15 @@
 """What is known to be wrong with a drive, taken out of it: clocks, frames, the calibration of the sensors.
 
 A compensation maps names of parameters to values, SI, in the axes of the sensor, all by the conventions of
-`models`: measured (ω, f) = A true, stamps of fixes late by a delay, velocities by a lag besides, velocities turned by
-a rotation. An empty one changes nothing.
+`models.effects`. An empty one changes nothing.
 
 ================================ ==========================================================================
 time_offset.delay                positions of stamp t are those of t − delay
 velocity_lag.delay               velocities are so much later than the positions beside them
 lever_arm.x y z                  what the given lever arm (none: 0) lacks
-gnss_frame.roll pitch yaw        rotation vector of reported velocities against north-east-down
+gnss_frame.roll pitch yaw        v_reported = Rz(yaw) Ry(pitch) Rx(roll) v
 gyro_scale, accel_scale .x y z   scale factor errors
-gyro_misalignment.xy …           elements of K beside the diagonal; accel_misalignment the same
+misalignment.roll pitch yaw      the gyros are turned against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force
 gravity.offset                   excess of gravity
 gnss_noise_scale.…               true ÷ reported sd: position_horizontal, …_vertical, velocity_…
@@ -26,14 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.calibration import OFF_DIAGONAL
 from tuner.navigation.drive import unlagged
 from tuner.navigation.settings import FilterSettings
 from tuner.records import Drive
 
 FloatArray = NDArray[np.float64]
 
-XYZ = ("x", "y", "z")
+XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 NOISE_SCALE = tuple(
     f"gnss_noise_scale.{quantity}_{axis}"
     for quantity in ("position", "velocity")
@@ -53,12 +51,12 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
     """
     if not values:
         return drive
-    rates = np.linalg.solve(sensor_matrix(values), drive.rates.T).T
+    rates = np.asarray(np.linalg.solve(sensor_matrix(values), drive.rates.T).T, dtype=float)
     gnss = drive.gnss
     lag = values.get("velocity_lag.delay", 0.0)
     if lag:
         gnss = unlagged(gnss, lag)
-    turn = rotation.mat_from_rotvec(_triple(values, "gnss_frame", ("roll", "pitch", "yaw")))
+    turn = rotation.mat_from_rpy(_triple(values, "gnss_frame", RPY))
     gnss = replace(gnss, t=gnss.t - values.get("time_offset.delay", 0.0), vel_n=gnss.vel_n @ turn)
     lacking = _triple(values, "lever_arm", XYZ)
     arm = drive.lever_arm
@@ -84,8 +82,7 @@ def sensor_matrix(values: Mapping[str, float]) -> FloatArray:
     for first, sensor in ((0, "gyro"), (3, "accel")):
         for i, axis in enumerate(XYZ):
             matrix[first + i, first + i] += values.get(f"{sensor}_scale.{axis}", 0.0)
-        for i, j in OFF_DIAGONAL:
-            matrix[first + i, first + j] += values.get(f"{sensor}_misalignment.{XYZ[i]}{XYZ[j]}", 0.0)
+    matrix[:3, :3] = rotation.mat_from_rpy(_triple(values, "misalignment", RPY)) @ matrix[:3, :3]
     for i, a in enumerate(XYZ):
         for j, b in enumerate(XYZ):
             matrix[i, 3 + j] += values.get(f"g_sensitivity.{a}{b}", 0.0)

@@ -272,4 +272,5 @@ def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     believed = np.array([*position, *velocity])
     if settings.fix_scale is None:
         return np.where(reported > 0.0, np.maximum(reported, believed), believed)
-    return np.where(reported > 0.0, reported, believed) * np.repeat(settings.fix_scale, (2, 1, 2, 1))
+    scale = np.repeat(settings.fix_scale, (2, 1, 2, 1))
+    return np.asarray(scale * np.where(reported > 0.0, reported, believed))

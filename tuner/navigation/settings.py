@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -129,7 +129,12 @@ def filter_settings(
         if f"{sensor}_ramp" in at:
             sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd for channel in noise]
     if "gnss_position" in at:
-        sd[at["gnss_position"]] = [state.sd for state in correlated for _ in range(3)]
+        own = at["gnss_position"]
+        down = config.gnss.correlated_down if config.gnss is not None else 1.0
+        sd[own] = [state.sd * factor for state in correlated for factor in (1.0, 1.0, down)]
+        drive = model.driving_density.copy()
+        drive[own.start + 2 : own.stop : 3] *= down
+        model = replace(model, driving_density=drive)
     gnss = config.gnss
     if gnss is None:
         return FilterSettings(model, sd, GATE, lever_arm, covariance_step)

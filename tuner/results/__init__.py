@@ -16,7 +16,15 @@ from tuner.results.config import (
     MarkovState,
 )
 from tuner.results.curves import AllanCurve, Correlogram, Spectrum
-from tuner.results.diagnosis import Alternative, Diagnosis, Finding, Gain, Unexplained
+from tuner.results.diagnosis import (
+    Alternative,
+    Diagnosis,
+    DriveDiagnosis,
+    Finding,
+    Gain,
+    Inseparable,
+    Unexplained,
+)
 from tuner.results.identification import (
     ArmaFit,
     Candidate,
@@ -38,6 +46,7 @@ __all__ = [
     "Coefficient",
     "Correlogram",
     "Diagnosis",
+    "DriveDiagnosis",
     "FilterConfig",
     "Finding",
     "Gain",
@@ -45,6 +54,7 @@ __all__ = [
     "Identification",
     "Inflation",
     "InitialUncertainty",
+    "Inseparable",
     "MarkovState",
     "PooledChannel",
     "PooledCoefficient",

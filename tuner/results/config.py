@@ -71,7 +71,11 @@ class ChannelNoise:
 
 @dataclass(frozen=True)
 class GnssNoise:
-    """GNSS errors the filter assumes: sd north, east, down (m, m/s), update interval (s), gate (sigmas)."""
+    """GNSS errors the filter assumes: sd north, east, down (m, m/s), update interval (s), gate (sigmas).
+
+    `correlated` are Gauss–Markov errors of the position, alike north and east; down their sd is `correlated_down` times
+    as large.
+    """
 
     position_sd: tuple[float, float, float]
     velocity_sd: tuple[float, float, float] | None
@@ -79,6 +83,7 @@ class GnssNoise:
     gate: float
     correlated: tuple[MarkovState, ...] = ()
     reference: str = ""
+    correlated_down: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,9 @@ class FilterConfig:
     """Settings of a navigation filter, with the reason of every choice.
 
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
-    `findings` are what `diagnose` found, with their extensions, as plain values.
+    `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
+    a drive before it is filtered (names and axes: `tuner.navigation.compensation`), `constants` further states of the
+    filter, names of `models.layout.OPTIONAL`, with the sds of their priors; SI.
     """
 
     name: str
@@ -109,3 +116,5 @@ class FilterConfig:
     provenance: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
     findings: tuple[Mapping[str, Any], ...] = ()
+    compensation: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))

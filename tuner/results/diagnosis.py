@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel
 from tuner.results.coefficient import Coefficient
-from tuner.results.config import Inflation
+from tuner.results.config import FilterConfig, Inflation
 
 FloatArray = NDArray[np.float64]
 
@@ -145,3 +145,51 @@ class Diagnosis:
     def inflations(self) -> tuple[Inflation, ...]:
         """Settings of a filter to be enlarged."""
         return tuple(inflation for finding in self.findings for inflation in finding.inflations)
+
+
+@dataclass(frozen=True)
+class Inseparable:
+    """Causes that pull the innovations of a drive the same way, and what would tell them apart."""
+
+    causes: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class DriveDiagnosis:
+    """What the navigation simulation gets wrong on a measured drive.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        Named causes, the clearest first; axes are those of the sensor, lever arms of the vehicle where its mounting
+        is known.
+    before, after : FilterConfig
+        The filter that was criticised, and the same with all findings in it.
+    unexplained : tuple of Unexplained
+        Alarms without a cause.
+    inseparable : tuple of Inseparable
+        What cannot be told apart on this drive.
+    notes : tuple of str
+        What was done, and what is worth knowing.
+    gain : Gain or None
+        All findings together on the last 40 % of the drive, parameters from the first 60 %.
+    """
+
+    findings: tuple[Finding, ...]
+    before: FilterConfig
+    after: FilterConfig
+    unexplained: tuple[Unexplained, ...] = ()
+    inseparable: tuple[Inseparable, ...] = ()
+    notes: tuple[str, ...] = ()
+    gain: Gain | None = None
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings and not self.unexplained
+
+    @property
+    def compensation(self) -> Mapping[str, float]:
+        """What is to be taken out of such drives, see `tuner.navigation.compensation`."""
+        return self.after.compensation

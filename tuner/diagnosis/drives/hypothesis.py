@@ -7,8 +7,7 @@ aligns, filters and leaves the linear record; the criticism happens in the axes 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,15 @@ MOST = 6000
 
 
 @dataclass(frozen=True)
+class Jump:
+    """A bias of a sensor, ``gyro`` or ``accel``, that jumped: time, s, and change, shape (3,)."""
+
+    time: float
+    sensor: str
+    size: FloatArray
+
+
+@dataclass(frozen=True)
 class Hypothesis:
     """What is held to be true.
 
@@ -41,12 +49,23 @@ class Hypothesis:
         Compensation, see `tuner.navigation.compensation`.
     position_out, velocity_out : ndarray of bool, shape (k,)
         Fixes of the drive whose position (and velocity), or velocity alone, is left out.
+    jumps : tuple of Jump
+        Jumps of biases, on the clock of the inertial unit.
     """
 
     config: FilterConfig
-    values: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    position_out: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    velocity_out: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    values: Mapping[str, float]
+    position_out: BoolArray
+    velocity_out: BoolArray
+    jumps: tuple[Jump, ...] = ()
+
+    @classmethod
+    def first(
+        cls, drive: Drive, config: FilterConfig, values: Mapping[str, float] | None = None
+    ) -> Hypothesis:
+        """Return the hypothesis that a drive is as a configuration says."""
+        none = np.zeros(len(drive.gnss), dtype=bool)
+        return cls(config, dict(values or {}), none, none)
 
     def with_values(self, values: Mapping[str, float]) -> Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
@@ -67,6 +86,8 @@ class Pass:
         What was filtered, and the outcome.
     record : LinearRecord
         The same made linear.
+    index : ndarray of int, shape (k,)
+        Fix of the drive behind every fix of the record.
     notes : tuple of str
         What was done on the way.
     """
@@ -76,6 +97,7 @@ class Pass:
     stretches: tuple[Stretch, ...]
     solutions: tuple[Solution, ...]
     record: LinearRecord
+    index: NDArray[np.intp]
     notes: tuple[str, ...]
 
 
@@ -118,6 +140,11 @@ def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
     """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
     drive = compensated(drive, hypothesis.values)
     gnss = drive.gnss
+    for jump in hypothesis.jumps:
+        first = 0 if jump.sensor == "gyro" else 3
+        rates = drive.rates.copy()
+        rates[drive.imu_t > jump.time, first : first + 3] -= jump.size
+        drive = replace(drive, rates=rates)
     if hypothesis.velocity_out.any():
         gnss = replace(gnss, vel_n=np.where(hypothesis.velocity_out[:, None], np.nan, gnss.vel_n))
     if hypothesis.position_out.any():
@@ -158,4 +185,7 @@ def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
         [x for x, _ in starts],
         [stretch.fixes.sd / scale for stretch in stretches],
     )
-    return Pass(hypothesis, settings, stretches, solutions, record, notes)
+    stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
+    after = np.clip(np.searchsorted(stamps, record.t), 1, len(stamps) - 1)
+    index = after - (np.abs(stamps[after - 1] - record.t) < np.abs(stamps[after] - record.t))
+    return Pass(hypothesis, settings, stretches, solutions, record, index, notes)

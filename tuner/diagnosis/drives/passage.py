@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.calibration import OFF_DIAGONAL
 from models.earth import earth_rate, gravity, transport_rate
 from models.errorstate import navigation_error
 from models.strapdown import NavigationState
@@ -38,8 +37,7 @@ PARAMETERS = (
     *(f"gnss_frame.{a}" for a in RPY),
     *(f"gyro_scale.{a}" for a in XYZ),
     *(f"accel_scale.{a}" for a in XYZ),
-    *(f"gyro_misalignment.{XYZ[i]}{XYZ[j]}" for i, j in OFF_DIAGONAL),
-    *(f"accel_misalignment.{XYZ[i]}{XYZ[j]}" for i, j in OFF_DIAGONAL),
+    *(f"misalignment.{a}" for a in RPY),
     *(f"g_sensitivity.{a}{b}" for a in XYZ for b in XYZ),
     "gravity.offset",
 )
@@ -47,24 +45,20 @@ PARAMETERS = (
 
 
 def columns(parameters: Sequence[str] = PARAMETERS) -> Columns:
-    """Return where candidate constants act on the sensors."""
-    row, source = [], []
-    for name in parameters:
+    """Return how candidate constants act on what is felt."""
+    mix, down = np.zeros((len(parameters), 6, 6)), np.zeros(len(parameters))
+    for q, name in enumerate(parameters):
         cause, _, part = name.partition(".")
-        first = 0 if cause.startswith("g") and not cause.startswith("gravity") else 3
         if cause in ("gyro_scale", "accel_scale"):
-            row.append(first + XYZ.index(part))
-            source.append(first + XYZ.index(part))
-        elif cause in ("gyro_misalignment", "accel_misalignment"):
-            row.append(first + XYZ.index(part[0]))
-            source.append(first + XYZ.index(part[1]))
+            i = XYZ.index(part) + (3 if cause == "accel_scale" else 0)
+            mix[q, i, i] = 1.0
+        elif cause == "misalignment":
+            mix[q, :3, :3] = rotation.skew(np.eye(3)[RPY.index(part)])
         elif cause == "g_sensitivity":
-            row.append(XYZ.index(part[0]))
-            source.append(3 + XYZ.index(part[1]))
-        else:
-            row.append(-2 if cause == "gravity" else -1)
-            source.append(-1)
-    return Columns(np.array(row), np.array(source))
+            mix[q, XYZ.index(part[0]), 3 + XYZ.index(part[1])] = 1.0
+        elif cause == "gravity":
+            down[q] = 1.0
+    return Columns(mix, down)
 
 
 def linear_record(

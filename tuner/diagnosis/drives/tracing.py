@@ -36,16 +36,18 @@ def compiled(function: Function) -> Function:
 
 
 class Columns(NamedTuple):
-    """Candidate constants that act on the sensors: the sensor, and the true rate they are multiplied with.
+    """Candidate constants that act on what is felt.
 
     Attributes
     ----------
-    row, source : ndarray of int, shape (p,)
-        As in `tuner.navigation.compiled.Layout`; −1 for a constant that acts elsewhere, −2 for gravity.
+    mix : ndarray, shape (p, 6, 6)
+        Error of the six sensors by one unit of each constant: mix (ω, f), true rates and forces.
+    down : ndarray, shape (p,)
+        Acceleration down by one unit, m/s².
     """
 
-    row: IntArray
-    source: IntArray
+    mix: FloatArray
+    down: FloatArray
 
 
 class Trace(NamedTuple):
@@ -92,7 +94,7 @@ def _calibrate(lay: Layout, x: FloatArray, bias: FloatArray) -> FloatArray:
                 bias[lay.row[j]] += x[j]
             else:
                 matrix_a[lay.row[j], lay.source[j]] += x[j]
-    return np.linalg.inv(matrix_a)
+    return np.linalg.inv(matrix_a).astype(np.float64)
 
 
 @compiled
@@ -172,15 +174,12 @@ def _advance(
     if lay.gravity >= 0:
         phi[5, lay.gravity] += dt
         phi[2, lay.gravity] += 0.5 * dt * dt
-    for q in range(len(columns.row)):
-        r = columns.row[q]
-        if r >= 0:
-            c = 1.0 if columns.source[q] < 0 else true[columns.source[q]]
-            for i in range(9):
-                pull[i, q] += c * G[i, r]
-        elif r == -2:
-            pull[5, q] += dt
-            pull[2, q] += 0.5 * dt * dt
+    for q in range(len(columns.down)):
+        error = G @ (columns.mix[q] @ true)
+        for i in range(9):
+            pull[i, q] += error[i]
+        pull[5, q] += dt * columns.down[q]
+        pull[2, q] += 0.5 * dt * dt * columns.down[q]
     for g in range(2):
         white[g] = A @ white[g] @ A.T
         for s in range(3 * g, 3 * g + 3):
@@ -226,7 +225,7 @@ def _advance(
 def _driven(lay: Layout, j: int, dt: float) -> float:
     """Return the variance that drives state j in a step."""
     u = 2.0 * lay.rate[j] * dt
-    return lay.drive[j] * dt * (1.0 if u == 0.0 else -np.expm1(-u) / u)
+    return float(lay.drive[j] * dt * (1.0 if u == 0.0 else -np.expm1(-u) / u))
 
 
 @compiled
@@ -254,7 +253,7 @@ def trace(
     sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     before_angle, before_velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     true, force_n = np.zeros(6), (0.0, 0.0, 0.0)
-    phi, pull = np.eye(n), np.zeros((9, len(columns.row)))
+    phi, pull = np.eye(n), np.zeros((9, len(columns.down)))
     white, slow = np.zeros((2, 9, 9)), np.zeros((3, n, n))
     for s in range(len(dt) + 1):
         if s > 0:

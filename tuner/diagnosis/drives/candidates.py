@@ -1,0 +1,170 @@
+"""All families of tests on one pass, each with the hypothesis that it would lead to.
+
+Causes that shift innovations come from `score`; those of the noise and of single fixes make another belief of the
+record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver, densities, correlated
+states, fixes left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.drives.claim import Claim
+from tuner.diagnosis.drives.correlated import correlated_gnss
+from tuner.diagnosis.drives.hypothesis import Hypothesis, Jump, Pass
+from tuner.diagnosis.drives.jump import CAUSE as JUMP
+from tuner.diagnosis.drives.jump import bias_jump, jump_sensor
+from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, scores
+from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
+from tuner.diagnosis.drives.record import GROUPS
+from tuner.diagnosis.drives.scales import ROWS
+from tuner.diagnosis.drives.score import Scored, families
+from tuner.diagnosis.drives.sensitivity import Whitened
+from tuner.results import ChannelNoise, Coefficient, FilterConfig, MarkovState
+
+FloatArray = NDArray[np.float64]
+
+MEAN_TITLE = "score of the sensitivity of the innovations"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A cause that may explain a pass.
+
+    Attributes
+    ----------
+    alarm : Alarm
+        How surely.
+    scored : Scored or None
+        Of a cause that shifts innovations.
+    claim : Claim or None
+        Of any other.
+    """
+
+    alarm: Alarm
+    scored: Scored | None = None
+    claim: Claim | None = None
+
+    @property
+    def cause(self) -> str:
+        """Code of the cause."""
+        return self.alarm.cause
+
+
+def noise_families(belief: Belief) -> tuple[Claim, ...]:
+    """Return the claims of all families but those that shift innovations."""
+    found, masked = scores(belief), mask(belief)
+    return (
+        gnss_noise(belief, found),
+        imu_noise(belief, found),
+        correlated_gnss(belief, evaluate(belief)),
+        *(outliers(belief, masked, cause) for cause in KINDS),
+        bias_jump(belief),
+    )
+
+
+def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
+    """Return what the filter of a pass believed, with accepted shifts free."""
+    names = found.record.parameters
+    columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
+    return replace(believed(found.record), columns=columns)
+
+
+def candidates(found: Pass, w: Whitened, accepted: tuple[str, ...]) -> tuple[Candidate, ...]:
+    """Return what all families say of a pass; accepted shifts are fitted beside every test."""
+    record = found.record
+    shifts = families(w, record.parameters, accepted)
+    claims = noise_families(belief_of(found, accepted))
+    return (
+        *(shift(one) for one in shifts),
+        *(Candidate(claim.alarm, claim=claim) for claim in claims),
+    )
+
+
+def shift(scored: Scored) -> Candidate:
+    """Return the candidate of a cause that shifts innovations."""
+    alarm = Alarm(scored.cause, scored.p_value, scored.gain, scored.statistic, MEAN_TITLE)
+    return Candidate(alarm, scored=scored)
+
+
+def adopted(found: Pass, claim: Claim) -> Hypothesis:
+    """Return the hypothesis of a pass with what a claim holds true besides."""
+    was, record, belief = found.hypothesis, found.record, claim.belief
+    if claim.alarm.cause == JUMP:
+        theta = evaluate(belief).theta[-3:]
+        time = claim.describe()["time"].value
+        assert time is not None
+        return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(belief), theta)))
+    ratio = belief.sd / record.sd
+    values = {
+        f"gnss_noise_scale.{name}": was.values.get(f"gnss_noise_scale.{name}", 1.0)
+        * float(np.median(ratio[:, list(rows)]))
+        for name, rows in ROWS.items()
+    }
+    config = _denser(was.config, dict(zip(GROUPS, belief.drive.tolist(), strict=True)))
+    if np.any(belief.markov_sd > 0.0) and config.gnss is not None:
+        level, down = float(np.sqrt(np.mean(belief.markov_sd[:2] ** 2))), float(belief.markov_sd[2])
+        state = MarkovState(level or down, float(belief.markov_time))
+        gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
+        config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
+    position, velocity = was.position_out.copy(), was.velocity_out.copy()
+    if claim.alarm.cause in KINDS:
+        dropped = record.available & record.scored[:, None] & ~belief.rows
+        position[found.index[dropped[:, :3].any(axis=1)]] = True
+        velocity[found.index[dropped[:, 3:].any(axis=1)]] = True
+    changed = {name: value for name, value in values.items() if value != 1.0}
+    return replace(
+        was,
+        config=config,
+        values={**was.values, **changed},
+        position_out=position,
+        velocity_out=velocity,
+    )
+
+
+def _denser(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
+    """Return the configuration with its densities times factors by group."""
+
+    def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:
+        white, slow = factor[f"{axis[:-2]}_white"], factor[f"{axis[:-2]}_bias"]
+        return replace(
+            noise,
+            white_density=white * noise.white_density,
+            random_walk_density=slow * noise.random_walk_density,
+            markov=tuple(replace(state, sd=slow * state.sd) for state in noise.markov),
+        )
+
+    if all(value == 1.0 for value in factor.values()):
+        return config
+    return replace(config, channels={axis: channel(axis, noise) for axis, noise in config.channels.items()})
+
+
+def coefficients(names: tuple[str, ...], value: FloatArray, covariance: FloatArray) -> dict[str, Coefficient]:
+    """Return estimates with their normal intervals, by parameter name."""
+    sd = np.sqrt(np.diag(covariance))
+    return {
+        name.partition(".")[2]: Coefficient.known(
+            float(v), float(v - 1.96 * s), float(v + 1.96 * s), UNITS[name.partition(".")[0]]
+        )
+        for name, v, s in zip(names, value, sd, strict=True)
+    }
+
+
+UNITS = {
+    "time_offset": "s",
+    "velocity_lag": "s",
+    "lever_arm": "m",
+    "gnss_frame": "rad",
+    "gyro_scale": "1",
+    "accel_scale": "1",
+    "misalignment": "rad",
+    "g_sensitivity": "rad/s/(m/s^2)",
+    "gravity": "m/s^2",
+}
+"""Unit of the parameters of a cause."""

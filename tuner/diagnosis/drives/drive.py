@@ -1,0 +1,72 @@
+"""Diagnosis of a measured drive: clocks coarsely, the loop, the gain on data held out, the extended filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from tuner.diagnosis.drives.findings import finding, told_apart
+from tuner.diagnosis.drives.hypothesis import Hypothesis, in_sensor_axes, settings_of, thinned
+from tuner.diagnosis.drives.loop import Criticism, criticise
+from tuner.files import plain
+from tuner.navigation.drive import prepare
+from tuner.records import Drive
+from tuner.results import DriveDiagnosis, FilterConfig, Unexplained
+
+COARSE = 0.15
+"""Delay from which the loop begins with what the coarse search found, s."""
+
+
+def diagnose_drive(
+    drive: Drive, config: FilterConfig, *, seed: int = 0, progress: Callable[[str], None] | None = None
+) -> DriveDiagnosis:
+    """Find what the navigation simulation gets wrong on a drive, and why.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    config : FilterConfig
+        What the filter believes of the sensor and of the receiver; where the receiver reports sds, those count.
+    seed : int
+        Seed of the bootstrap of gains.
+    progress : callable, optional
+        Called with what is being done.
+
+    Raises
+    ------
+    DataError
+        Where the drive cannot be aligned, or the configuration lacks an axis.
+    """
+    sensor, every = thinned(in_sensor_axes(drive))
+    start = Hypothesis.first(sensor, config, config.compensation)
+    stretches, notes = prepare(sensor, settings_of(sensor, start))
+    shifts: tuple[str, ...] = ()
+    found, lag = stretches[0].alignment.delay, stretches[0].lag
+    coarse = {}
+    if abs(found) > COARSE or lag:
+        coarse["time_offset.delay"] = start.values.get("time_offset.delay", 0.0) + found
+        shifts = ("time_offset",)
+    if lag:
+        coarse["velocity_lag.delay"] = start.values.get("velocity_lag.delay", 0.0) + lag
+        shifts = ("time_offset", "velocity_lag")
+    outcome = criticise(sensor, start.with_values(coarse), shifts, progress)
+    if every > 1:
+        notes = (*notes, f"one fix of {every} is looked at")
+    return _diagnosis(drive, config, outcome, notes)
+
+
+def _diagnosis(
+    drive: Drive, config: FilterConfig, outcome: Criticism, notes: tuple[str, ...]
+) -> DriveDiagnosis:
+    findings = tuple(sorted((finding(one, drive, None) for one in outcome.accepted), key=lambda f: f.p_value))
+    final = outcome.final.hypothesis
+    after = replace(
+        final.config,
+        compensation={name: value for name, value in final.values.items() if value != 0.0},
+        findings=(*config.findings, *(plain(dict(f.extension)) for f in findings)),
+    )
+    left = tuple(
+        Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
+    )
+    return DriveDiagnosis(findings, config, after, left, told_apart(outcome.accepted), (*drive.notes, *notes))

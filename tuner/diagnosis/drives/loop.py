@@ -1,0 +1,252 @@
+"""The loop over a drive: filter, test, hold true what gains most, filter again, until all families are silent.
+
+Accepted shifts of the innovations are compensated and fitted again in every pass (Gauss–Newton). Rivals within
+`CLOSE` nats that fall silent with what was accepted are its alternatives. What the drive cannot tell apart from it,
+whatever the noise, is named as inseparable. At the end each accepted shift is taken out once more and stays only
+where its own test alarms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tuner.diagnosis.drives.candidates import (
+    Candidate,
+    adopted,
+    belief_of,
+    candidates,
+    coefficients,
+    shift,
+)
+from tuner.diagnosis.drives.fitting import maximise
+from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drives.likelihood import believed
+from tuner.diagnosis.drives.noise import SHORT
+from tuner.diagnosis.drives.record import GROUPS
+from tuner.diagnosis.drives.scales import ROWS, factors, present
+from tuner.diagnosis.drives.score import PRIORS, Fit, fit, inseparable, retested
+from tuner.diagnosis.drives.sensitivity import Whitened, whitened
+from tuner.records import Drive
+from tuner.results import Alternative, Coefficient
+
+BUDGET = 3e-3
+"""Chance of any finding in a clean drive."""
+FAMILIES = len(PRIORS) + 7
+THRESHOLD = BUDGET / FAMILIES
+"""Chance below which a family alarms."""
+ORDER = (
+    ("gnss_outliers", "gnss_velocity"),
+    (*PRIORS, "bias_jump"),
+    ("gnss_noise_scale", "correlated_gnss"),
+    ("imu_noise_scale",),
+)
+"""Kinds of causes, those first that others would be mistaken for."""
+PASSES = 10
+CLOSE = 3.0
+"""Nats within which a rival counts as an alternative."""
+MOVED = 0.2
+"""Change of an estimate, in standard deviations, from which it is worth another pass."""
+STEPS = 3
+"""Passes of Gauss–Newton after an acceptance, at most."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A cause, what spoke for it, and how well it is known."""
+
+    candidate: Candidate
+    parameters: dict[str, Coefficient]
+    alternatives: tuple[Alternative, ...] = ()
+    inseparable: tuple[str, ...] = ()
+
+    @property
+    def cause(self) -> str:
+        """Code of the cause."""
+        return self.candidate.cause
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """Outcome of the loop.
+
+    Attributes
+    ----------
+    base, final : Pass
+        Before and after.
+    accepted : tuple of Accepted
+        In order of acceptance.
+    unexplained : tuple of Candidate
+        What still alarms.
+    """
+
+    base: Pass
+    final: Pass
+    accepted: tuple[Accepted, ...]
+    unexplained: tuple[Candidate, ...]
+
+
+def criticise(
+    drive: Drive, start: Hypothesis, shifts: tuple[str, ...], progress: Callable[[str], None] | None = None
+) -> Criticism:
+    """Find the causes in a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+        In sensor axes.
+    start : Hypothesis
+        To begin with.
+    shifts : tuple of str
+        Causes that `start` compensates from a coarse search: they are fitted from the first pass on.
+    progress : callable, optional
+        Called with what is being done.
+    """
+    say = progress or (lambda _: None)
+    say("filtering the drive")
+    base = found = examine(drive, start)
+    accepted: list[Accepted] = []
+    known = shifts
+    if known:
+        found = _refined(drive, found, known)
+    alarms: tuple[Candidate, ...] = ()
+    previous: tuple[Candidate, ...] = ()
+    for _ in range(PASSES):
+        w = whitened(believed(found.record))
+        alarms = candidates(found, w, known)
+        if accepted:
+            accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
+        previous = alarms
+        raised = [a for a in alarms if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0]
+        if not raised:
+            break
+        chosen = _clearest(raised)
+        say(f"{chosen.cause}: {chosen.alarm.gain:.0f} nats")
+        if chosen.scored is not None:
+            alike = inseparable(w, found.record.parameters, chosen.cause, (*known, chosen.cause))
+            known = (*known, chosen.cause)
+            accepted.append(Accepted(chosen, {}, inseparable=alike))
+            found = _refined(drive, found, known)
+        else:
+            assert chosen.claim is not None
+            accepted = [a for a in accepted if a.cause != chosen.cause or chosen.cause == "bias_jump"]
+            accepted.append(Accepted(chosen, dict(chosen.claim.describe())))
+            found = examine(drive, adopted(found, chosen.claim))
+            if known:
+                found = _refined(drive, found, known)
+    found, accepted, known = _pruned(drive, found, accepted, known)
+    accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
+    left = tuple(a for a in alarms if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0)
+    return Criticism(base, found, tuple(accepted), left)
+
+
+def _clearest(raised: list[Candidate]) -> Candidate:
+    """Return the alarm of largest gain among the first kind that alarms.
+
+    Errors of any kind leak into the noise of the sensors, and shifts into that of the fixes: those come last.
+    """
+    for kind in ORDER:
+        mine = [a for a in raised if a.cause in kind]
+        if mine:
+            return max(mine, key=lambda a: a.alarm.gain)
+    return max(raised, key=lambda a: a.alarm.gain)
+
+
+def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
+    names = found.record.parameters
+    at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
+    return fit(w, names, known, at)
+
+
+def _refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
+    """Compensate accepted shifts as estimated and filter again until they stay."""
+    for _ in range(STEPS):
+        now = _fit(found, whitened(believed(found.record)), known)
+        names = [found.record.parameters[i] for i in now.columns]
+        at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
+        if np.all(np.abs(now.shrunk - at) < MOVED * np.sqrt(np.diag(now.covariance))):
+            break
+        values = dict(zip(names, now.shrunk.tolist(), strict=True))
+        found = examine(drive, found.hypothesis.with_values(values))
+    return found
+
+
+def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
+    """Return what was accepted with the causes that did nearly as well and fell silent with it."""
+    loud = {a.cause for a in after if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0}
+    best = one.candidate.alarm.gain
+    rivals = tuple(
+        Alternative(a.cause, float(np.exp(min(a.alarm.gain - best, 0.0))))
+        for a in before
+        if a.cause != one.cause
+        and a.cause not in loud
+        and a.alarm.p_value < THRESHOLD
+        and a.alarm.gain > max(best - CLOSE, 0.0)
+    )
+    return replace(one, alternatives=rivals)
+
+
+def _pruned(
+    drive: Drive, found: Pass, accepted: list[Accepted], known: tuple[str, ...]
+) -> tuple[Pass, list[Accepted], tuple[str, ...]]:
+    """Take out shifts whose own test is silent beside all others."""
+    names = found.record.parameters
+    for cause in known:
+        own = [name for name in names if name.partition(".")[0] == cause]
+        values = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
+        alarm = retested(whitened(believed(found.record)), names, known, cause, values)
+        if alarm.p_value < THRESHOLD:
+            continue
+        known = tuple(other for other in known if other != cause)
+        accepted = [a for a in accepted if a.cause != cause]
+        kept = {n: v for n, v in found.hypothesis.values.items() if n not in own}
+        found = examine(drive, replace(found.hypothesis, values=kept))
+        if known:
+            found = _refined(drive, found, known)
+    return found, accepted, known
+
+
+def _estimated(found: Pass, accepted: list[Accepted], known: tuple[str, ...]) -> list[Accepted]:
+    """Return what was accepted with the estimates of the last pass, coarse findings first."""
+    if not known:
+        return accepted
+    w = whitened(believed(found.record))
+    now, names = _fit(found, w, known), found.record.parameters
+    by_cause = {a.cause: a for a in accepted}
+    done = [a for a in accepted if a.cause not in known]
+    for cause in known:
+        rows = [k for k, i in enumerate(now.columns) if names[i].partition(".")[0] == cause]
+        own = tuple(names[now.columns[k]] for k in rows)
+        parameters = coefficients(own, now.value[rows], now.covariance[np.ix_(rows, rows)])
+        one = by_cause.get(cause)
+        if one is None:
+            at = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
+            one = Accepted(shift(retested(w, names, known, cause, at)), {})
+        done.append(replace(one, parameters=parameters))
+    order = {a.cause: i for i, a in enumerate(accepted)}
+    return sorted(done, key=lambda a: order.get(a.cause, -1))
+
+
+def _rescaled(one: Accepted, base: Pass, found: Pass, known: tuple[str, ...]) -> Accepted:
+    """Return what was accepted; factors on noise as the last pass has them, all others fitted beside them."""
+    groups = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}.get(one.cause, ())
+    if not groups:
+        return one
+    belief = belief_of(found, known)
+    names = tuple(name for name in present(belief, groups))
+    fit = maximise(belief, factors(names))
+    parameters = {}
+    for name in names:
+        if one.cause == "gnss_noise_scale":
+            key = f"gnss_noise_scale.{name}"
+            scale = found.hypothesis.values.get(key, 1.0) / base.hypothesis.values.get(key, 1.0)
+            parameters[name] = fit.coefficient(name, scale=scale)
+        elif name in SHORT:
+            sensor = SHORT[name]
+            now, then = (
+                each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (found, base)
+            )
+            parameters[sensor] = fit.coefficient(name, scale=now / then)
+    return replace(one, parameters=parameters)
