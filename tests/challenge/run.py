@@ -19,6 +19,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -26,6 +27,7 @@ sys.path.append(str(HERE.parent))
 
 from challenge.drives.files import generate as generate_drives  # noqa: E402
 from challenge.drives.items import KINDS as DRIVE_KINDS  # noqa: E402
+from challenge.drives.sizes import sizes  # noqa: E402
 from challenge.generator.items import KINDS  # noqa: E402
 from challenge.seal import generate, opened  # noqa: E402
 from challenge.tables import page  # noqa: E402
@@ -99,12 +101,20 @@ def finish_part(args: argparse.Namespace, argv: list[str], part: int) -> None:
 def score(out: Path) -> list[Verdict]:
     """Step 3: open the keys and judge the answers that are there."""
     verdicts = []
-    for published in sorted((out / "manifest").iterdir(), key=lambda path: int(path.stem)):
-        for truth in opened(out / "keys" / f"{published.stem}.json", published.read_text()):
-            answer = out / "answers" / f"{truth['name']}.json"
-            if answer.exists():
-                verdicts.append(judge(truth, json.loads(answer.read_text())))
+    for truth in keys(out):
+        answer = out / "answers" / f"{truth['name']}.json"
+        if answer.exists():
+            verdicts.append(judge(truth, json.loads(answer.read_text())))
     return verdicts
+
+
+def keys(out: Path) -> list[dict[str, Any]]:
+    """Return the keys of all parts, each if its hash is the published one."""
+    manifest = sorted((out / "manifest").iterdir(), key=lambda path: int(path.stem))
+    return [
+        truth for hashed in manifest
+        for truth in opened(out / "keys" / f"{hashed.stem}.json", hashed.read_text())
+    ]  # fmt: skip
 
 
 def revision() -> str:
@@ -138,7 +148,10 @@ def main(argv: list[str] | None = None) -> int:
     about = (
         f"Seed `{args.seed}`, first {args.items} items, kinds {args.kinds}, {extent}revision `{revision()}`."
     )
-    text = page(score(args.out), about)
+    verdicts = score(args.out)
+    text = page(verdicts, about)
+    if args.drives and args.reference:
+        text += f"\n### Sizes\n\n{sizes(keys(args.out), verdicts)}"
     (args.out / "tables.md").write_text(text)
     sys.stdout.write(text)
     return 0
