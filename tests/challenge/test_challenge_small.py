@@ -60,3 +60,19 @@ def test_a_second_run_keeps_the_finished_parts(verdicts, tmp_path):
         == first
     )
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "answers").iterdir()} == stamps
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Verdict]:
+    out = tmp_path_factory.mktemp("drives")
+    return challenge(out, "--drives", "--items", "10", "--seed", "small", "--reference", "--processes", "1")
+
+
+def test_drives_are_judged_rightly(drives):
+    """Ten drives: no error, clean ones quiet, effects of 50 nats and more found and all but one named."""
+    assert [v.error for v in drives if v.error] == []
+    assert not any(v.alarm for v in drives if not v.causes)
+    clear = [v for v in drives if v.kind in ("single", "pair") and min(v.nats) >= 50.0]
+    assert len(clear) >= 3
+    assert all(v.alarm for v in clear)
+    assert sum(not (set(v.causes) <= set(v.findings) or v.listed) for v in clear) <= 1

@@ -49,3 +49,25 @@ def test_full_challenge(tmp_path):
     assert wilson(sum(v.named or v.listed for v in found), len(found))[1] >= 0.97
     pairs = [v for v in verdicts if v.kind == "pair"]
     assert wilson(sum(set(v.causes) <= set(v.findings) for v in pairs), len(pairs))[1] >= 0.90
+
+
+def test_full_challenge_of_drives(tmp_path):
+    """Items and folder can be given by CHALLENGE_DRIVES and CHALLENGE_DRIVES_OUT."""
+    out = Path(os.environ.get("CHALLENGE_DRIVES_OUT", tmp_path))
+    items = os.environ.get("CHALLENGE_DRIVES", "1000")
+    run = Path(__file__).with_name("run.py")
+    command = [sys.executable, str(run), "--drives", "--items", items, "--seed", "release", "--out", str(out)]
+    subprocess.run([*command, "--processes", "2"], check=True)
+    verdicts = score(out)
+    assert not any(v.error for v in verdicts)
+    for hard, aim in ((False, 0.01), (True, 0.02)):
+        clean = [v for v in verdicts if not v.causes and bool(v.hard) == hard]
+        assert wilson(sum(bool(v.findings) for v in clean), len(clean))[0] <= aim
+    singles = [v for v in verdicts if v.kind == "single"]
+    for floor, aim in ((35.0, 0.95), (60.0, 0.99)):
+        above = [v for v in singles if v.nats[0] >= floor]
+        assert wilson(sum(v.alarm for v in above), len(above))[1] >= aim
+    found = [v for v in singles if v.nats[0] >= 35.0 and v.alarm]
+    assert wilson(sum(v.named or v.listed for v in found), len(found))[1] >= 0.97
+    pairs = [v for v in verdicts if v.kind == "pair"]
+    assert wilson(sum(set(v.causes) <= set(v.findings) for v in pairs), len(pairs))[1] >= 0.90

@@ -28,7 +28,7 @@ def geodetic(x: FloatArray) -> FloatArray:
     """Return latitude, longitude and height of Earth-fixed coordinates, by a fixed point in the latitude."""
     level = np.hypot(x[:, 0], x[:, 1])
     lat = np.arctan2(x[:, 2], level * (1.0 - E2))
-    for _ in range(8):
+    for _ in range(5):
         n = A / np.sqrt(1.0 - E2 * np.sin(lat) ** 2)
         lat = np.arctan2(x[:, 2] + E2 * n * np.sin(lat), level)
     n = A / np.sqrt(1.0 - E2 * np.sin(lat) ** 2)

@@ -48,11 +48,13 @@ class Route:
 
 
 def rise(steps: tuple[Step, ...], t: FloatArray) -> FloatArray:
-    """Return the sum of steps at times t."""
+    """Return the sum of steps at rising times t."""
     total = np.zeros_like(t)
     for begin, length, size in steps:
-        x = np.clip((t - begin) / length, 0.0, 1.0)
-        total += size * x**4 * (35.0 - x * (84.0 - x * (70.0 - 20.0 * x)))
+        first, last = np.searchsorted(t, (begin, begin + length))
+        x = (t[first:last] - begin) / length
+        total[first:last] += size * x**4 * (35.0 - x * (84.0 - x * (70.0 - 20.0 * x)))
+        total[last:] += size
     return total
 
 
@@ -60,8 +62,9 @@ def slope_of(steps: tuple[Step, ...], t: FloatArray) -> FloatArray:
     """Return the derivative of that sum."""
     total = np.zeros_like(t)
     for begin, length, size in steps:
-        x = np.clip((t - begin) / length, 0.0, 1.0)
-        total += size / length * 140.0 * (x * (1.0 - x)) ** 3
+        first, last = np.searchsorted(t, (begin, begin + length))
+        x = (t[first:last] - begin) / length
+        total[first:last] += size / length * 140.0 * (x * (1.0 - x)) ** 3
     return total
 
 

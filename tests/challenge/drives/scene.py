@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from challenge.drives.route import Route, city, straight
@@ -65,7 +66,7 @@ class Scene:
     hard: str = ""
     reference: bool = True
 
-    @property
+    @cached_property
     def truth(self) -> Truth:
         return Truth(self.route, self.start)
 
