@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.navigation.drive import unlagged
 from tuner.navigation.settings import FilterSettings
 from tuner.records import Drive
 
@@ -53,9 +52,6 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
         return drive
     rates = np.asarray(np.linalg.solve(sensor_matrix(values), drive.rates.T).T, dtype=float)
     gnss = drive.gnss
-    lag = values.get("velocity_lag.delay", 0.0)
-    if lag:
-        gnss = unlagged(gnss, lag)
     turn = rotation.mat_from_rpy(_triple(values, "gnss_frame", RPY))
     gnss = replace(gnss, t=gnss.t - values.get("time_offset.delay", 0.0), vel_n=gnss.vel_n @ turn)
     lacking = _triple(values, "lever_arm", XYZ)
@@ -69,7 +65,8 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
 
 
 def compensated_settings(settings: FilterSettings, values: Mapping[str, float]) -> FilterSettings:
-    """Return the filter with the measured scale of the receiver's sds, where there is one."""
+    """Return the filter with what is known of its fixes: the lag of velocities, the scale of reported sds."""
+    settings = replace(settings, velocity_lag=values.get("velocity_lag.delay", 0.0))
     if not any(name in values for name in NOISE_SCALE):
         return settings
     a, b, c, d = (values.get(name, 1.0) for name in NOISE_SCALE)

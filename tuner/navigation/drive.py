@@ -21,6 +21,7 @@ from models.strapdown import NavigationState
 from tuner.navigation import engine
 from tuner.navigation.initial import LONGEST_OFFSET, Alignment, align, named_axes, receiver_lag
 from tuner.navigation.inputs import Fixes, Solution, Steps, split_at
+from tuner.navigation.lag import advanced, interpolated
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
 
@@ -97,7 +98,8 @@ def prepare(
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     lag = 0.0 if timed else receiver_lag(gnss)
     if lag:
-        gnss = unlagged(gnss, lag)
+        moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
+        gnss = replace(gnss, vel_n=moved)
         notes.append(f"velocities of the receiver are {lag:.3f} s later than its positions: moved")
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
@@ -143,8 +145,14 @@ def navigate(
     answers: list[Solution] = []
     for stretch in stretches:
         x, p = beginning(settings, stretch, answers[-1] if answers else None)
-        fixes = stretch.fixes.without(windows)
-        answers.append(engine.run(settings, stretch.start, stretch.steps, fixes, parameters=x, covariance=p))
+        fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
+
+        def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
+            return engine.run(settings, stretch.start, stretch.steps, fixes, parameters=x, covariance=p)
+
+        if lag:
+            fixes = advanced(fixes, stretch.steps, flown(interpolated(fixes, lag)), lag)
+        answers.append(flown(fixes))
     return tuple(answers)
 
 
@@ -162,15 +170,6 @@ def beginning(
         own = range(at["accel_bias"].start, at["accel_bias"].stop)
         p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
     return x, p
-
-
-def unlagged(gnss: Gnss, lag: float) -> Gnss:
-    """Return the fixes with velocities that are so much earlier, s."""
-    known = np.isfinite(gnss.vel_n).all(axis=1)
-    t = gnss.t[known]
-    moved = np.full_like(gnss.vel_n, np.nan)
-    moved[known] = np.stack([np.interp(t + lag, t, v) for v in gnss.vel_n[known].T], axis=-1)
-    return replace(gnss, vel_n=moved)
 
 
 def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -> FloatArray:

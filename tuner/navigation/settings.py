@@ -55,6 +55,8 @@ class FilterSettings:
     fix_scale : tuple of 4 floats or None
         Measured ratio of true to reported sd: position horizontal, vertical, velocity horizontal, vertical. None:
         not measured, and the larger of the reported and the configured sd counts.
+    velocity_lag : float
+        How much later the velocities of fixes are than their positions, s: mended by the inertial unit.
     """
 
     model: ErrorModel
@@ -66,6 +68,7 @@ class FilterSettings:
     velocity_sd: tuple[float, float, float] | None = None
     patience: float = PATIENCE
     fix_scale: tuple[float, float, float, float] | None = None
+    velocity_lag: float = 0.0
 
     @property
     def size(self) -> int:

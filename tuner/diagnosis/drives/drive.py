@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from tuner.diagnosis.drives.clocks import coarse_clocks, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
-from tuner.diagnosis.drives.hypothesis import Hypothesis, in_sensor_axes, settings_of, thinned
+from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
 from tuner.diagnosis.drives.loop import Criticism, criticise
 from tuner.files import plain
-from tuner.navigation.drive import prepare
 from tuner.records import Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Unexplained
-
-COARSE = 0.15
-"""Delay from which the loop begins with what the coarse search found, s."""
 
 
 def diagnose_drive(
@@ -39,18 +36,10 @@ def diagnose_drive(
         Where the drive cannot be aligned, or the configuration lacks an axis.
     """
     sensor, every = thinned(in_sensor_axes(drive))
-    start = Hypothesis.first(sensor, config, config.compensation)
-    stretches, notes = prepare(sensor, settings_of(sensor, start))
-    shifts: tuple[str, ...] = ()
-    found, lag = stretches[0].alignment.delay, stretches[0].lag
-    coarse = {}
-    if abs(found) > COARSE or lag:
-        coarse["time_offset.delay"] = start.values.get("time_offset.delay", 0.0) + found
-        shifts = ("time_offset",)
-    if lag:
-        coarse["velocity_lag.delay"] = start.values.get("velocity_lag.delay", 0.0) + lag
-        shifts = ("time_offset", "velocity_lag")
-    outcome = criticise(sensor, start.with_values(coarse), shifts, progress)
+    base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
+    coarse, notes = coarse_clocks(sensor, base.hypothesis) if suspicious(base) else ({}, ())
+    outcome = criticise(sensor, base, coarse, progress)
+    notes = (*base.notes, *notes)
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     return _diagnosis(drive, config, outcome, notes)

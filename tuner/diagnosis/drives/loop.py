@@ -8,7 +8,7 @@ where its own test alarms.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from tuner.diagnosis.drives.candidates import (
     shift,
 )
 from tuner.diagnosis.drives.fitting import maximise
-from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drives.hypothesis import Pass, examine
 from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.noise import SHORT
 from tuner.diagnosis.drives.record import GROUPS
@@ -38,8 +38,7 @@ FAMILIES = len(PRIORS) + 7
 THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
 ORDER = (
-    ("gnss_outliers", "gnss_velocity"),
-    (*PRIORS, "bias_jump"),
+    (*PRIORS, "bias_jump", "gnss_outliers", "gnss_velocity"),
     ("gnss_noise_scale", "correlated_gnss"),
     ("imu_noise_scale",),
 )
@@ -89,7 +88,7 @@ class Criticism:
 
 
 def criticise(
-    drive: Drive, start: Hypothesis, shifts: tuple[str, ...], progress: Callable[[str], None] | None = None
+    drive: Drive, base: Pass, coarse: Mapping[str, float], progress: Callable[[str], None] | None = None
 ) -> Criticism:
     """Find the causes in a drive.
 
@@ -97,20 +96,19 @@ def criticise(
     ----------
     drive : Drive
         In sensor axes.
-    start : Hypothesis
+    base : Pass
         To begin with.
-    shifts : tuple of str
-        Causes that `start` compensates from a coarse search: they are fitted from the first pass on.
+    coarse : mapping of str to float
+        What a coarse search found: compensated and fitted from the next pass on.
     progress : callable, optional
         Called with what is being done.
     """
     say = progress or (lambda _: None)
-    say("filtering the drive")
-    base = found = examine(drive, start)
+    found = base
     accepted: list[Accepted] = []
-    known = shifts
+    known = tuple(dict.fromkeys(name.partition(".")[0] for name in coarse))
     if known:
-        found = _refined(drive, found, known)
+        found = _refined(drive, examine(drive, base.hypothesis.with_values(coarse)), known)
     alarms: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
     for _ in range(PASSES):
