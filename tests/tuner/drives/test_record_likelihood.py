@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tuner.diagnosis.drives.likelihood import (
-    Belief,
-    believed,
-    evaluate,
-    evaluate_with_gradient,
-    rescale,
-    slope,
-)
+from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.diagnosis.drives.replicas import Source
+from tuner.diagnosis.drives.scales import factors
 
 NAMES = (
     "position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical", "gyro_white",
@@ -89,7 +83,9 @@ def test_it_is_the_joint_density(drawn: LinearRecord) -> None:
     h = believed(small)
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
     h = replace(
-        rescale(NAMES[:8])(h, np.linspace(-0.5, 0.7, 8)), markov_sd=np.array([0.5, 0.3, 1.1]), markov_time=7.0
+        factors(NAMES[:8]).change(h, np.linspace(-0.5, 0.7, 8)),
+        markov_sd=np.array([0.5, 0.3, 1.1]),
+        markov_time=7.0,
     )
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
 
@@ -116,17 +112,18 @@ def test_corrections_are_known_inputs(drawn: LinearRecord) -> None:
         offset = offset - shift[i]
     other = replace(drawn, innovation=drawn.innovation + moved, correction=drawn.correction + shift)
     for logs in (np.zeros(8), np.linspace(-0.4, 0.4, 8)):
-        a, b = (evaluate(rescale(NAMES[:8])(believed(r), logs)).value for r in (drawn, other))
+        a, b = (evaluate(factors(NAMES[:8]).change(believed(r), logs)).value for r in (drawn, other))
         assert a == pytest.approx(b, abs=1e-6)
 
 
 def test_slopes_are_those_of_differences(drawn: LinearRecord) -> None:
     h = replace(believed(drawn), markov_sd=np.array([0.4, 0.4, 0.9]), markov_time=15.0, columns=(0, 1, 2, 6))
-    h = rescale(NAMES)(h, np.linspace(0.3, -0.3, len(NAMES)))
-    _, analytic = slope(h, NAMES)
+    h = factors(NAMES).change(h, np.linspace(0.3, -0.3, len(NAMES)))
+    scales = factors(NAMES)
+    analytic = scales.slopes(h, np.zeros(len(NAMES)), evaluate_with_gradient(h)[1])
     step = 1e-4
     for j, unit in enumerate(np.eye(len(NAMES))):
-        up, down = (evaluate(rescale(NAMES)(h, s * step * unit)).value for s in (1.0, -1.0))
+        up, down = (evaluate(factors(NAMES).change(h, s * step * unit)).value for s in (1.0, -1.0))
         assert analytic[j] == pytest.approx((up - down) / (2.0 * step), rel=1e-4, abs=1e-3)
 
 
@@ -145,7 +142,7 @@ def test_mean_parameters_are_found(short_drive: LinearRecord) -> None:
 
 def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecord) -> None:
     h = replace(
-        rescale(("position_horizontal", "gyro_white"))(believed(short_drive), np.array([0.5, 0.7])),
+        factors(("position_horizontal", "gyro_white")).change(believed(short_drive), np.array([0.5, 0.7])),
         markov_sd=np.array([0.5, 0.5, 1.0]),
         markov_time=20.0,
     )
@@ -161,7 +158,7 @@ def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecor
 
 def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
     """Score and information of a jump of a bias are those of its column by brute force."""
-    h = rescale(("gyro_white",))(believed(replace(drawn, scored=drawn.scored | True)), np.array([0.4]))
+    h = factors(("gyro_white",)).change(believed(replace(drawn, scored=drawn.scored | True)), np.array([0.4]))
     _, gradient = evaluate_with_gradient(h)
     at, state = 60, 10
     column = np.zeros((*drawn.drive.shape[:2], 1))

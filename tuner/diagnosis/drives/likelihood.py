@@ -12,8 +12,7 @@ backwards. As believed by the filter itself (`believed`), z and f are exactly it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +23,6 @@ from tuner.diagnosis.drives.record import GROUPS, LinearRecord
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-ROWS: dict[str, tuple[int, ...]] = {
-    "position_horizontal": (0, 1),
-    "position_vertical": (2,),
-    "velocity_horizontal": (3, 4),
-    "velocity_vertical": (5,),
-}
-"""Groups of the rows of a fix that share a factor on their sd."""
-FAR = 5.0
-"""Greatest log of a factor."""
 IMPULSES = 6
 """States after the first nine whose impulses are scored: the biases of gyroscopes and accelerometers."""
 
@@ -109,7 +99,9 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of ln L by logs of the noise, and scores of impulses.
+    """Derivatives of ln L by logs of the noise, deleted residuals, and scores of impulses.
+
+    The last three suppose that all rows taken count.
 
     Attributes
     ----------
@@ -119,6 +111,8 @@ class Gradient:
         By ln drive.
     by_markov_sd : ndarray, shape (3,)
         By ln markov_sd.
+    deleted : ndarray, shape (k, 6)
+        What each row is off given all other rows taken, by its sd; NaN where there is none.
     score, information : ndarray, shapes (k, 6), (k, 6, 6)
         Of an impulse in the biases of gyroscopes and accelerometers just after each fix: I⁻¹ score is its size.
     """
@@ -126,6 +120,7 @@ class Gradient:
     by_sd: FloatArray
     by_drive: FloatArray
     by_markov_sd: FloatArray
+    deleted: FloatArray
     score: FloatArray
     information: FloatArray
 
@@ -149,6 +144,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         np.zeros((k, 6)),
         np.zeros(4),
         np.zeros(3),
+        np.full((k, 6), np.nan),
         np.zeros((k, max(b, 0))),
         np.zeros((k, max(b, 0), max(b, 0))),
     )
@@ -158,6 +154,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         belief.drive**2,
         record.H,
         belief.sd,
+        record.available,
         belief.rows & record.available,
         belief.counted,
         record.starts,
@@ -169,6 +166,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         gradient.by_sd,
         gradient.by_drive,
         gradient.by_markov_sd,
+        gradient.deleted,
         gradient.score,
         gradient.information,
     )
@@ -177,7 +175,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
 
 
 def gains_of(belief: Belief) -> FloatArray:
-    """Return the gains of every row, one after the other of a fix; shape (k, 6, n), 0 where it is not taken."""
+    """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
     return _forward(belief)[1]
 
 
@@ -233,56 +231,3 @@ def _forward(belief: Belief) -> tuple[Likelihood, FloatArray]:
         z = z - s @ theta
     value = -0.5 * float(np.sum(z[rows] ** 2 / f[rows] + np.log(2.0 * np.pi * f[rows])))
     return Likelihood(value, theta, covariance, z, f, s), gains
-
-
-Change = Callable[[Belief, FloatArray], Belief]
-"""Makes a belief of another one and of parameters, natural scale (mostly logs)."""
-
-
-def rescale(names: Sequence[str]) -> Change:
-    """Return the change that multiplies sds and drives by the exponentials of its parameters.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of `ROWS` and `GROUPS`, and ``markov_time``, ``markov_horizontal``, ``markov_vertical`` and ``markov``
-        (all axes together).
-    """
-
-    def change(belief: Belief, logs: FloatArray) -> Belief:
-        sd, drive = belief.sd.copy(), belief.drive.copy()
-        markov, time = belief.markov_sd.copy(), belief.markov_time
-        for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
-            if name in ROWS:
-                sd[:, ROWS[name]] *= factor
-            elif name in GROUPS:
-                drive[GROUPS.index(name)] *= factor
-            elif name == "markov_time":
-                time *= factor
-            else:
-                markov[_AXES[name]] *= factor
-        return replace(belief, sd=sd, drive=drive, markov_sd=markov, markov_time=time)
-
-    return change
-
-
-_AXES = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_vertical": slice(2, 3)}
-
-
-def slope(belief: Belief, names: Sequence[str]) -> tuple[float, FloatArray]:
-    """Return ln L and its derivatives by the parameters of `rescale(names)` at 0, shape (q,)."""
-    found, gradient = evaluate_with_gradient(belief)
-    slopes = []
-    for name in names:
-        if name in ROWS:
-            slopes.append(float(gradient.by_sd[:, ROWS[name]].sum()))
-        elif name in GROUPS:
-            slopes.append(float(gradient.by_drive[GROUPS.index(name)]))
-        elif name == "markov_time":
-            step = 1e-3
-            moved = (replace(belief, markov_time=belief.markov_time * np.exp(s)) for s in (step, -step))
-            up, down = (evaluate(h).value for h in moved)
-            slopes.append((up - down) / (2.0 * step))
-        else:
-            slopes.append(float(gradient.by_markov_sd[_AXES[name]].sum()))
-    return found.value, np.array(slopes)

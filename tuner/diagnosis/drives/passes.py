@@ -14,7 +14,8 @@ Three further states may stand for a Gauss–Markov error of the position fixes.
     r ← Lᵀ r,            N ← Lᵀ N L − (Lᵀ r h + hᵀ rᵀ L) z/f    and    ∂ ln L/∂r = ((K·r)² − K·N K)/2 − K·r z/f
     ∂ ln L/∂s_g = ½ Σ tr (r rᵀ − N) Q_g,        then r ← Φᵀ r, N ← Φᵀ N Φ
 
-r is the score of an impulse in the states and N its information [2]_.
+r is the score of an impulse in the states and N its information; u/√d is what a row is off given all others [2]_,
+(z/f − K·r)/√(1/f − K·N K) for a row that is not taken.
 
 References
 ----------
@@ -93,10 +94,10 @@ def forward(
     s: FloatArray,
     gains: FloatArray,
 ) -> None:
-    """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains (k, 6, N), N the states with those of the fixes.
+    """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains K (k, 6, N), N the states with those of the fixes.
 
     `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows that are available
-    and not taken get z, f and s as predicted.
+    and not taken get z, f, s and K as predicted.
     """
     k, n, p = phi.shape[0], phi.shape[1], drive.shape[2]
     size = gains.shape[2]
@@ -186,11 +187,12 @@ def forward(
                 if of_fix >= 0:
                     total += V[of_fix, q]
                 s[i, row, q] = total
+            for m in range(size):
+                gains[i, row, m] = Ph[m] / variance
             if not rows[i, row]:
                 continue
             for m in range(size):
-                c = Ph[m] / variance
-                gains[i, row, m] = c
+                c = gains[i, row, m]
                 a[m] += c * residual
                 for j in range(size):
                     P[m, j] -= c * Ph[j]
@@ -210,6 +212,7 @@ def backward(
     factor: FloatArray,
     H: FloatArray,
     sd: FloatArray,
+    available: BoolArray,
     rows: BoolArray,
     counted: BoolArray,
     starts: BoolArray,
@@ -221,12 +224,14 @@ def backward(
     by_sd: FloatArray,
     by_drive: FloatArray,
     by_markov: FloatArray,
+    deleted: FloatArray,
     score: FloatArray,
     information: FloatArray,
 ) -> None:
     """Set the derivatives of ln L by the logs of the sds (k, 6), of the factors (4,) and of markov_sd (3,).
 
-    Also sets score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix.
+    Also sets what each row is off given all other rows, by its sd, deleted (k, 6), and score (k, b) and information
+    (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; both where all rows taken count.
     """
     k, n, size, b = phi.shape[0], phi.shape[1], gains.shape[2], score.shape[1]
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
@@ -240,7 +245,7 @@ def backward(
                 information[i, m, j] = N[NAVIGATION + m, NAVIGATION + j]
         for row in range(5, -1, -1):
             by_sd[i, row] = 0.0
-            if not rows[i, row]:
+            if not available[i, row]:
                 continue
             K, variance = gains[i, row], f[i, row]
             Kr = 0.0
@@ -253,9 +258,13 @@ def backward(
                 NK[m] = total
                 KNK += K[m] * total
             pull = z[i, row] / variance
+            if not rows[i, row]:
+                deleted[i, row] = (pull - Kr) / np.sqrt(max(1.0 / variance - KNK, 1e-6 / variance))
+                continue
             own = 1.0 if counted[i, row] else 0.0
             u = own * pull - Kr
             weight = own / variance + KNK
+            deleted[i, row] = u / np.sqrt(weight)
             by_sd[i, row] = sd[i, row] ** 2 * (u * u - weight - 2.0 * (1.0 - own) * Kr * pull)
             h[:n] = H[i, row]
             if size > n:

@@ -1,0 +1,194 @@
+"""R and Q that a drive asks for: quiet where they are right, loud and honest where they are not.
+
+Seeds are the first that were tried. Bounds on counts are binomial at 1e-5 for a test that keeps its level exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from tuner.diagnosis.drives.correlated import correlated_gnss
+from tuner.diagnosis.drives.jump import bias_jump, jump_sensor, with_jump
+from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drives.noise import fit_noise, gnss_noise, imu_noise, scores
+from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
+from tuner.diagnosis.drives.record import GROUPS, LinearRecord
+from tuner.diagnosis.drives.replicas import Source
+from tuner.diagnosis.drives.scales import ROWS, factors
+
+ALARM = 7e-4
+
+
+def seldom(p_values: np.ndarray, level: float) -> bool:
+    """Whether no more p-values lie below a level than a test that keeps it shows in all but 1e-5 of studies."""
+    return bool(np.count_nonzero(p_values < level) <= binom.isf(1e-5, len(p_values), level))
+
+
+def claims(belief: Belief) -> dict[str, float]:
+    found, masked = scores(belief), mask(belief)
+    every = [gnss_noise(belief, found), imu_noise(belief, found), bias_jump(belief)]
+    every += [outliers(belief, masked, cause) for cause in KINDS]
+    every.append(correlated_gnss(belief, evaluate(belief)))
+    return {claim.alarm.cause: claim.alarm.p_value for claim in every}
+
+
+def study(record: LinearRecord, n: int) -> dict[str, np.ndarray]:
+    source = Source.of(believed(record))
+    drawn = [claims(believed(source.draw(np.random.default_rng(seed)))) for seed in range(n)]
+    return {cause: np.array([one[cause] for one in drawn]) for cause in drawn[0]}
+
+
+def test_quiet_where_all_is_right(short_drive: LinearRecord) -> None:
+    for cause, p_values in study(short_drive, 60).items():
+        for level in (0.2, 0.05, 0.01):
+            assert seldom(p_values, level), (cause, level)
+
+
+@pytest.mark.slow
+def test_levels_are_kept(short_drive: LinearRecord) -> None:
+    for cause, p_values in study(short_drive, 600).items():
+        assert np.mean(p_values < 1e-2) <= 0.02, cause
+        assert np.mean(p_values < 1e-3) <= 3e-3, cause
+
+
+TRUE = {"position_horizontal": 1.4, "velocity_vertical": 0.7, "gyro_white": 2.5, "accel_bias": 2.0}
+
+
+def test_factors_are_found(short_drive: LinearRecord) -> None:
+    """Mean of 12 estimates within 4.5 standard errors, each group that the drive holds."""
+    truth = factors(tuple(TRUE)).change(believed(short_drive), np.log(list(TRUE.values())))
+    source = Source.of(truth)
+    fits = [fit_noise(believed(source.draw(np.random.default_rng(seed)))) for seed in range(12)]
+    for name in (*ROWS, "gyro_white"):
+        pulls = [
+            (fit.estimate[fit.number(name)] - np.log(TRUE.get(name, 1.0)))
+            / np.sqrt(fit.covariance[fit.number(name), fit.number(name)])
+            for fit in fits
+        ]
+        assert abs(np.mean(pulls)) < 4.5 / np.sqrt(len(pulls)), name
+    assert not fits[0].held("accel_white"), "white noise of the accelerometers does not show at 1 Hz"
+
+
+@pytest.mark.slow
+def test_intervals_cover(short_drive: LinearRecord) -> None:
+    truth = factors(tuple(TRUE)).change(believed(short_drive), np.log(list(TRUE.values())))
+    source, inside = Source.of(truth), dict.fromkeys((*ROWS, "gyro_white", "gyro_bias", "accel_bias"), 0)
+    runs = 300
+    for seed in range(runs):
+        fit = fit_noise(believed(source.draw(np.random.default_rng(seed))))
+        for name in inside:
+            c, value = fit.coefficient(name), TRUE.get(name, 1.0)
+            inside[name] += value < c.upper if c.interval is None else c.interval[0] < value < c.interval[1]
+    for name, count in inside.items():
+        assert 0.91 < count / runs < 0.985, (name, count / runs)
+
+
+def test_a_prior_is_believed_until_the_drive_contradicts(city_drive: LinearRecord) -> None:
+    source = Source.of(factors(("gyro_white",)).change(believed(city_drive), np.log([3.0])))
+    belief = believed(source.draw(np.random.default_rng(0)))
+    free, tied = fit_noise(belief), fit_noise(belief, prior_sd={"gyro_white": 0.05})
+    assert 1.0 < tied.factor("gyro_white") < free.factor("gyro_white")
+    found = scores(belief)
+    exact, vague = imu_noise(belief, found), imu_noise(belief, found, prior_sd=dict.fromkeys(GROUPS, 1.0))
+    assert exact.alarm.p_value < ALARM < vague.alarm.p_value
+    assert {"gyro", "accel"} <= set(exact.describe())
+
+
+def test_a_jump_is_found_and_named(city_drive: LinearRecord) -> None:
+    source = Source.of(believed(city_drive))
+    size = np.array([0.03, 0.02, 0.0])
+    hidden = with_jump(source.belief, 450, "accel").record
+    alone = replace(hidden, drive=hidden.drive[:, :, -3:], seen=hidden.seen[:, :, -3:])
+    drawn = replace(source, belief=replace(source.belief, record=alone)).draw(np.random.default_rng(0), size)
+    belief = believed(replace(drawn, drive=city_drive.drive, seen=city_drive.seen))
+    claim = bias_jump(belief)
+    assert claim.alarm.p_value < ALARM
+    assert jump_sensor(claim.belief) == "accel"
+    gained = evaluate(claim.belief).value - evaluate(belief).value
+    assert gained == pytest.approx(0.5 * claim.alarm.statistic, rel=1e-6)
+    told = claim.describe()
+    assert abs(told["time"].value - city_drive.t[450]) < 20.0
+    for axis, value in zip("xyz", size, strict=True):
+        c = told[axis]
+        assert abs(c.value - value) < 4.5 / 1.96 * 0.5 * (c.interval[1] - c.interval[0])
+    assert claim.alarm.gain > imu_noise(belief, scores(belief)).alarm.gain
+
+
+def with_errors(record: LinearRecord, errors: np.ndarray, seed: int) -> Belief:
+    """Draw a record whose fixes have further errors (k, 6)."""
+    hidden = replace(
+        record, seen=errors[:, :, None], drive=np.zeros((*record.drive.shape[:2], 1)), parameters=("error",)
+    )
+    drawn = Source.of(believed(hidden)).draw(np.random.default_rng(seed), np.ones(1))
+    return believed(replace(drawn, seen=record.seen, drive=record.drive, parameters=record.parameters))
+
+
+@pytest.mark.parametrize("cause", list(KINDS))
+def test_outliers_are_masked_and_named(city_drive: LinearRecord, cause: str) -> None:
+    rng = np.random.default_rng(5)
+    errors = np.zeros((900, 6))
+    which = rng.choice(900, 9, replace=False)
+    rows = KINDS[cause]
+    errors[which, rows] = 7.0 * rng.choice([-1.0, 1.0], (9, 3)) * city_drive.sd[which, rows]
+    belief = with_errors(city_drive, errors, 1)
+    masked = mask(belief)
+    said = {kind: outliers(belief, masked, kind) for kind in KINDS}
+    assert said[cause].alarm.p_value < 1e-9
+    other = next(kind for kind in KINDS if kind != cause)
+    assert said[other].alarm.p_value > ALARM
+    out = np.flatnonzero(~said[cause].belief.rows[:, rows.start])
+    assert set(which) <= set(out)
+    assert len(out) <= 10
+    told = said[cause].describe()
+    assert told["fraction"].interval[0] < 0.01 < told["fraction"].interval[1]
+    assert said[cause].alarm.gain > gnss_noise(belief, scores(belief)).alarm.gain
+
+
+def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearRecord) -> None:
+    errors = np.zeros((900, 6))
+    errors[300:750, 3:5] = np.random.default_rng(2).normal(0.0, 8.0, (450, 2))
+    belief = with_errors(city_drive, errors, 3)
+    masked = mask(belief)
+    claim = outliers(belief, masked, "gnss_velocity")
+    assert claim.alarm.p_value < 1e-9
+    assert np.count_nonzero(masked.out[300:750, 1]) > 420
+    assert np.count_nonzero(masked.out[:, 0]) < 3
+    assert claim.alarm.gain > gnss_noise(belief, scores(belief)).alarm.gain
+    assert outliers(belief, masked, "gnss_outliers").alarm.p_value > ALARM
+
+
+def test_outliers_are_not_a_wrong_noise(city_drive: LinearRecord) -> None:
+    """Twice the noise on all fixes: the robust scale takes it out of the test of outliers."""
+    source = Source.of(factors(("position", "velocity")).change(believed(city_drive), np.log([2.0, 2.0])))
+    belief = believed(source.draw(np.random.default_rng(0)))
+    masked = mask(belief)
+    assert min(outliers(belief, masked, cause).alarm.p_value for cause in KINDS) > ALARM
+    claim = gnss_noise(belief, scores(belief))
+    assert claim.alarm.p_value < 1e-9
+    for name, c in claim.describe().items():
+        assert c.interval[0] * 0.95 < 2.0 < c.interval[1] * 1.05, name
+
+
+def test_correlated_positions_are_found_and_named(city_drive: LinearRecord) -> None:
+    truth = replace(believed(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
+    belief = believed(Source.of(truth).draw(np.random.default_rng(0)))
+    claim = correlated_gnss(belief, evaluate(belief))
+    assert claim.alarm.p_value < 1e-6
+    found = scores(belief)
+    assert claim.alarm.gain > max(gnss_noise(belief, found).alarm.gain, imu_noise(belief, found).alarm.gain)
+    told = claim.describe()
+    for name, value in (("sd", 0.6), ("sd_vertical", 1.1), ("time_constant", 20.0)):
+        low, high = np.log(told[name].interval)
+        assert abs(np.log(told[name].value / value)) < 4.5 / 3.92 * (high - low), name
+    again = scores(claim.belief)
+    assert gnss_noise(claim.belief, again).alarm.p_value > ALARM
+
+
+def test_wrong_noise_is_not_correlation(city_drive: LinearRecord) -> None:
+    source = Source.of(factors(("position",)).change(believed(city_drive), np.log([1.5])))
+    belief = believed(source.draw(np.random.default_rng(0)))
+    assert correlated_gnss(belief, evaluate(belief)).alarm.p_value > ALARM
