@@ -41,7 +41,6 @@ FAMILIES = 25
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
     {
         "line": line.test,
-        "vibration": vibration.test,
         "temperature": temperature.test,
         "thermal_lag": thermal_lag.test,
         "step": step.test,
@@ -97,14 +96,14 @@ def is_open(found: Residual, cause: str) -> bool:
 
 
 def spectrum(found: Residual) -> tuple[Alarm, ...]:
-    """Test the shape of the fast spectrum."""
+    """Test the shape of the fast spectrum, and it for humps."""
     tested = shape_test(found)
-    shaped = found.found("lowpass", "colour")
     unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, "shape of the fast spectrum")
-    if shaped:
-        return (unnamed,)
-    hump = (vibration.wide(tested, found),) if is_open(found, "vibration") else ()
-    return (lowpass.test(tested, found.channel.interval), colour.test(tested), *hump, unnamed)
+    humps = (vibration.test(found, tested),) if is_open(found, "vibration") else ()
+    if found.found("lowpass", "colour"):
+        return (*humps, unnamed)
+    wide = (vibration.wide(tested, found),) if humps else ()
+    return (*humps, lowpass.test(tested), colour.test(tested), *wide, unnamed)
 
 
 def leftovers(found: Residual) -> tuple[Alarm, ...]:

@@ -2,23 +2,32 @@
 
 Statistic: likelihood ratio of first-order colour on the bins of the fast spectrum (χ²₁, two shapes), or
 their scatter about white noise.
-Extension: the filter in the noise model; the white density is read where the filter is flat.
+Extension: the filter in the noise model; the white density is read where the filter is flat. The cutoff is fitted again
+with everything that was found besides; its interval covers all orders and kinds of filter that explain the spectrum.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.arma import Arma
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.bins import Bins, bins
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.shape import ShapeFit, ShapeTest, filter_arma, spread
+from tuner.diagnosis.forms import filter_arma
+from tuner.diagnosis.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.residual import Residual
 
 FloatArray = NDArray[np.float64]
+
+MOVED = 0.05
+"""Share of its length by which an interval moves before the model is fitted again."""
 
 
 @dataclass(frozen=True)
@@ -45,27 +54,42 @@ class LowPass(Extension):
         """Return the squared response of the filter."""
         return self.arma(interval).psd(f, interval=interval)
 
+    def polished(self, found: Residual, index: int) -> LowPass:
+        """Fit the filter again beside everything else, unless that hardly moves it."""
+        data = bins(found, without=found.extensions[index])
+        filters = fit_filters(data)
+        again = extension(data, filters)
+        value, now = self.values["cutoff"], again.values["cutoff"]
+        moved = max(abs(np.log(now.lower / value.lower)), abs(np.log(now.upper / value.upper)))
+        near = moved < MOVED * np.log(value.upper / value.lower)
+        return self if near and again.kind == self.kind else again
+
 
 def _invertible(ma: tuple[float, ...]) -> tuple[float, ...]:
     """Return MA coefficients with a zero on the unit circle moved just inside."""
     return tuple(0.9995 ** (j + 1) * b for j, b in enumerate(ma))
 
 
-def test(tested: ShapeTest, interval: float) -> Alarm:
+def test(tested: ShapeTest) -> Alarm:
     """Judge the filters."""
-    p_value = min(1.0, 3.0 * min(tested.p_value, tested.misfit, tested.hump_p_value))
     name = "likelihood ratio of a filtered spectrum"
     if not tested.filters:
-        return Alarm("lowpass", p_value, -9.0, 0.0, name)
+        return Alarm("lowpass", tested.any_p_value, -9.0, 0.0, name)
     best = tested.filters[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     return Alarm(
-        "lowpass", p_value, tested.gain(best), ratio, name, lambda: (extension(tested, best, interval),)
+        "lowpass",
+        tested.any_p_value,
+        tested.gain(best),
+        ratio,
+        name,
+        lambda: (extension(tested.data, tested.filters),),
     )
 
 
-def extension(tested: ShapeTest, fitted: ShapeFit, interval: float) -> LowPass:
-    """Return the filter with its cutoff."""
-    cutoff = float(np.exp(fitted.x[0])) / interval
-    relative = float(np.sqrt(spread(tested.data, fitted)[0, 0]))
-    return LowPass(fitted.name, cutoff, values={"cutoff": Value.log(cutoff, relative, "Hz")})
+def extension(data: Bins, filters: tuple[ShapeFit, ...]) -> LowPass:
+    """Return the best filter with its cutoff."""
+    rate = 1.0 / data.interval
+    low, high = (rate * float(np.exp(end)) for end in cutoffs(data, filters))
+    cutoff = rate * float(np.exp(filters[0].x[0]))
+    return LowPass(filters[0].name, cutoff, values={"cutoff": Value(cutoff, low, high, "Hz")})

@@ -40,6 +40,8 @@ NEAR = 200
 """Ordinates about one that tell a line from a hump."""
 NARROW = 3.0
 """Quality below which a hump is a matter of the broad shape of the spectrum."""
+MOVED = 0.1
+"""Standard deviations by which parameters move before the model is fitted again."""
 CAP = 25.0
 """Largest ordinate that counts: a line is no resonance."""
 
@@ -106,17 +108,21 @@ class Vibration(Extension):
         x, covariance, _ = maximum(
             cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02
         )
-        again = _fitted(x, np.sqrt(np.diag(covariance)))
-        return again if abs(np.log(again.frequency / self.frequency)) < 1.0 / self.quality else self
+        sd = np.sqrt(np.diag(covariance))
+        moved = np.abs(x - np.log([self.frequency, self.quality, self.sd]))
+        settled = bool(np.all(moved < MOVED * sd))
+        return self if settled or moved[0] > 1.0 / self.quality else _fitted(x, sd)
 
     def terms(self, interval: float) -> tuple[Term, ...]:
         """Return the process as a noise term."""
         return (self.arma(interval),)
 
 
-def test(found: Residual) -> Alarm:
-    """Search the spectrum of the residuals for a hump."""
-    power = found.periodogram
+def test(found: Residual, tested: ShapeTest) -> Alarm:
+    """Search the spectrum of the residuals for a hump on the best spectrum that has none."""
+    df = 1.0 / (len(found.e) * found.channel.interval)
+    background = tested.background(df * np.arange(1.0, len(found.periodogram) + 1.0))
+    power = found.periodogram / background
     total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, CAP))))
     widths = [width for width in WINDOWS if width <= len(power) // 24]
     best = (np.inf, 8, FIRST, 1.0)
@@ -130,12 +136,11 @@ def test(found: Residual) -> Alarm:
             best = (log_chance, width, int(start[at]), float(ratio[at]))
     log_chance, width, at, mean = best
     p_value = float(np.exp(min(log_chance, 0.0)))
-    df = 1.0 / (len(found.e) * found.channel.interval)
     middle, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
     if p_value > PROMISING:
         return Alarm("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
-    gain, fitted = extension(found, middle, half)
+    gain, fitted = extension(found, background, middle, half)
     covered = float(np.clip(fitted.frequency / fitted.quality / df, WINDOWS[0], widths[-1]))
     price = float(np.log(len(widths) * 2.0 * len(power) / covered))
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
@@ -172,28 +177,16 @@ def _largest(values: FloatArray, number: int) -> IntArray:
 
 def wide(tested: ShapeTest, found: Residual) -> Alarm:
     """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
-    p_value = min(1.0, 3.0 * min(tested.p_value, tested.misfit, tested.hump_p_value))
     name = "excess of the fast spectrum over white noise"
     if tested.hump is None:
-        return Alarm("vibration", p_value, -9.0, 0.0, name)
-    dt, hump = found.channel.interval, tested.hump
-    scale = tested.data.start[0] + tested.data.start[1]
-    frequency, quality = (np.exp(hump.x[:2]) * [1.0 / dt, 1.0]).tolist()
-    sd = float(np.sqrt(np.exp(hump.x[2]) * scale / dt))
-    spread = np.sqrt(np.diag(hump.covariance)).tolist()
-    fitted = Vibration(
-        frequency,
-        quality,
-        sd,
-        values={
-            "frequency": Value.log(frequency, spread[0], "Hz"),
-            "quality": Value.log(quality, spread[1]),
-            "sd": Value.log(sd, 0.5 * spread[2], "{u}"),
-        },
-    )
+        return Alarm("vibration", tested.any_p_value, -9.0, 0.0, name)
+    hump = tested.hump
+    scale = np.array([1.0, 1.0, 0.5])
+    spread = scale * np.sqrt(np.diag(hump.covariance))
+    fitted = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
     ratio = 2.0 * (tested.null.cost - hump.cost)
-    gain = -np.inf if quality < NARROW or fitted.overlaps(found) else tested.gain(hump)
-    return Alarm("vibration", p_value, gain, ratio, name, lambda: (fitted,))
+    gain = -np.inf if fitted.quality < NARROW or fitted.overlaps(found) else tested.gain(hump)
+    return Alarm("vibration", tested.any_p_value, gain, ratio, name, lambda: (fitted,))
 
 
 def _lines_cut(power: FloatArray, cap: float) -> FloatArray:
@@ -217,16 +210,21 @@ def rival(found: Residual, frequency: float, height: float) -> Alarm | None:
     A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
     """
     n, dt = len(found.e), found.channel.interval
-    gain, fitted = extension(found, frequency, 8.0 / (n * dt), cap=np.inf)
+    gain, fitted = extension(found, np.ones_like(found.periodogram), frequency, 8.0 / (n * dt), cap=np.inf)
     if gain < height + float(np.log(n)) or not NARROW < fitted.quality < frequency * n * dt:
         return None
     name = "likelihood of a resonance in place of a line"
     return Alarm("vibration", float(np.exp(-gain)) * n, gain, gain, name, lambda: (fitted,), local=True)
 
 
-def extension(found: Residual, middle: float, half: float, *, cap: float = CAP) -> tuple[float, Vibration]:
-    """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains."""
-    dt, power = found.channel.interval, found.periodogram
+def extension(
+    found: Residual, background: FloatArray, middle: float, half: float, *, cap: float = CAP
+) -> tuple[float, Vibration]:
+    """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains.
+
+    `background` is the power beside it ÷ that of the residual at the Fourier frequencies.
+    """
+    dt, power = found.channel.interval, found.periodogram / background
     df = 1.0 / (len(found.e) * dt)
     reach = max(12.0 * half, 100.0 * df)
     first, last = max(FIRST, int((middle - reach) / df)), min(len(power), int((middle + reach) / df))
@@ -234,7 +232,7 @@ def extension(found: Residual, middle: float, half: float, *, cap: float = CAP) 
     number = (last - first) // size
     mean = _lines_cut(power, cap)[first : first + number * size].reshape(number, size).mean(axis=1)
     f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)
-    white = found.spread**2 * found.power_at(f)
+    white = found.spread**2 * found.power_at(f) * np.interp(f, df * np.arange(1, len(power) + 1), background)
     place = (f - middle) / reach
 
     def likelihood(level: FloatArray) -> float:

@@ -1,0 +1,143 @@
+"""The fast spectrum in bins, and the best sizes of given shapes of power.
+
+The squared coefficients above a hundredth of the rate are averaged in 128 even bins. Their law is that of a gamma
+variable about the sum of non-negative shapes, and the best sizes of these follow by Fisher scoring: weighted least
+squares whose weights count/(2 E²) are those of the last fit. What depends on further parameters is left with these
+alone (variable projection).
+
+References
+----------
+.. [1] P. McCullagh, J. A. Nelder, Generalized Linear Models, 2nd ed., ch. 8 (gamma law, identity link).
+.. [2] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+   variables separate, SIAM J. Numer. Anal. 10 (1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import Quantization, White
+from tuner.diagnosis.cosine import CAP
+from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.residual import Residual, gain_of
+
+FloatArray = NDArray[np.float64]
+
+BINS = 128
+LOWEST = 0.01
+"""Lowest frequency, share of the rate."""
+MEDIAN = 0.4549
+"""Median of χ²₁."""
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Mean powers in even bins.
+
+    Attributes
+    ----------
+    interval : float
+        Of the samples, s.
+    cycles : ndarray, shape (b,)
+        Frequency × interval.
+    power, count : ndarray, shape (b,)
+        Mean square and number of coefficients.
+    white, rest : ndarray, shape (b,)
+        Shape of the white noise so far, and power of everything but white noise and quantization.
+    model : ndarray, shape (b,)
+        Power that the residual expects.
+    """
+
+    interval: float
+    cycles: FloatArray
+    power: FloatArray
+    count: FloatArray
+    white: FloatArray
+    rest: FloatArray
+    model: FloatArray
+
+    @property
+    def log_count(self) -> float:
+        """Log of the number of coefficients, twice the price of a parameter."""
+        return float(np.log(self.count.sum()))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Best sizes of shapes, the power they expect (b,) and minus its log likelihood (0 where all bins agree)."""
+
+    size: FloatArray
+    expected: FloatArray
+    cost: float
+
+
+def bins(found: Residual, without: Extension | None = None) -> Bins:
+    """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
+    dt, n = found.channel.interval, len(found.coefficients) - 1
+    first = int(2.0 * LOWEST * n)
+    width = (n - first) // BINS
+    inside = slice(first, first + width * BINS)
+    square = (found.coefficients[1:][inside] ** 2).reshape(BINS, width)
+    level = np.median(square, axis=1, keepdims=True) / MEDIAN
+    total = found.power[inside].reshape(BINS, width).mean(axis=1)
+    cycles = np.asarray((first + (np.arange(BINS) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
+    terms = found.fit.terms()
+    white = sum(t.density**2 for t in terms if isinstance(t, White))
+    quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
+    known = tuple(x for x in found.extensions if x is not without)
+    rest = total - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    return Bins(
+        dt,
+        cycles,
+        np.minimum(square, CAP * level).mean(axis=1),
+        np.full(BINS, float(width)),
+        gain_of(known, cycles / dt, dt),
+        np.maximum(rest, 0.0),
+        total,
+    )
+
+
+def rise(cycles: FloatArray) -> FloatArray:
+    """Return the shape of quantization, 4 sin²(πfΔ)."""
+    shape: FloatArray = 4.0 * np.sin(np.pi * cycles) ** 2
+    return shape
+
+
+def sized(data: Bins, shapes: FloatArray, fixed: FloatArray | float = 0.0) -> Sizes:
+    """Return the best non-negative sizes of shapes, shape (k, b), over a fixed power."""
+    weight = 0.5 * data.count
+    level, target = np.maximum(data.power, 1e-300), data.power - fixed
+    best: Sizes | None = None
+    for _ in range(40):
+        weighted = shapes * (weight / level**2)
+        size = _not_negative(weighted @ shapes.T, weighted @ target)
+        level = size @ shapes + fixed
+        level = np.maximum(level, 1e-9 * level.max() + 1e-300)
+        ratio = data.power / level
+        cost = float(weight @ (ratio - 1.0 - np.log(ratio)))
+        done = best is not None and cost > best.cost - 1e-6
+        if best is None or cost < best.cost:
+            best = Sizes(size, level, cost)
+        if done:
+            break
+    assert best is not None
+    return best
+
+
+def _not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Return the solution of normal equations, the most negative sizes set to zero one by one."""
+    kept = np.flatnonzero(np.diag(matrix) > 0.0)
+    size = np.zeros(len(target))
+    while len(kept):
+        part = matrix[np.ix_(kept, kept)]
+        scale = np.sqrt(np.diag(part))
+        part = part / np.outer(scale, scale) + 1e-10 * np.eye(len(kept))
+        solution = np.linalg.solve(part, target[kept] / scale) / scale
+        if solution.min() >= 0.0:
+            size[kept] = solution
+            break
+        kept = np.delete(kept, int(np.argmin(solution * scale)))
+    return size

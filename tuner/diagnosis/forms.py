@@ -1,0 +1,114 @@
+"""Shapes of filtered and of coloured white noise, by name.
+
+Filters have gain 1 at frequency 0 and half power at the cutoff. What reaches the samples is white noise through
+
+- ``pole1 pole2``: a recursion with the poles exp(sΔ) of an analogue Butterworth filter. One pole is the analogue filter
+  of first order itself, sampled: correlation exp(−2π cutoff Δ k) at lag k;
+- ``sampled1x8`` …: a digital Butterworth filter of that order at m times the rate, every m-th of whose values is kept.
+  With f in units of the rate its power is folded:
+
+      Σ_k 1 / (1 + (tan(π(f + k)/m) / tan(π cutoff/m))^(2 order)),    k = 0 … m − 1
+
+  At one time the rate nothing is folded; at many times it is the analogue filter before the converter. How much a
+  sensor folds is not known, but shows in its spectrum.
+
+Colours are ARMA processes; partial correlations tanh x keep them stationary.
+
+References
+----------
+.. [1] G. E. P. Box, G. M. Jenkins, Time Series Analysis, ch. 3, 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.spectral import LowPass
+
+FloatArray = NDArray[np.float64]
+Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
+
+FILTERS: dict[str, tuple[float, float]] = {
+    "pole1": (0.002, 1.5),
+    "sampled1x8": (0.002, 1.5),
+    "sampled1x4": (0.002, 0.98),
+    "sampled1x2": (0.002, 0.49),
+    "pole2": (0.002, 0.6),
+    "sampled2x16": (0.002, 0.52),
+    "sampled2x8": (0.002, 0.52),
+    "sampled2x4": (0.002, 0.52),
+    "sampled2x2": (0.002, 0.52),
+    "sampled2x1": (0.002, 0.49),
+}
+"""Least and largest cutoff × interval of the filters."""
+COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
+    "ar1": (1, 0, ((0.1,), (-0.1,))),
+    "ma1": (0, 1, ((0.1,), (-0.1,))),
+    "arma11": (1, 1, ((0.5, -0.4), (-0.5, 0.4), (0.2, 0.2))),
+    "ar2": (2, 0, ((0.1, 0.1), (-0.1, 0.1), (0.3, -0.3))),
+    "arma21": (2, 1, ((0.3, -0.1, -0.2), (-0.3, 0.1, 0.2))),
+}
+"""Orders p, q of the colours and starting points of their free numbers, the simplest first."""
+FREE = 4.0
+"""Largest free number."""
+
+
+def arma_power(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> FloatArray:
+    """Return |1 + Σ ma z⁻ʲ|² / |1 − Σ ar z⁻ⁱ|² at frequencies × interval."""
+    z = np.exp(-2j * np.pi * cycles)
+    above = np.polynomial.polynomial.polyval(z, [1.0, *ma])
+    below = np.polynomial.polynomial.polyval(z, [1.0, *(-a for a in ar)])
+    return np.asarray(np.abs(above / below) ** 2)
+
+
+def filter_arma(name: str, cutoff: float) -> Coefficients:
+    """Return AR and MA coefficients of a filter; `cutoff` is its half-power frequency × interval."""
+    order, times = _filter(name)
+    if not times:
+        a = LowPass(cutoff, order).denominator(1.0)
+        return tuple((-a[1:]).tolist()), ()
+    s = np.tan(np.pi * cutoff / times) * np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    a = np.asarray(np.poly(((1.0 + s) / (1.0 - s)) ** times).real, dtype=float)
+    even = np.arange(8) / 8.0
+    passed = _folded(order, times, cutoff, even) / arma_power(tuple((-a[1:]).tolist()), (), even)
+    covariance = np.fft.ifft(passed).real[: order + 1]
+    zeros = np.roots(np.concatenate((covariance[::-1], covariance[1:])))
+    inside = zeros[np.argsort(np.abs(zeros))][:order]
+    return tuple((-a[1:]).tolist()), tuple(np.poly(inside)[1:].real.tolist())
+
+
+def filter_power(name: str, cutoff: float, cycles: FloatArray) -> FloatArray:
+    """Return the squared response of a filter, 1 at frequency 0."""
+    order, times = _filter(name)
+    if times:
+        return _folded(order, times, cutoff, cycles) / _folded(order, times, cutoff, np.zeros(1))
+    ar, ma = filter_arma(name, cutoff)
+    return arma_power(ar, ma, cycles) * (1.0 - sum(ar)) ** 2
+
+
+def _filter(name: str) -> tuple[int, int]:
+    """Return order and oversampling of a filter, 0 for a recursion at the rate."""
+    kind, _, times = name.partition("x")
+    return int(kind[-1]), int(times or 0)
+
+
+def _folded(order: int, times: int, cutoff: float, cycles: FloatArray) -> FloatArray:
+    tangent = np.tan(np.pi * (cycles + np.arange(times)[:, None]) / times) / np.tan(np.pi * cutoff / times)
+    return np.asarray(np.sum(1.0 / (1.0 + tangent ** (2 * order)), axis=0))
+
+
+def colour_arma(name: str, x: FloatArray) -> Coefficients:
+    """Return AR and MA coefficients of a colour from its free numbers."""
+    p = COLOURS[name][0]
+    return _autoregression(x[:p]), tuple(-b for b in _autoregression(-x[p:]))
+
+
+def _autoregression(x: FloatArray) -> tuple[float, ...]:
+    """Return the coefficients of a stationary autoregression with partial correlations tanh x."""
+    a = np.empty(0)
+    for partial in np.tanh(x):
+        a = np.append(a - partial * a[::-1], partial)
+    return tuple(a.tolist())
