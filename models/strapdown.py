@@ -123,7 +123,7 @@ def step(pos: Vec, vel: Vec, quat: Quat, rotvec: Vec, dvel: Vec, dt: Scalar) -> 
 def mean_attitude(before: Quat, after: Quat) -> Mat:
     """Return mat_nb half way between two attitudes less than half a turn apart, of either sign."""
     s = before[0] * after[0] + before[1] * after[1] + before[2] * after[2] + before[3] * after[3]
-    c = 1.0 if s >= 0.0 else -1.0
+    c = np.copysign(1.0, s)
     return matrix(
         (
             before[0] + c * after[0],

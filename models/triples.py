@@ -68,7 +68,7 @@ def matrix(q: Quat) -> Mat:
 
 
 def exponential(a: tuple[float, float, float]) -> tuple[float, float, float, float]:
-    """Return the quaternion of a rotation vector (floats), rad.
+    """Return the quaternion of a rotation vector (floats, or what else has one truth value), rad.
 
     Below half a radian the Taylor series is exact to rounding: with x = |a|/2 ≤ 1/4 the first omitted terms
     are x¹²/12! < 2e-16 and x¹²/13!.
@@ -78,7 +78,7 @@ def exponential(a: tuple[float, float, float]) -> tuple[float, float, float, flo
         w = 1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0))))
         k = 0.5 - s / 12.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0))))
     else:
-        x = math.sqrt(s)
+        x = math.sqrt(s + 1e-300)
         w = math.cos(x)
         k = 0.5 * math.sin(x) / x
     return (w, k * a[0], k * a[1], k * a[2])

@@ -22,7 +22,7 @@ from tuner.consistency import HORIZONS as SCORED
 from tuner.navigation.engine import layout
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.simulate import Scenario
-from tuner.navigation.sources import kept_trace
+from tuner.navigation.sources import Nominal, trace_sources
 
 FloatArray = NDArray[np.float64]
 
@@ -246,33 +246,29 @@ def trace(
     for begin, end in plan.outages:
         withheld |= (plan.times > begin) & (plan.times <= end)
     start = np.concatenate([plan.start.llh, plan.start.vel_n, plan.start.quat_nb])
-    fixes, available = np.concatenate([llh, vel_n], axis=1), 1 + (settings.velocity_sd is not None)
+    nominal = Nominal(
+        start,
+        plan.steps.dt,
+        plan.steps.increments,
+        plan.after,
+        np.concatenate([llh, vel_n], axis=1),
+        np.full(k, 1 + (settings.velocity_sd is not None), dtype=np.int64),
+        withheld,
+        slot,
+    )
 
     def carry(part: Sequence[Source]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Carry some sources, with all that the filter believes in before them."""
         each = [all_of_it, *part]
-        out, out_s = np.zeros((e, len(each), 15, 15)), np.zeros((e, len(each), 6, 6))
-        final = np.zeros((size, size))
-        kept_trace(
+        return trace_sources(
             lay,
-            start.copy(),
-            np.stack([np.diag(source.initial) for source in each]),
+            np.stack([source.initial for source in each]),
             np.stack([source.rate for source in each]),
             np.stack([source.white for source in each]),
             np.stack([source.drive for source in each]),
             np.stack([source.fix_sd for source in each]),
-            plan.steps.dt,
-            plan.steps.increments,
-            plan.after,
-            fixes,
-            np.full(k, available, dtype=np.int64),
-            withheld,
-            slot,
-            out,
-            out_s,
-            final,
+            nominal,
         )
-        return out, out_s, final
 
     threads = min(os.cpu_count() or 1, len(sources))
     chunks = [

@@ -82,6 +82,26 @@ def test_engine_equals_filter(trajectory, make, options):
     start = corrected(start, np.array([1.0, -1.0, 2.0, 0.1, 0.1, -0.1, 0.01, -0.01, 0.1]))
     a = reference.run(settings, start, steps, fixes)
     b = engine.run(settings, start, steps, fixes)
+    assert_same(settings, a, b)
+    assert {USED, WITHHELD} <= set(a.use[:, 0].tolist())
+    # Among filters that start elsewhere and whose fixes err otherwise, one of which is gated.
+    rng = np.random.default_rng(1)
+    starts = [
+        corrected(start, np.array([3.0, 2.0, 1.0, 0.1, 0.1, 0.1, 0.02, 0.01, 0.2]) * k) for k in range(3)
+    ]
+    others = [
+        replace(
+            fixes, llh=fixes.llh + k * rng.standard_normal(fixes.llh.shape) * [1e-6, 1e-6, 200.0 * (k - 1)]
+        )
+        for k in range(3)
+    ]
+    first, *rest = engine.run_together(settings, starts, steps, others)
+    assert_same(settings, a, first)
+    for begin, own, found in zip(starts[1:], others[1:], rest, strict=True):
+        assert_same(settings, engine.run(settings, begin, steps, own), found)
+
+
+def assert_same(settings, a, b):
     sd = np.sqrt(np.einsum("kii->ki", a.covariance))
     assert np.all(np.abs(navigation_error(a.state, b.state)) < 1e-9 * sd[:, :9])
     scale = settings.initial_sd + 1e-300
@@ -92,7 +112,6 @@ def test_engine_equals_filter(trajectory, make, options):
     spread = np.sqrt(np.einsum("kii->ki", a.innovation_covariance))
     assert np.all(np.abs(a.innovation - b.innovation) <= 1e-9 * spread)
     np.testing.assert_array_equal(a.use, b.use)
-    assert {USED, WITHHELD} <= set(a.use[:, 0].tolist())
 
 
 def test_perfect_data_leave_no_error():

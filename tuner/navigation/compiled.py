@@ -5,32 +5,64 @@ The equations of motion and of the error coupling are those of `models`, compile
 
 from __future__ import annotations
 
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar
 
-import numba
 import numpy as np
-from numba.extending import register_jitable
+from numba.core.event import Listener, register
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
+from tuner.navigation.lanes import WIDTH, aligned, as_columns, as_lanes, as_numbers, borrowed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., object])
+
+NEVER = 1e300
+"""Later than any time, s."""
 
 for _function in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS, *errorstate.KERNELS):
     register_jitable(forceinline=True)(_function)
 
 
 def compiled(function: Function) -> Function:
-    """Compile a kernel when it is first called; it runs without the interpreter's lock."""
-    return cast(
-        Function, numba.njit(nogil=True, error_model="numpy", fastmath=True, forceinline=True)(function)
-    )
+    """Make a kernel that other kernels can call, with numbers or lanes."""
+    options = {"error_model": "numpy", "fastmath": True, "forceinline": True}
+    decorated: Function = register_jitable(**options)(function)
+    return decorated
+
+
+class _Announcer(Listener):
+    """Says on standard error that kernels are being compiled."""
+
+    def __init__(self) -> None:
+        self.kernels: set[object] = set()
+
+    def on_start(self, event: Any) -> None:
+        """Speak where a kernel that is kept on disk was not found there."""
+        if event.data["dispatcher"] in self.kernels:
+            sys.stderr.write(
+                "tuner: compiling the filter for this machine, once; it takes some ten seconds\n"
+            )
+
+    def on_end(self, event: Any) -> None:
+        """Say nothing."""
+
+
+_ANNOUNCER = _Announcer()
+register("numba:compile", _ANNOUNCER)  # type: ignore[no-untyped-call]
+
+
+def announced(kernel: Function) -> Function:
+    """Return a kernel; when it has to be compiled, a line on standard error says so."""
+    _ANNOUNCER.kernels.add(kernel)
+    return kernel
 
 
 def checksum(*sources: ModuleType) -> int:
@@ -64,6 +96,8 @@ class Layout(NamedTuple):
         Gauss–Markov processes in the GNSS position.
     ideal : bool
         No scale factors, misalignments or g-sensitivity.
+    feed, first : ndarray of int, shapes (s,), (7,)
+        The states that sensor r feels are `feed[first[r]:first[r + 1]]`.
     arm : ndarray, shape (3,)
         Nominal lever arm, m.
     gate : float
@@ -87,23 +121,234 @@ class Layout(NamedTuple):
     gnss: int
     processes: int
     ideal: bool
+    feed: IntArray
+    first: IntArray
     arm: FloatArray
     gate: float
     covariance_step: float
     patience: float
 
 
-class Workspace(NamedTuple):
-    """Arrays that live as long as a run."""
+@compiled
+def borrowed_layout(lay: Layout) -> Layout:
+    """Return a layout whose arrays are not owned."""
+    return Layout(
+        lay.size,
+        borrowed(lay.rate),
+        borrowed(lay.drive),
+        borrowed(lay.white),
+        borrowed(lay.row),
+        borrowed(lay.source),
+        borrowed(lay.slope),
+        lay.gravity,
+        lay.lever,
+        lay.delay,
+        lay.gnss,
+        lay.processes,
+        lay.ideal,
+        borrowed(lay.feed),
+        borrowed(lay.first),
+        borrowed(lay.arm),
+        lay.gate,
+        lay.covariance_step,
+        lay.patience,
+    )
 
-    wide: FloatArray  # (9, n + 6)
-    answer: FloatArray  # (6, n + 6)
-    small: FloatArray  # (9, 6)
-    decay: FloatArray  # (n,)
-    driven: FloatArray  # (n,)
-    matrix: FloatArray  # (6, 6), A
-    inverse: FloatArray  # (6, 6)
-    bias: FloatArray  # (6,)
+
+class Workspace(NamedTuple):
+    """What the updates need to know of the calibration of one filter."""
+
+    inverse: FloatArray  # (6, 6), of A
+
+
+def sensed_states(row: IntArray) -> tuple[IntArray, IntArray]:
+    """Return `feed` and `first` of a layout."""
+    felt = row >= 0
+    return np.argsort(row, kind="stable")[np.count_nonzero(~felt) :], np.searchsorted(
+        np.sort(row[felt]), np.arange(7)
+    )
+
+
+class Memory(NamedTuple):
+    """All that one filter, or eight together, hold: arrays whose last axis counts the filters.
+
+    States stand in padded columns where there is one filter, so that eight columns fill a value of lanes.
+    """
+
+    state: FloatArray  # (10, w) latitude, longitude, height, velocity, quaternion
+    x: FloatArray  # (n, w)
+    P: FloatArray  # (n, columns, w)
+    rows: FloatArray  # (9, rows, w), rows of P as columns; unused where there are eight filters
+    sensed: FloatArray  # (7, rows, w), T Sᵀ + Γ W of the covariance, and what gravity adds
+    gamma: FloatArray  # (9, 6 and padding, w), Γ
+    inverse: FloatArray  # (6, 6 and padding, w), of A
+    matrix: FloatArray  # (6, 6, w), A
+    bias: FloatArray  # (6, w)
+    slant: FloatArray  # (n, w), the elements of S
+    true: FloatArray  # (6, w), calibrated mean rates and forces in b
+    rate: FloatArray  # (n, w), 1/T of each state, 1/s
+    drive: FloatArray  # (n, w), squares of the driving densities
+    decay: FloatArray  # (columns, w), exp(−dt/T)
+    driven: FloatArray  # (n, w), variance driven in a step
+    white: FloatArray  # (6, w), squares of the believed white densities of the sensors
+    density: FloatArray  # (6, w), true white densities
+    drawn: FloatArray  # (6, w), sensor errors of a step
+    refused: FloatArray  # (2, w), since when positions and velocities have been refused
+
+
+class Work(NamedTuple):
+    """`Memory` as kernels see it: by elements, and (ending in _c) by columns, eight numbers in a value."""
+
+    state: Any
+    x: Any
+    P: Any
+    P_c: Any
+    rows: Any
+    rows_c: Any
+    sensed: Any
+    sensed_c: Any
+    gamma: Any
+    gamma_c: Any
+    inverse: Any
+    inverse_c: Any
+    matrix: Any
+    bias: Any
+    slant: Any
+    true: Any
+    decay: Any
+    decay_c: Any
+    driven: Any
+    white: Any
+    drawn: Any
+    apart: bool  # whether `rows` are copies
+
+
+def memory(lay: Layout, filters: int) -> Memory:
+    """Return the memory of one filter, or of `WIDTH`: A = I, S of ones, the drives of the layout, all else 0."""
+    size = lay.size
+    pad = WIDTH // filters
+
+    def room(*shape: int) -> FloatArray:
+        return aligned(*shape, filters)
+
+    columns, rows, sensors = (-(-count // pad) * pad for count in (size, 9, 6))
+    empty = Memory(
+        state=room(10),
+        x=room(size),
+        P=room(size, columns),
+        rows=room(9, rows),
+        sensed=room(7, rows),
+        gamma=room(9, sensors),
+        inverse=room(6, sensors),
+        matrix=room(6, 6),
+        bias=room(6),
+        slant=room(size),
+        true=room(6),
+        rate=room(size),
+        drive=room(size),
+        decay=room(columns),
+        driven=room(size),
+        white=room(6),
+        density=room(6),
+        drawn=room(6),
+        refused=room(2),
+    )
+    empty.inverse[range(6), range(6)] = empty.slant[:] = 1.0
+    empty.rate[:], empty.drive[:], empty.white[:] = lay.rate[:, None], lay.drive[:, None], lay.white[:, None]
+    empty.refused[:] = NEVER
+    return empty
+
+
+@compiled
+def _apart(m: Memory) -> Any:
+    """Return the columns of `rows`, which are copies."""
+    return as_columns(m.rows)
+
+
+@compiled
+def _within(m: Memory) -> Any:
+    """Return the first nine rows of P as columns."""
+    return as_lanes(m.P)[:9].T
+
+
+def _views(element: Any, rows: Any, apart: bool) -> Callable[[Memory], Work]:
+    """Return the function that makes `Work` of `Memory` with elements seen through `element`."""
+
+    @compiled
+    def views(m: Memory) -> Work:
+        return Work(
+            element(m.state),
+            element(m.x),
+            element(m.P),
+            as_columns(m.P),
+            element(m.rows),
+            rows(m),
+            element(m.sensed),
+            as_columns(m.sensed),
+            element(m.gamma),
+            as_columns(m.gamma),
+            element(m.inverse),
+            as_columns(m.inverse),
+            element(m.matrix),
+            element(m.bias),
+            element(m.slant),
+            element(m.true),
+            element(m.decay),
+            as_columns(m.decay),
+            element(m.driven),
+            element(m.white),
+            element(m.drawn),
+            apart,
+        )
+
+    return views
+
+
+_ONE, _EIGHT = _views(as_numbers, _apart, True), _views(as_lanes, _within, False)
+
+
+def work_of(m: Memory, filters: tuple[Any, ...]) -> Work:
+    """Return the memory of as many filters as the tuple is long, as kernels see it."""
+    raise NotImplementedError
+
+
+@overload(work_of)
+def _choose_work(m: Any, filters: Any) -> Any:  # noqa: ARG001
+    views = _ONE if len(filters) == 1 else _EIGHT
+
+    def implementation(m: Any, filters: Any) -> Any:  # noqa: ARG001
+        return views(m)
+
+    return implementation
+
+
+@compiled
+def set_true(true: Any, rate: Any, force: Any) -> None:
+    """Set calibrated rates and forces in b."""
+    for c in range(3):
+        true[c], true[3 + c] = rate[c], force[c]
+
+
+@compiled
+def transposed(m: Any) -> Any:
+    """Return the transposed matrix."""
+    return (m[0][0], m[1][0], m[2][0]), (m[0][1], m[1][1], m[2][1]), (m[0][2], m[1][2], m[2][2])
+
+
+@compiled
+def copy_out(many: FloatArray, w: int, one: FloatArray) -> None:
+    """Copy the covariance (n, n) of filter w out of those of all, (n, columns, …)."""
+    for i in range(len(one)):
+        for j in range(len(one)):
+            one[i, j] = many[i, j, w]
+
+
+@compiled
+def copy_in(many: FloatArray, w: int, one: FloatArray) -> None:
+    """Copy the covariance of filter w back."""
+    for i in range(len(one)):
+        for j in range(len(one)):
+            many[i, j, w] = one[i, j]
 
 
 @compiled

@@ -1,9 +1,14 @@
 """The covariance in compiled code, advanced block by block: P ← Φ P Φᵀ + Q.
 
 With Φ = (A  ΓS; 0  D) for the nine navigation states and the rest, D diagonal (slopes of ramps apart) and S,
-the answer of the six sensors to the states, with one element a column, a step costs about n² + 250 n
-multiplications instead of 2 n³. Six columns more, the response to unit sensor noise, carry Γ along, so that
-Γ W Γᵀ comes with the second product. Φ and Q are those of `models.errorstate`.
+the answer of the six sensors to the states, with one element a column::
+
+    T = (A  ΓS) P                       column by column; S P comes first
+    P_nn ← T (A  ΓS)ᵀ + Γ W Γᵀ          the same again with the rows of T, those of T Sᵀ + Γ W for S P
+    P_nb ← T_b Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
+
+Φ and Q are those of `models.errorstate`. The same lines advance one filter, eight columns at a time, or eight
+filters, one column at a time (`tuner.navigation.compiled.Work`).
 """
 
 from __future__ import annotations
@@ -15,186 +20,187 @@ from numpy.typing import NDArray
 
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, compiled, unmix
+from tuner.navigation.compiled import Layout, Memory, Work, compiled
 
 FloatArray = NDArray[np.float64]
 
 
 @compiled
-def set_decay(lay: Layout, dt: float, work: Workspace) -> None:
+def set_decay(memory: Memory, dt: float) -> None:
     """Set decay and driven variance of every state for a step dt."""
-    for j in range(lay.size):
-        u = lay.rate[j] * dt
-        work.decay[j] = np.exp(-u)
-        work.driven[j] = lay.drive[j] * dt * (1.0 if u == 0.0 else -np.expm1(-2.0 * u) / (2.0 * u))
+    n, filters = memory.rate.shape
+    for j in range(n):
+        for w in range(filters):
+            u = memory.rate[j, w] * dt
+            grown = 1.0 if u == 0.0 else -np.expm1(-2.0 * u) / (2.0 * u)
+            memory.decay[j, w] = np.exp(-u)
+            memory.driven[j, w] = memory.drive[j, w] * dt * grown
 
 
 @compiled
-def advance_column(
-    xr: Any, xv: Any, xa: Any, gyro: Any, accel: Any, down: float, blocks: Any, force: Any, dt: float
-) -> Any:
-    """Advance errors of position, velocity, attitude by a step; `gyro`, `accel` are C δω, C δf, `down` δγ."""
-    f_rr, f_vr, f_vv, f_ar, f_av, omega = blocks
-    a = add(add(transform(f_ar, xr), transform(f_av, xv)), add(gyro, scale(-1.0, cross(omega, xa))))
-    ya = add(xa, scale(dt, a))
-    tilt = scale(0.5, add(xa, ya))
-    v = add(add(transform(f_vr, xr), transform(f_vv, xv)), add(accel, scale(-1.0, cross(force, tilt))))
-    yv = add(xv, scale(dt, (v[0], v[1], v[2] + down)))
-    yr = add(xr, scale(dt, add(transform(f_rr, xr), scale(0.5, add(xv, yv)))))
-    return yr, yv, ya
+def _scaled(c: Any, m: Any) -> Any:
+    """Return c times a matrix."""
+    return scale(c, m[0]), scale(c, m[1]), scale(c, m[2])
 
 
 @compiled
-def advance(
-    lay: Layout,
-    P: FloatArray,
-    pos: Any,
-    vel: Any,
-    mat: Any,
-    true: FloatArray,
-    force: Any,
-    dt: float,
-    work: Workspace,
+def _row(m: Any, r: int, s: Any) -> Any:
+    """Return row r of a matrix times six numbers."""
+    return m[r, 0] * s[0] + m[r, 1] * s[1] + m[r, 2] * s[2] + m[r, 3] * s[3] + m[r, 4] * s[4] + m[r, 5] * s[5]
+
+
+@compiled
+def unmixed(lay: Layout, inverse: Any, s: Any) -> Any:
+    """Return A⁻¹ s as rates and forces."""
+    if lay.ideal:
+        return (s[0], s[1], s[2]), (s[3], s[4], s[5])
+    return (
+        (_row(inverse, 0, s), _row(inverse, 1, s), _row(inverse, 2, s)),
+        (_row(inverse, 3, s), _row(inverse, 4, s), _row(inverse, 5, s)),
+    )
+
+
+@compiled
+def _sensed(lay: Layout, r: int, slant: Any, M: Any, c: int) -> Any:
+    """Return row r of S times column c of M."""
+    s = lay.feed[lay.first[r]]
+    y = slant[s] * M[s, c]
+    for k in range(lay.first[r] + 1, lay.first[r + 1]):
+        s = lay.feed[k]
+        y += slant[s] * M[s, c]
+    return y
+
+
+@compiled
+def _set_column(M: Any, c: int, r: Any, v: Any, a: Any) -> None:
+    """Set the first nine rows of a column to three triples."""
+    for k in range(3):
+        M[k, c], M[3 + k, c], M[6 + k, c] = r[k], v[k], a[k]
+
+
+@compiled
+def _advance_column(
+    lay: Layout, work: Work, M: Any, c: int, six: Any, fall: Any, blocks: Any, turn: Any, half: float
 ) -> None:
+    """Replace a column of nine by A times it, plus Γ times six sensor errors and `fall` downwards."""
+    f_rr, f_vr, f_vv, f_ar, f_av, omega, force = blocks
+    rate, push = unmixed(lay, work.inverse, six)
+    r, v, a = (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
+    ya = add(a, add(add(transform(f_ar, r), transform(f_av, v)), add(transform(turn, rate), cross(a, omega))))
+    dv = add(transform(f_vr, r), transform(f_vv, v))
+    dv = add(dv, add(transform(turn, push), cross(add(a, ya), force)))
+    yv = add(v, (dv[0], dv[1], dv[2] + fall))
+    yr = add(r, add(transform(f_rr, r), scale(half, add(v, yv))))
+    _set_column(M, c, yr, yv, ya)
+
+
+@compiled
+def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, dt: float) -> None:
     """Advance the covariance by one step about its middle: P ← Φ P Φᵀ + Q.
 
     Parameters
     ----------
-    lay, P, work
-        Filter, covariance (n, n), workspace with `decay` and `driven` of the step.
+    lay, work
+        Filter, its arrays; `decay`, `driven` and, where there are scale factors, `true` are those of the step.
     pos, vel, mat : triples, matrix
         Middle of the step.
-    true : ndarray, shape (6,)
-        Calibrated mean rates and forces in b.
     force : triple
         Mean specific force in n.
     dt : float
         Length, s.
     """
-    n = lay.size
-    U, T, small = work.answer, work.wide, work.small
-    blocks = coupling(pos, vel)
-    # What the sensors feel of every column: −A⁻¹ S P, and unit noise.
-    U[:] = 0.0
-    for s in range(9, n):
-        r = lay.row[s]
-        if r >= 0:
-            c = -1.0 if lay.source[s] < 0 else -true[lay.source[s]]
-            for j in range(n):
-                U[r, j] += c * P[s, j]
-    for r in range(6):
-        U[r, n + r] = -1.0
+    f_rr, f_vr, f_vv, f_ar, f_av, omega = coupling(pos, vel)
+    blocks = (
+        _scaled(dt, f_rr),
+        _scaled(dt, f_vr),
+        _scaled(dt, f_vv),
+        _scaled(dt, f_ar),
+        _scaled(dt, f_av),
+        scale(dt, omega),
+        scale(0.5 * dt, force),
+    )
+    turn, half, slant, P = _scaled(-dt, mat), 0.5 * dt, work.slant, work.P_c
     if not lay.ideal:
-        for j in range(n + 6):
-            unmix(work.inverse, U, j)
-    for j in range(n):
-        down = P[lay.gravity, j] if lay.gravity >= 0 else 0.0
-        yr, yv, ya = advance_column(
-            (P[0, j], P[1, j], P[2, j]),
-            (P[3, j], P[4, j], P[5, j]),
-            (P[6, j], P[7, j], P[8, j]),
-            transform(mat, (U[0, j], U[1, j], U[2, j])),
-            transform(mat, (U[3, j], U[4, j], U[5, j])),
-            down,
-            blocks,
-            force,
-            dt,
+        for s in range(9, lay.size):
+            if lay.source[s] >= 0:
+                slant[s] = work.true[lay.source[s]]
+    for c in range(P.shape[1]):
+        six = (
+            _sensed(lay, 0, slant, P, c),
+            _sensed(lay, 1, slant, P, c),
+            _sensed(lay, 2, slant, P, c),
+            _sensed(lay, 3, slant, P, c),
+            _sensed(lay, 4, slant, P, c),
+            _sensed(lay, 5, slant, P, c),
         )
-        T[0, j], T[1, j], T[2, j] = yr
-        T[3, j], T[4, j], T[5, j] = yv
-        T[6, j], T[7, j], T[8, j] = ya
-    for j in range(n, n + 6):
-        ya = scale(dt, transform(mat, (U[0, j], U[1, j], U[2, j])))
-        push = transform(mat, (U[3, j], U[4, j], U[5, j]))
-        yv = scale(dt, add(push, scale(-0.5, cross(force, ya))))
-        T[0, j], T[1, j], T[2, j] = scale(0.5 * dt, yv)
-        T[3, j], T[4, j], T[5, j] = yv
-        T[6, j], T[7, j], T[8, j] = ya
-    small[:] = 0.0
-    for s in range(9, n):
-        r = lay.row[s]
-        if r >= 0:
-            c = -1.0 if lay.source[s] < 0 else -true[lay.source[s]]
+        fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
+        _advance_column(lay, work, P, c, six, fall, blocks, turn, half)
+    _set_rows(lay, work, turn, blocks[6], dt)
+    rows = work.rows_c
+    for c in range(rows.shape[1]):
+        q = work.sensed_c
+        six = (q[0, c], q[1, c], q[2, c], q[3, c], q[4, c], q[5, c])
+        _advance_column(lay, work, rows, c, six, q[6, c], blocks, turn, half)
+    _advance_rest(lay, work, dt)
+
+
+@compiled
+def _set_rows(lay: Layout, work: Work, turn: Any, force: Any, dt: float) -> None:
+    """Set T as columns, and T Sᵀ + Γ W with dt times its column of gravity below."""
+    unit, gamma, sensed, T = work.inverse_c, work.gamma_c, work.sensed, work.P
+    for c in range(unit.shape[1]):
+        tilt = transform(turn, (unit[0, c], unit[1, c], unit[2, c]))
+        push = add(transform(turn, (unit[3, c], unit[4, c], unit[5, c])), cross(tilt, force))
+        _set_column(gamma, c, scale(0.5 * dt, push), push, tilt)
+    if work.apart:
+        for i in range(9):
+            for j in range(9):
+                work.rows[j, i] = T[i, j]
+    for r in range(6):
+        density = work.white[r] * (1.0 / dt)
+        for i in range(9):
+            sensed[r, i] = density * work.gamma[i, r]
+        for k in range(lay.first[r], lay.first[r + 1]):
+            s = lay.feed[k]
             for i in range(9):
-                small[i, r] += c * T[i, s]
-    for i in range(9):
-        for r in range(6):
-            small[i, r] -= lay.white[r] / dt * T[i, n + r]
-        g = (small[i, 0], small[i, 1], small[i, 2])
-        a = (small[i, 3], small[i, 4], small[i, 5])
-        if not lay.ideal:
-            g, a = _unmixed(work.inverse, g, a)
-        yr, yv, ya = advance_column(
-            (T[i, 0], T[i, 1], T[i, 2]),
-            (T[i, 3], T[i, 4], T[i, 5]),
-            (T[i, 6], T[i, 7], T[i, 8]),
-            transform(mat, g),
-            transform(mat, a),
-            T[i, lay.gravity] if lay.gravity >= 0 else 0.0,
-            blocks,
-            force,
-            dt,
-        )
-        P[i, 0], P[i, 1], P[i, 2] = yr
-        P[i, 3], P[i, 4], P[i, 5] = yv
-        P[i, 6], P[i, 7], P[i, 8] = ya
-    for i in range(9):
-        for j in range(i):
-            P[i, j] = P[j, i]
-        for j in range(9, n):
-            y = work.decay[j] * T[i, j]
-            if lay.slope[j] >= 0:
-                y += dt * T[i, lay.slope[j]]
-            P[i, j] = y
-            P[j, i] = y
-    _advance_rest(lay, P, dt, work)
+                sensed[r, i] += work.slant[s] * T[i, s]
+    if lay.gravity >= 0:
+        for i in range(9):
+            sensed[6, i] = dt * T[i, lay.gravity]
 
 
 @compiled
-def _unmixed(inverse: FloatArray, g: Any, a: Any) -> Any:
-    """Return A⁻¹ (g, a)."""
-    low = (
-        (inverse[0, 0], inverse[0, 1], inverse[0, 2]),
-        (inverse[1, 0], inverse[1, 1], inverse[1, 2]),
-        (inverse[2, 0], inverse[2, 1], inverse[2, 2]),
-    )
-    mixed = (
-        (inverse[0, 3], inverse[0, 4], inverse[0, 5]),
-        (inverse[1, 3], inverse[1, 4], inverse[1, 5]),
-        (inverse[2, 3], inverse[2, 4], inverse[2, 5]),
-    )
-    high = (
-        (inverse[3, 3], inverse[3, 4], inverse[3, 5]),
-        (inverse[4, 3], inverse[4, 4], inverse[4, 5]),
-        (inverse[5, 3], inverse[5, 4], inverse[5, 5]),
-    )
-    return add(transform(low, g), transform(mixed, a)), transform(high, a)
-
-
-@compiled
-def _advance_rest(lay: Layout, P: FloatArray, dt: float, work: Workspace) -> None:
-    """Advance the covariance of the states that only decay, grow by a slope and are driven."""
-    n = lay.size
+def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
+    """Advance the rows and columns of the states that only decay, grow by a slope and are driven."""
+    n, P, P_c, decay_c = lay.size, work.P, work.P_c, work.decay_c
+    begin = 9 * P_c.shape[1] // P.shape[1]
+    for i in range(9):
+        for c in range(begin, P_c.shape[1]):
+            P_c[i, c] *= decay_c[c]
     for i in range(9, n):
-        c = work.decay[i]
+        for c in range(begin, P_c.shape[1]):
+            P_c[i, c] *= work.decay[i] * decay_c[c]
         if lay.slope[i] >= 0:
-            for j in range(9, n):
-                P[i, j] = c * P[i, j] + dt * P[lay.slope[i], j]
-        else:
-            for j in range(9, n):
-                P[i, j] *= c
-    for i in range(9, n):
-        for j in range(9, n):
-            y = work.decay[j] * P[i, j]
-            if lay.slope[j] >= 0:
-                y += dt * P[i, lay.slope[j]]
-            P[i, j] = y
+            for c in range(begin, P_c.shape[1]):
+                P_c[i, c] += dt * decay_c[c] * P_c[lay.slope[i], c]
         P[i, i] += work.driven[i]
+    for j in range(9, n):
+        if lay.slope[j] >= 0:
+            for i in range(n):
+                P[i, j] += dt * P[i, lay.slope[j]]
+    for i in range(9):
+        for j in range(i, 9):
+            if work.apart:
+                P[i, j] = work.rows[i, j]
+            P[j, i] = P[i, j]  # rounding must not part the two sides
+        for j in range(9, n):
+            P[j, i] = P[i, j]
 
 
 @compiled
-def decay_parameters(lay: Layout, x: FloatArray, dt: float, work: Workspace) -> None:
+def decay_parameters(lay: Layout, work: Work, dt: float) -> None:
     """Advance the estimates of the other states by a step."""
+    x = work.x
     for j in range(9, lay.size):
         x[j] *= work.decay[j]
         if lay.slope[j] >= 0:

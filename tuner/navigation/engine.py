@@ -1,11 +1,13 @@
 """The filter compiled: the same states, equations and answers as `tuner.navigation.filter`.
 
-A first use compiles the kernels (some ten seconds) and keeps them on disk.
+`run` is one filter, `run_together` many that see the same steps. A first use compiles the kernels (some ten
+seconds; a line on standard error says so) and keeps them on disk.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,10 @@ from numpy.typing import NDArray
 from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
-from tuner.navigation.compiled import Layout
-from tuner.navigation.flight import kept_fly
+from tuner.navigation.compiled import Layout, memory, sensed_states
+from tuner.navigation.flight import Flight, Given, Kept, fly
 from tuner.navigation.inputs import Fixes, Solution, Steps
+from tuner.navigation.lanes import WIDTH
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
 FloatArray = NDArray[np.float64]
@@ -60,56 +63,114 @@ def run(
     errors : SensorErrors, optional
         What to add to the increments, which then are those of perfect sensors.
     """
-    n, k = settings.size, len(fixes)
-    state = np.concatenate([start.llh, start.vel_n, start.quat_nb]).astype(float)
-    x = np.zeros(n) if parameters is None else parameters.astype(float)
-    p = np.diag(settings.initial_sd**2) if covariance is None else covariance.astype(float)
-    velocity: NDArray[np.bool_] = np.isfinite(fixes.vel_n.sum(axis=1))
-    values = np.concatenate([fixes.llh, np.where(velocity[:, None], fixes.vel_n, 0.0)], axis=1)
-    out_state, out_x = np.empty((k, 10)), np.empty((k, n))
-    out_p, out_z, out_s = np.empty((k, 15, 15)), np.empty((k, 6)), np.empty((k, 6, 6))
-    use = np.empty((k, 2), dtype=np.int64)
-    added = errors or SensorErrors(np.zeros(6), np.zeros((1, 6)), 1, np.random.default_rng(0))
-    if errors is not None and len(errors.slow) * errors.every < len(steps.dt):
-        msg = f"'slow' must cover {len(steps.dt)} steps, got {len(errors.slow) * errors.every}"
+    own = None if errors is None else (errors,)
+    (solution,) = _fly(settings, (start,), steps, (fixes,), own, parameters, covariance)
+    return solution
+
+
+def run_together(
+    settings: FilterSettings,
+    starts: Sequence[NavigationState],
+    steps: Steps,
+    fixes: Sequence[Fixes],
+    *,
+    errors: Sequence[SensorErrors] | None = None,
+) -> tuple[Solution, ...]:
+    """Filter the same steps from several starts, with fixes of one pattern and different values.
+
+    Eight filters take about twice the time of one (`tuner.navigation.lanes`).
+
+    Parameters
+    ----------
+    starts : sequence of NavigationState
+        One for each filter.
+    fixes : sequence of Fixes
+        One for each filter; times, sds and flags are those of the first.
+    errors : sequence of SensorErrors, optional
+        What to add to the increments of each, which then are those of perfect sensors.
+    """
+    answers: list[Solution] = []
+    for first in range(0, len(starts), WIDTH):
+        among = [min(first + w, len(starts) - 1) for w in range(WIDTH)]
+        own = None if errors is None else [errors[j] for j in among]
+        if own is not None:  # those that only fill up must not draw from the stream of the last
+            spare = len(starts) - first
+            own[spare:] = [replace(e, rng=np.random.default_rng(0)) for e in own[spare:]]
+        block = _fly(settings, [starts[j] for j in among], steps, [fixes[j] for j in among], own)
+        answers.extend(block[: len(starts) - first])
+    return tuple(answers)
+
+
+def _fly(
+    settings: FilterSettings,
+    starts: Sequence[NavigationState],
+    steps: Steps,
+    fixes: Sequence[Fixes],
+    errors: Sequence[SensorErrors] | None,
+    parameters: FloatArray | None = None,
+    covariance: FloatArray | None = None,
+) -> tuple[Solution, ...]:
+    """Filter with one filter or `WIDTH` of them."""
+    n, w, first = settings.size, len(starts), fixes[0]
+    k, lay = len(first), layout(settings)
+    m = memory(lay, w)
+    m.state[:] = np.stack([np.concatenate([s.llh, s.vel_n, s.quat_nb]) for s in starts], axis=-1)
+    if parameters is not None:
+        m.x[:] = parameters[:, None]
+    m.P[:, :n] = (np.diag(settings.initial_sd**2) if covariance is None else covariance)[..., None]
+    quiet = np.random.default_rng(0)
+    added = errors or [SensorErrors(np.zeros(6), np.zeros((1, 6)), len(steps.dt), quiet)] * w
+    if len(added[0].slow) * added[0].every < len(steps.dt):
+        msg = f"'slow' must cover {len(steps.dt)} steps, got {len(added[0].slow) * added[0].every}"
         raise ValueError(msg)
-    kept_fly(
-        layout(settings),
-        state,
-        x,
-        p,
-        np.ascontiguousarray(steps.dt, dtype=float),
-        np.ascontiguousarray(steps.increments, dtype=float),
-        errors is not None,
-        added.white,
-        np.ascontiguousarray(added.slow),
-        added.every,
-        added.rng,
-        fixes.after,
-        values,
-        np.ascontiguousarray(np.where(np.isfinite(fixes.sd), fixes.sd, 0.0)),
+    m.density[:] = np.stack([e.white for e in added], axis=-1)
+    velocity: NDArray[np.bool_] = np.isfinite(first.vel_n.sum(axis=1))
+    values = np.stack([np.concatenate([f.llh, f.vel_n], axis=1) for f in fixes])
+    given = Given(
+        first.after,
+        np.ascontiguousarray(first.t, dtype=float),
+        np.where(np.isfinite(values), values, 0.0),
+        np.ascontiguousarray(np.where(np.isfinite(first.sd), first.sd, 0.0)),
         1 + velocity.astype(np.int64),
-        fixes.withheld,
-        fixes.trusted,
-        np.ascontiguousarray(fixes.t, dtype=float),
-        out_state,
-        out_x,
-        out_p,
-        out_z,
-        out_s,
-        use,
+        first.withheld,
+        first.trusted,
     )
-    return Solution(
-        fixes.t,
-        NavigationState(out_state[:, :3], out_state[:, 3:6], out_state[:, 6:]),
-        out_x,
-        out_p,
-        out_z,
-        out_s,
-        use,
-        NavigationState(state[:3], state[3:6], state[6:]),
-        x,
-        p,
+    kept = Kept(
+        np.empty((w, k, 10)),
+        np.empty((w, k, n)),
+        np.empty((w, k, 15, 15)),
+        np.empty((w, k, 6)),
+        np.empty((w, k, 6, 6)),
+        np.empty((w, k, 2), dtype=np.int64),
+    )
+    fly(
+        lay,
+        m,
+        Flight(
+            np.ascontiguousarray(steps.dt, dtype=float),
+            np.ascontiguousarray(steps.increments, dtype=float),
+            errors is not None,
+            np.stack([e.slow for e in added]),
+            added[0].every,
+            tuple(e.rng for e in added),
+        ),
+        given,
+        kept,
+    )
+    return tuple(
+        Solution(
+            first.t,
+            NavigationState(kept.state[j, :, :3], kept.state[j, :, 3:6], kept.state[j, :, 6:]),
+            kept.x[j],
+            kept.P[j],
+            kept.z[j],
+            kept.S[j],
+            kept.use[j],
+            NavigationState(m.state[:3, j], m.state[3:6, j], m.state[6:, j]),
+            m.x[:, j],
+            m.P[:, :n, j],
+        )
+        for j in range(w)
     )
 
 
@@ -148,6 +209,7 @@ def layout(settings: FilterSettings) -> Layout:
         at.start("gnss_position"),
         (gnss.stop - gnss.start) // 3,
         not (source >= 0).any(),
+        *sensed_states(row),
         np.array(settings.lever_arm, dtype=float),
         chi2_gate(settings.gate, 3),
         settings.covariance_step,

@@ -24,6 +24,7 @@ from models.noise import GaussMarkov
 from models.strapdown import NavigationState
 from tuner.navigation import engine
 from tuner.navigation.inputs import Fixes, Solution, Steps
+from tuner.navigation.lanes import WIDTH
 from tuner.navigation.sensor import Sensor
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.results import GnssNoise
@@ -168,13 +169,12 @@ def simulate(
     llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
     perfect = Fixes(plan.times, plan.after, llh, vel_n, _assumed_sd(settings, plan.receiver, len(plan.times)))
 
-    def one(rng: np.random.Generator) -> tuple[FloatArray, Solution]:
-        return _one(settings, sensor, plan, perfect.without(plan.outages), rng)
-
+    given = perfect.without(plan.outages)
     done: list[tuple[FloatArray, Solution]] = []
-    with ThreadPoolExecutor(max_workers=min(runs, os.cpu_count() or 1)) as pool:
-        for result in pool.map(one, streams):
-            done.append(result)
+    blocks = [streams[first : first + WIDTH] for first in range(0, runs, WIDTH)]
+    with ThreadPoolExecutor(max_workers=min(len(blocks), os.cpu_count() or 1)) as pool:
+        for block in pool.map(lambda own: _together(settings, sensor, plan, given, own), blocks):
+            done.extend(block)
             if progress is not None:
                 progress(len(done), runs)
     return gather(plan.times, done)
@@ -210,20 +210,28 @@ def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
     return np.where(np.isfinite(shortest), np.minimum(0.8 * shortest, sensor.corners), sensor.corners)
 
 
-def _one(
-    settings: FilterSettings, sensor: Sensor, plan: Scenario, perfect: Fixes, rng: np.random.Generator
-) -> tuple[FloatArray, Solution]:
-    """Draw, fly and filter one run; return errors (k, 15) and the solution."""
-    interval = float(plan.steps.dt[0])
-    start = corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9))
-    fixes = _with_errors(perfect, plan.receiver, rng)
-    errors, bias = sensor.draw(len(plan.steps.dt), interval, rng, smoothing=resolution(settings, sensor))
-    solution = engine.run(settings, start, plan.steps, fixes, errors=errors)
-    estimated = solution.parameters @ total_bias(settings.model)[9:].T
-    error = np.concatenate(
-        [navigation_error(plan.truth, solution.state), bias[plan.after] - estimated], axis=1
-    )
-    return error, solution
+def _together(
+    settings: FilterSettings,
+    sensor: Sensor,
+    plan: Scenario,
+    perfect: Fixes,
+    streams: list[np.random.Generator],
+) -> list[tuple[FloatArray, Solution]]:
+    """Draw, fly and filter some runs at once; return errors (k, 15) and solution of each."""
+    steps, interval = plan.steps, float(plan.steps.dt[0])
+    starts, fixes, errors, biases = [], [], [], []
+    for rng in streams:
+        starts.append(corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9)))
+        fixes.append(_with_errors(perfect, plan.receiver, rng))
+        own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=resolution(settings, sensor))
+        errors.append(own)
+        biases.append(bias[plan.after])
+    solutions = engine.run_together(settings, starts, steps, fixes, errors=errors)
+    total = total_bias(settings.model)[9:]
+    return [
+        (np.concatenate([navigation_error(plan.truth, s.state), bias - s.parameters @ total.T], axis=1), s)
+        for s, bias in zip(solutions, biases, strict=True)
+    ]
 
 
 def _with_errors(perfect: Fixes, receiver: GnssNoise, rng: np.random.Generator) -> Fixes:

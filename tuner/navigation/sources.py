@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any, cast
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -23,9 +23,25 @@ from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
 from tuner.navigation import compiled as compiled_module
-from tuner.navigation import covariance, updates
-from tuner.navigation.compiled import Layout, Workspace, checksum, compiled
+from tuner.navigation import covariance, lanes, updates
+from tuner.navigation.compiled import (
+    Layout,
+    Memory,
+    Workspace,
+    announced,
+    borrowed_layout,
+    checksum,
+    compiled,
+    copy_in,
+    copy_out,
+    memory,
+    sensed_states,
+    set_true,
+    transposed,
+    work_of,
+)
 from tuner.navigation.covariance import advance, set_decay, summarise
+from tuner.navigation.lanes import WIDTH
 from tuner.navigation.updates import factor, fix_model, whiten
 
 FloatArray = NDArray[np.float64]
@@ -102,26 +118,28 @@ def joseph(P: FloatArray, H: FloatArray, K: FloatArray, sd: FloatArray) -> None:
                 P[i, j] += y * K[a, j]
 
 
-@compiled
+class Nominal(NamedTuple):
+    """A noise-free flight and its fixes; k of them, e kept."""
+
+    state: FloatArray  # (10,), true start
+    dt: FloatArray  # (m,), s
+    increments: FloatArray  # (m, 6), perfect
+    after: IntArray  # (k,), steps done
+    fixes: FloatArray  # (k, 6), perfect
+    available: IntArray  # (k,), 1 position only, 2 with velocity
+    withheld: NDArray[np.bool_]  # (k,)
+    slot: IntArray  # (k,), row that keeps a fix, −1 for none
+
+
 def trace_sources(
     lay: Layout,
-    state: FloatArray,
-    P: FloatArray,
-    rates: FloatArray,
+    initial: FloatArray,
+    rate: FloatArray,
     white: FloatArray,
     drive: FloatArray,
     fix_sd: FloatArray,
-    dt: FloatArray,
-    increments: FloatArray,
-    after: IntArray,
-    fixes: FloatArray,
-    available: IntArray,
-    withheld: NDArray[np.bool_],
-    slot: IntArray,
-    out: FloatArray,
-    out_S: FloatArray,
-    aided: FloatArray,
-) -> None:
+    nominal: Nominal,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Carry the covariance of every source along a noise-free flight.
 
     Source 0 is all of them: the filter's own P, from which the gains come.
@@ -130,123 +148,121 @@ def trace_sources(
     ----------
     lay : Layout
         The filter; sensors ideal along the nominal flight.
-    state : ndarray, shape (10,)
-        True start.
-    P : ndarray, shape (g, n, n)
-        Covariances at the start; changed.
-    rates, white, drive, fix_sd : ndarray, shapes (g, n), (g, 6), (g, n), (g, 6)
-        Inverse time constants, 1/s, squared densities and sds of fixes of every source.
-    dt, increments, after, fixes, available, withheld
-        As of `flight.fly`, perfect.
-    slot : ndarray of int, shape (k,)
-        Row of `out` that keeps a fix, −1 for none.
-    out : ndarray, shape (e, g, 15, 15)
-        Covariances of navigation errors and total biases after the fixes that are kept.
-    out_S : ndarray, shape (e, g, 6, 6)
+    initial, rate, white, drive, fix_sd : ndarray, shapes (g, n), (g, n), (g, 6), (g, n), (g, 6)
+        Variances at the start, inverse time constants, 1/s, squared densities and sds of fixes of every source.
+    nominal : Nominal
+        The flight.
+
+    Returns
+    -------
+    covariance : ndarray, shape (e, g, 15, 15)
+        Of navigation errors and total biases after the fixes that are kept.
+    innovation : ndarray, shape (e, g, 6, 6)
         Covariances of their innovations.
     aided : ndarray, shape (n, n)
         The filter's own P after the last fix that was used.
     """
-    sources, n = P.shape[0], lay.size
-    wide, answer, small = np.empty((9, n + 6)), np.empty((6, n + 6)), np.empty((9, 6))
-    decay, driven = np.empty((sources, n)), np.zeros((sources, n))
-    unit, bias = np.eye(6), np.zeros(6)
-    pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])
-    quat = (state[6], state[7], state[8], state[9])
-    start_pos, start_vel, start_quat = pos, vel, quat
-    elapsed, decay_dt, i = 0.0, -1.0, 0
-    sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    angle, velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    before_angle, before_velocity = angle, velocity
-    true, x, z, H = np.zeros(6), np.zeros(n), np.zeros(6), np.zeros((6, n))
-    HP = np.zeros((6, n))
-    for k in range(len(dt) + 1):
-        if k > 0:
-            d = dt[k - 1]
-            angle = (increments[k - 1, 0], increments[k - 1, 1], increments[k - 1, 2])
-            velocity = (increments[k - 1, 3], increments[k - 1, 4], increments[k - 1, 5])
-            if k == 1:
-                before_angle, before_velocity = angle, velocity
-            rotvec, dvel = correct_increments(angle, velocity, before_angle, before_velocity)
-            pos, vel, quat, force = step(pos, vel, quat, rotvec, dvel, d)
-            before_angle, before_velocity = angle, velocity
-            elapsed += d
-            sum_angle = add(sum_angle, angle)
-            sum_force = add(sum_force, scale(d, force))
-        due = k == len(dt) or (i < len(after) and after[i] == k)
-        if elapsed > 0.0 and (due or elapsed + 0.5 * dt[k] > lay.covariance_step):
-            mat = mean_attitude(start_quat, quat)
-            rate, force_n = scale(1.0 / elapsed, sum_angle), scale(1.0 / elapsed, sum_force)
-            columns = (
-                (mat[0][0], mat[1][0], mat[2][0]),
-                (mat[0][1], mat[1][1], mat[2][1]),
-                (mat[0][2], mat[1][2], mat[2][2]),
-            )
-            force_b = transform(columns, force_n)
-            for c in range(3):
-                true[c], true[3 + c] = rate[c], force_b[c]
-            for g in range(sources):
-                own = Layout(
-                    lay.size, rates[g], drive[g], white[g], lay.row, lay.source, lay.slope, lay.gravity,
-                    lay.lever, lay.delay, lay.gnss, lay.processes, lay.ideal, lay.arm, lay.gate,
-                    lay.covariance_step, lay.patience,
-                )  # fmt: skip
-                work = Workspace(wide, answer, small, decay[g], driven[g], unit, unit, bias)
-                if elapsed != decay_dt:
-                    set_decay(own, elapsed, work)
-                advance(
-                    own,
-                    P[g],
-                    scale(0.5, add(start_pos, pos)),
-                    scale(0.5, add(start_vel, vel)),
-                    mat,
-                    true,
-                    force_n,
-                    elapsed,
-                    work,
-                )
-            decay_dt = elapsed
-            start_pos, start_vel, start_quat = pos, vel, quat
-            elapsed = 0.0
-            sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        while i < len(after) and after[i] == k:
-            inverse = 1.0 / dt[max(k - 1, 0)]
-            for c in range(3):
-                true[c], true[3 + c] = angle[c] * inverse, velocity[c] * inverse
-            work = Workspace(wide, answer, small, decay[0], driven[0], unit, unit, bias)
-            fix_model(lay, pos, vel, quat, x, true, fixes[i], work, z, H)
-            m = 3 * available[i]
-            row = slot[i]
-            if row >= 0:
-                for g in range(sources):
-                    spread(P[g], H, fix_sd[g], m, HP, out_S[row, g])
-            if not withheld[i]:
-                K = gain(P[0], H, fix_sd[0], m)
-                for g in range(sources):
-                    joseph(P[g], H, K, fix_sd[g])
-                aided[:] = P[0]
-            if row >= 0:
-                for g in range(sources):
-                    summarise(lay, P[g], out[row, g])
-            i += 1
+    feed, first = sensed_states(lay.row)
+    lay = lay._replace(feed=feed, first=first)
+    n, e, g = lay.size, int(nominal.slot.max()) + 1, len(initial)
+    out, out_s, aided = np.zeros((e, g, 15, 15)), np.zeros((e, g, 6, 6)), np.zeros((n, n))
+    # Eight at a time, the filter itself among each.
+    for begin in range(1, max(g, 2), WIDTH - 1):
+        among = [0, *range(begin, min(begin + WIDTH - 1, g))]
+        w = len(among)
+        m = memory(lay, WIDTH)
+        m.P[range(n), range(n), :w] = initial[among].T
+        m.rate[:, :w], m.white[:, :w], m.drive[:, :w] = rate[among].T, white[among].T, drive[among].T
+        part, part_s = np.zeros((e, w, 15, 15)), np.zeros((e, w, 6, 6))
+        _trace(lay, m, nominal, (0,) * WIDTH, np.ascontiguousarray(fix_sd[among]), part, part_s, aided)
+        out[:, among], out_s[:, among] = part, part_s
+    return out, out_s, aided
 
 
 def _kept(number: int) -> Callable[..., None]:
-    """Return `trace_sources`, kept on disk for as long as no source of it changes (see `flight`)."""
+    """Return the kernel of `trace_sources`, kept on disk for as long as no source of it changes (see `flight`)."""
 
-    def entry(*arguments: Any) -> None:
-        if number > 0:
-            trace_sources(*arguments)
+    def trace(
+        lay: Layout,
+        memory: Memory,
+        nominal: Nominal,
+        filters: tuple[int, ...],
+        fix_sd: FloatArray,
+        out: FloatArray,
+        out_S: FloatArray,
+        aided: FloatArray,
+    ) -> None:
+        """Carry the first w of eight sources, w being the length of `fix_sd`."""
+        if number == 0:
+            return
+        lay, work, n = borrowed_layout(lay), work_of(memory, filters), lay.size
+        dt, increments, after, state = nominal.dt, nominal.increments, nominal.after, nominal.state
+        pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])
+        quat = (state[6], state[7], state[8], state[9])
+        start_pos, start_vel, start_quat = pos, vel, quat
+        elapsed, decay_dt, i = 0.0, -1.0, 0
+        sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        angle, velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        before_angle, before_velocity = angle, velocity
+        true, x, z, H, HP = np.zeros(6), np.zeros(n), np.zeros(6), np.zeros((6, n)), np.zeros((6, n))
+        P, unit = np.zeros((n, n)), Workspace(np.eye(6))
+        for k in range(len(dt) + 1):
+            if k > 0:
+                d = dt[k - 1]
+                angle = (increments[k - 1, 0], increments[k - 1, 1], increments[k - 1, 2])
+                velocity = (increments[k - 1, 3], increments[k - 1, 4], increments[k - 1, 5])
+                if k == 1:
+                    before_angle, before_velocity = angle, velocity
+                rotvec, dvel = correct_increments(angle, velocity, before_angle, before_velocity)
+                pos, vel, quat, force = step(pos, vel, quat, rotvec, dvel, d)
+                before_angle, before_velocity = angle, velocity
+                elapsed += d
+                sum_angle = add(sum_angle, angle)
+                sum_force = add(sum_force, scale(d, force))
+            due = k == len(dt) or (i < len(after) and after[i] == k)
+            if elapsed > 0.0 and (due or elapsed + 0.5 * dt[k] > lay.covariance_step):
+                if elapsed != decay_dt:
+                    set_decay(memory, elapsed)
+                    decay_dt = elapsed
+                mat = mean_attitude(start_quat, quat)
+                rate, force = scale(1.0 / elapsed, sum_angle), scale(1.0 / elapsed, sum_force)
+                set_true(work.true, rate, transform(transposed(mat), force))
+                middle_pos = scale(0.5, add(start_pos, pos))
+                middle_vel = scale(0.5, add(start_vel, vel))
+                advance(lay, work, middle_pos, middle_vel, mat, force, elapsed)
+                start_pos, start_vel, start_quat = pos, vel, quat
+                elapsed = 0.0
+                sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            while i < len(after) and after[i] == k:
+                inverse = 1.0 / dt[max(k - 1, 0)]
+                set_true(true, scale(inverse, angle), scale(inverse, velocity))
+                fix_model(lay, pos, vel, quat, x, true, nominal.fixes[i], unit, z, H)
+                m, row, used = 3 * nominal.available[i], nominal.slot[i], not nominal.withheld[i]
+                copy_out(memory.P, 0, P)
+                K = gain(P, H, fix_sd[0], m)
+                for w in range(len(fix_sd)):
+                    copy_out(memory.P, w, P)
+                    if row >= 0:
+                        spread(P, H, fix_sd[w], m, HP, out_S[row, w])
+                    if used:
+                        joseph(P, H, K, fix_sd[w])
+                        copy_in(memory.P, w, P)
+                        if w == 0:
+                            aided[:] = P
+                    if row >= 0:
+                        summarise(lay, P, out[row, w])
+                i += 1
 
-    return cast(Callable[..., None], numba.njit(cache=True, nogil=True)(entry))
+    return announced(numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)(trace))
 
 
-kept_trace = _kept(
+_trace = _kept(
     checksum(
         triples,
         earth,
         strapdown,
         errorstate,
+        lanes,
         compiled_module,
         covariance,
         updates,
