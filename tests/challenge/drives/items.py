@@ -250,26 +250,61 @@ def _unit_noise(oracle: Oracle, nats: float, rng: np.random.Generator) -> Hidden
 
 
 def _outliers(oracle: Oracle, nats: float, rng: np.random.Generator) -> Hidden:
-    fixes, share = len(oracle.times), oracle.weights(0)
-    count = int(np.ceil(log_uniform(rng, 2.0, 0.05 * fixes)))
-    size, reached = sized(lambda s: _events(count, fixes, share * s * s), nats, 4.0, 50.0)
+    fixes, share = len(oracle.times), np.sqrt(oracle.weights(0))
+    count, size, reached = _counted(fixes, 0.05, nats, (5.0, 50.0), lambda r, s: _shell(r, share * s), rng)
     errors = Errors(outliers=count, outlier_size=size)
     return Hidden("gnss_outliers", errors, {"fraction": count / fixes}, reached)
 
 
 def _velocities(oracle: Oracle, nats: float, rng: np.random.Generator) -> Hidden:
     fixes, share = len(oracle.times), oracle.weights(3)
-    count = int(np.ceil(log_uniform(rng, 0.01, 0.3) * fixes))
     unit = float(np.mean(oracle.reported[3:] ** -2.0)) ** -0.5
-    size, reached = sized(lambda s: _events(count, fixes, share * s * s), nats, 2.0, 300.0)
+    count, size, reached = _counted(
+        fixes, 0.3, nats, (8.0, 200.0), lambda r, s: _spread(r, 1.0 + share * s * s / 3.0), rng
+    )
     errors = Errors(wrong=count, wrong_rms=size * unit)
     return Hidden("gnss_velocity", errors, {"fraction": count / fixes, "rms": size * unit}, reached)
 
 
-def _events(count: int, fixes: int, distance: float) -> float:
-    """Return the gain of a mixture: `count` fixes that lie off by a mean squared distance, nobody knows which."""
-    one = 0.5 * (distance - 3.0 * np.log1p(distance / 3.0)) - np.log(fixes / count)
-    return float(count * max(one - 1.0, 1e-6))
+def _shell(r: FloatArray, reach: float) -> FloatArray:
+    """Return ln of the density at distance r about a point at `reach` in an unknown direction over that about 0."""
+    x = reach * r
+    return np.asarray(-0.5 * reach**2 + x + np.log(-np.expm1(-2.0 * x) / (2.0 * x)))
+
+
+def _spread(r: FloatArray, variance: float) -> FloatArray:
+    """Return ln of the density of a wider normal law at distance r over that of variance one."""
+    return np.asarray(0.5 * r * r * (1.0 - 1.0 / variance) - 1.5 * np.log(variance))
+
+
+def _counted(
+    fixes: int,
+    most: float,
+    nats: float,
+    bounds: tuple[float, float],
+    excess: Callable[[FloatArray, float], FloatArray],
+    rng: np.random.Generator,
+) -> tuple[int, float, float]:
+    """Draw how many fixes are wrong and return it with the size that has the wanted detectability, and that.
+
+    A fix is a mixture of a normal law in three dimensions and one with the log ratio `excess` of densities to
+    it; the gain of a fix is the divergence of the mixture from the normal law.
+    """
+    r = np.exp(np.linspace(-6.0, 7.0, 4001))
+    good = np.log(4.0 * np.pi) + 2.0 * np.log(r) - 0.5 * r * r - 1.5 * np.log(2.0 * np.pi)
+
+    def gain(count: int, size: float) -> float:
+        share = count / fixes
+        ratio = np.logaddexp(np.log1p(-share), np.log(share) + excess(r, size))
+        return fixes * float(np.trapezoid(np.exp(good + ratio) * ratio * r, np.log(r)))
+
+    counts = np.unique(np.geomspace(1.0, max(most * fixes, 1.0), 40).astype(int))
+    able = [int(n) for n in counts if gain(int(n), bounds[0]) < nats < gain(int(n), bounds[1])]
+    if not able:
+        msg = f"{nats:.1f} nats cannot be had with fixes off by {bounds[0]} … {bounds[1]} sds"
+        raise UnreachableError(msg)
+    count = able[int(rng.integers(len(able)))]
+    return count, *sized(lambda size: gain(count, size), nats, *bounds)
 
 
 OTHERS: dict[str, Callable[[Oracle, float, np.random.Generator], Hidden]] = {
