@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models import rotation
 from models.errorstate import corrected, navigation_error
 from models.gnss import perfect_fixes
 from models.layout import OPTIONAL
@@ -15,7 +16,7 @@ from models.trajectories import TRAJECTORIES
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation import engine
 from tuner.navigation import filter as reference
-from tuner.navigation.inputs import GATED, USED, WITHHELD, Fixes, Steps, split_at
+from tuner.navigation.inputs import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
 from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
 from tuner.records import DataError
 from tuner.results import MarkovState
@@ -112,6 +113,51 @@ def assert_same(settings, a, b):
     spread = np.sqrt(np.einsum("kii->ki", a.innovation_covariance))
     assert np.all(np.abs(a.innovation - b.innovation) <= 1e-9 * spread)
     np.testing.assert_array_equal(a.use, b.use)
+
+
+def constrained(steps, duration, *, seed=3):
+    """Constraints of all kinds, one a second, some far from true."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.5, duration - 0.6, 0.5)
+    after = np.searchsorted(steps.ends(), t)
+    kind = np.arange(len(t)) % 3 + 1
+    rates = steps.increments[after - 1] / steps.dt[after - 1, None]
+    sd = np.select([kind == 1, kind == 2], [0.5, 8.0], 0.05) * rng.uniform(0.5, 2.0, len(t))
+    mat_bv = rotation.mat_from_rpy([0.02, -0.05, 0.1])
+    return Constraints(t, after, kind, sd, rates, mat_bv, (-1.0, 0.2, 0.4))
+
+
+@pytest.mark.parametrize("trajectory", ["city", "s_turns", "static"])
+@pytest.mark.parametrize("constants", [{}, PRIORS], ids=["15", "everything"])
+def test_engine_equals_filter_with_constraints(trajectory, constants):
+    settings = filter_settings(plain(configuration()), lever_arm=LEVER, constants=constants)
+    _, start, steps, fixes = flight(settings, trajectory, 9.0)
+    fixes, own = fixes.without([[3.0, 5.1]]), constrained(steps, 9.0)
+    start = corrected(start, np.array([1.0, -1.0, 2.0, 0.1, 0.1, -0.1, 0.01, -0.01, 0.1]))
+    a = reference.run(settings, start, steps, fixes, constraints=own)
+    b = engine.run(settings, start, steps, fixes, constraints=own)
+    sd = np.sqrt(np.einsum("kii->ki", a.covariance))
+    assert np.all(np.abs(navigation_error(a.state, b.state)) < 1e-9 * sd[:, :9])
+    assert np.all(np.abs(a.parameters - b.parameters) <= 1e-9 * (settings.initial_sd + 1e-300))
+    assert np.all(np.abs(a.covariance - b.covariance) < 1e-9 * sd[:, :, None] * sd[:, None, :])
+    np.testing.assert_array_equal(a.use, b.use)
+    np.testing.assert_array_equal(a.constrained.use, b.constrained.use)
+    np.testing.assert_allclose(a.constrained.distance, b.constrained.distance, rtol=1e-6, atol=1e-9)
+    assert USED in b.constrained.use
+    without = engine.run(settings, start, steps, fixes)
+    assert without.constrained is None
+    assert np.all(np.diag(b.final_covariance)[:9] <= 1.05 * np.diag(without.final_covariance)[:9])
+
+
+def test_moving_vehicle_is_not_believed_to_stand():
+    settings = filter_settings(plain(configuration()))
+    motion, start, steps, fixes = flight(settings, "straight", 20.0)
+    own = constrained(steps, 20.0)
+    own = replace(own, kind=np.full(len(own), 2), sd=np.full(len(own), 0.05))
+    found = engine.run(settings, start, steps, fixes, constraints=own).constrained
+    speed = np.linalg.norm(motion.evaluate(own.t).vel_n, axis=1)
+    assert np.count_nonzero(speed > 3.0) > 10
+    assert np.all(found.use[speed > 3.0] == GATED)
 
 
 def test_perfect_data_leave_no_error():

@@ -17,8 +17,9 @@ from models.layout import ErrorModel
 from models.strapdown import NavigationState
 from tuner.navigation.compiled import Layout, memory, sensed_states
 from tuner.navigation.flight import Flight, Given, Kept, fly
-from tuner.navigation.inputs import Fixes, Solution, Steps
+from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps
 from tuner.navigation.lanes import WIDTH
+from tuner.navigation.measurements import Measurements, measurements, parted
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +56,7 @@ def run(
     parameters: FloatArray | None = None,
     covariance: FloatArray | None = None,
     errors: SensorErrors | None = None,
+    constraints: Constraints | None = None,
 ) -> Solution:
     """Filter a stretch of data; arguments as of `tuner.navigation.filter.run`.
 
@@ -64,8 +66,9 @@ def run(
         What to add to the increments, which then are those of perfect sensors.
     """
     own = None if errors is None else (errors,)
-    (solution,) = _fly(settings, (start,), steps, (fixes,), own, parameters, covariance)
-    return solution
+    rows = measurements(settings, fixes, constraints)
+    (solution,) = _fly(settings, (start,), steps, (rows,), own, parameters, covariance)
+    return parted(solution, fixes, constraints)
 
 
 def run_together(
@@ -90,13 +93,14 @@ def run_together(
         What to add to the increments of each, which then are those of perfect sensors.
     """
     answers: list[Solution] = []
+    rows = [measurements(settings, own, None) for own in fixes]
     for first in range(0, len(starts), WIDTH):
         among = [min(first + w, len(starts) - 1) for w in range(WIDTH)]
         own = None if errors is None else [errors[j] for j in among]
         if own is not None:  # those that only fill up must not draw from the stream of the last
             spare = len(starts) - first
             own[spare:] = [replace(e, rng=np.random.default_rng(0)) for e in own[spare:]]
-        block = _fly(settings, [starts[j] for j in among], steps, [fixes[j] for j in among], own)
+        block = _fly(settings, [starts[j] for j in among], steps, [rows[j] for j in among], own)
         answers.extend(block[: len(starts) - first])
     return tuple(answers)
 
@@ -105,14 +109,14 @@ def _fly(
     settings: FilterSettings,
     starts: Sequence[NavigationState],
     steps: Steps,
-    fixes: Sequence[Fixes],
+    rows: Sequence[Measurements],
     errors: Sequence[SensorErrors] | None,
     parameters: FloatArray | None = None,
     covariance: FloatArray | None = None,
 ) -> tuple[Solution, ...]:
     """Filter with one filter or `WIDTH` of them."""
-    n, w, first = settings.size, len(starts), fixes[0]
-    k, lay = len(first), layout(settings)
+    n, w, first = settings.size, len(starts), rows[0]
+    k, lay = len(first.t), layout(settings)
     m = memory(lay, w)
     m.state[:] = np.stack([np.concatenate([s.llh, s.vel_n, s.quat_nb]) for s in starts], axis=-1)
     if parameters is not None:
@@ -124,17 +128,8 @@ def _fly(
         msg = f"'slow' must cover {len(steps.dt)} steps, got {len(added[0].slow) * added[0].every}"
         raise ValueError(msg)
     m.density[:] = np.stack([e.white for e in added], axis=-1)
-    velocity: NDArray[np.bool_] = np.isfinite(first.vel_n.sum(axis=1))
-    values = np.stack([np.concatenate([f.llh, f.vel_n], axis=1) for f in fixes])
-    given = Given(
-        first.after,
-        np.ascontiguousarray(first.t, dtype=float),
-        np.where(np.isfinite(values), values, 0.0),
-        np.ascontiguousarray(np.where(np.isfinite(first.sd), first.sd, 0.0)),
-        1 + velocity.astype(np.int64),
-        first.withheld,
-        first.trusted,
-    )
+    values = np.stack([own.values for own in rows])
+    given = Given(first.after, first.t, values, first.sd, first.available, first.withheld, first.trusted)
     kept = Kept(
         np.empty((w, k, 10)),
         np.empty((w, k, n)),

@@ -6,6 +6,7 @@
     every 0.1 s         P ← Φ P Φᵀ + Q,   parameters ← Φ parameters
     every fix           z = fix − prediction = H x + noise,   gates,   Kalman update of x, P
                         estimate ← estimate ⊕ x,   x ← 0                                  closed loop
+    every constraint    the same with what a vehicle cannot do; always gated
 
 Equations and signs are those of `models.strapdown`, `models.errorstate` and `models.gnss`. Position and
 velocity of one fix are gated each for itself and used together. `tuner.navigation.engine` is the same filter
@@ -19,6 +20,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,9 +31,21 @@ from numpy.typing import NDArray
 from models import rotation
 from models.calibration import Calibration, calibration
 from models.errorstate import Linearization, corrected, middle, process_noise, transition
-from models.gnss import position_fix, velocity_fix
+from models.gnss import Measurement, non_holonomic, position_fix, velocity_fix, zero_rate, zero_velocity
 from models.strapdown import NavigationState, correct_increments, step
-from tuner.navigation.inputs import ABSENT, GATED, USED, WITHHELD, Fixes, Solution, Steps
+from tuner.navigation.inputs import (
+    ABSENT,
+    GATED,
+    NON_HOLONOMIC,
+    USED,
+    WITHHELD,
+    ZERO_VELOCITY,
+    Constrained,
+    Constraints,
+    Fixes,
+    Solution,
+    Steps,
+)
 from tuner.navigation.settings import FilterSettings, chi2_gate, total_bias
 
 FloatArray = NDArray[np.float64]
@@ -81,6 +95,7 @@ def run(
     *,
     parameters: FloatArray | None = None,
     covariance: FloatArray | None = None,
+    constraints: Constraints | None = None,
 ) -> Solution:
     """Filter a stretch of data.
 
@@ -96,8 +111,10 @@ def run(
         Fixes at the ends of steps.
     parameters, covariance : ndarray, shapes (n,), (n, n), optional
         Estimates of the other states and P at the beginning; by default zeros and P0.
+    constraints : Constraints, optional
+        What is known of the vehicle; after the fixes of the same instant.
     """
-    return _run(settings, start, steps, fixes, parameters, covariance, None)
+    return _run(settings, start, steps, fixes, parameters, covariance, constraints, None)
 
 
 def run_with_passages(
@@ -111,7 +128,7 @@ def run_with_passages(
 ) -> tuple[Solution, tuple[Passage, ...]]:
     """Filter a stretch of data and keep what smoothers and critics need: a `Passage` for every fix."""
     kept: list[Passage] = []
-    return _run(settings, start, steps, fixes, parameters, covariance, kept), tuple(kept)
+    return _run(settings, start, steps, fixes, parameters, covariance, None, kept), tuple(kept)
 
 
 def _run(
@@ -121,6 +138,7 @@ def _run(
     fixes: Fixes,
     parameters: FloatArray | None,
     covariance: FloatArray | None,
+    constraints: Constraints | None,
     kept: list[Passage] | None,
 ) -> Solution:
     model, n = settings.model, settings.size
@@ -130,9 +148,8 @@ def _run(
     state, sensor = start, calibration(model, x)
     now = _Interval(start, 0.0, np.zeros(3), np.zeros(3))
     before: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    at_fix = {int(k): [] for k in fixes.after} if len(fixes) else {}  # type: dict[int, list[int]]
-    for i, k in enumerate(fixes.after):
-        at_fix[int(k)].append(i)
+    at_fix, at_constraint = _by_step(fixes.after), _by_step([] if constraints is None else constraints.after)
+    outcome: list[tuple[int, float]] = []
     rows: list[Any] = []
     sample, refused, way = np.zeros(6), np.full(2, np.inf), np.eye(n)
     for k in range(len(steps.dt) + 1):
@@ -160,7 +177,7 @@ def _run(
             now.dt += dt
             now.angle += sample[:3]
             now.velocity_n += np.array(force_n) * dt
-        due = k in at_fix or k == len(steps.dt)
+        due = k in at_fix or k in at_constraint or k == len(steps.dt)
         if now.dt > 0.0 and (due or now.dt + 0.5 * steps.dt[k] > settings.covariance_step):
             at = middle(now.start, state, now.angle / now.dt, now.velocity_n / now.dt, sensor)
             phi = transition(model, at, now.dt)
@@ -186,7 +203,56 @@ def _run(
             sensor = calibration(model, x)
             now = replace(now, start=state)
             rows.append(row)
-    return _solution(fixes, rows, state, x, kf.P)
+        for i in at_constraint.get(k, ()):
+            assert constraints is not None
+            state, use, distance = _constrain(kf, settings, state, x, sensor, constraints, i)
+            sensor = calibration(model, x)
+            now = replace(now, start=state)
+            outcome.append((use, distance))
+    solution = _solution(fixes, rows, state, x, kf.P)
+    if constraints is None:
+        return solution
+    uses = np.array([use for use, _ in outcome], dtype=np.int64)
+    distances = np.array([distance for _, distance in outcome], dtype=float)
+    return replace(solution, constrained=Constrained(constraints.t, constraints.kind, uses, distances))
+
+
+def _by_step(after: Iterable[int]) -> dict[int, list[int]]:
+    """Return which measurements come after so many steps."""
+    found: dict[int, list[int]] = {}
+    for i, k in enumerate(after):
+        found.setdefault(int(k), []).append(i)
+    return found
+
+
+def _constrain(
+    kf: KalmanFilter,
+    settings: FilterSettings,
+    state: NavigationState,
+    x: FloatArray,
+    sensor: Calibration,
+    constraints: Constraints,
+    i: int,
+) -> tuple[NavigationState, int, float]:
+    """Use constraint i; changes `kf` and `x`. Returns the corrected state, what became of it, zᵀ S⁻¹ z."""
+    model = settings.model
+    true = np.linalg.solve(sensor.matrix, constraints.rates[i] - sensor.bias)
+    mat_nb = rotation.mat_from_quat(state.quat_nb)
+    at = Linearization(state.llh, state.vel_n, mat_nb, true[:3], true[3:], sensor)
+    measured: Measurement
+    if constraints.kind[i] == NON_HOLONOMIC:
+        measured = non_holonomic(model, at, x, mat_bv=constraints.mat_bv, lever_arm=constraints.slip)
+    else:
+        measured = zero_velocity(model, at) if constraints.kind[i] == ZERO_VELOCITY else zero_rate(model, at)
+    z, h = measured.z, measured.H
+    r = constraints.sd[i] ** 2 * np.eye(len(z))
+    distance = float(z @ np.linalg.solve(h @ kf.P @ h.T + r, z))
+    if distance > chi2_gate(settings.gate, 3):
+        return state, GATED, distance
+    kf.x = np.zeros((len(x), 1))
+    kf.update(z[:, None], R=r, H=h)
+    x[9:] += kf.x[9:, 0]
+    return corrected(state, kf.x[:9, 0]), USED, distance
 
 
 def _update(

@@ -112,6 +112,8 @@ class Solution:
         At the end of the steps.
     final_parameters, final_covariance : ndarray, shapes (n,), (n, n)
         At the end of the steps.
+    constrained : Constrained or None
+        What became of the constraints, where there were any.
     """
 
     t: FloatArray
@@ -124,9 +126,65 @@ class Solution:
     final: NavigationState
     final_parameters: FloatArray
     final_covariance: FloatArray
+    constrained: Constrained | None = None
 
 
 ABSENT, USED, GATED, WITHHELD = 0, 1, 2, 3
+NON_HOLONOMIC, ZERO_VELOCITY, ZERO_RATE = 1, 2, 3
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What is known of a vehicle at the ends of steps, without any receiver.
+
+    Attributes
+    ----------
+    t : ndarray, shape (c,)
+        Time, s.
+    after : ndarray of int, shape (c,)
+        How many steps are done at each; in rising order.
+    kind : ndarray of int, shape (c,)
+        `NON_HOLONOMIC`: wheels do not slip sideways; `ZERO_VELOCITY`, `ZERO_RATE`: it stands.
+    sd : ndarray, shape (c,)
+        How far from zero, m/s, or rad/s of a rate.
+    rates : ndarray, shape (c, 6)
+        Mean angular rates and specific forces as measured: over the still time, or at the instant.
+    mat_bv : ndarray, shape (3, 3)
+        Rotates vehicle axes into b; a `mounting` state turns it.
+    slip : tuple of 3 floats
+        From the inertial unit to the point that does not slip, in b, m.
+    """
+
+    t: FloatArray
+    after: IntArray
+    kind: IntArray
+    sd: FloatArray
+    rates: FloatArray
+    mat_bv: FloatArray
+    slip: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True)
+class Constrained:
+    """What became of constraints.
+
+    Attributes
+    ----------
+    t, kind : ndarray, shapes (c,)
+        As given.
+    use : ndarray of int, shape (c,)
+        `USED` or `GATED`.
+    distance : ndarray, shape (c,)
+        zᵀ S⁻¹ z, ideally 2 for `NON_HOLONOMIC` and 3 for the others.
+    """
+
+    t: FloatArray
+    kind: IntArray
+    use: IntArray
+    distance: FloatArray
 
 
 def split_at(steps: Steps, times: ArrayLike) -> tuple[Steps, IntArray]:

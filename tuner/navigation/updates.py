@@ -1,4 +1,10 @@
-"""Fixes in compiled code: innovation, Jacobian, gates and update, as in `tuner.navigation.filter`."""
+"""Fixes and constraints in compiled code: innovation, Jacobian, gates and update, as in `tuner.navigation.filter`.
+
+A constraint is a row like that of a fix, `CONSTRAINT` as what it offers, and longer: behind the six numbers of a
+fix stand its kind (`KIND`), measured rates (`RATES`), the point that does not slip (`SLIP`), the mounting
+(`MOUNTING`), the first of its states (`STATE`, −1: none) and the gate (`LIMIT`). What becomes of it is left in
+z[3] (`inputs.USED` or `GATED`) and z[4] (its squared distance).
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,10 @@ from tuner.navigation.compiled import Layout, Workspace, compiled, unmix
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+CONSTRAINT = 3
+KIND, RATES, SLIP, MOUNTING, STATE, LIMIT = 6, 7, 13, 16, 25, 26
+LENGTH = 27
 
 
 @compiled
@@ -77,6 +87,107 @@ def _delay_rows(
 
 
 @compiled
+def _turned(m: Any, row: int, a: Any) -> float:
+    """Return component `row` of mᵀ a."""
+    return float(m[0][row] * a[0] + m[1][row] * a[1] + m[2][row] * a[2])
+
+
+@compiled
+def _to_body(m: Any, a: Any) -> Any:
+    """Return mᵀ a."""
+    return (_turned(m, 0, a), _turned(m, 1, a), _turned(m, 2, a))
+
+
+@compiled
+def constraint_model(
+    lay: Layout,
+    pos: Any,
+    vel: Any,
+    quat: Any,
+    x: FloatArray,
+    row: FloatArray,
+    work: Any,
+    z: FloatArray,
+    H: FloatArray,
+) -> None:
+    """Set z (6,) and H (6, n) of a constraint: `non_holonomic`, `zero_velocity`, `zero_rate` of `models.gnss`.
+
+    The third component of the first is nothing measured: z = 0, H = 0.
+    """
+    n, kind = lay.size, int(row[KIND])
+    z[:], H[:] = 0.0, 0.0
+    z[5] = row[LIMIT]
+    if kind == 2:
+        for i in range(3):
+            H[i, 3 + i] = 1.0
+            z[i] = -vel[i]
+        return
+    felt, true = np.empty(6), np.zeros(6)
+    for c in range(6):
+        felt[c] = row[RATES + c]
+    for s in range(9, n):
+        if lay.row[s] >= 0 and lay.source[s] < 0:
+            felt[lay.row[s]] -= x[s]
+    for c in range(6):
+        if lay.ideal:
+            true[c] = felt[c]
+        else:
+            for s in range(6):
+                true[c] += work.inverse[c, s] * felt[s]
+    mat = matrix(quat)
+    of_earth = earth_rate(np.sin(pos[0]), np.cos(pos[0]))
+    of_earth_b = _to_body(mat, of_earth)
+    sensors = np.empty((6, n))
+    _sensor_rows(lay, true, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), work.inverse, sensors)
+    if kind == 3:
+        for i in range(3):
+            z[i] = true[i] - of_earth_b[i]
+            for s in range(9, n):
+                H[i, s] = -sensors[i, s]
+        for j in range(3):
+            axis = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
+            column = _to_body(mat, cross(of_earth, axis))
+            for i in range(3):
+                H[i, 6 + j] = column[i]
+        return
+    slip = (row[SLIP], row[SLIP + 1], row[SLIP + 2])
+    turning = add((true[0], true[1], true[2]), scale(-1.0, of_earth_b))
+    moving = add(_to_body(mat, vel), cross(turning, slip))
+    k = int(row[STATE])
+    m = (x[k], x[k + 1], x[k + 2]) if k >= 0 else (0.0, 0.0, 0.0)
+    turn = matrix(exponential(m))
+    for i in range(2):
+        # Row i + 1 of (exp([m ×]) R₀)ᵀ: that column of the product.
+        axis = (row[MOUNTING + 1 + i], row[MOUNTING + 4 + i], row[MOUNTING + 7 + i])
+        sideways = transform(turn, axis)
+        z[i] = -(sideways[0] * moving[0] + sideways[1] * moving[1] + sideways[2] * moving[2])
+        for j in range(3):
+            axis = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
+            faster = _to_body(mat, axis)
+            tilted = _to_body(mat, cross(vel, axis))
+            tilted = add(tilted, cross(slip, _to_body(mat, cross(of_earth, axis))))
+            H[i, 3 + j] = sideways[0] * faster[0] + sideways[1] * faster[1] + sideways[2] * faster[2]
+            H[i, 6 + j] = sideways[0] * tilted[0] + sideways[1] * tilted[1] + sideways[2] * tilted[2]
+            if k >= 0:
+                mounted = cross(moving, _left_jacobian(m, axis))
+                H[i, k + j] = sideways[0] * mounted[0] + sideways[1] * mounted[1] + sideways[2] * mounted[2]
+        for s in range(9, n):
+            if lay.row[s] >= 0:
+                w = cross(slip, (sensors[0, s], sensors[1, s], sensors[2, s]))
+                H[i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
+
+
+@compiled
+def _left_jacobian(m: Any, a: Any) -> Any:
+    """Return J a with exp([(m + δ) ×]) = exp([J δ ×]) exp([m ×]), by series: m is a small angle."""
+    s = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+    half = 0.5 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0))))
+    sixth = (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0)))) / 6.0
+    once = cross(m, a)
+    return add(a, add(scale(half, once), scale(sixth, cross(m, once))))
+
+
+@compiled
 def fix_model(
     lay: Layout,
     pos: Any,
@@ -90,6 +201,9 @@ def fix_model(
     H: FloatArray,
 ) -> None:
     """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.gnss.position_fix` and `velocity_fix`."""
+    if len(fix) > 6 and fix[KIND] > 0.0:
+        constraint_model(lay, pos, vel, quat, x, fix, work, z, H)
+        return
     n = lay.size
     mat = matrix(quat)
     sensors = np.empty((6, n))
@@ -208,7 +322,7 @@ def update(
     z, H, sd : ndarray, shapes (6,), (6, n), (6,)
         The fix made linear.
     available : int
-        1 position only, 2 with velocity.
+        1 position only, 2 with velocity; `CONSTRAINT`.
     withheld : bool
         Whether it is only compared.
     limits : ndarray, shape (2,)
@@ -216,7 +330,9 @@ def update(
     dx : ndarray, shape (n,)
         The estimated errors.
     """
-    m, n = 3 * available, P.shape[0]
+    constrained = available == CONSTRAINT
+    groups = 1 if constrained else available
+    m, n = 3 * groups, P.shape[0]
     rows = np.zeros((m, n + 1))  # H P, and z beside it
     S[:] = 0.0
     for a in range(m):
@@ -235,18 +351,23 @@ def update(
     own, part = np.empty((3, 3)), np.empty((3, 1))
     for g in range(2):
         use[g] = 0
-        if g < available:
+        if g < groups:
             for a in range(3):
                 part[a, 0] = z[3 * g + a]
                 for b in range(3):
                     own[a, b] = S[3 * g + a, 3 * g + b]
             whiten(factor(own, 3), 3, part)
             distance = part[0, 0] ** 2 + part[1, 0] ** 2 + part[2, 0] ** 2
-            use[g] = 3 if withheld else 1 if distance <= limits[g] else 2
+            limit = z[5] if constrained else limits[g]
+            use[g] = 3 if withheld else 1 if distance <= limit else 2
+            if constrained:
+                z[3], z[4] = use[g], distance
             if use[g] == 1:
                 for a in range(3):
                     taken[count] = 3 * g + a
                     count += 1
+    if constrained:
+        use[0] = 0
     if count == 0:
         return False
     chosen = np.empty((count, count))
