@@ -23,7 +23,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.claim import Claim, silent
 from tuner.diagnosis.drives.fitting import NO_PRIOR, Fit, maximise
-from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient
+from tuner.diagnosis.drives.likelihood import Belief, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import BLOCKS, ROWS, factors, present
 from tuner.results import Coefficient
@@ -36,6 +36,8 @@ SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROWS, 0.1)}
 """Share of the family's error rate that goes to each factor of R."""
 FLAT = 0.25
 """Curvature by a log below which the drive says nothing of a factor."""
+TRIALS = (1.0, 2.5)
+"""Logs of large factors on Q that are tried: far from the truth ln L is flat, and its slope says little."""
 SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
 _STEP = 0.02
@@ -43,24 +45,28 @@ _STEP = 0.02
 
 @dataclass(frozen=True)
 class Scores:
-    """Score and curvature of ln L by the logs of factors, others as believed."""
+    """Score and curvature of ln L by the logs of factors, others as believed; twice the most gained by `TRIALS`."""
 
     names: tuple[str, ...]
     value: float
     slope: FloatArray
     curvature: FloatArray
+    tried: FloatArray
+
+    def size(self, name: str) -> float:
+        """Return the curvature, at least the slope: where a factor is far off, ln L is not convex here."""
+        j = self.names.index(name)
+        return float(max(self.curvature[j], abs(self.slope[j])))
 
     def tells(self, name: str) -> bool:
         """Whether the drive says anything of a factor."""
-        return bool(self.curvature[self.names.index(name)] > FLAT)
+        return self.size(name) > FLAT
 
     def ratio(self, name: str, prior_sd: float) -> float:
-        """Return the score's approximation to the likelihood ratio of a factor."""
-        j = self.names.index(name)
-        slope, curvature = float(self.slope[j]), float(self.curvature[j])
-        if curvature < FLAT:
-            return 0.0
-        return slope**2 / curvature / (1.0 + curvature * prior_sd**2)
+        """Return the likelihood ratio of a factor as the score, or a trial, has it."""
+        j, size = self.names.index(name), max(self.size(name), FLAT)
+        exact = max(float(self.slope[j]) ** 2 / size, float(self.tried[j]))
+        return exact / (1.0 + size * prior_sd**2)
 
 
 def scores(belief: Belief) -> Scores:
@@ -69,12 +75,15 @@ def scores(belief: Belief) -> Scores:
     scales, zero = factors(names), np.zeros(len(names))
     found, gradient = evaluate_with_gradient(belief)
     slope = scales.slopes(belief, zero, gradient)
-    curvature = np.empty(len(names))
+    curvature, tried = np.empty(len(names)), np.zeros(len(names))
     for j, unit in enumerate(np.eye(len(names))):
         moved = scales.change(belief, _STEP * unit)
         other = scales.slopes(belief, zero, evaluate_with_gradient(moved)[1])
         curvature[j] = (slope[j] - other[j]) / _STEP
-    return Scores(names, found.value, slope, curvature)
+        if names[j] in GROUPS:
+            trials = [evaluate(scales.change(belief, log * unit)).value for log in TRIALS]
+            tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
+    return Scores(names, found.value, slope, curvature, tried)
 
 
 def fit_noise(belief: Belief, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
@@ -113,8 +122,8 @@ def _test(
     exact = _refitted(belief, found.value, best, prior_sd.get(best, 0.0))
     p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
     price = 0.5 * float(np.log(belief.count))
-    parts = tuple(name for name in ratio if name not in BLOCKS)
-    wrong = tuple(name for name in parts if ratio[name] > PROMISING)
+    parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
+    wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
     fits = [maximise(belief, factors(names)) for names in {(best,), wrong} if names]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - found.value - price * len(fit.estimate)
