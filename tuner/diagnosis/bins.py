@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from models.noise import Quantization, White
 from tuner.diagnosis.cosine import CAP
 from tuner.diagnosis.extension import Extension
-from tuner.diagnosis.residual import Residual, gain_of
+from tuner.diagnosis.residual import Residual, gain_of, power_of
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +46,9 @@ class Bins:
     power, count : ndarray, shape (b,)
         Mean square and number of coefficients.
     white, rest : ndarray, shape (b,)
-        Shape of the white noise so far, and power of everything but white noise and quantization.
+        Shape of the white noise so far, and power of everything but white noise, quantization and rounding.
+    rounding : float
+        Power of the rounding to codes, step²/12 a sample: it is white whatever the noise before it is.
     model : ndarray, shape (b,)
         Power that the residual expects.
     """
@@ -57,7 +59,13 @@ class Bins:
     count: FloatArray
     white: FloatArray
     rest: FloatArray
+    rounding: float
     model: FloatArray
+
+    @property
+    def rounding_sd(self) -> float:
+        """Standard deviation of the rounding of a sample."""
+        return float(np.sqrt(self.rounding / self.interval))
 
     @property
     def log_count(self) -> float:
@@ -88,7 +96,10 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
     white = sum(t.density**2 for t in terms if isinstance(t, White))
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
     known = tuple(x for x in found.extensions if x is not without)
-    rest = total - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    shaped = any(x.cause in ("lowpass", "colour") for x in known)
+    rounding = found.channel.lattice**2 / 12.0 * dt
+    told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt)
+    rest = total - told - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
     return Bins(
         dt,
         cycles,
@@ -96,6 +107,7 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
         np.full(BINS, float(width)),
         gain_of(known, cycles / dt, dt),
         np.maximum(rest, 0.0),
+        0.0 if shaped else rounding,
         total,
     )
 
@@ -106,8 +118,9 @@ def rise(cycles: FloatArray) -> FloatArray:
     return shape
 
 
-def sized(data: Bins, shapes: FloatArray, fixed: FloatArray | float = 0.0) -> Sizes:
-    """Return the best non-negative sizes of shapes, shape (k, b), over a fixed power."""
+def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Sizes:
+    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding and more power that is known."""
+    fixed = data.rounding + more
     weight = 0.5 * data.count
     level, target = np.maximum(data.power, 1e-300), data.power - fixed
     best: Sizes | None = None

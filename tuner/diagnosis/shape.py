@@ -32,8 +32,8 @@ FloatArray = NDArray[np.float64]
 
 CLOSE = 5.0
 """Nats within which the simpler shape is taken."""
-LIMIT = 1.92
-"""Loss of log likelihood at the ends of a 95 % interval, nats."""
+LIMIT = 3.0
+"""Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
 GRID = 14
 """Cutoffs from which the best one is sought."""
 SIMILAR = 0.4

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arma import Arma
+from models.noise import Term, White
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.bins import Bins
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.forms import colour_arma
 from tuner.diagnosis.shape import ShapeFit, ShapeTest
@@ -26,7 +28,7 @@ LIKE_A_FILTER = 0.9
 
 @dataclass(frozen=True)
 class Colour(Extension):
-    """ARMA coefficients of the noise of a sample."""
+    """ARMA coefficients of the noise of a sample; `rounding` the sd of codes, scales."""
 
     cause: ClassVar[str] = "colour"
     meaning: ClassVar[str] = "neighbouring samples are correlated: the fast noise is ARMA, not white"
@@ -35,10 +37,19 @@ class Colour(Extension):
     )
     ar: tuple[float, ...]
     ma: tuple[float, ...]
+    rounding: float
 
     def arma(self, interval: float, density: float = 1.0) -> Arma:
         """Return the process whose innovations have the density of white noise."""
         return Arma(self.ar, self.ma, density**2 / interval, interval)
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the power of the rounding, which no filter shapes."""
+        return np.full_like(f, interval * self.rounding**2)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the rounding as white noise."""
+        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the factor on the spectrum of white noise."""
@@ -55,10 +66,10 @@ def test(tested: ShapeTest) -> Alarm:
     gain = tested.gain(best)
     if best.falls and tested.gain(tested.filters[0]) > LIKE_A_FILTER * gain:
         gain = min(gain, tested.gain(tested.filters[0]) - 1e-6)
-    return Alarm("colour", tested.any_p_value, gain, ratio, name, lambda: (extension(best),))
+    return Alarm("colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),))
 
 
-def extension(fitted: ShapeFit) -> Colour:
+def extension(data: Bins, fitted: ShapeFit) -> Colour:
     """Return the process with an interval on every coefficient (by differences through the free numbers)."""
     ar, ma = colour_arma(fitted.name, fitted.x)
     step = 1e-5
@@ -69,4 +80,4 @@ def extension(fitted: ShapeFit) -> Colour:
     sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, fitted.covariance, jacobian)).tolist()
     values = {f"ar_{i + 1}" if len(ar) > 1 else "ar": Value.of(a, sd[i]) for i, a in enumerate(ar)}
     values |= {f"ma_{j + 1}" if len(ma) > 1 else "ma": Value.of(b, sd[len(ar) + j]) for j, b in enumerate(ma)}
-    return Colour(ar, ma, values=values)
+    return Colour(ar, ma, data.rounding_sd, values=values)

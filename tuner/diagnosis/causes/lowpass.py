@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arma import Arma
+from models.noise import Term, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.bins import Bins, bins
 from tuner.diagnosis.extension import Extension, Value
@@ -32,7 +33,7 @@ MOVED = 0.05
 
 @dataclass(frozen=True)
 class LowPass(Extension):
-    """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz."""
+    """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz, `rounding` the sd of codes, scales."""
 
     cause: ClassVar[str] = "lowpass"
     meaning: ClassVar[str] = (
@@ -43,12 +44,21 @@ class LowPass(Extension):
     )
     kind: str
     cutoff: float
+    rounding: float
 
     def arma(self, interval: float, density: float = 1.0) -> Arma:
         """Return the filtered white noise as an ARMA term."""
         ar, ma = filter_arma(self.kind, self.cutoff * interval)
         gain = (1.0 + sum(ma)) / (1.0 - sum(ar))
         return Arma(ar, _invertible(ma), density**2 / interval / gain**2, interval)
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the power of the rounding, which no filter shapes."""
+        return np.full_like(f, interval * self.rounding**2)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the rounding as white noise."""
+        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the squared response of the filter."""
@@ -92,4 +102,6 @@ def extension(data: Bins, filters: tuple[ShapeFit, ...]) -> LowPass:
     rate = 1.0 / data.interval
     low, high = (rate * float(np.exp(end)) for end in cutoffs(data, filters))
     cutoff = rate * float(np.exp(filters[0].x[0]))
-    return LowPass(filters[0].name, cutoff, values={"cutoff": Value(cutoff, low, high, "Hz")})
+    return LowPass(
+        filters[0].name, cutoff, data.rounding_sd, values={"cutoff": Value(cutoff, low, high, "Hz")}
+    )
