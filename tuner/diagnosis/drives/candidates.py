@@ -1,4 +1,4 @@
-"""All families of tests on one pass, each with the hypothesis that it would lead to.
+"""Families of tests on one pass, and the hypothesis that each would lead to.
 
 Causes that shift innovations come from `score`; those of the noise and of single fixes make another belief of the
 record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver, densities, correlated
@@ -56,17 +56,9 @@ class Candidate:
         """Code of the cause."""
         return self.alarm.cause
 
-
-def noise_families(belief: Belief) -> tuple[Claim, ...]:
-    """Return the claims of all families but those that shift innovations."""
-    found, masked = scores(belief), mask(belief)
-    return (
-        gnss_noise(belief, found),
-        imu_noise(belief, found),
-        correlated_gnss(belief, evaluate(belief)),
-        *(outliers(belief, masked, cause) for cause in KINDS),
-        bias_jump(belief),
-    )
+    def raised(self, threshold: float) -> bool:
+        """Whether the family alarms and its cause gains."""
+        return self.alarm.p_value < threshold and self.alarm.gain > 0.0
 
 
 def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
@@ -76,15 +68,32 @@ def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
     return replace(believed(found.record), columns=columns)
 
 
-def candidates(found: Pass, w: Whitened, accepted: tuple[str, ...]) -> tuple[Candidate, ...]:
-    """Return what all families say of a pass; accepted shifts are fitted beside every test."""
+def candidates(
+    found: Pass, w: Whitened, accepted: tuple[str, ...], threshold: float
+) -> tuple[Candidate, ...]:
+    """Return what families say of a pass, kind by kind, until one of a kind alarms.
+
+    What shifts innovations leaks into the noise of the fixes, and everything into that of the sensors: so those are
+    asked last. Accepted shifts are fitted beside every test.
+    """
     record = found.record
-    shifts = families(w, record.parameters, accepted)
-    claims = noise_families(belief_of(found, accepted))
-    return (
-        *(shift(one) for one in shifts),
-        *(Candidate(claim.alarm, claim=claim) for claim in claims),
-    )
+    belief = belief_of(found, accepted)
+    every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
+    masked = mask(every)
+    asked = [shift(one) for one in families(w, record.parameters, accepted)]
+    asked += [_claimed(outliers(every, masked, cause)) for cause in KINDS]
+    asked.append(_claimed(bias_jump(belief)))
+    if any(one.raised(threshold) for one in asked):
+        return tuple(asked)
+    told = scores(belief)
+    asked += [_claimed(gnss_noise(belief, told)), _claimed(correlated_gnss(belief, evaluate(belief)))]
+    if not any(one.raised(threshold) for one in asked):
+        asked.append(_claimed(imu_noise(belief, told)))
+    return tuple(asked)
+
+
+def _claimed(claim: Claim) -> Candidate:
+    return Candidate(claim.alarm, claim=claim)
 
 
 def shift(scored: Scored) -> Candidate:

@@ -37,12 +37,6 @@ BUDGET = 3e-3
 FAMILIES = len(PRIORS) + 7
 THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
-ORDER = (
-    (*PRIORS, "bias_jump", "gnss_outliers", "gnss_velocity"),
-    ("gnss_noise_scale", "correlated_gnss"),
-    ("imu_noise_scale",),
-)
-"""Kinds of causes, those first that others would be mistaken for."""
 PASSES = 10
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
@@ -113,14 +107,14 @@ def criticise(
     previous: tuple[Candidate, ...] = ()
     for _ in range(PASSES):
         w = whitened(believed(found.record))
-        alarms = candidates(found, w, known)
+        alarms = candidates(found, w, known, THRESHOLD)
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
-        raised = [a for a in alarms if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0]
+        raised = [a for a in alarms if a.raised(THRESHOLD)]
         if not raised:
             break
-        chosen = _clearest(raised)
+        chosen = max(raised, key=lambda a: a.alarm.gain)
         say(f"{chosen.cause}: {chosen.alarm.gain:.0f} nats")
         if chosen.scored is not None:
             alike = inseparable(w, found.record.parameters, chosen.cause, (*known, chosen.cause))
@@ -136,20 +130,8 @@ def criticise(
                 found = _refined(drive, found, known)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
-    left = tuple(a for a in alarms if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0)
+    left = tuple(a for a in alarms if a.raised(THRESHOLD))
     return Criticism(base, found, tuple(accepted), left)
-
-
-def _clearest(raised: list[Candidate]) -> Candidate:
-    """Return the alarm of largest gain among the first kind that alarms.
-
-    Errors of any kind leak into the noise of the sensors, and shifts into that of the fixes: those come last.
-    """
-    for kind in ORDER:
-        mine = [a for a in raised if a.cause in kind]
-        if mine:
-            return max(mine, key=lambda a: a.alarm.gain)
-    return max(raised, key=lambda a: a.alarm.gain)
 
 
 def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
@@ -173,7 +155,7 @@ def _refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
 
 def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
     """Return what was accepted with the causes that did nearly as well and fell silent with it."""
-    loud = {a.cause for a in after if a.alarm.p_value < THRESHOLD and a.alarm.gain > 0.0}
+    loud = {a.cause for a in after if a.raised(THRESHOLD)}
     best = one.candidate.alarm.gain
     rivals = tuple(
         Alternative(a.cause, float(np.exp(min(a.alarm.gain - best, 0.0))))

@@ -84,7 +84,10 @@ def linear_record(
     reported : sequence of ndarray, shape (k, 6)
         Sds that the receiver reports, NaN where it does not.
     """
-    parts = [_part(settings, *each) for each in zip(stretches, solutions, starts, reported, strict=True)]
+    parts = [
+        _part(settings, *each, first=i == 0)
+        for i, each in enumerate(zip(stretches, solutions, starts, reported, strict=True))
+    ]
 
     def joined(name: str) -> FloatArray:
         return np.concatenate([np.asarray(getattr(part, name)) for part in parts])
@@ -111,7 +114,13 @@ def linear_record(
 
 
 def _part(
-    settings: FilterSettings, stretch: Stretch, solution: Solution, x_start: FloatArray, reported: FloatArray
+    settings: FilterSettings,
+    stretch: Stretch,
+    solution: Solution,
+    x_start: FloatArray,
+    reported: FloatArray,
+    *,
+    first: bool,
 ) -> LinearRecord:
     """Return the record of one stretch."""
     k, n, p = len(solution.t), settings.size, len(PARAMETERS)
@@ -152,6 +161,8 @@ def _part(
         noise["gnss_position"] = out.slow[:, 2]
     drive = np.zeros((k, n, p))
     drive[:, :9] = out.pull
+    if first:
+        drive[0] += out.phi[0] @ _start(settings, stretch, own)
     before = NavigationState(out.prior[:, :3], out.prior[:, 3:6], out.prior[:, 6:])
     correction = solution.parameters - out.x
     correction[:, :9] = navigation_error(solution.state, before)
@@ -176,6 +187,27 @@ def _part(
         np.arange(k) == 0,
         solution.t >= a.t + a.still + SETTLING,
     )
+
+
+def _start(settings: FilterSettings, stretch: Stretch, own: Columns) -> FloatArray:
+    """Return what constants do to the errors at the start, (n, p): standing still takes them for biases and tilt.
+
+    With the mean force f there, u = f/|f|, and the error M (0, f) of the sensors by a constant: the gyro bias is
+    read from their mean, that of the accelerometers along u from |f| − γ, the tilt from the direction of f.
+    """
+    at, v = settings.model.layout, np.zeros((settings.size, len(own.down)))
+    if stretch.alignment.still <= 0.0:
+        return v
+    mat = rotation.mat_from_quat(stretch.start.quat_nb)
+    size = float(gravity(np.sin(stretch.start.llh[0]), stretch.start.llh[2]))
+    u = -mat[2]
+    felt = own.mix @ np.concatenate([np.zeros(3), size * u])
+    v[at["gyro_bias"]] = -felt[:, :3].T
+    along = felt[:, 3:] @ u + own.down
+    v[at["accel_bias"]] = -np.outer(u, along)
+    across = (felt[:, 3:] - np.outer(felt[:, 3:] @ u, u)) @ mat.T / size
+    v[6], v[7] = across[:, 1], -across[:, 0]
+    return v
 
 
 def _jacobians(settings: FilterSettings, out: Trace) -> tuple[FloatArray, FloatArray]:
