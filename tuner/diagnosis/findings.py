@@ -27,6 +27,7 @@ class _Single:
     """A finding of one channel."""
 
     axis: str
+    unit: str
     accepted: Accepted
     parameters: Mapping[str, Coefficient]
     inflation: Inflation | None
@@ -62,6 +63,7 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
     return [
         _Single(
             axis,
+            channel.unit,
             accepted,
             {
                 name: value.coefficient(channel.unit, channel.scale)
@@ -96,9 +98,8 @@ def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation |
 def _shared(group: Sequence[_Single], single: _Single) -> bool:
     """Return whether a finding of another channel is the same cause."""
     first = group[0]
-    if first.accepted.extension.cause != single.accepted.extension.cause or any(
-        g.axis == single.axis for g in group
-    ):
+    alike = first.accepted.extension.cause == single.accepted.extension.cause and first.unit == single.unit
+    if not alike or any(g.axis == single.axis for g in group):
         return False
     return all(
         _agree(first.parameters[name], single.parameters[name])

@@ -12,6 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes.burst import Burst
+from tuner.diagnosis.causes.motion import Motion
+from tuner.diagnosis.causes.step import Step
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
@@ -118,11 +121,19 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             raised = [better[1]]
         if not raised:
             break
+        wider = _wider(found, raised, len(given))
+        if wider is not None:
+            found = residual(channel, wider, starts=found.starts)
+            base = residual(channel, wider[: len(given)], starts=base.starts)
+            fresh = 0
+            continue
         if any(alarm.local for alarm in raised):
             raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
         if any(alarm.cause in MEASURED for alarm in raised):
             raised = [alarm for alarm in raised if alarm.cause != "telegraph"]
         broad = [alarm for alarm in raised if alarm.cause in BROAD]
+        if any(alarm.cause == "telegraph" for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.cause != "gauss_markov"]
         chosen = _clearest(raised)
         if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
             chosen = [max(broad, key=lambda alarm: alarm.gain)]
@@ -148,6 +159,24 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
 
 
+def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension, ...] | None:
+    """Return the extensions with a stretch of motion widened by what alarms at its edge; None where nothing does.
+
+    Motion has no sharp end: a jump or a burst close by belongs to it.
+    """
+    for alarm in raised if given else []:
+        if alarm.cause not in ("step", "burst") or alarm.propose is None:
+            continue
+        event = alarm.propose()[0]
+        assert isinstance(event, Step | Burst)
+        last = event.last if isinstance(event, Burst) else event.first
+        for i, moved in enumerate(found.extensions[:given]):
+            if isinstance(moved, Motion) and moved.near(event.first, last, found.channel.interval):
+                wider = moved.including(event.first, last, len(found.channel))
+                return (*found.extensions[:i], wider, *found.extensions[i + 1 :])
+    return None
+
+
 def _clearest(raised: list[Alarm]) -> list[Alarm]:
     """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
     best = max(raised, key=lambda alarm: alarm.gain)
@@ -170,13 +199,25 @@ def _with_rivals(
         a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
         for a in before
         if a.propose is not None
+        and (one.alarm.cause, a.cause)
+        != ("telegraph", "gauss_markov")  # its statistic has beaten that already
         and a.cause in silent
         and a.cause in group
         and a.cause != one.alarm.cause
         and a.p_value < threshold
         and a.gain > max(one.alarm.gain - CLOSE, 0.0)
     }
+    if one.alarm.cause == "gauss_markov":
+        rivals |= {a.cause: _twin(a) for a in before if a.cause == "telegraph" and a.statistic > -CLOSE}
     return replace(one, alternatives=tuple(rivals.values()))
+
+
+def _twin(alarm: Alarm) -> Alternative:
+    """Return telegraph noise beside a Gauss–Markov process: the path does not speak against two levels.
+
+    The statistic of telegraph noise is its lead over the best Gaussian model, in nats, such a process included.
+    """
+    return Alternative(alarm.cause, float(np.exp(min(alarm.statistic, 0.0))))
 
 
 def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:

@@ -1,8 +1,9 @@
 """Motion: a stretch in which the sensor was not still.
 
-Statistic: steps between the means of short blocks over their standard deviation, which is the larger of that in the
-rest of the record (from the median) and that of white noise as loud as the samples in the two blocks: a burst of
-white noise is no motion. Several large ones close together make a stretch; the threshold is far beyond chance.
+Statistic: steps between the means of blocks of 0.25 s and of 1 s over their standard deviation. That is taken from the
+median over the record, and raised where the second differences of the samples are larger than usual: a burst of noise
+is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
+threshold is far beyond chance.
 Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
 deviations close together, after which the level is another one.
 Extension: the stretch is taken out and the level may differ before and after it.
@@ -10,7 +11,7 @@ Extension: the stretch is taken out and the level may differ before and after it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
 
@@ -38,8 +39,11 @@ HANDLING = 120.0
 """Time without a jump that ends the handling of a sensor, and what is left out before and after it, s."""
 MOST = 8
 """Stretches that are told apart; closer ones are joined beyond."""
-RESTLESS, NEAR = 4.0, 12
-"""A stretch grows to the last step of so many deviations with no more than so many quieter ones before it."""
+EDGE = 3
+"""Blocks that are left out on either side of a stretch at least."""
+NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
+"""A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
+cut at so many deviations."""
 
 MARGIN = 0.1
 """Share of a stretch that is left out on either side: motion dies away."""
@@ -70,16 +74,29 @@ class Motion(Extension):
         place = (np.arange(channel.blocks) + 0.5) * channel.block
         return np.clip((place - self.first) / (self.last - self.first), 0.0, 1.0)[:, None]
 
+    def near(self, first: int, last: int, interval: float) -> bool:
+        """Return whether an event, samples first … last − 1, lies close to an edge of the stretch."""
+        reach = round(HANDLING / interval) + (self.last - self.first) // 2
+        short = last - first <= reach
+        return short and last >= self.first - reach and first <= self.last + reach
 
-def large_steps(y: FloatArray, interval: float) -> tuple[FloatArray, int]:
-    """Return the steps between short blocks over their standard deviation, and the samples in a block."""
-    size = max(FEWEST, round(SHORT / interval))
+    def including(self, first: int, last: int, n: int) -> Motion:
+        """Return the stretch with an event at its edge, and a margin about that, in a record of n samples."""
+        margin = max(FEWEST, round(MARGIN * (self.last - self.first)))
+        return replace(
+            self, first=max(0, min(self.first, first - margin)), last=min(n, max(self.last, last + margin))
+        )
+
+
+def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArray, int]:
+    """Return the steps between blocks of `length`, s, over their standard deviation, and the samples in a block."""
+    size = max(FEWEST, round(length / interval))
     blocks = y[: len(y) // size * size].reshape(-1, size)
-    mean, variance = blocks.mean(axis=1), blocks.var(axis=1, ddof=1)
-    step = np.diff(mean)
-    usual = float(np.median(np.abs(step))) / 0.6745
-    local = (variance[1:] + variance[:-1]) / size
-    return np.abs(step) / np.sqrt(np.maximum(usual**2, local) + 1e-30), size
+    step = np.diff(blocks.mean(axis=1))
+    usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
+    loud = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
+    louder = 0.5 * (loud[1:] + loud[:-1]) / float(np.median(loud))
+    return np.abs(step) / (usual * np.sqrt(np.maximum(louder, 1.0))), size
 
 
 def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
@@ -99,25 +116,36 @@ def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
 
 
 def _swayed(channels: list[Channel]) -> list[tuple[int, int]]:
-    """Return the stretches that steps of short means show."""
-    ratio, size = large_steps(channels[0].y, channels[0].interval)
-    for channel in channels[1:]:
-        ratio = np.maximum(ratio, large_steps(channel.y, channel.interval)[0])
+    """Return the stretches that steps of short means show, on two scales."""
+    found, sizes = [], set()
+    for length in (SHORT, 4.0 * SHORT):
+        ratio, size = large_steps(channels[0].y, channels[0].interval, length)
+        for channel in channels[1:]:
+            ratio = np.maximum(ratio, large_steps(channel.y, channel.interval, length)[0])
+        if size not in sizes:
+            found += _groups(ratio, size, len(channels[0]))
+        sizes.add(size)
+    return found
+
+
+def _groups(ratio: FloatArray, size: int, n: int) -> list[tuple[int, int]]:
+    """Return the stretches, in samples, that steps between blocks of `size` samples show."""
     large = np.flatnonzero(ratio > THRESHOLD)
     if len(large) < TOGETHER:
         return []
-    restless = np.flatnonzero(ratio > RESTLESS)
+    usual = float(np.median(np.minimum(ratio, RESTLESS) ** 2))
+    power = np.minimum(ratio, RESTLESS) ** 2 / usual
     found = []
     for group in np.split(large, np.flatnonzero(np.diff(large) > APART) + 1):
         if len(group) < TOGETHER:
             continue
         first, last = int(group[0]), int(group[-1])
-        while len(near := restless[(restless < first) & (restless >= first - NEAR)]):
-            first = int(near[0])
-        while len(near := restless[(restless > last) & (restless <= last + NEAR)]):
-            last = int(near[-1])
-        margin = NEAR + round(MARGIN * (last - first))
-        found.append((max(0, (first - margin) * size), min(len(channels[0]), (last + 1 + margin) * size)))
+        while first > 0 and power[max(0, first - NEAR) : first].mean() > LOUDER:
+            first = max(0, first - NEAR // 4)
+        while last < len(power) and power[last : last + NEAR].mean() > LOUDER:
+            last = min(len(power), last + NEAR // 4)
+        margin = EDGE + round(MARGIN * (last - first))
+        found.append((max(0, (first - margin) * size), min(n, (last + 1 + margin) * size)))
     return found
 
 
