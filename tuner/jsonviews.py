@@ -10,9 +10,24 @@ import yaml
 from models.sensors import SensorGrade
 from tuner.comparison import Comparison
 from tuner.exporters import native
+from tuner.identification.receiver import ReceiverErrors
 from tuner.jsonio import coefficient_json, identification_json
 from tuner.plan import Plan
 from tuner.results import FilterConfig, Identification, PooledChannel, PooledCoefficient
+
+
+def receiver_json(found: ReceiverErrors) -> dict[str, Any]:
+    """Return the errors of a receiver at rest in the form ``tuner.receiver/1``."""
+    return {
+        "schema": "tuner.receiver/1",
+        "interval": found.noise.interval,
+        "position": {
+            axis: {name: coefficient_json(c) for name, c in parts.items()}
+            for axis, parts in found.position.items()
+        },
+        "velocity": {axis: {"white_sd": coefficient_json(c)} for axis, c in found.velocity.items()},
+        "notes": list(found.notes),
+    }
 
 
 def plan_json(plans: Mapping[str, Plan]) -> dict[str, Any]:

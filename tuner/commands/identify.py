@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.commands.options import Output, Reading, common, reading, term_list
-from tuner.commands.sources import load_identification, source_name
+from tuner.commands.sources import load_at_rest, load_identification, source_name
 from tuner.progress import Messages
 
 if TYPE_CHECKING:
@@ -66,13 +66,22 @@ def command(
     """Find the noise terms of each axis: quantization, white, flicker or Gauss–Markov, random walk, ramp.
 
     A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled,
-    with their spread.
+    with their spread. A CSV of satellite fixes of an antenna at rest (t,lat,lon,height,…) gives the errors
+    of the receiver.
     """
     from tuner.identification.pooled import pool
     from tuner.jsonio import identification_json
-    from tuner.jsonviews import pooled_json
+    from tuner.jsonviews import pooled_json, receiver_json
+    from tuner.readers.fixes import is_fixes
+    from tuner.report.receiver_words import receiver_words
     from tuner.report.tables import identification_tables, pooled_tables, show
 
+    if len(logs) == 1 and is_fixes(logs[0]):
+        receiver = load_at_rest(logs[0], messages)
+        if output.tables:
+            show(receiver_words(receiver))
+        output.write(receiver_json(receiver))
+        return
     found = [
         load_identification(
             log,

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 from tuner.commands.options import Reading
 from tuner.progress import Messages
 from tuner.records import DataError, Record
-from tuner.results import Identification
+from tuner.results import GnssNoise, Identification
 
 if TYPE_CHECKING:
     from tuner.identification.arma import Likelihood
+    from tuner.identification.receiver import ReceiverErrors
 
 
 def source_name(source: str) -> str:
@@ -33,6 +34,22 @@ def is_log(source: str) -> bool:
 
     path = Path(source)
     return is_file(source) and not (is_datasheet(path) or is_written(path) or is_curve(path))
+
+
+def load_at_rest(log: str, messages: Messages) -> ReceiverErrors:
+    """Identify a receiver from a log of its fixes at rest."""
+    from tuner.identification.receiver import identify_receiver
+    from tuner.readers.fixes import read_fixes
+
+    messages.say(f"identifying the receiver from {Path(log).name}")
+    return identify_receiver(read_fixes(log), name=source_name(log))
+
+
+def load_receiver(source: str, messages: Messages) -> GnssNoise:
+    """Return the errors of a receiver: a built-in grade, or a log of fixes at rest."""
+    from tuner.grades import load_gnss
+
+    return load_at_rest(source, messages).noise if is_file(source) else load_gnss(source)
 
 
 def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record, ...]:

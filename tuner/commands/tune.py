@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tuner.commands.options import Output, Reading, common, reading, term_list
-from tuner.commands.sources import is_log, load_identification, load_records, source_name
+from tuner.commands.sources import (
+    is_log,
+    load_identification,
+    load_receiver,
+    load_records,
+    source_name,
+)
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -48,7 +54,7 @@ EXPORTED = ("kalibr", "kf-gins")
     help="Longest time the filter must bridge.",
 )
 @click.option("--complete", metavar="GRADE", help="Built-in grade for a sensor the log lacks.")
-@click.option("--gnss", metavar="GRADE", help="Built-in GNSS grade.")
+@click.option("--gnss", metavar="GRADE|LOG", help="Built-in GNSS grade, or a log of fixes at rest.")
 @click.option("--terms", callback=term_list, metavar="LIST", help="Fit exactly this sum of noise terms.")
 @click.option(
     "--latitude",
@@ -90,7 +96,7 @@ def command(
     from tuner.conditions import at_rest
     from tuner.exporters import export, native
     from tuner.files import json_text, write_text
-    from tuner.grades import load_gnss, load_grade
+    from tuner.grades import load_grade
     from tuner.identification import identify
     from tuner.jsonconsistency import consistency_json
     from tuner.jsondiagnosis import diagnosis_json
@@ -107,7 +113,7 @@ def command(
     from tuner.synthesis import inflate, synthesize
 
     completion = load_grade(complete) if complete else None
-    receiver = load_gnss(gnss or DEMO_RECEIVER) if gnss or log is None else None
+    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or log is None else None
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     if log is None:

@@ -41,7 +41,21 @@ FRAMES: Mapping[str, tuple[float, float, float]] = {
     "RFU": (180.0, 0.0, 90.0),
 }
 """Mounting (roll, pitch, yaw, deg) of a unit whose axes point forward, right, up and so on."""
-_GNSS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "sd_n", "sd_e", "sd_d", "sd_vn", "sd_ve", "sd_vd")
+GNSS_COLUMNS = (
+    "t",
+    "lat",
+    "lon",
+    "height",
+    "vn",
+    "ve",
+    "vd",
+    "sd_n",
+    "sd_e",
+    "sd_d",
+    "sd_vn",
+    "sd_ve",
+    "sd_vd",
+)
 _TRUTH = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
@@ -100,7 +114,15 @@ def _npz(path: Path) -> Drive:
     if "ref_t" in data and "ref_llh" in data:
         rows = len(data["ref_t"])
         truth = np.column_stack(
-            [data["ref_t"], data["ref_llh"], triple("ref_vned", rows), triple("ref_rpy", rows)]
+            [
+                data["ref_t"],
+                data["ref_llh"],
+                triple("ref_vned", rows),
+                triple("ref_rpy", rows),
+                triple("ref_pstd", rows),
+                triple("ref_vstd", rows),
+                triple("ref_astd", rows),
+            ]
         )
     imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
     arm = meta.get("lever_arm_frd_m")
@@ -125,8 +147,8 @@ def _folder(path: Path) -> Drive:
     return _drive(
         path,
         imu,
-        _table(_existing(path / "gnss.csv"), _GNSS, 4),
-        _table(truth, _TRUTH, 4) if truth.exists() else None,
+        table(_existing(path / "gnss.csv"), GNSS_COLUMNS, 4),
+        table(truth, _TRUTH, 4) if truth.exists() else None,
         notes=gyro.notes,
     )
 
@@ -167,8 +189,8 @@ def _drive(
 ) -> Drive:
     """Clean the streams, put them on one clock and check that they can be what they are said to be."""
     said = list(notes)
-    imu = _ordered(path, "IMU", imu, imu, said)
-    fixes = _ordered(path, "GNSS", fixes, fixes[:, :4], said)
+    imu = ordered(path, "IMU", imu, imu, said)
+    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], said)
     begin, end = imu[0, 0], imu[-1, 0]
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:
@@ -203,7 +225,7 @@ def _drive(
     )
 
 
-def _ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
+def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
     """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
     good = np.isfinite(needed).all(axis=1)
     bad = int(np.count_nonzero(~good))
@@ -247,9 +269,12 @@ def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) 
 
 
 def _reference(path: Path, rows: FloatArray, begin: float, said: list[str]) -> Reference:
-    rows = _ordered(path, "reference", rows, rows[:, :4], said)
+    rows = ordered(path, "reference", rows, rows[:, :4], said)
     llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
-    return Reference(rows[:, 0] - begin, llh, rows[:, 4:7], np.radians(rows[:, 7:10]))
+    sd = None
+    if rows.shape[1] > 10 and np.isfinite(rows[:, 10:]).any():
+        sd = np.hstack([rows[:, 10:16], np.radians(rows[:, 16:19])])
+    return Reference(rows[:, 0] - begin, llh, rows[:, 4:7], np.radians(rows[:, 7:10]), sd)
 
 
 def _existing(path: Path) -> Path:
@@ -265,7 +290,7 @@ def _beside(path: Path, name: str) -> Path:
     return _existing(named if named.is_file() else path.parent / Path(name).name)
 
 
-def _table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
+def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
     dialect = find_dialect(path)
     have = [name.split("[")[0].strip().lower() for name in dialect.names]
@@ -275,10 +300,10 @@ def _table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
         raise DataError(msg)
     present = [name for name in names if name in have]
     (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
-    table = np.full((len(numbers), len(names)), math.nan)
+    rows = np.full((len(numbers), len(names)), math.nan)
     for j, name in enumerate(present):
-        table[:, names.index(name)] = numbers[:, j]
-    return table
+        rows[:, names.index(name)] = numbers[:, j]
+    return rows
 
 
 def _numbers(path: Path) -> FloatArray:
