@@ -1,0 +1,98 @@
+"""Reported sds and their law; adaptive R against maximum likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis.drives.adaptive import sage_husa
+from tuner.diagnosis.drives.fitting import maximise
+from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drives.record import LinearRecord
+from tuner.diagnosis.drives.replicas import Source
+from tuner.diagnosis.drives.reported import fix_classes, reported_law
+from tuner.diagnosis.drives.scales import ROWS, factors
+
+
+def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> Belief:
+    """Draw a record whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
+    reported = record.sd * level[:, None]
+    told = replace(record, reported_sd=reported, sd=reported)
+    true = replace(believed(told), sd=record.sd * truth[:, None])
+    return believed(Source.of(true).draw(np.random.default_rng(seed)))
+
+
+def test_classes_are_parted_where_the_sd_jumps() -> None:
+    rng = np.random.default_rng(0)
+    sd = np.concatenate(
+        [rng.uniform(0.01, 0.015, 300), rng.uniform(0.3, 0.5, 200), rng.uniform(2.0, 3.0, 100)]
+    )
+    classes = fix_classes(sd)
+    np.testing.assert_array_equal(classes, np.repeat([0, 1, 2], (300, 200, 100)))
+    assert fix_classes(rng.uniform(1.0, 3.0, 500)).max() == 0
+    assert fix_classes(np.append(sd[:300], [5.0, 6.0])).max() == 0, "two fixes are no class"
+
+
+def test_a_steady_report_has_no_law(city_drive: LinearRecord) -> None:
+    assert reported_law(believed(city_drive), "position") is None
+
+
+@pytest.mark.parametrize("law", ["factor", "classes", "power", "constant"])
+def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
+    rng = np.random.default_rng(4)
+    level = np.exp(0.6 * rng.standard_normal(900))
+    if law == "classes":
+        level = np.repeat([0.05, 1.0], (400, 500)) * rng.uniform(1.0, 1.8, 900)
+    truth = {
+        "factor": 1.3 * level,
+        "classes": level * np.where(level < 0.5, 3.0, 0.8),
+        "power": 1.1 * level**0.4,
+        "constant": np.full(900, 1.4),
+    }[law]
+    found = reported_law(reporting(city_drive, level, truth, 7), "position")
+    assert found is not None
+    assert found.law == law
+    fit = found.fits[law]
+    if law == "factor":
+        assert found.p_value == 1.0
+        assert fit.factor("factor") == pytest.approx(1.3, rel=0.1)
+    if law == "classes":
+        assert found.p_value < 1e-9
+        for name, value in (("class_0", 3.0), ("class_1", 0.8)):
+            assert fit.factor(name) == pytest.approx(value, rel=0.15)
+    if law == "power":
+        assert found.p_value < 1e-9
+        assert found.parameters["exponent"].value == pytest.approx(0.4, abs=0.15)
+
+
+def test_adaptive_noise_follows_but_is_rough(city_drive: LinearRecord) -> None:
+    """R is 1.5 times what was believed: both find it; maximum likelihood is nearer and predicts better.
+
+    The first half is learnt from, the second scored with what was learnt.
+    """
+    names = tuple(ROWS)
+    source = Source.of(factors(("position", "velocity")).change(believed(city_drive), np.log([1.5, 1.5])))
+    learnt, scored = (
+        np.arange(900) < 450,
+        np.arange(900) >= 450,
+    )
+    error: dict[str, list[float]] = {"likelihood": [], "adaptive": []}
+    value: dict[str, float] = {"believed": 0.0, "likelihood": 0.0, "adaptive": 0.0}
+    for seed in range(6):
+        record = source.draw(np.random.default_rng(seed))
+        first, second = (believed(replace(record, scored=part)) for part in (learnt, scored))
+        fit = maximise(first, factors(names))
+        trace, _ = sage_husa(first)
+        logs = np.log([trace[name][449] for name in names])
+        error["likelihood"] += (fit.estimate - np.log(1.5)).tolist()
+        error["adaptive"] += (logs - np.log(1.5)).tolist()
+        value["believed"] += evaluate(second).value
+        value["likelihood"] += evaluate(factors(names).change(second, fit.estimate)).value
+        value["adaptive"] += evaluate(factors(names).change(second, logs)).value
+    rms = {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in error.items()}
+    assert rms["likelihood"] < 0.05
+    assert rms["adaptive"] < 0.3
+    assert rms["likelihood"] < 0.5 * rms["adaptive"]
+    assert value["likelihood"] > value["adaptive"] > value["believed"]
