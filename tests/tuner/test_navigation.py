@@ -102,6 +102,15 @@ def test_engine_equals_filter(trajectory, make, options):
         assert_same(settings, engine.run(settings, begin, steps, own), found)
 
 
+def test_engine_equals_filter_long_after_fast_states_have_decayed():
+    settings = filter_settings(ramped(configuration()))
+    _, start, steps, fixes = flight(settings, "city", 9.0)
+    last = Fixes(fixes.t[-1:], fixes.after[-1:], fixes.llh[-1:], fixes.vel_n[-1:], fixes.sd[-1:])
+    assert_same(
+        settings, reference.run(settings, start, steps, last), engine.run(settings, start, steps, last)
+    )
+
+
 def assert_same(settings, a, b):
     sd = np.sqrt(np.einsum("kii->ki", a.covariance))
     assert np.all(np.abs(navigation_error(a.state, b.state)) < 1e-9 * sd[:, :9])

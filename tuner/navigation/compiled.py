@@ -184,11 +184,12 @@ class Memory(NamedTuple):
     inverse: FloatArray  # (6, 6 and padding, w), of A
     matrix: FloatArray  # (6, 6, w), A
     bias: FloatArray  # (6, w)
-    slant: FloatArray  # (n, w), the elements of S
+    slant: FloatArray  # (n, w), the elements of S c
     true: FloatArray  # (6, w), calibrated mean rates and forces in b
     rate: FloatArray  # (n, w), 1/T of each state, 1/s
     drive: FloatArray  # (n, w), squares of the driving densities
-    decay: FloatArray  # (columns, w), exp(−dt/T)
+    decay: FloatArray  # (n, w), exp(−dt/T)
+    shrunk: FloatArray  # (columns, w), c: P is that of the states divided by it
     driven: FloatArray  # (n, w), variance driven in a step
     white: FloatArray  # (6, w), squares of the believed white densities of the sensors
     density: FloatArray  # (6, w), true white densities
@@ -216,7 +217,8 @@ class Work(NamedTuple):
     slant: Any
     true: Any
     decay: Any
-    decay_c: Any
+    shrunk: Any
+    shrunk_c: Any
     driven: Any
     white: Any
     drawn: Any
@@ -246,7 +248,8 @@ def memory(lay: Layout, filters: int) -> Memory:
         true=room(6),
         rate=room(size),
         drive=room(size),
-        decay=room(columns),
+        decay=room(size),
+        shrunk=room(columns),
         driven=room(size),
         white=room(6),
         density=room(6),
@@ -255,6 +258,7 @@ def memory(lay: Layout, filters: int) -> Memory:
     )
     empty.inverse[range(6), range(6)] = empty.slant[:] = 1.0
     empty.rate[:], empty.drive[:], empty.white[:] = lay.rate[:, None], lay.drive[:, None], lay.white[:, None]
+    empty.shrunk[:] = 1.0
     empty.refused[:] = NEVER
     return empty
 
@@ -294,7 +298,8 @@ def _views(element: Any, rows: Any, apart: bool) -> Callable[[Memory], Work]:
             element(m.slant),
             element(m.true),
             element(m.decay),
-            as_columns(m.decay),
+            element(m.shrunk),
+            as_columns(m.shrunk),
             element(m.driven),
             element(m.white),
             element(m.drawn),

@@ -7,6 +7,9 @@ the answer of the six sensors to the states, with one element a column::
     P_nn ← T (A  ΓS)ᵀ + Γ W Γᵀ          the same again with the rows of T, those of T Sᵀ + Γ W for S P
     P_nb ← T_b Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
 
+Decay is put off: between fixes P is that of states b/c, c ← D c, in which it changes nothing but S ← S D, and
+Q_bb ← Q_bb/c². `settle` turns back to b.
+
 Φ and Q are those of `models.errorstate`. The same lines advance one filter, eight columns at a time, or eight
 filters, one column at a time (`tuner.navigation.compiled.Work`).
 """
@@ -23,6 +26,9 @@ from models.triples import add, cross, scale, transform
 from tuner.navigation.compiled import Layout, Memory, Work, compiled
 
 FloatArray = NDArray[np.float64]
+
+PUT_OFF = 100.0
+"""Time constants after which decay is put off no longer: numbers stay in range."""
 
 
 @compiled
@@ -123,7 +129,7 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     if not lay.ideal:
         for s in range(9, lay.size):
             if lay.source[s] >= 0:
-                slant[s] = work.true[lay.source[s]]
+                slant[s] = work.shrunk[s] * work.true[lay.source[s]]
     for c in range(P.shape[1]):
         six = (
             _sensed(lay, 0, slant, P, c),
@@ -171,23 +177,18 @@ def _set_rows(lay: Layout, work: Work, turn: Any, force: Any, dt: float) -> None
 
 @compiled
 def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
-    """Advance the rows and columns of the states that only decay, grow by a slope and are driven."""
-    n, P, P_c, decay_c = lay.size, work.P, work.P_c, work.decay_c
-    begin = 9 * P_c.shape[1] // P.shape[1]
-    for i in range(9):
-        for c in range(begin, P_c.shape[1]):
-            P_c[i, c] *= decay_c[c]
-    for i in range(9, n):
-        for c in range(begin, P_c.shape[1]):
-            P_c[i, c] *= work.decay[i] * decay_c[c]
-        if lay.slope[i] >= 0:
-            for c in range(begin, P_c.shape[1]):
-                P_c[i, c] += dt * decay_c[c] * P_c[lay.slope[i], c]
-        P[i, i] += work.driven[i]
+    """Let the other states decay, grow by a slope and be driven; make both sides of P the same."""
+    n, P, shrunk = lay.size, work.P, work.shrunk
     for j in range(9, n):
+        shrunk[j] *= work.decay[j]
+        work.slant[j] *= work.decay[j]
+        P[j, j] += work.driven[j] / (shrunk[j] * shrunk[j])
         if lay.slope[j] >= 0:
+            c = dt / shrunk[j]
             for i in range(n):
-                P[i, j] += dt * P[i, lay.slope[j]]
+                P[i, j] += c * P[i, lay.slope[j]]
+            for i in range(9, n):
+                P[j, i] += c * P[lay.slope[j], i]
     for i in range(9):
         for j in range(i, 9):
             if work.apart:
@@ -195,6 +196,16 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
             P[j, i] = P[i, j]  # rounding must not part the two sides
         for j in range(9, n):
             P[j, i] = P[i, j]
+
+
+@compiled
+def settle(lay: Layout, work: Work) -> None:
+    """Let P be that of the states themselves."""
+    for i in range(lay.size):
+        for c in range(work.P_c.shape[1]):
+            work.P_c[i, c] *= work.shrunk[i] * work.shrunk_c[c]
+    for j in range(9, lay.size):
+        work.shrunk[j] = work.slant[j] = 1.0
 
 
 @compiled

@@ -35,7 +35,15 @@ from tuner.navigation.compiled import (
     transposed,
     work_of,
 )
-from tuner.navigation.covariance import advance, decay_parameters, set_decay, summarise, unmixed
+from tuner.navigation.covariance import (
+    PUT_OFF,
+    advance,
+    decay_parameters,
+    set_decay,
+    settle,
+    summarise,
+    unmixed,
+)
 from tuner.navigation.lanes import borrowed
 from tuner.navigation.updates import correct, fix_model, update
 
@@ -208,6 +216,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
         quat = (state[6], state[7], state[8], state[9])
         start_pos, start_vel, start_quat = pos, vel, quat
         elapsed, decay_dt, last_dt, i = 0.0, -1.0, 0.0, 0
+        aged, fastest = 0.0, memory.rate.max()
         angle = velocity = before_angle = before_velocity = sum_angle = sum_force = scale(0.0, vel)
         for k in range(n_steps + 1):
             if k > 0:
@@ -243,6 +252,10 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
                 middle_pos = scale(0.5, add(start_pos, pos))
                 middle_vel = scale(0.5, add(start_vel, vel))
                 advance(lay, work, middle_pos, middle_vel, mat, force, elapsed)
+                aged += elapsed * fastest
+                if due or aged > PUT_OFF:
+                    settle(lay, work)
+                    aged = 0.0
                 decay_parameters(lay, work, elapsed)
                 calibrate(lay, work)
                 start_pos, start_vel, start_quat = pos, vel, quat

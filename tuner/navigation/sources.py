@@ -40,7 +40,7 @@ from tuner.navigation.compiled import (
     transposed,
     work_of,
 )
-from tuner.navigation.covariance import advance, set_decay, summarise
+from tuner.navigation.covariance import PUT_OFF, advance, set_decay, settle, summarise
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.updates import factor, fix_model, whiten
 
@@ -201,6 +201,7 @@ def _kept(number: int) -> Callable[..., None]:
         quat = (state[6], state[7], state[8], state[9])
         start_pos, start_vel, start_quat = pos, vel, quat
         elapsed, decay_dt, i = 0.0, -1.0, 0
+        aged, fastest = 0.0, memory.rate.max()
         sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         angle, velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         before_angle, before_velocity = angle, velocity
@@ -230,6 +231,10 @@ def _kept(number: int) -> Callable[..., None]:
                 middle_pos = scale(0.5, add(start_pos, pos))
                 middle_vel = scale(0.5, add(start_vel, vel))
                 advance(lay, work, middle_pos, middle_vel, mat, force, elapsed)
+                aged += elapsed * fastest
+                if due or aged > PUT_OFF:
+                    settle(lay, work)
+                    aged = 0.0
                 start_pos, start_vel, start_quat = pos, vel, quat
                 elapsed = 0.0
                 sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
