@@ -5,6 +5,6 @@ sensitivities (`score`), wrong noise, correlated errors, outliers and jumps by l
 what gains most, filters again (`loop`) until nothing alarms.
 """
 
-from tuner.diagnosis.drives.drive import diagnose_drive
+from tuner.diagnosis.drives.drive import Examined, diagnose_drive, examine_drive
 
-__all__ = ["diagnose_drive"]
+__all__ = ["Examined", "diagnose_drive", "examine_drive"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from tuner.diagnosis.drives.clocks import coarse_clocks, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
@@ -14,9 +14,25 @@ from tuner.records import Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Unexplained
 
 
+@dataclass(frozen=True)
+class Examined:
+    """A drive with what was found in it: the drive as looked at, the passes before and after, and the outcome."""
+
+    drive: Drive
+    criticism: Criticism
+    diagnosis: DriveDiagnosis
+
+
 def diagnose_drive(
     drive: Drive, config: FilterConfig, *, seed: int = 0, progress: Callable[[str], None] | None = None
 ) -> DriveDiagnosis:
+    """Find what the navigation simulation gets wrong on a drive, and why; see `examine_drive`."""
+    return examine_drive(drive, config, seed=seed, progress=progress).diagnosis
+
+
+def examine_drive(
+    drive: Drive, config: FilterConfig, *, seed: int = 0, progress: Callable[[str], None] | None = None
+) -> Examined:
     """Find what the navigation simulation gets wrong on a drive, and why.
 
     Parameters
@@ -42,7 +58,7 @@ def diagnose_drive(
     notes = (*base.notes, *notes)
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
-    return _diagnosis(drive, config, outcome, notes)
+    return Examined(sensor, outcome, _diagnosis(drive, config, outcome, notes))
 
 
 def _diagnosis(
