@@ -1,0 +1,41 @@
+"""What a static identification knows, as sds of logs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis.drives.prior import VAGUE, static_prior
+from tuner.results import ChannelNoise, Coefficient, TermEstimate
+
+
+def channel(axis: str, *estimates: TermEstimate) -> ChannelNoise:
+    return ChannelNoise(axis, "rad/s", 1e-4, (), 0.0, 1e-3, identified=estimates)
+
+
+def known(name: str, coefficient: str, sd: float) -> TermEstimate:
+    spread = float(np.exp(1.96 * sd))
+    return TermEstimate(name, {coefficient: Coefficient.known(1.0, 1.0 / spread, spread, "1")})
+
+
+def test_intervals_become_sds_of_logs() -> None:
+    told = static_prior(
+        {
+            "gyro_x": channel(
+                "gyro_x", known("white", "density", 0.03), known("bias_instability", "level", 0.2)
+            ),
+            "gyro_y": channel(
+                "gyro_y", known("white", "density", 0.04), known("random_walk", "density", 0.2)
+            ),
+        }
+    )
+    assert told["gyro_white"] == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2.0))
+    assert told["gyro_bias"] == pytest.approx(0.2)
+    assert "accel_white" not in told
+
+
+def test_what_is_only_bounded_or_told_is_vague() -> None:
+    bounded = TermEstimate("white", {"density": Coefficient.bounded(2.0, "1", "short")})
+    told = TermEstimate("white", {"density": Coefficient(1.0, None, None, "1")})
+    for estimate in (bounded, told):
+        assert static_prior({"accel_x": channel("accel_x", estimate)})["accel_white"] == VAGUE
