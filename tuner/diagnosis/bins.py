@@ -131,7 +131,7 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
         level = np.maximum(level, 1e-9 * level.max() + 1e-300)
         ratio = data.power / level
         cost = float(weight @ (ratio - 1.0 - np.log(ratio)))
-        done = best is not None and cost > best.cost - 1e-6
+        done = best is not None and cost > best.cost - 1e-4
         if best is None or cost < best.cost:
             best = Sizes(size, level, cost)
         if done:
@@ -142,15 +142,14 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
 
 def _not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
     """Return the solution of normal equations, the most negative sizes set to zero one by one."""
-    kept = np.flatnonzero(np.diag(matrix) > 0.0)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    part, right = matrix * scale * scale[:, None], target * scale
+    part.flat[:: len(part) + 1] += 1e-10
+    solution = np.linalg.solve(part, right)
+    kept = np.arange(len(target))
+    while len(kept) > 1 and solution.min() < 0.0:
+        kept = np.delete(kept, int(np.argmin(solution)))
+        solution = np.linalg.solve(part[np.ix_(kept, kept)], right[kept])
     size = np.zeros(len(target))
-    while len(kept):
-        part = matrix[np.ix_(kept, kept)]
-        scale = np.sqrt(np.diag(part))
-        part = part / np.outer(scale, scale) + 1e-10 * np.eye(len(kept))
-        solution = np.linalg.solve(part, target[kept] / scale) / scale
-        if solution.min() >= 0.0:
-            size[kept] = solution
-            break
-        kept = np.delete(kept, int(np.argmin(solution * scale)))
+    size[kept] = np.maximum(solution, 0.0) * scale[kept]
     return size

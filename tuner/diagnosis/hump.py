@@ -11,7 +11,7 @@ from scipy.stats import norm
 from models.effects.spectral import Vibration
 from tuner.diagnosis.bins import Bins, Sizes, rise, sized
 from tuner.diagnosis.forms import arma_power
-from tuner.diagnosis.statistics import curvature, maximum
+from tuner.diagnosis.statistics import curvature, minimum
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +73,9 @@ def hump_fit(data: Bins, middle: float, width: float) -> Hump:
     qualities = [
         np.clip(middle / (share * width), 1.1 * QUALITIES[0], 0.9 * QUALITIES[1]) for share in (0.5, 1.5)
     ]
-    x, _, value = maximum(cost, [[np.log(middle), float(np.log(q))] for q in qualities], scale=0.1)
+    x, value = minimum(
+        cost, [[np.log(middle), float(np.log(q))] for q in qualities], scale=0.1, tolerance=1e-3
+    )
     best = fitted(x)
     whole = np.append(x, np.log(max(best.size[-1], 1e-12)))
 

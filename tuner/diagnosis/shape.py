@@ -26,7 +26,7 @@ from tuner.diagnosis.bins import Bins, Sizes, bins, rise, sized
 from tuner.diagnosis.forms import COLOURS, FILTERS, FREE, arma_power, colour_arma, filter_power
 from tuner.diagnosis.hump import Hump, hump_fit, hump_scan
 from tuner.diagnosis.residual import Residual
-from tuner.diagnosis.statistics import maximum
+from tuner.diagnosis.statistics import maximum, minimum
 
 FloatArray = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class ShapeFit:
     ----------
     name : str
         ``white``, or as in `tuner.diagnosis.forms`.
-    x, covariance : ndarray, shapes (p,), (p, p)
+    x : ndarray, shape (p,)
         Its parameters: the log of a cutoff × interval, or the free numbers of a colour.
     cost : float
         Minus the log likelihood.
@@ -60,7 +60,6 @@ class ShapeFit:
 
     name: str
     x: FloatArray
-    covariance: FloatArray
     cost: float
     expected: FloatArray
 
@@ -83,7 +82,7 @@ def _sized(data: Bins, shape: FloatArray | float) -> Sizes:
 def fit_white(data: Bins) -> ShapeFit:
     """Fit white noise, quantization and slow noise."""
     found = _sized(data, 1.0)
-    return ShapeFit("white", np.empty(0), np.empty((0, 0)), found.cost, found.expected)
+    return ShapeFit("white", np.empty(0), found.cost, found.expected)
 
 
 def fit_filter(data: Bins, name: str, near: ShapeFit | None = None) -> ShapeFit:
@@ -98,7 +97,7 @@ def fit_filter(data: Bins, name: str, near: ShapeFit | None = None) -> ShapeFit:
         low, high = max(low, min(near.x[0] - SIMILAR, high - SIMILAR)), min(high, near.x[0] + SIMILAR)
     x = float(minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
     found = _sized(data, filter_power(name, float(np.exp(x)), data.cycles))
-    return ShapeFit(name, np.array([x]), np.empty((0, 0)), found.cost, found.expected)
+    return ShapeFit(name, np.array([x]), found.cost, found.expected)
 
 
 def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
@@ -107,16 +106,26 @@ def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
 
 def fit_colour(data: Bins, name: str) -> ShapeFit:
     """Fit a colour by name."""
+    x, _ = minimum(_colour_cost(data, name), COLOURS[name][2], scale=0.1, tolerance=0.01)
+    found = _sized(data, arma_power(*colour_arma(name, x), data.cycles))
+    return ShapeFit(name, x, found.cost, found.expected)
 
-    def power(x: FloatArray) -> FloatArray:
-        return arma_power(*colour_arma(name, x), data.cycles)
 
+def _colour_cost(data: Bins, name: str) -> Callable[[FloatArray], float]:
     def cost(x: FloatArray) -> float:
-        return _sized(data, power(x)).cost if np.all(np.abs(x) < FREE) else 1e12
+        if np.any(np.abs(x) > FREE):
+            return 1e12
+        return _sized(data, arma_power(*colour_arma(name, x), data.cycles)).cost
 
-    x, covariance, _ = maximum(cost, COLOURS[name][2], scale=0.1)
-    found = _sized(data, power(x))
-    return ShapeFit(name, x, covariance, found.cost, found.expected)
+    return cost
+
+
+def polished(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
+    """Return the free numbers of a colour and their covariance, white noise and quantization free."""
+    x, covariance, _ = maximum(
+        _colour_cost(data, fitted.name), [fitted.x.tolist()], scale=0.02, tolerance=1e-3
+    )
+    return x, covariance
 
 
 def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
@@ -202,9 +211,11 @@ class ShapeTest:
 
 
 def shape_test(found: Residual) -> ShapeTest:
-    """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm."""
+    """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm, none where one is known."""
     data = bins(found)
     null = fit_white(data)
+    if found.found("lowpass", "colour"):
+        return ShapeTest(data, null, 1.0, misfit(data, null), (), (), None, 1.0)
     first = {name: fit_colour(data, name) for name in ("ar1", "ma1")}
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first.values()))
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))

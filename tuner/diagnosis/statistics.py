@@ -47,35 +47,58 @@ def variance_deviate(mean_square: FloatArray | float, freedom: FloatArray | floa
     return np.asarray((np.cbrt(mean_square) - (1.0 - spread)) / np.sqrt(spread))
 
 
-def maximum(
-    cost: Callable[[FloatArray], float], starts: Sequence[Sequence[float]], *, scale: float = 0.3
-) -> tuple[FloatArray, FloatArray, float]:
-    """Minimise a smooth cost (minus a log likelihood) of a few parameters.
+def minimum(
+    cost: Callable[[FloatArray], float],
+    starts: Sequence[Sequence[float]],
+    *,
+    scale: float = 0.3,
+    tolerance: float = 1e-5,
+) -> tuple[FloatArray, float]:
+    """Minimise a smooth cost of a few parameters.
 
     Parameters
     ----------
     cost : callable
-        (p,) → value, nats.
+        (p,) → value.
     starts : sequence
         Starting points.
     scale : float
         Size of the first simplex.
+    tolerance : float
+        Spread of the parameters and of the cost at which the search ends.
 
     Returns
     -------
-    x, covariance, value
-        Minimum (p,), inverse of the second derivatives there (p, p), and its value.
+    x, value
+        Minimum (p,) and its value.
     """
     best = None
     for start in starts:
         x0 = np.asarray(start, dtype=float)
         simplex = np.vstack([x0, x0 + scale * np.eye(len(x0))])
-        options = {"xatol": 1e-5, "fatol": 1e-5, "maxiter": 200 * len(x0), "initial_simplex": simplex}
+        options = {
+            "xatol": tolerance,
+            "fatol": tolerance,
+            "maxiter": 200 * len(x0),
+            "initial_simplex": simplex,
+        }
         found = minimize(cost, x0, method="Nelder-Mead", options=options)
         if best is None or found.fun < best.fun:
             best = found
     assert best is not None
-    return best.x, curvature(cost, best.x), float(best.fun)
+    return best.x, float(best.fun)
+
+
+def maximum(
+    cost: Callable[[FloatArray], float],
+    starts: Sequence[Sequence[float]],
+    *,
+    scale: float = 0.3,
+    tolerance: float = 1e-5,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return, for minus a log likelihood in nats, the `minimum`, the inverse of the second derivatives, its value."""
+    x, value = minimum(cost, starts, scale=scale, tolerance=tolerance)
+    return x, curvature(cost, x), value
 
 
 def curvature(cost: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.bins import Bins
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.forms import colour_arma
-from tuner.diagnosis.shape import ShapeFit, ShapeTest
+from tuner.diagnosis.shape import ShapeFit, ShapeTest, polished
 
 FloatArray = NDArray[np.float64]
 
@@ -71,13 +71,12 @@ def test(tested: ShapeTest) -> Alarm:
 
 def extension(data: Bins, fitted: ShapeFit) -> Colour:
     """Return the process with an interval on every coefficient (by differences through the free numbers)."""
-    ar, ma = colour_arma(fitted.name, fitted.x)
+    x, covariance = polished(data, fitted)
+    ar, ma = colour_arma(fitted.name, x)
     step = 1e-5
-    moved = [
-        np.concatenate(colour_arma(fitted.name, fitted.x + step * unit)) for unit in np.eye(len(fitted.x))
-    ]
+    moved = [np.concatenate(colour_arma(fitted.name, x + step * unit)) for unit in np.eye(len(x))]
     jacobian = (np.stack(moved, axis=1) - np.concatenate((ar, ma))[:, None]) / step
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, fitted.covariance, jacobian)).tolist()
+    sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)).tolist()
     values = {f"ar_{i + 1}" if len(ar) > 1 else "ar": Value.of(a, sd[i]) for i, a in enumerate(ar)}
     values |= {f"ma_{j + 1}" if len(ma) > 1 else "ma": Value.of(b, sd[len(ar) + j]) for j, b in enumerate(ma)}
     return Colour(ar, ma, data.rounding_sd, values=values)

@@ -68,14 +68,16 @@ def test(found: Residual) -> Alarm:
     frequency, power = found.spectrum
     level = local_level(power, 2 * NEIGHBOURS)
     ratio = power / level
+    white = found.spread**2 * found.power_at(frequency) / (n * found.channel.interval)
+    ratio[vibration.left_over(found, frequency, 2.0 * ratio * white)] = 0.0
     first = int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))
     if first >= len(ratio):
         return Alarm("line", 1.0, -9.0, 0.0, "peak of the spectrum")
     best = first + int(np.argmax(ratio[first:]))
-    height = float(ratio[best])
+    height, f = float(ratio[best]), float(frequency[best])
     nats = EFFECTIVE * float(np.log1p(height / EFFECTIVE))
     if nats > 2.0 * np.log(n):
-        wider = vibration.rival(found, float(frequency[best]), height)
+        wider = vibration.rival(found, f, height)
         if wider is not None:
             return wider
     return Alarm(
@@ -84,7 +86,7 @@ def test(found: Residual) -> Alarm:
         height - 1.5 * float(np.log(n)),
         height,
         "peak of the spectrum ÷ its neighbourhood",
-        lambda: (extension(found, float(frequency[best])),),
+        lambda: (extension(found, f),),
         local=True,
     )
 

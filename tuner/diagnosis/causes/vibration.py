@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from scipy.special import betainc, betaln
 
 from models.arma import Arma
-from models.effects.spectral import Vibration as Effect
 from models.noise import Term
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.level import FIRST, local_level
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.shape import ShapeTest
-from tuner.diagnosis.statistics import maximum
+from tuner.diagnosis.statistics import maximum, minimum
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.signedinteger[Any]]
 
 WINDOWS = tuple(8 * 2**k for k in range(10))
@@ -40,6 +40,8 @@ NEAR = 200
 """Ordinates about one that tell a line from a hump."""
 NARROW = 3.0
 """Quality below which a hump is a matter of the broad shape of the spectrum."""
+LEFT = 0.03
+"""Share of the variance of a resonance that its form may leave over, within an octave."""
 MOVED = 0.1
 """Standard deviations by which parameters move before the model is fitted again."""
 CAP = 25.0
@@ -62,19 +64,25 @@ class Vibration(Extension):
 
     def arma(self, interval: float) -> Arma:
         """Return the process as an ARMA term in scales."""
-        ar = Effect(self.frequency, self.quality, self.sd).recursion(interval)
-        rho = ar[0] / (1.0 - ar[1])
-        return Arma(ar, (), self.sd**2 * (1.0 - ar[1] ** 2) * (1.0 - rho**2), interval)
+        first, second = self.recursion(interval)
+        rho = first / (1.0 - second)
+        return Arma((first, second), (), self.sd**2 * (1.0 - second**2) * (1.0 - rho**2), interval)
+
+    def recursion(self, interval: float) -> tuple[float, float]:
+        """Return φ₁, φ₂ (`models.effects.spectral.Vibration`)."""
+        angle = 2.0 * np.pi * self.frequency * interval
+        r = float(np.exp(-0.5 * angle / self.quality))
+        return 2.0 * r * float(np.cos(angle)), -r * r
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
         """Return its spectrum, c/(1 + φ₁² + φ₂² − 2φ₁(1 − φ₂) cos x − 2φ₂ cos 2x) with x = 2πfΔ."""
-        process = self.arma(interval)
-        first, second = process.ar
+        first, second = self.recursion(interval)
+        variance = self.sd**2 * (1.0 - second**2) * (1.0 - (first / (1.0 - second)) ** 2)
         cosine = np.cos(2.0 * np.pi * interval * f)
         below = (
             (1.0 + second) ** 2 + first**2 - cosine * (2.0 * first * (1.0 - second) + 4.0 * second * cosine)
         )
-        return np.asarray(interval * process.variance / below)
+        return np.asarray(interval * variance / below)
 
     def overlaps(self, found: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
@@ -106,7 +114,7 @@ class Vibration(Extension):
             return 0.5 * size * float(np.sum(ratio - 1.0 - np.log(ratio)))
 
         x, covariance, _ = maximum(
-            cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02
+            cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02, tolerance=1e-3
         )
         sd = np.sqrt(np.diag(covariance))
         moved = np.abs(x - np.log([self.frequency, self.quality, self.sd]))
@@ -129,6 +137,9 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
     for width in widths:
         start = np.arange(FIRST, len(power) - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
+        middle = (start + 1 + 0.5 * width) * df
+        level = 2.0 * df * found.spread**2 * found.power_at(middle)
+        ratio[left_over(found, middle, (ratio - 1.0) * width * level)] = 1.0
         nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in _largest(ratio, 8)])
         at = _largest(ratio, 8)[int(np.argmax(nats))]
         log_chance = np.log(len(widths) * len(start)) - float(nats.max())
@@ -136,17 +147,30 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
             best = (log_chance, width, int(start[at]), float(ratio[at]))
     log_chance, width, at, mean = best
     p_value = float(np.exp(min(log_chance, 0.0)))
-    middle, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
+    centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
     if p_value > PROMISING:
         return Alarm("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
-    gain, fitted = extension(found, background, middle, half)
+    gain, fitted = extension(found, background, centre, half)
     covered = float(np.clip(fitted.frequency / fitted.quality / df, WINDOWS[0], widths[-1]))
     price = float(np.log(len(widths) * 2.0 * len(power) / covered))
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
     if fitted.quality < NARROW or fitted.overlaps(found):
         gain = -np.inf
     return Alarm("vibration", p_value, gain - price, mean, name, lambda: (fitted,), local=True)
+
+
+def left_over(found: Residual, frequency: FloatArray, variance: FloatArray) -> BoolArray:
+    """Return which excesses, given by frequency and variance, may be what accepted resonances leave over.
+
+    A real resonance wanders and swells: an AR(2) process describes it to some per cent of its variance.
+    """
+    left = np.zeros(len(frequency), dtype=bool)
+    for x in found.extensions:
+        if isinstance(x, Vibration):
+            near = np.abs(np.log(frequency / x.frequency)) < np.log(2.0)
+            left |= near & (variance < LEFT * x.sd**2)
+    return left
 
 
 def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[FloatArray, FloatArray]:
@@ -257,8 +281,8 @@ def extension(
     sd = np.sqrt(2.0 * (last - first) * df * excess * float(np.mean(white)))
     level = float(np.log(np.median(mean)))
     starts = [[np.log(middle), np.log(middle / w), np.log(sd), level, 0.0] for w in (0.5 * half, 2.0 * half)]
-    x, covariance, value = maximum(cost, starts, scale=0.05)
-    null = maximum(flat, [[level, 0.0]], scale=0.05)[2]
+    x, covariance, value = maximum(cost, starts, scale=0.05, tolerance=1e-3)
+    null = minimum(flat, [[level, 0.0]], scale=0.05, tolerance=1e-3)[1]
     return null - value, _fitted(x[:3], np.sqrt(np.diag(covariance)))
 
 
