@@ -13,24 +13,23 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from models import rotation
 from models.earth import ned_between
 from tuner.consistency import (
     DIVERGED,
     REJECTED,
     Consistency,
     Outage,
-    Score,
     Whiteness,
     innovation_scores,
     score,
-    squares,
     whiteness,
 )
+from tuner.drivescores import against_reference, against_smoother, blocks, errors, reference_at, settled
 from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
-from tuner.navigation.inputs import GATED, USED, WITHHELD, Solution
+from tuner.navigation.inputs import GATED, WITHHELD, Solution
 from tuner.navigation.settings import FilterSettings, filter_settings
+from tuner.navigation.vehicle import MOUNTING_SD, Vehicle, accounts, constrained, told
 from tuner.records import Drive, Reference
 from tuner.results import FilterConfig
 from tuner.verdicts import verdicts
@@ -40,10 +39,9 @@ FloatArray = NDArray[np.float64]
 HORIZONS = (10.0, 30.0, 60.0)
 RECOVERY = 30.0
 """Time with fixes between two outages, s."""
-BLOCK = 30.0
-"""Length of the blocks of a drive that count as independent, s."""
 STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
 """Further states of a filter on a drive, with their priors."""
+NOTHING_ASSUMED = Vehicle()
 UNKNOWN_LEVER_ARM = 1.0
 """Prior of a lever arm that nobody gave, m."""
 
@@ -93,7 +91,11 @@ def drive_filter(
 
 
 def navigate_drive(
-    drive: Drive, config: FilterConfig, *, states: Mapping[str, float] | None = None
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    states: Mapping[str, float] | None = None,
+    vehicle: Vehicle = NOTHING_ASSUMED,
 ) -> DriveResult:
     """Filter a drive, with and without its fixes.
 
@@ -105,6 +107,8 @@ def navigate_drive(
         What the filter believes of the sensor.
     states : mapping of str to float, optional
         Further states, names of `models.layout.OPTIONAL`, with the sd of their prior.
+    vehicle : Vehicle
+        What may be assumed of the vehicle: that it does not slip, and stands where it seems to.
 
     Raises
     ------
@@ -112,16 +116,26 @@ def navigate_drive(
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
     drive = compensated(drive, config.compensation)
+    if vehicle.sideways is not None:
+        states = {"mounting": MOUNTING_SD, **(states or {})}
     settings, assumed = drive_filter(drive, config, states=states)
     stretches, notes = prepare(drive, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
-    scored = [_settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
+    if not vehicle.free:
+        stretches, more = constrained(
+            stretches, solutions, settings, vehicle, mounted=drive.mounting is not None
+        )
+        solutions = navigate(stretches, settings, np.zeros((0, 2)))
+        notes = (*notes, *more, *told(accounts(solutions), vehicle))
+    scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
     groups = [
-        block for stretch, rows in zip(solutions, scored, strict=True) for block in _blocks(stretch, rows)
+        block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]
     found = Consistency(
         None,
-        _against_reference(drive.reference, solutions, scored) if drive.reference is not None else (),
+        against_reference(drive.reference, solutions, scored)
+        if drive.reference is not None
+        else against_smoother(settings, stretches, scored),
         innovation_scores(
             [s.innovation[rows] for s, rows in groups],
             [s.innovation_covariance[rows] for s, rows in groups],
@@ -133,7 +147,7 @@ def navigate_drive(
             for horizon in HORIZONS
             if (outage := _outage(drive.reference, stretches, settings, horizon)) is not None
         ),
-        _errors(drive.reference, solutions, scored),
+        errors(drive.reference, solutions, scored),
         float(
             np.mean(
                 np.concatenate([s.use[rows, 0] == GATED for s, rows in zip(solutions, scored, strict=True)])
@@ -142,6 +156,8 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
+    if drive.reference is None and found.blocks:
+        notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     return DriveResult(
         replace(found, verdicts=verdicts(found)),
         settings,
@@ -150,19 +166,6 @@ def navigate_drive(
         _estimates(settings, solutions[-1]),
         (*drive.notes, *assumed, *notes),
     )
-
-
-def _settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
-    """Return the epochs after the filter has settled."""
-    a = stretch.alignment
-    return np.flatnonzero(solution.t >= a.t + a.still + SETTLING)
-
-
-def _blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, NDArray[np.intp]]]:
-    if not len(rows):
-        return []
-    number = ((solution.t[rows] - solution.t[rows[0]]) // BLOCK).astype(int)
-    return [(solution, rows[number == n]) for n in np.unique(number)]
 
 
 def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:
@@ -174,84 +177,6 @@ def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
         [solution.innovation_covariance[rows]],
         [solution.use[rows]],
     )
-
-
-def _reference_at(reference: Reference, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position, velocity, attitude angles of the reference at times inside it, NaN outside or in gaps."""
-
-    def at(values: FloatArray) -> FloatArray:
-        return np.stack(
-            [np.interp(t, reference.t, column, left=np.nan, right=np.nan) for column in values.T], axis=-1
-        )
-
-    after = np.clip(np.searchsorted(reference.t, t), 1, len(reference.t) - 1)
-    usual = 3.0 * float(np.median(np.diff(reference.t)))
-    hole = reference.t[after] - reference.t[after - 1] > usual
-    parts = [at(v) for v in (reference.llh, reference.vel_n, np.unwrap(reference.rpy, axis=0))]
-    for part in parts:
-        part[hole] = np.nan
-    return parts[0], parts[1], parts[2]
-
-
-def _differences(reference: Reference, solution: Solution, rows: NDArray[np.intp]) -> FloatArray:
-    """Return reference minus estimate: position, velocity, attitude less one constant rotation; (r, 9)."""
-    llh, vel_n, rpy = _reference_at(reference, solution.t[rows])
-    out = np.full((len(rows), 9), np.nan)
-    out[:, :3] = ned_between(llh, solution.state.llh[rows])
-    out[:, 3:6] = vel_n - solution.state.vel_n[rows]
-    good = np.isfinite(rpy).all(axis=1)
-    if np.count_nonzero(good) > 10:
-        mine = rotation.mat_from_quat(solution.state.quat_nb[rows][good])
-        theirs = rotation.mat_from_rpy(rpy[good])
-        # One rotation from the reference's body into mine, the mean of all.
-        u, _, vt = np.linalg.svd(np.einsum("kji,kjl->il", mine, theirs))
-        mounting = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        turn = theirs @ mounting.T @ np.swapaxes(mine, -1, -2)
-        out[good, 6:9] = rotation.rotvec_from_mat(turn)
-    return out
-
-
-def _against_reference(
-    reference: Reference, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
-) -> tuple[Score, ...]:
-    """Score position, velocity and attitude against a reference, in blocks."""
-    parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
-    for solution, rows in zip(solutions, scored, strict=True):
-        error = _differences(reference, solution, rows)
-        for block, own in _blocks(solution, rows):
-            part = error[np.isin(rows, own)]
-            for i, name in enumerate(parts):
-                at = slice(3 * i, 3 * i + 3)
-                good = np.isfinite(part[:, at]).all(axis=1)
-                parts[name].append(squares(part[good, at], block.covariance[own][good, at, at]))
-    return tuple(
-        score(name, groups, 3)
-        for name, groups in parts.items()
-        if sum(len(group) > 0 for group in groups) > 1
-    )
-
-
-def _errors(
-    reference: Reference | None, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
-) -> dict[str, tuple[float, ...]]:
-    """Return rms differences to the reference, else rms innovations."""
-    if reference is None:
-        pairs = zip(solutions, scored, strict=True)
-        z = np.concatenate([s.innovation[rows][s.use[rows, 0] == USED] for s, rows in pairs])
-        rms = np.sqrt(np.mean(z**2, axis=0))
-        return {
-            "position_innovation_rms_m": tuple(rms[:3].tolist()),
-            "velocity_innovation_rms_m_s": tuple(rms[3:].tolist()),
-        }
-    error = np.concatenate(
-        [_differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]
-    )
-    rms = np.sqrt(np.nanmean(error**2, axis=0))
-    return {
-        "position_rms_m": tuple(rms[:3].tolist()),
-        "velocity_rms_m_s": tuple(rms[3:6].tolist()),
-        "attitude_rms_rad": tuple(rms[6:].tolist()),
-    }
 
 
 def _outage(
@@ -280,7 +205,7 @@ def _outage(
                 error, spread = solution.innovation[k, :3], solution.innovation_covariance[k, :3, :3]
             else:
                 error = ned_between(
-                    _reference_at(reference, solution.t[k : k + 1])[0][0], solution.state.llh[k]
+                    reference_at(reference, solution.t[k : k + 1])[0][0], solution.state.llh[k]
                 )
                 spread = solution.covariance[k, :3, :3]
             if np.isfinite(error).all():

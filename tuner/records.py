@@ -140,12 +140,16 @@ class Gnss:
 
 @dataclass(frozen=True)
 class Reference:
-    """A better solution to compare with (SI): angles are roll, pitch, yaw of its own body, rad; NaN if unknown."""
+    """A better solution to compare with (SI): angles are roll, pitch, yaw of its own body, rad; NaN if unknown.
+
+    `sd` (n, 9) is what it states of its position, velocity and angles, None or NaN where it states nothing.
+    """
 
     t: FloatArray
     llh: FloatArray
     vel_n: FloatArray
     rpy: FloatArray
+    sd: FloatArray | None = None
 
 
 @dataclass(frozen=True)

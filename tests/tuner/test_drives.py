@@ -15,10 +15,13 @@ from models.gnss import perfect_fixes
 from models.motion import imu_increments
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
-from tuner.driving import navigate_drive
+from tuner.drivescores import differences
+from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation.drive import navigate, prepare
 from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
 from tuner.navigation.inputs import Steps
+from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
 from tuner.readers.drives import read_drive
 from tuner.records import DataError
 from tuner.synthesis import synthesize
@@ -122,6 +125,71 @@ def test_clock_offset_and_biases_are_found(result):
     np.testing.assert_allclose(sensor @ bias, [2e-3, -1e-3, 1.5e-3], atol=6e-4)
 
 
+def test_constraints_help_through_outages_and_are_counted(file, result):
+    drive = read_drive(file)
+    found = navigate_drive(drive, configuration(), vehicle=Vehicle(0.1, 0.05))
+    counted = accounts(found.solutions)
+    assert counted["non-holonomic"].used > 50
+    assert counted["zero velocity"].used > 20
+    assert all(one.ratio < 1.5 for one in counted.values())
+    # Without vibration, smooth driving looks like standing to the unit: there the gate must speak.
+    assert counted["zero velocity"].refused > 20
+    free, held = (x.consistency for x in (result, found))
+    assert held.outages[-1].rms < 0.8 * free.outages[-1].rms
+    assert held.outages[-1].score.ratio < 2.0
+    assert max(held.errors["position_rms_m"][:2]) < 0.5
+    (_, (pitch, _), (yaw, _)) = found.estimates["mounting"]
+    assert np.abs([pitch, yaw]).max() < np.radians(1.0)
+    assert any("refused by the gate" in note for note in found.notes)
+    assert accounts(result.solutions) == {}
+
+
+def test_mounting_for_constraints_comes_from_motion(data, tmp_path):
+    drive = read_drive(saved(tmp_path / "bare.npz", data))
+    settings, _ = drive_filter(drive, configuration())
+    stretches, _ = prepare(drive, settings)
+    axes = forward_axes(navigate(stretches, settings, np.zeros((0, 2)))[0])
+    off = rotation.rotvec_from_mat(axes.T @ rotation.mat_from_rpy(np.radians(MOUNTING_RPY)))
+    assert np.linalg.norm(off) < np.radians(2.0)
+
+
+def test_vehicle_that_never_stood_is_not_said_to_stand(data, tmp_path):
+    moving = {name: values for name, values in data.items() if name.split("_")[0] != "ref"}
+    late = data["imu_t"] > 1000.0 + STILL + 60.0
+    for name in ("imu_t", "gyro", "accel"):
+        moving[name] = data[name][late]
+    drive = read_drive(saved(tmp_path / "moving.npz", moving, **PLACED))
+    found = navigate_drive(drive, configuration(), vehicle=Vehicle(None, 0.05))
+    assert accounts(found.solutions) == {}
+    assert any("never" in note for note in found.notes)
+
+
+def test_sds_of_the_reference_count(data, tmp_path):
+    n = len(data["ref_t"])
+    rng = np.random.default_rng(5)
+    noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * rng.standard_normal((n, 3)))
+    stating = dict(noisy, ref_vstd=np.full((n, 3), 0.3), ref_pstd=np.zeros((n, 3)), ref_astd=np.zeros((n, 3)))
+    ratios = []
+    for name, arrays_of in (("silent", noisy), ("stating", stating)):
+        drive = read_drive(saved(tmp_path / f"{name}.npz", arrays_of, **PLACED))
+        found = navigate_drive(drive, configuration())
+        ratios.append({s.name: s.ratio for s in found.consistency.blocks}["velocity"])
+    assert ratios[0] > 3.0
+    assert ratios[1] < 1.3
+
+
+def test_few_wrong_attitudes_of_the_reference_do_not_spoil_the_rest(result, file):
+    drive = read_drive(file)
+    (solution,), reference = result.solutions, drive.reference
+    rows = np.flatnonzero(solution.t > 120.0)
+    wrong = reference.rpy.copy()
+    wrong[reference.t < 180.0, 2] += 1.5
+    error = differences(replace(reference, rpy=wrong), solution, rows)
+    right = differences(reference, solution, rows)
+    after = solution.t[rows] > 181.0
+    np.testing.assert_allclose(error[after, 6:], right[after, 6:], atol=2e-3)
+
+
 def test_mounting_may_be_unknown(data, tmp_path):
     drive = read_drive(saved(tmp_path / "bare.npz", data))
     assert drive.mounting is None
@@ -136,7 +204,10 @@ def test_mounting_may_be_unknown(data, tmp_path):
 def test_without_reference_outages_are_scored_by_the_fixes(data, tmp_path):
     bare = {name: values for name, values in data.items() if not name.startswith("ref")}
     found = navigate_drive(read_drive(saved(tmp_path / "bare.npz", bare, **PLACED)), configuration())
-    assert found.consistency.blocks == ()
+    # Instead of a reference there is the smoother, which the filter agrees with.
+    assert [s.name for s in found.consistency.blocks] == ["position", "velocity", "attitude"]
+    assert all(s.ratio < 1.5 for s in found.consistency.blocks)
+    assert any("smoother" in note for note in found.notes)
     assert len(found.consistency.outages) == 3
     assert "position_innovation_rms_m" in found.consistency.errors
 

@@ -24,6 +24,22 @@ if TYPE_CHECKING:
 @click.option("--mounting-rpy", metavar="R,P,Y", help="Mounting angles, deg: v_sensor = Rz Ry Rx v_vehicle.")
 @click.option("--lever-arm", metavar="X,Y,Z", help="From sensor to antenna, forward, right, down, m.")
 @click.option("--state", "states", multiple=True, metavar="NAME=SD", help="A further state; may be repeated.")
+@click.option(
+    "--non-holonomic",
+    is_flag=False,
+    flag_value=0.2,
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="[SD]",
+    help="Wheels do not slip: sideways and vertical velocity within SD m/s (0.2), once a second.",
+)
+@click.option(
+    "--zero-velocity",
+    is_flag=False,
+    flag_value=0.05,
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="[SD]",
+    help="Where the unit is as calm as at the start it stands: velocity within SD m/s (0.05), no turn.",
+)
 @click.option("--strict", is_flag=True, help="Exit status 1 where the filter is not consistent.")
 @common
 def command(
@@ -34,6 +50,8 @@ def command(
     mounting_rpy: str | None,
     lever_arm: str | None,
     states: tuple[str, ...],
+    non_holonomic: float | None,
+    zero_velocity: float | None,
     strict: bool,
     seed: int,
     output: Output,
@@ -47,6 +65,7 @@ def command(
     from tuner.driving import navigate_drive
     from tuner.grades import load_gnss
     from tuner.jsonconsistency import consistency_json
+    from tuner.navigation.vehicle import Vehicle, accounts
     from tuner.readers.drives import read_drive
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.tables import show
@@ -55,7 +74,8 @@ def command(
     further = dict(_state(text) for text in states)
     measured = _placed(read_drive(drive), imu_frame, mounting_rpy, lever_arm)
     messages.say("navigating (kernels are compiled on first use: some ten seconds)")
-    found = navigate_drive(measured, believed, states=further)
+    vehicle = Vehicle(non_holonomic, zero_velocity)
+    found = navigate_drive(measured, believed, states=further, vehicle=vehicle)
     estimates = {
         name: [{"value": value, "sd": sd} for value, sd in values] for name, values in found.estimates.items()
     }
@@ -66,6 +86,7 @@ def command(
         "states": found.settings.size,
         "fixes": sum(len(stretch.fixes) for stretch in found.stretches),
         "estimates": estimates,
+        "constraints": {name: vars(one) for name, one in accounts(found.solutions).items()},
         "seed": seed,
     }
     if output.tables:

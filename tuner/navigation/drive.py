@@ -20,7 +20,7 @@ from models.earth import llh_displaced
 from models.strapdown import NavigationState
 from tuner.navigation import engine
 from tuner.navigation.initial import LONGEST_OFFSET, Alignment, align, named_axes, receiver_lag
-from tuner.navigation.inputs import Fixes, Solution, Steps, split_at
+from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.lag import advanced, interpolated
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
@@ -64,6 +64,7 @@ class Stretch:
     start: NavigationState
     alignment: Alignment
     lag: float = 0.0
+    constraints: Constraints | None = None
 
 
 def prepare(
@@ -148,7 +149,15 @@ def navigate(
         fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
 
         def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
-            return engine.run(settings, stretch.start, stretch.steps, fixes, parameters=x, covariance=p)
+            return engine.run(
+                settings,
+                stretch.start,
+                stretch.steps,
+                fixes,
+                parameters=x,
+                covariance=p,
+                constraints=stretch.constraints,
+            )
 
         if lag:
             fixes = advanced(fixes, stretch.steps, flown(interpolated(fixes, lag)), lag)
