@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes.ageing import UNNAMED
 from tuner.diagnosis.causes.burst import Burst
 from tuner.diagnosis.causes.motion import Motion
 from tuner.diagnosis.causes.step import Step
@@ -25,8 +26,8 @@ from tuner.diagnosis.residual import Residual, relabelled, residual, without
 from tuner.results import Alternative, Gain
 
 PASSES = 16
-POLISHES = 3
-"""Times that parameters are fitted again beside each other in a pass, at most."""
+POLISHES = 2
+"""Times that parameters are fitted again beside each other after a new extension, at most."""
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
 CERTAIN = 60.0
@@ -38,7 +39,7 @@ ALONE = ("burst", "variance_drift")
 GROUPS = (
     ("line", "vibration", "lowpass", "colour"),
     ("spikes", "heavy_tails", "burst", "variance_drift"),
-    ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair"),
+    ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair", UNNAMED),
 )
 """Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
 MEASURED = ("temperature", "thermal_lag")
@@ -121,12 +122,6 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             raised = [better[1]]
         if not raised:
             break
-        wider = _wider(found, raised, len(given))
-        if wider is not None:
-            found = residual(channel, wider, starts=found.starts)
-            base = residual(channel, wider[: len(given)], starts=base.starts)
-            fresh = 0
-            continue
         if any(alarm.local for alarm in raised):
             raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
         if any(alarm.cause in MEASURED for alarm in raised):
@@ -135,6 +130,14 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         if any(alarm.cause == "telegraph" for alarm in raised):
             raised = [alarm for alarm in raised if alarm.cause != "gauss_markov"]
         chosen = _clearest(raised)
+        paths = any(alarm.cause == "telegraph" for alarm in chosen)
+        jumps = [alarm for alarm in raised if alarm in chosen or (paths and alarm.cause == "step")]
+        wider = _wider(found, jumps, len(given))
+        if wider is not None:
+            found = residual(channel, wider, starts=found.starts)
+            base = residual(channel, wider[: len(given)], starts=base.starts)
+            fresh = 0
+            continue
         if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
             chosen = [max(broad, key=lambda alarm: alarm.gain)]
         new: list[Extension] = []
@@ -146,7 +149,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         fresh = len(new)
         starts = None if any(x.cause in BROAD for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts)
-        for _ in range(POLISHES):
+        for _ in range(POLISHES if any(x.cause in GROUPS[0] for x in new) else 1):
             polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
             if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
                 break
@@ -155,7 +158,8 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     found = _refined(found)
     refined = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
-    left = tuple(a for a in alarms if a.p_value < threshold and a.propose is None)
+    nameless = [a.alarm for a in accepted if a.extension.cause == UNNAMED]
+    left = (*nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
 
 
@@ -199,6 +203,7 @@ def _with_rivals(
         a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
         for a in before
         if a.propose is not None
+        and a.cause != UNNAMED
         and (one.alarm.cause, a.cause)
         != ("telegraph", "gauss_markov")  # its statistic has beaten that already
         and a.cause in silent

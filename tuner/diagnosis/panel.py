@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from tuner.diagnosis import modulation
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes import (
+    ageing,
     burst,
     colour,
     gauss_markov,
@@ -35,7 +36,7 @@ from tuner.diagnosis.shape import shape_test
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
-FAMILIES = 25
+FAMILIES = 26
 """Families of tests a channel, those of hygiene and of several channels included."""
 
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
@@ -45,6 +46,7 @@ SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
         "thermal_lag": thermal_lag.test,
         "step": step.test,
         "warmup": warmup.test,
+        ageing.UNNAMED: ageing.test,
         "telegraph": telegraph.test,
         "gauss_markov": gauss_markov.test,
         "spikes": spikes.test,
