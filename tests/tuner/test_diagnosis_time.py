@@ -1,0 +1,80 @@
+"""Slow causes: where they begin, what they leave behind, and what has no name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, sosfilt
+
+from models.noise import BiasInstability, NoiseModel, RandomWalk, White
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.covariate import hold, smoothed
+from tuner.records import Record
+from tuner.simulation import Channel, simulate
+
+SPAN, RATE = 1200.0, 50.0
+COUNT = int(SPAN * RATE)
+TIME = np.arange(COUNT) / RATE
+CELSIUS = 25.0 + 5.0 * np.sin(2.0 * np.pi * TIME / 700.0 + 0.3)
+NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))
+
+
+def record(added: np.ndarray, *, celsius: np.ndarray | None = None, noise: NoiseModel = NOISE) -> Record:
+    """Return noise with a signal, shape (n,), added."""
+    made = simulate({"gyro_x": Channel(noise)}, duration=SPAN, rate=RATE, seed=4)[0][0]
+    covariates = {} if celsius is None else {"temperature": celsius}
+    return Record(
+        "gyro", made.t, made.y + added[:, None], made.axes, made.unit, made.interval, covariates=covariates
+    )
+
+
+def test_a_large_step_is_placed_to_the_sample_and_leaves_nothing():
+    first = 33_337
+    (finding,) = diagnose(record(np.where(np.arange(COUNT) >= first, 0.02, 0.0))).findings
+    assert finding.cause == "step"
+    time = finding.parameters["time"]
+    assert abs(time.value - first / RATE) < 0.2
+    assert time.interval[1] - time.interval[0] < 1.0
+
+
+def test_a_lag_may_start_out_of_balance():
+    """The temperature inside is 8 K off at first: no warm-up beside the lag."""
+    phi = np.exp(-1.0 / (150.0 * RATE))
+    inside = lfilter([1.0 - phi], [1.0, -phi], CELSIUS, zi=[phi * (CELSIUS[0] + 8.0)])[0]
+    (finding,) = diagnose(record(2e-3 * inside, celsius=CELSIUS)).findings
+    assert finding.cause == "thermal_lag"
+    low, high = finding.parameters["time_constant"].interval
+    assert abs(finding.parameters["time_constant"].value - 150.0) < 1.5 * (high - low)  # 6 sd
+
+
+def test_a_slope_that_changes_is_told_without_a_name():
+    diagnosis = diagnose(record(2e-3 * (CELSIUS - 25.0) * (TIME / SPAN - 0.5), celsius=CELSIUS))
+    assert diagnosis.findings == ()
+    assert any("temperature × time" in u.statistic for u in diagnosis.unexplained)
+
+
+def test_slow_sway_is_motion():
+    inside = (TIME > 500.0) & (TIME < 560.0)
+    sway = sosfilt(
+        butter(2, [0.1, 3.0], "band", fs=RATE, output="sos"),
+        np.random.default_rng(1).standard_normal(inside.sum()),
+    )
+    y = np.zeros(COUNT)
+    y[inside] = 0.2 * sway / sway.std() * np.hanning(len(sway))
+    (finding,) = diagnose(record(y)).findings
+    assert finding.cause == "motion"
+    start, duration = (finding.parameters[k].value for k in ("start", "duration"))
+    assert 480.0 < start < 515.0
+    assert 545.0 < start + duration < 580.0
+
+
+@pytest.mark.parametrize(("held", "share"), [(1, 0.3), (8, 0.5)])
+def test_a_thermometer_is_smoothed_where_its_noise_allows(held, share):
+    """Curved at the start, noisy and held: a share of the noise is left, at the start as well."""
+    t = np.linspace(0.0, 1.0, 4096)
+    truth = 20.0 - 3.0 * np.exp(-t / 0.1)
+    noisy = truth + 0.05 * np.random.default_rng(2).standard_normal(4096)
+    readings = 0.01 * np.round(noisy / 0.01)[np.arange(4096) // held * held]
+    curve = smoothed(readings, 0.01, hold(readings))
+    assert np.std(curve - truth) < share * 0.05
+    assert abs(curve[0] - truth[0]) < 0.1
