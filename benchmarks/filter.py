@@ -3,7 +3,8 @@
     python benchmarks/filter.py [SECONDS] [RUNS]
 
 Times are processor time of one thread; only the ratios mean anything elsewhere. SECONDS of the drive defaults
-to 600, RUNS of the Monte-Carlo study to 8; both are scaled to an hour and to a hundred runs.
+to 600, RUNS of the Monte-Carlo study to 48; both are scaled to an hour and to a hundred runs. "alone" is one
+filter, "among many" each of RUNS that fly together, both without sensor noise; predict is the same with no fix.
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ def main(duration: float, runs: int) -> None:
                 plan.truth.vel_n,
                 np.tile([1.5, 1.5, 3.0, 0.05, 0.05, 0.1], (len(plan.times), 1)),
             )
+            no_fixes = Fixes(*(part[:0] for part in (fixes.t, fixes.after, fixes.llh, fixes.vel_n, fixes.sd)))
             keep = short.after[-1]
             few = Fixes(
                 fixes.t[: len(short.times)],
@@ -82,18 +84,28 @@ def main(duration: float, runs: int) -> None:
                 fixes.sd[: len(short.times)],
             )
             slow = seconds(lambda s=settings, f=few: reference.run(s, short.start, short.steps, f), 1) / keep
-            fast = seconds(lambda s=settings, f=fixes: engine.run(s, plan.start, plan.steps, f))
-            fast /= len(plan.steps.dt)
             name = f"{title}, covariance every {step:g} s"
-            print(f"{name:34s}{settings.size:7d}{1e9 * fast:11.0f}{fast * 360000:8.3f}s{slow / fast:8.0f}×")
+            print(f"{name:34s}{settings.size:7d}")
+            for what, given in (("predict", no_fixes), ("filter", fixes)):
+                alone = seconds(lambda s=settings, f=given: engine.run(s, plan.start, plan.steps, f))
+                many = seconds(
+                    lambda s=settings, f=given: engine.run_together(
+                        s, [plan.start] * runs, plan.steps, [f] * runs
+                    )
+                )
+                for number, spent in (("alone", alone), ("among many", many / runs)):
+                    each = spent / len(plan.steps.dt)
+                    ratio = f"{slow / each:8.0f}×" if given is fixes else ""
+                    line = f"  {what} {number}"
+                    print(f"{line:34s}{'':7s}{1e9 * each:11.0f}{each * 360000:8.3f}s{ratio}")
             study = replace(plan, outages=none)
-            start = time.process_time()
-            simulate(settings, sensor, study, runs=runs, seed=1)
-            spent = (time.process_time() - start) / runs * 3600.0 / duration * 100.0
-            print(f"{'  100 runs of an hour with noise':34s}{spent:35.1f}s")
+            spent = seconds(lambda s=settings, p=study, u=sensor: simulate(s, u, p, runs=runs, seed=1), 1)
+            print(
+                f"{'  100 runs of an hour with noise':34s}{spent / runs * 3600.0 / duration * 100.0:26.1f}s"
+            )
         bare = predict_alone(settings.size)
         print(f"{'  filterpy predict alone':34s}{settings.size:7d}{1e9 * bare:11.0f}")
 
 
 if __name__ == "__main__":
-    main(*(float(a) for a in sys.argv[1:2] or ["600"]), *(int(a) for a in sys.argv[2:3] or ["8"]))
+    main(*(float(a) for a in sys.argv[1:2] or ["600"]), *(int(a) for a in sys.argv[2:3] or ["48"]))
