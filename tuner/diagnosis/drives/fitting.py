@@ -7,8 +7,8 @@
 
 A parameter is *held* where the record alone, the others being free, says more of it than a factor e either way
 (1/C_jj − 1/σ_j² > 1). Its interval is that of the quadratic where it is narrow, else where the likelihood, along the
-ridge of the others, has fallen by 1.92; without a lower end there is only an upper limit (1.35). A wide prior keeps
-the search within bounds and has no part in intervals.
+ridge of the others and with one step of theirs more, has fallen by 1.92; without a lower end there is only an upper
+limit (1.35). A wide prior keeps the search within bounds and has no part in intervals.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from tuner.diagnosis.drives.likelihood import Belief, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient
 from tuner.diagnosis.drives.scales import Scales
 from tuner.results import Coefficient
 
@@ -112,13 +112,16 @@ class Fit:
         """Return the value of a parameter where the objective, along the ridge, has fallen by `drop`."""
         ridge = self.covariance[:, j] / self.covariance[j, j]
         sd = float(np.sqrt(self.covariance[j, j]))
-
+        others = self.covariance - np.outer(ridge, self.covariance[j])
         known = np.where(self.prior_sd < WIDE, self.prior_sd, np.inf)
         top = self.log_likelihood - 0.5 * float(np.sum((self.estimate / known) ** 2))
 
         def fallen(distance: float) -> bool:
             x = np.clip(self.estimate + side * distance * ridge, -FAR, FAR)
-            value = evaluate(self.scales.change(self.start, x)).value
+            belief = self.scales.change(self.start, x)
+            found, gradient = evaluate_with_gradient(belief)
+            slopes = self.scales.slopes(self.start, x, gradient) - x / self.prior_sd**2
+            value = found.value + 0.5 * float(slopes @ others @ slopes)
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
 
         most = FAR - side * float(self.estimate[j])

@@ -101,7 +101,7 @@ class Likelihood:
 class Gradient:
     """Derivatives of ln L by logs of the noise, deleted residuals, and scores of impulses.
 
-    The last three suppose that all rows taken count.
+    The last four suppose that all rows taken count.
 
     Attributes
     ----------
@@ -113,6 +113,8 @@ class Gradient:
         By ln markov_sd.
     deleted : ndarray, shape (k, 6)
         What each row is off given all other rows taken, by its sd; NaN where there is none.
+    precision : ndarray, shape (k, 6)
+        Inverse variance of a row given all other rows, 0 where it is not taken.
     score, information : ndarray, shapes (k, 6), (k, 6, 6)
         Of an impulse in the biases of gyroscopes and accelerometers just after each fix: I⁻¹ score is its size.
     """
@@ -121,6 +123,7 @@ class Gradient:
     by_drive: FloatArray
     by_markov_sd: FloatArray
     deleted: FloatArray
+    precision: FloatArray
     score: FloatArray
     information: FloatArray
 
@@ -145,6 +148,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         np.zeros(4),
         np.zeros(3),
         np.full((k, 6), np.nan),
+        np.zeros((k, 6)),
         np.zeros((k, max(b, 0))),
         np.zeros((k, max(b, 0), max(b, 0))),
     )
@@ -167,6 +171,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         gradient.by_drive,
         gradient.by_markov_sd,
         gradient.deleted,
+        gradient.precision,
         gradient.score,
         gradient.information,
     )

@@ -2,8 +2,9 @@
 
 `fit_noise` estimates all factors together, true ÷ assumed; prior knowledge, such as the intervals of a static
 identification, enters as sds of the logs. The tests `gnss_noise_scale` and `imu_noise_scale` ask for each factor
-alone, the rest as believed: score and curvature of ln L by the log x of the factor first, a refit where they promise
-something. The null of a factor whose log is known to σ only is a factor anywhere about 1 with that σ::
+alone, the rest as believed: score and curvature of ln L by the log x of the factor first (of R: 2 Σ (r d)², d the
+precision of a row given all others), a refit where they promise something. The null of a factor whose log is known to
+σ only is a factor anywhere about 1 with that σ::
 
     LR = max_x 2 ln L(x) − max_x [2 ln L(x) − x²/σ²] ~ χ²₁,    exactly known (σ = 0): 2 ln L(x̂) − 2 ln L(0)
 
@@ -34,10 +35,12 @@ PROMISING = 6.0
 """Score statistic from which a refit is worth its time."""
 SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROWS, 0.1)}
 """Share of the family's error rate that goes to each factor of R."""
+SURE = 10.0
+"""Curvature by a log above which the slope tells of large factors, too."""
 FLAT = 0.25
 """Curvature by a log below which the drive says nothing of a factor."""
 TRIALS = (1.0, 2.5)
-"""Logs of large factors on Q that are tried: far from the truth ln L is flat, and its slope says little."""
+"""Logs of large factors on Q that are tried where ln L is flat here: its slope may say little of them."""
 SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
 _STEP = 0.02
@@ -75,12 +78,15 @@ def scores(belief: Belief) -> Scores:
     scales, zero = factors(names), np.zeros(len(names))
     found, gradient = evaluate_with_gradient(belief)
     slope = scales.slopes(belief, zero, gradient)
+    own = 2.0 * np.where(belief.counted, gradient.precision * belief.sd**2, 0.0) ** 2
     curvature, tried = np.empty(len(names)), np.zeros(len(names))
     for j, unit in enumerate(np.eye(len(names))):
-        moved = scales.change(belief, _STEP * unit)
-        other = scales.slopes(belief, zero, evaluate_with_gradient(moved)[1])
+        if names[j] not in GROUPS:
+            curvature[j] = own[:, (ROWS | BLOCKS)[names[j]]].sum()
+            continue
+        other = scales.slopes(belief, zero, evaluate_with_gradient(scales.change(belief, _STEP * unit))[1])
         curvature[j] = (slope[j] - other[j]) / _STEP
-        if names[j] in GROUPS:
+        if curvature[j] < max(SURE, abs(slope[j])):
             trials = [evaluate(scales.change(belief, log * unit)).value for log in TRIALS]
             tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
     return Scores(names, found.value, slope, curvature, tried)

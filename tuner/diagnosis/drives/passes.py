@@ -225,13 +225,15 @@ def backward(
     by_drive: FloatArray,
     by_markov: FloatArray,
     deleted: FloatArray,
+    precision: FloatArray,
     score: FloatArray,
     information: FloatArray,
 ) -> None:
     """Set the derivatives of ln L by the logs of the sds (k, 6), of the factors (4,) and of markov_sd (3,).
 
-    Also sets what each row is off given all other rows, by its sd, deleted (k, 6), and score (k, b) and information
-    (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; both where all rows taken count.
+    Also sets what each row is off given all other rows, by its sd, deleted (k, 6), its inverse variance d, precision
+    (k, 6), and score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; all
+    three where all rows taken count.
     """
     k, n, size, b = phi.shape[0], phi.shape[1], gains.shape[2], score.shape[1]
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
@@ -265,6 +267,7 @@ def backward(
             u = own * pull - Kr
             weight = own / variance + KNK
             deleted[i, row] = u / np.sqrt(weight)
+            precision[i, row] = weight
             by_sd[i, row] = sd[i, row] ** 2 * (u * u - weight - 2.0 * (1.0 - own) * Kr * pull)
             h[:n] = H[i, row]
             if size > n:
