@@ -6,7 +6,7 @@ from typing import Any
 
 from tuner.files import plain
 from tuner.jsonio import coefficient_json
-from tuner.results import Diagnosis, Finding, Gain
+from tuner.results import Demand, Diagnosis, DriveDiagnosis, Finding, Gain, Unexplained
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -15,13 +15,48 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "schema": "tuner.diagnosis/1",
         "quiet": diagnosis.quiet,
         "findings": [finding_json(finding) for finding in diagnosis.findings],
-        "unexplained": [
-            {"statistic": u.statistic, "channels": list(u.channels), "p_value": plain(float(u.p_value))}
-            for u in diagnosis.unexplained
-        ],
+        "unexplained": [_unexplained(one) for one in diagnosis.unexplained],
         "notes": list(diagnosis.notes),
         "models": {axis: plain(model.as_dict()) for axis, model in diagnosis.models.items()},
     }
+
+
+def drive_diagnosis_json(diagnosis: DriveDiagnosis) -> dict[str, Any]:
+    """Return the diagnosis of a drive: besides, what cannot be told apart, and what each noise setting is asked."""
+    return {
+        "schema": "tuner.diagnosis/1",
+        "quiet": diagnosis.quiet,
+        "findings": [finding_json(finding) for finding in diagnosis.findings],
+        "unexplained": [_unexplained(one) for one in diagnosis.unexplained],
+        "inseparable": [{"causes": list(i.causes), "text": i.text} for i in diagnosis.inseparable],
+        "notes": list(diagnosis.notes),
+        "gain": None if diagnosis.gain is None else gain_json(diagnosis.gain),
+        "demands": [demand_json(one) for one in diagnosis.demands],
+        "compensation": plain(dict(diagnosis.compensation)),
+    }
+
+
+def demand_json(one: Demand) -> dict[str, Any]:
+    """Return what a drive asks of one noise setting."""
+    stated, factor = one.stated, one.plain
+    asked: dict[str, Any] | None = None
+    if stated is not None and factor.value is not None:
+        interval = None if factor.interval is None else [stated * end for end in factor.interval]
+        asked = {"value": stated * factor.value, "interval": interval}
+    return {
+        "quantity": one.quantity,
+        "stated": {"value": plain(one.stated), "unit": one.unit},
+        "asked": plain(asked),
+        "factor": coefficient_json(one.plain),
+        "factor_with_findings": coefficient_json(one.named),
+        "causes": list(one.causes),
+        "identifiable": one.identifiable,
+        "text": one.text,
+    }
+
+
+def _unexplained(one: Unexplained) -> dict[str, Any]:
+    return {"statistic": one.statistic, "channels": list(one.channels), "p_value": plain(float(one.p_value))}
 
 
 def finding_json(finding: Finding) -> dict[str, Any]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from tuner.commands.options import Output, Reading, common, reading
-from tuner.commands.sources import load_records
+from tuner.commands.sources import is_drive, load_examined, load_records
 from tuner.progress import Messages
+from tuner.records import DataError
 
 
 @click.command("diagnose", short_help="What the simulation gets wrong, why, and the gain of saying so.")
-@click.argument("log")
+@click.argument("log", metavar="LOG|DRIVE")
 @click.option("--holdout", metavar="LOG2", help="A second log of the same unit, to measure the gain on.")
+@click.option(
+    "--config", metavar="CONFIG", help="Of a drive: YAML or built-in grade that the filter believes."
+)
+@click.option("--gnss", metavar="GRADE", help="Of a drive: built-in receiver, where fixes report no sds.")
 @click.option(
     "--replicas", type=click.IntRange(min=0), default=0, show_default=True, help="Replicas for bands."
 )
@@ -21,6 +28,8 @@ from tuner.progress import Messages
 def command(
     log: str,
     holdout: str | None,
+    config: str | None,
+    gnss: str | None,
     replicas: int,
     strict: bool,
     reading: Reading,
@@ -28,7 +37,20 @@ def command(
     output: Output,
     messages: Messages,
 ) -> int:
-    """Fit the base noise to a static log, test what is left in every way, name the causes of alarms."""
+    """Fit the base noise to a static log, test what is left in every way, name the causes of alarms.
+
+    Of a drive (NPZ with fixes, folder with imu.csv and gnss.csv, YAML of KF-GINS) the filter is criticised: the one of
+    CONFIG, or without it one made from the parts in which the vehicle stands.
+    """
+    if is_drive(log):
+        if holdout is not None:
+            msg = f"--holdout {holdout}: expected with a static log; of a drive the last 40 % are held out"
+            raise DataError(msg)
+        return _drive(log, config, gnss, strict, seed, output, messages)
+    if config is not None or gnss is not None:
+        given = "--config" if config is not None else "--gnss"
+        msg = f"{given}: expected with a drive, but {Path(log).name} has no fixes"
+        raise DataError(msg)
     from tuner.diagnosis import diagnose
     from tuner.jsondiagnosis import diagnosis_json
     from tuner.report.diagnosis_tables import diagnosis_tables
@@ -41,4 +63,29 @@ def command(
     if output.tables:
         show(diagnosis_tables(found))
     output.write(diagnosis_json(found))
+    return 1 if strict and found.unexplained else 0
+
+
+def _drive(
+    drive: str,
+    config: str | None,
+    gnss: str | None,
+    strict: bool,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> int:
+    """Criticise the filter of a drive."""
+    from tuner.commands.check import load_filter
+    from tuner.grades import load_gnss
+    from tuner.jsondiagnosis import drive_diagnosis_json
+    from tuner.report.drive_tables import drive_tables
+    from tuner.report.tables import show
+
+    receiver = None if gnss is None else load_gnss(gnss)
+    believed = None if config is None else load_filter(config, receiver)
+    found = load_examined(drive, believed, receiver, seed, messages).diagnosis
+    if output.tables:
+        show(drive_tables(found))
+    output.write(drive_diagnosis_json(found))
     return 1 if strict and found.unexplained else 0

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from tuner.commands.options import Reading
 from tuner.progress import Messages
 from tuner.records import DataError, Record
-from tuner.results import GnssNoise, Identification
+from tuner.results import FilterConfig, GnssNoise, Identification
 
 if TYPE_CHECKING:
+    from tuner.diagnosis.drives import Examined
     from tuner.identification.arma import Likelihood
     from tuner.identification.receiver import ReceiverErrors
 
@@ -115,3 +116,41 @@ def load_identification(
         messages.say("several poses: `tuner tune` also calibrates the sensors from them")
     messages.say("identifying")
     return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)
+
+
+def is_drive(source: str) -> bool:
+    """Tell a drive (a folder, an NPZ with fixes, a YAML of KF-GINS) from a log of the inertial unit alone."""
+    import zipfile
+
+    path = Path(source)
+    if path.is_dir():
+        return True
+    if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as file:
+            return "gnss_t.npy" in file.namelist()
+    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+        head = path.read_text(encoding="utf-8", errors="replace")
+        return "imupath" in head and "gnsspath" in head
+    return False
+
+
+def load_examined(
+    source: str, config: FilterConfig | None, receiver: GnssNoise | None, seed: int, messages: Messages
+) -> Examined:
+    """Read a drive and criticise the filter of a configuration, by default of one made from the drive itself."""
+    from dataclasses import replace
+
+    from tuner.diagnosis.drives import examine_drive
+    from tuner.diagnosis.drives.inflation import demands
+    from tuner.readers.drives import read_drive
+    from tuner.standing import config_of_drive, standing
+
+    drive = read_drive(source)
+    found = standing(drive)
+    believed = config or config_of_drive(drive, found, gnss=receiver)
+    messages.say("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
+    examined = examine_drive(drive, believed, seed=seed, progress=messages.say)
+    messages.say("explaining what the drive asks of each noise setting")
+    asked = demands(examined, found.vibration)
+    notes = examined.diagnosis.notes if config else (*believed.notes, *examined.diagnosis.notes)
+    return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked, notes=notes))

@@ -17,7 +17,7 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
     if diagnosis.quiet:
         answer.append("  nothing found: the log is what a simulation of its noise terms would be")
     if diagnosis.findings:
-        answer.append(_table(diagnosis.findings))
+        answer.append(findings_table(diagnosis.findings, "What the simulation gets wrong"))
     for finding in diagnosis.findings:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
         if finding.gain is not None and (told := gain_words(finding.gain)):
@@ -56,8 +56,9 @@ def hidden_words(judged: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def _table(findings: tuple[Finding, ...]) -> Table:
-    table = Table(title="What the simulation gets wrong")
+def findings_table(findings: Sequence[Finding], title: str) -> Table:
+    """Return one row a finding."""
+    table = Table(title=title)
     for head in ("cause", "channels", "parameters (95 % interval)", "p", "gain", "could also be"):
         table.add_column(head)
     for f in findings:
@@ -65,7 +66,7 @@ def _table(findings: tuple[Finding, ...]) -> Table:
             f.cause,
             ", ".join(f.channels),
             "\n".join(f"{name} {_say(c)}" for name, c in f.parameters.items()),
-            f"{f.p_value:.1e}",
+            f"{f.p_value:.1e}" if f.p_value > 0.0 else "< 1e-300",
             "–" if f.gain is None else f"{digits(f.gain.nats)} nats ({f.gain.split})",
             ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",
         )

@@ -18,6 +18,7 @@ from tuner.results.config import (
 from tuner.results.curves import AllanCurve, Correlogram, Spectrum
 from tuner.results.diagnosis import (
     Alternative,
+    Demand,
     Diagnosis,
     DriveDiagnosis,
     Finding,
@@ -45,6 +46,7 @@ __all__ = [
     "ChannelNoise",
     "Coefficient",
     "Correlogram",
+    "Demand",
     "Diagnosis",
     "DriveDiagnosis",
     "FilterConfig",

@@ -156,6 +156,41 @@ class Inseparable:
 
 
 @dataclass(frozen=True)
+class Demand:
+    """What a drive asks of one setting of the filter, before and after its causes are named.
+
+    Attributes
+    ----------
+    quantity : str
+        ``gyro_white``, ``accel_white``, ``gyro_bias``, ``accel_bias``, ``position`` or ``velocity``.
+    stated : float or None
+        What the static identification (or the receiver) says, root mean square over the axes, SI; None where the
+        filter has no such noise.
+    unit : str
+        Of `stated`.
+    plain : Coefficient
+        Factor on it that the drive asks for with nothing named.
+    named : Coefficient
+        The same with all findings in the filter.
+    causes : tuple of str
+        Codes of what accounts for the factor, ``unknown`` for what nothing does; empty where nothing is asked.
+    identifiable : bool
+        Whether the drive tells the factor at all.
+    text : str
+        All that in words.
+    """
+
+    quantity: str
+    stated: float | None
+    unit: str
+    plain: Coefficient
+    named: Coefficient
+    causes: tuple[str, ...]
+    identifiable: bool
+    text: str
+
+
+@dataclass(frozen=True)
 class DriveDiagnosis:
     """What the navigation simulation gets wrong on a measured drive.
 
@@ -174,6 +209,8 @@ class DriveDiagnosis:
         What was done, and what is worth knowing.
     gain : Gain or None
         All findings together on the last 40 % of the drive, parameters from the first 60 %.
+    demands : tuple of Demand
+        Inflation of each noise setting, explained.
     """
 
     findings: tuple[Finding, ...]
@@ -183,6 +220,7 @@ class DriveDiagnosis:
     inseparable: tuple[Inseparable, ...] = ()
     notes: tuple[str, ...] = ()
     gain: Gain | None = None
+    demands: tuple[Demand, ...] = ()
 
     @property
     def quiet(self) -> bool:

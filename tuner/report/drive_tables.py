@@ -1,0 +1,94 @@
+"""The diagnosis of a drive for the terminal and the page: findings, gain, explained inflation, what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from tuner.diagnosis.drives.inflation import covers, said
+from tuner.report.customary import customary_unit, digits, in_customary, pretty
+from tuner.report.diagnosis_tables import findings_table, gain_words
+from tuner.results import Demand, DriveDiagnosis, Gain
+
+
+def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
+    """Return findings with their words, the gain, the inflations with their causes, and what stays open."""
+    answer: list[Table | str] = []
+    if found.quiet:
+        answer.append("  nothing found: the drive is what a simulation of this filter would be")
+    if found.findings:
+        answer.append(findings_table(found.findings, "What the navigation simulation gets wrong"))
+    for finding in found.findings:
+        answer.append(f"  {finding.text} → {finding.consequence}")
+    if found.gain is not None:
+        answer.append(f"  {whole_gain(found.gain)}")
+    answer += [f"  {one.text}" for one in found.inseparable]
+    answer += [
+        f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the drive has more in it than was named"
+        for u in found.unexplained
+    ]
+    if found.demands:
+        answer += inflation_tables(found.demands)
+    return answer + [f"  note: {note}" for note in found.notes]
+
+
+def whole_gain(gain: Gain) -> str:
+    """Say what all findings together are worth."""
+    more = f"; {text}" if (text := gain_words(gain)) else ""
+    return f"all findings together ({gain.split}): {digits(gain.nats)} nats of likelihood gained{more}"
+
+
+def inflation_tables(demands: Sequence[Demand]) -> list[Table | str]:
+    """Return one row a noise setting: what is stated, what the drive asks for, why."""
+    table = Table(title="What the drive asks of each noise setting (95 % intervals)")
+    for head in ("setting", "stated", "drive asks for", "factor", "with all findings", "accounted for by"):
+        table.add_column(head)
+    for one in demands:
+        table.add_row(SHORT[one.quantity], *_cells(one))
+    return [table, *(f"  {one.text}" for one in demands if one.causes)]
+
+
+def _cells(one: Demand) -> tuple[str, ...]:
+    quantity, si = _CUSTOMARY[one.quantity]
+    unit = pretty(customary_unit(quantity, si)) if quantity else one.unit
+
+    def shown(factor: float) -> str:
+        assert one.stated is not None
+        value = factor * one.stated
+        return digits(in_customary(value, quantity, si) if quantity else value)
+
+    if one.stated is None:
+        return "–", "–", "–", "–", "not in the filter"
+    stated = f"{shown(1.0)} {unit}"
+    if not one.identifiable:
+        return stated, "–", "–", "–", "not identifiable on this drive"
+    asked = "–"
+    if one.plain.value is not None and one.plain.interval is not None:
+        low, high = (shown(end) for end in one.plain.interval)
+        asked = f"{shown(one.plain.value)} ({low} … {high}) {unit}"
+    elif one.plain.upper is not None:
+        asked = f"below {shown(one.plain.upper)} {unit}"
+    why = ", ".join(cause.replace("_", " ") for cause in one.causes)
+    nothing = "nothing to account for" if covers(one.plain) else "the findings"
+    return stated, asked, said(one.plain), said(one.named), why or nothing
+
+
+SHORT = {
+    "gyro_white": "gyro white",
+    "accel_white": "accel white",
+    "gyro_bias": "gyro bias",
+    "accel_bias": "accel bias",
+    "position": "R position",
+    "velocity": "R velocity",
+}
+"""Settings as a table names them."""
+_CUSTOMARY = {
+    "gyro_white": ("white.density", "rad/s"),
+    "accel_white": ("white.density", "m/s^2"),
+    "gyro_bias": ("random_walk.density", "rad/s"),
+    "accel_bias": ("random_walk.density", "m/s^2"),
+    "position": ("", ""),
+    "velocity": ("", ""),
+}
+"""Customary quantity and sensor unit of a setting."""
