@@ -30,6 +30,10 @@ from tuner.results import ChannelNoise, Coefficient, FilterConfig, MarkovState
 
 FloatArray = NDArray[np.float64]
 
+STRONG = 1e-9
+"""Chance below which a shift is believed whatever the noise."""
+JUMPS = 2
+"""Most jumps that are named; more of them are another thing."""
 MEAN_TITLE = "score of the sensitivity of the innovations"
 
 
@@ -71,25 +75,34 @@ def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
 def candidates(
     found: Pass, w: Whitened, accepted: tuple[str, ...], threshold: float
 ) -> tuple[Candidate, ...]:
-    """Return what families say of a pass, kind by kind, until one of a kind alarms.
+    """Return what families say of a pass; accepted shifts are fitted beside every test.
 
-    What shifts innovations leaks into the noise of the fixes, and everything into that of the sensors: so those are
-    asked last. Accepted shifts are fitted beside every test.
+    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure: strong shifts and single
+    fixes are asked first, then noise and jumps, and weak shifts are listened to last. A family that comes later is not
+    asked, or taken for silent, while an earlier one alarms.
     """
     record = found.record
     belief = belief_of(found, accepted)
     every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
     masked = mask(every)
-    asked = [shift(one) for one in families(w, record.parameters, accepted)]
-    asked += [_claimed(outliers(every, masked, cause)) for cause in KINDS]
-    asked.append(_claimed(bias_jump(belief)))
-    if any(one.raised(threshold) for one in asked):
-        return tuple(asked)
+    shifts = [shift(one) for one in families(w, record.parameters, accepted)]
+    fixes = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
+    if any(one.raised(STRONG) for one in (*shifts, *fixes)):
+        return (*shifts, *fixes)
     told = scores(belief)
-    asked += [_claimed(gnss_noise(belief, told)), _claimed(correlated_gnss(belief, evaluate(belief)))]
-    if not any(one.raised(threshold) for one in asked):
-        asked.append(_claimed(imu_noise(belief, told)))
-    return tuple(asked)
+    noise = [
+        _claimed(claim)
+        for claim in (
+            gnss_noise(belief, told),
+            correlated_gnss(belief, evaluate(belief)),
+            imu_noise(belief, told),
+            bias_jump(belief),
+        )
+        if claim.alarm.cause != JUMP or len(found.hypothesis.jumps) < JUMPS
+    ]
+    if any(one.raised(threshold) for one in (*fixes, *noise)):
+        return (*fixes, *noise)
+    return (*shifts, *fixes, *noise)
 
 
 def _claimed(claim: Claim) -> Candidate:
