@@ -28,6 +28,7 @@ from tuner.drivescores import against_reference, against_smoother, blocks, error
 from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
 from tuner.navigation.inputs import GATED, WITHHELD, Solution
+from tuner.navigation.outliers import without_outliers
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.navigation.vehicle import MOUNTING_SD, Vehicle, accounts, constrained, told
 from tuner.records import Drive, Reference
@@ -116,6 +117,12 @@ def navigate_drive(
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
     drive = compensated(drive, config.compensation)
+    gnss, positions, velocities = without_outliers(drive.gnss)
+    left_out = (
+        f"{positions} fixes and {velocities} velocities left out: they contradict those within a second"
+    )
+    if positions or velocities:
+        drive = replace(drive, gnss=gnss, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
     settings, assumed = drive_filter(drive, config, states=states)

@@ -21,9 +21,10 @@ from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.drive import navigate, prepare
 from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
 from tuner.navigation.inputs import Steps
+from tuner.navigation.outliers import without_outliers
 from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
 from tuner.readers.drives import read_drive
-from tuner.records import DataError
+from tuner.records import DataError, Gnss
 from tuner.synthesis import synthesize
 
 INTERVAL = 0.02
@@ -234,6 +235,27 @@ def test_outliers_are_refused_and_counted(data, tmp_path):
     assert abs(found.consistency.errors["position_rms_m"][2]) < 1.0
 
 
+def test_fixes_that_contradict_their_neighbours_are_left_out():
+    rng = np.random.default_rng(8)
+    motion = TRAJECTORIES["city"](200.0)
+    t = np.arange(1.0, 199.0, 0.2)
+    llh, vel = perfect_fixes(motion, t)
+    llh = llh + rng.standard_normal(llh.shape) * np.array([2.0, 2.0, 4.0]) / [6.37e6, 4.2e6, 1.0]
+    vel = vel + 0.1 * rng.standard_normal(vel.shape)
+    sd = np.ones_like(llh)
+    clean = Gnss(t, llh, vel, sd, sd)
+    assert without_outliers(clean)[1:] == (0, 0)
+    bad, lost = llh.copy(), vel.copy()
+    bad[50:900:23, 0] += 40.0 / 6.37e6
+    lost[60:900:31] += [10.0, -5.0, 0.0]
+    kept, positions, velocities = without_outliers(Gnss(t, bad, lost, sd, sd))
+    assert positions == len(range(50, 900, 23))
+    assert 24 <= velocities <= len(range(60, 900, 31))  # in hard turns neighbours scatter, too
+    assert not set(t[50:900:23].tolist()) & set(kept.t.tolist())
+    sparse = Gnss(t[::10], bad[::10], vel[::10], sd[::10], sd[::10])
+    assert without_outliers(sparse)[1:] == (0, 0)  # too few neighbours to judge: the gate's business
+
+
 def test_diverging_filter_is_reported(data, tmp_path, capsys):
     lost = dict(data)
     llh = data["gnss_llh"].copy()
@@ -261,8 +283,6 @@ def test_standing_and_lag(data, tmp_path):
 def test_alignment_needs_motion(data):
     t = data["imu_t"] - 1000.0
     steps = Steps(0.0, np.diff(t, prepend=0.0), np.hstack([data["gyro"], data["accel"]]) * INTERVAL)
-    from tuner.records import Gnss
-
     k = 30
     still = Gnss(
         data["gnss_t"][:k] - 1000.0,
@@ -407,6 +427,7 @@ def test_navigate_from_the_command_line(file, tmp_path, capsys):
 
 DRIVES = {
     "hipnuc_span_20220320_11": ("icm20602", "spp"),
+    "hipnuc_span_20220405": ("icm20602", "spp"),
     "rtkexplorer_drive_0708": ("mpu9250", "rtk"),
     "stim300_rtk_20180417": ("stim300", "rtk"),
     "stim300_rtk_20180419_sharp": ("stim300", "rtk"),
@@ -423,5 +444,10 @@ def test_measured_drives_are_navigated(name):
     assert not found.consistency.diverged
     assert found.consistency.outages
     assert found.consistency.verdicts
+    assert found.consistency.gated < 0.5
+    # One of them has fixes up to 90 m off, stamped a second late, and wrong velocities.
+    room = 20.0 if name == "hipnuc_span_20220405" else 3.0
     if "position_rms_m" in found.consistency.errors:
-        assert max(found.consistency.errors["position_rms_m"][:2]) < 3.0
+        assert max(found.consistency.errors["position_rms_m"][:2]) < room
+        assert max(found.consistency.errors["attitude_rms_rad"]) < np.radians(3.0)
+    assert all(outage.windows > 0 for outage in found.consistency.outages)

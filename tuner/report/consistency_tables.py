@@ -29,17 +29,18 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     """Return the scores, the errors and the verdicts."""
     table = Table(title="true rms ÷ predicted sd (99 % over all scores, 10 % margin)")
     table.add_column("score")
-    for name in ("ratio", "for the filter", "rms", "predicted", "verdict"):
+    for name in ("ratio", "for the filter", "rms", "predicted", "windows", "verdict"):
         table.add_column(name, justify="right")
-    metres = {outage.score.name: (outage.rms, outage.predicted) for outage in found.outages}
+    blind = {outage.score.name: outage for outage in found.outages}
     for score in found.scores:
-        rms, predicted = metres.get(score.name, (None, None))
+        outage = blind.get(score.name)
         table.add_row(
             _TITLES.get(score.name, score.name),
             f"{score.ratio:.3f}",
             _band(score),
-            "" if rms is None else f"{rms:.3g} m",
-            "" if predicted is None else f"{predicted:.3g} m",
+            "" if outage is None else f"{outage.rms:.3g} m",
+            "" if outage is None else f"{outage.predicted:.3g} m",
+            "" if outage is None else str(outage.windows),
             "" if score.consistent else "optimistic" if score.ratio > 1.0 else "pessimistic",
         )
     white = found.whiteness
@@ -48,6 +49,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
             f"correlation of {white.part} innovations, lag {white.lag}",
             f"{white.correlation:+.3f}",
             f"±{white.band:.3f}",
+            "",
             "",
             "",
             "" if white.consistent else "correlated",
