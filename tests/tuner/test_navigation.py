@@ -17,7 +17,9 @@ from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation import engine
 from tuner.navigation import filter as reference
 from tuner.navigation.inputs import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
+from tuner.navigation.sensor import sensor_of_config
 from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
+from tuner.navigation.simulate import scenario, simulate
 from tuner.records import DataError
 from tuner.results import MarkovState
 from tuner.synthesis import synthesize
@@ -253,6 +255,16 @@ def test_total_bias_adds_up_the_states_of_an_axis():
 def test_gate_is_as_rare_as_its_sigmas():
     assert chi2_gate(5.0, 1) == pytest.approx(25.0)
     assert chi2_gate(3.0, 3) == pytest.approx(14.16, abs=0.01)
+
+
+def test_a_run_is_the_same_in_any_company():
+    config = configuration()
+    settings, sensor = filter_settings(config), sensor_of_config(config)
+    plan = scenario(TRAJECTORIES["city"](30.0), load_gnss("spp"), INTERVAL)
+    few, many = (simulate(settings, sensor, plan, runs=runs, seed=5) for runs in (3, 9))
+    np.testing.assert_array_equal(few.error, many.error[:3])
+    assert len(many.error) == 9
+    assert len(np.unique(many.error[:, -1, 0])) == 9
 
 
 def test_missing_axes_are_refused():

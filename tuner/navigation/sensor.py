@@ -71,7 +71,13 @@ class Sensor:
         return np.where(flicker > 0.0, self.white**2 / np.where(flicker > 0.0, flicker, 1.0), 0.0)
 
     def draw(
-        self, steps: int, interval: float, rng: np.random.Generator, *, smoothing: FloatArray
+        self,
+        steps: int,
+        interval: float,
+        rng: np.random.Generator,
+        *,
+        smoothing: FloatArray,
+        after: NDArray[np.int64],
     ) -> tuple[SensorErrors, FloatArray]:
         """Draw the errors of one switch-on.
 
@@ -85,13 +91,15 @@ class Sensor:
             Source of the draw; goes on to draw the white noise.
         smoothing : ndarray, shape (6,)
             Over how long the true bias that is returned is averaged, s.
+        after : ndarray of int, shape (k,)
+            Steps done where it is wanted.
 
         Returns
         -------
         errors : SensorErrors
             For the flight.
-        bias : ndarray, shape (steps + 1, 6)
-            True bias at the ends of the steps: averaged around each.
+        bias : ndarray, shape (k, 6)
+            True bias: averaged around each instant.
         """
         slow = [[t for t in model.terms if not isinstance(t, White)] for model in self.noise]
         fast = any(not _is_slow(term) for terms in slow for term in terms)
@@ -103,7 +111,7 @@ class Sensor:
             values[:, axis] += NoiseModel(terms).sample(rows, every * interval, rng)
         half = np.round(0.5 * smoothing / (every * interval)).astype(int)
         smooth = np.stack([_centred_mean(values[:, axis], half[axis]) for axis in range(6)], axis=-1)
-        return SensorErrors(self.white, values, every, rng), smooth[np.arange(steps + 1) // every]
+        return SensorErrors(self.white, values, every, rng), smooth[after // every]
 
 
 def sensor_of_grade(grade: SensorGrade) -> Sensor:

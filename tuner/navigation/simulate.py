@@ -219,13 +219,14 @@ def _together(
 ) -> list[tuple[FloatArray, Solution]]:
     """Draw, fly and filter some runs at once; return errors (k, 15) and solution of each."""
     steps, interval = plan.steps, float(plan.steps.dt[0])
+    smoothing = resolution(settings, sensor)
     starts, fixes, errors, biases = [], [], [], []
     for rng in streams:
         starts.append(corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9)))
         fixes.append(_with_errors(perfect, plan.receiver, rng))
-        own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=resolution(settings, sensor))
+        own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=smoothing, after=plan.after)
         errors.append(own)
-        biases.append(bias[plan.after])
+        biases.append(bias)
     solutions = engine.run_together(settings, starts, steps, fixes, errors=errors)
     total = total_bias(settings.model)[9:]
     return [
