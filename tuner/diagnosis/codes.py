@@ -41,7 +41,7 @@ FLOOR = 0.01
 MANY = 30
 """Samples in a code that make a hole beside it remarkable."""
 MOST = 1e6
-"""Codes in the range above which they are too many to be counted."""
+"""Codes in the range above which they are too many: digits of arithmetic, not of a converter."""
 REACH = 16
 """Longest run of empty codes that counts as a hole, codes."""
 HARMLESS = 0.1
@@ -105,7 +105,9 @@ def lattice_step(pieces: Sequence[FloatArray]) -> float:
             whole = np.maximum(np.round(gaps / step), 1.0)
             near = whole <= 1000
             step = float(gaps[near].sum() / whole[near].sum())
-        if step > 4.0 * grain and np.all(np.abs(gaps - whole * step)[near] < 0.02 * step + grain):
+        if step > max(4.0 * grain, np.ptp(values) / MOST) and np.all(
+            np.abs(gaps - whole * step)[near] < 0.02 * step + grain
+        ):
             return step
     return 0.0
 

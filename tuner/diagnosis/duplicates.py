@@ -13,8 +13,14 @@ noise along the record does no harm, and their scatter gives the test, a Student
 binomial where equalities are few. Where the step exceeds about 4 s₁ equalities cannot tell holding from the
 lattice.
 
-With a share f of held samples, the shares of equal pairs are n₁ = f + (1 − f) P₁ and n₂ = f n₁ + (1 − f) P₂,
-where P₁ = R P₂ is chance; hence f = (n₁ − R n₂)/(1 − R n₁), and never more than n₁.
+On a fine lattice (s₁ of two steps and more) the counts n(k) of neighbours that differ by k steps tell chance without
+the noise: their logarithm is a parabola in k near 0, and its value there, from k = ±1 … ±K, is what noise gives. What
+the codes themselves do to n(0) they do at lag 2 as well::
+
+    f n = n₁(0) − n̂₁(0) − (n̂₁(0)/n̂₂(0)) (n₂(0) − n̂₂(0) − f² n),    f n ≤ n₁(0) − n̂₁(0)
+
+Elsewhere, with a share f of held samples, the shares of equal pairs are n₁ = f + (1 − f) P₁ and
+n₂ = f n₁ + (1 − f) P₂, where P₁ = R P₂ is chance; hence f = (n₁ − R n₂)/(1 − R n₁), and never more than n₁.
 """
 
 from __future__ import annotations
@@ -35,6 +41,8 @@ LEAST_BLOCK = 100
 """Least length of a block, samples."""
 FEW = 400
 """Equalities below which the binomial test stands in for the scatter of the blocks."""
+WIDEST = 8
+"""Largest difference that tells how many are 0 by chance, steps."""
 COARSE = 0.2
 """Mean square of neighbours' differences, step², below which a lattice hides what is held."""
 SHAPE = 0.6
@@ -84,6 +92,11 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
     Held
         The test and the share of held samples.
     """
+    return _fine(pieces, steps) or _by_lags(pieces, steps)
+
+
+def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
+    """Return the test of equalities at lag 1 by those at lag 2."""
     block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
     rows = [_counts(p[i : i + block + 2], steps) for p in pieces for i in range(0, len(p) - 2, block)]
     rows = [row for row in rows if row[3] >= LEAST_BLOCK // 2]
@@ -106,6 +119,48 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
     fraction = min(max((n1 - r * n2) / n / free, 0.0), n1 / n)
     half = float(norm.ppf(0.975)) * sd / n / free
     return Held(statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0)))
+
+
+def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held | None:
+    """Return the test of one channel by the counts of small differences; None where the lattice is not fine."""
+    if len(steps) > 1 or steps[0] <= 0.0:
+        return None
+    square = np.mean(np.concatenate([np.diff(p[:, 0]) ** 2 for p in pieces]))
+    reach = int(min(0.5 * float(np.sqrt(square)) / steps[0], WIDEST))
+    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
+    if reach < 1:
+        return None
+    reach = max(reach, 2)
+    rows = np.array(
+        [
+            [_differences(p[i : i + block + 2, 0], lag, steps[0], reach) for lag in (1, 2)]
+            for p in pieces
+            for i in range(0, len(p) - block - 1, block)
+        ],
+        dtype=float,
+    )
+    if len(rows) < 2 or rows.sum(axis=0).min() < FEW:
+        return None
+    k = np.arange(1.0, reach + 1.0)
+    weight = np.linalg.pinv(np.stack((np.ones(reach), k * k), axis=1))[0]
+    counts = rows.sum(axis=0)
+    chance = np.exp(np.log(0.5 * counts[:, 1:]) @ weight)
+    excess = rows[:, :, 0] - (rows[:, :, 1:] * (weight / counts[:, 1:])).sum(axis=2) * chance
+    ratio, n = float(chance[0] / chance[1]), len(rows) * block
+    held = excess[:, 0] - ratio * excess[:, 1]
+    total, sd = float(held.sum()), math.sqrt(len(held)) * float(np.std(held, ddof=1))
+    most, fraction = max(float(excess[:, 0].sum()) / n, 0.0), 0.0
+    for _ in range(100):
+        fraction = min(max(total / n + ratio * fraction**2, 0.0), most)
+    half = float(norm.ppf(0.975)) * sd / n / max(1.0 - 2.0 * ratio * fraction, 0.2)
+    interval = (max(fraction - half, 0.0), min(fraction + half, 1.0))
+    return Held(total / sd, float(t.sf(total / sd, len(held) - 1)), fraction, interval)
+
+
+def _differences(y: FloatArray, lag: int, step: float, reach: int) -> NDArray[np.int64]:
+    """Return how many samples differ by 0, ±1 … ±reach steps from the one `lag` before."""
+    size = np.abs(np.round((y[2:] - y[2 - lag : len(y) - lag]) / step)).astype(np.int64)
+    return np.bincount(np.minimum(size, reach + 1), minlength=reach + 2)[: reach + 1]
 
 
 def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:

@@ -66,7 +66,7 @@ def arma_power(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> 
 
 def filter_arma(name: str, cutoff: float) -> Coefficients:
     """Return AR and MA coefficients of a filter; `cutoff` is its half-power frequency × interval."""
-    order, times = _filter(name)
+    order, times = filter_kind(name)
     if not times:
         a = LowPass(cutoff, order).denominator(1.0)
         return tuple((-a[1:]).tolist()), ()
@@ -82,14 +82,14 @@ def filter_arma(name: str, cutoff: float) -> Coefficients:
 
 def filter_power(name: str, cutoff: float, cycles: FloatArray) -> FloatArray:
     """Return the squared response of a filter, 1 at frequency 0."""
-    order, times = _filter(name)
+    order, times = filter_kind(name)
     if times:
         return _folded(order, times, cutoff, cycles) / _folded(order, times, cutoff, np.zeros(1))
     ar, ma = filter_arma(name, cutoff)
     return arma_power(ar, ma, cycles) * (1.0 - sum(ar)) ** 2
 
 
-def _filter(name: str) -> tuple[int, int]:
+def filter_kind(name: str) -> tuple[int, int]:
     """Return order and oversampling of a filter, 0 for a recursion at the rate."""
     kind, _, times = name.partition("x")
     return int(kind[-1]), int(times or 0)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis import sampling
 from tuner.diagnosis.causes import attitude, cross_axis, motion
 from tuner.diagnosis.channel import Channel, channel
 from tuner.diagnosis.coverage import covered
@@ -110,7 +111,7 @@ def diagnose(
     return Diagnosis(
         tuple(found),
         unexplained,
-        (*notes, *refused),
+        (*notes, *refused, *sampling.notes(finals)),
         {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
         {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
     )

@@ -19,7 +19,7 @@ from models.noise import Term, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.bins import Bins, bins
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.forms import filter_arma
+from tuner.diagnosis.forms import filter_arma, filter_kind
 from tuner.diagnosis.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
 
 if TYPE_CHECKING:
@@ -51,6 +51,11 @@ class LowPass(Extension):
         ar, ma = filter_arma(self.kind, self.cutoff * interval)
         gain = (1.0 + sum(ma)) / (1.0 - sum(ar))
         return Arma(ar, _invertible(ma), density**2 / interval / gain**2, interval)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return filter_kind(self.kind)[0]
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the power of the rounding, which no filter shapes."""

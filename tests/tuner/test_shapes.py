@@ -1,0 +1,158 @@
+"""Shapes of the fast spectrum: filters that fold, their cutoffs, humps, rounding; each quiet on clean noise.
+
+Seeds are fixed and are the first that were tried.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, sosfilt
+
+from models.effects.spectral import Vibration
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.bins import bins, sized
+from tuner.diagnosis.causes import burst, vibration
+from tuner.diagnosis.channel import channel
+from tuner.diagnosis.codes import lattice_step
+from tuner.diagnosis.duplicates import held_readings
+from tuner.diagnosis.forms import COLOURS, FILTERS, arma_power, colour_arma, filter_arma, filter_power
+from tuner.diagnosis.panel import threshold
+from tuner.diagnosis.residual import Residual, residual
+from tuner.diagnosis.shape import shape_test
+from tuner.records import Record
+
+RATE, N = 100.0, 120_000
+CYCLES = (np.arange(128) + 0.5) / 256.0
+
+
+def record(y: np.ndarray) -> Record:
+    return Record("gyro", np.arange(len(y)) / RATE, 1e-3 * y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE)
+
+
+def fitted(y: np.ndarray) -> Residual:
+    return residual(channel(record(y), "gyro_x"))
+
+
+def filtered(order: int, cutoff: float, rng: np.random.Generator, times: int = 8) -> np.ndarray:
+    """Noise filtered at many times the rate, then sampled."""
+    fine = rng.standard_normal(times * (N + 64))
+    y = sosfilt(butter(order, cutoff, fs=times * RATE, output="sos"), fine)[64 * times :: times]
+    return y / y.std()
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_recursion_has_the_power_of_its_filter(name):
+    for cutoff in (0.01, 0.1, 0.4):
+        ar, ma = filter_arma(name, cutoff)
+        power = arma_power(ar, ma, CYCLES) * ((1.0 - sum(ar)) / (1.0 + sum(ma))) ** 2
+        np.testing.assert_allclose(power, filter_power(name, cutoff, CYCLES), rtol=2e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_oversampled_filter_tends_to_the_sampled_analogue_one(order):
+    """Correlation of an analogue Butterworth filter of white noise at lag k, in closed form."""
+    cutoff = 0.1
+    ar, ma = filter_arma("pole1" if order == 1 else "sampled2x16", cutoff)
+    impulse = lfilter([1.0, *ma], [1.0, *(-a for a in ar)], np.eye(1, 400)[0])
+    found = [float(impulse[k:] @ impulse[: 400 - k]) for k in range(6)]
+    a = 2.0 * np.pi * cutoff * np.arange(6) / (1.0 if order == 1 else np.sqrt(2.0))
+    truth = np.exp(-a) * (1.0 if order == 1 else np.cos(a) + np.sin(a))
+    np.testing.assert_allclose(np.array(found) / found[0], truth, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", COLOURS)
+def test_colours_are_stationary_and_invertible(name):
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        ar, ma = colour_arma(name, rng.uniform(-2.0, 2.0, sum(COLOURS[name][:2])))
+        assert np.all(np.abs(np.roots([1.0, *(-a for a in ar)])) < 1.0)
+        assert np.all(np.abs(np.roots([1.0, *ma])) < 1.0)
+
+
+def test_sizes_are_the_best_of_their_likelihood():
+    data = bins(fitted(np.random.default_rng(1).standard_normal(N)))
+    shapes = np.stack((np.ones_like(data.cycles), data.cycles))
+    best = sized(data, shapes)
+    for step in (0.99, 1.01):
+        other = np.asarray(best.size * [step, 1.0]) @ shapes
+        ratio = data.power / other
+        assert 0.5 * data.count @ (ratio - 1.0 - np.log(ratio)) > best.cost
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(1, 5.0), (2, 30.0)])
+def test_filter_is_named_alone_and_its_cutoff_covered(order, cutoff):
+    y = filtered(order, cutoff, np.random.default_rng([order, int(cutoff)]))
+    found = diagnose(record(y)).findings
+    assert [f.cause for f in found] == ["lowpass"]
+    low, high = found[0].parameters["cutoff"].interval
+    # twice the 95 % region: 4 sd
+    assert cutoff / (high / low) < low * 1.02
+    assert low / 1.03 < cutoff < high * 1.03
+
+
+def test_rounding_after_the_filter_does_not_move_the_cutoff():
+    y = filtered(1, 8.0, np.random.default_rng(9))
+    found = diagnose(record(0.5 * np.round(2.0 * y))).findings
+    assert [f.cause for f in found] == ["lowpass"]
+    low, high = found[0].parameters["cutoff"].interval
+    assert low / 1.03 < 8.0 < high * 1.03
+
+
+def test_wide_and_narrow_humps_are_found():
+    """Humps of 40 … 60 nats at both ends of the range of qualities: the chance to miss one is below 1e-4."""
+    for frequency, quality, sd in ((11.4, 24.0, 0.12), (30.0, 90.0, 0.11), (8.0, 8.0, 0.15)):
+        rng = np.random.default_rng(int(frequency))
+        y = rng.standard_normal(N) + Vibration(frequency, quality, sd).signal(N, 1.0 / RATE, rng)
+        found = fitted(y)
+        alarm = vibration.test(found, shape_test(found))
+        assert alarm.p_value < threshold(6)
+        assert alarm.gain > 0.0
+        assert alarm.propose is not None
+        assert alarm.propose()[0].values["frequency"].value == pytest.approx(frequency, rel=0.05)
+
+
+def test_burst_of_five_per_cent_of_a_record_is_found():
+    rng = np.random.default_rng(4)
+    y = rng.standard_normal(360_000)
+    y[100_000:118_000] *= np.sqrt(1.12)
+    alarm = burst.test(fitted(y))
+    assert alarm.p_value < threshold(6)
+    assert alarm.gain > 0.0
+
+
+def test_humps_and_bursts_are_quiet_on_white_noise():
+    """Forty records: the chance of a p-value below 1e-4 among them is 1 %, of one below 1e-6 1e-4."""
+    for seed in range(20):
+        found = fitted(np.random.default_rng([seed, 3]).standard_normal(20_000))
+        assert vibration.test(found, shape_test(found)).p_value > 1e-6
+        assert burst.test(found).p_value > 1e-6
+
+
+def test_held_readings_on_a_fine_lattice_do_not_depend_on_the_colour():
+    """A filtered sensor with 0.5 % held readings, and without: 10 sd apart."""
+    rng = np.random.default_rng(2)
+    codes = np.round(8.0 * filtered(1, 25.0, rng))
+    assert held_readings([codes[:, None]], [1.0]).p_value > 1e-4
+    held = rng.random(N) < 0.01
+    place = np.maximum.accumulate(np.where(held, 0, np.arange(N)))
+    test = held_readings([codes[place][:, None]], [1.0])
+    assert test.p_value < 1e-6
+    assert test.interval[0] - 0.002 < held.mean() < test.interval[1] + 0.002
+
+
+def test_bandwidth_of_a_filter_is_that_of_its_order():
+    """π/2 cutoff for one pole; flat noise says only that the bandwidth is half the rate or more."""
+    rng = np.random.default_rng(6)
+    (note,) = diagnose(record(filtered(1, 10.0, rng))).notes
+    width = float(note.partition("noise bandwidth ")[2].partition(" Hz")[0])
+    assert width == pytest.approx(5.0 * np.pi, rel=0.05)
+    (note,) = diagnose(record(rng.standard_normal(20_000))).notes
+    assert "50 Hz or more, rate ÷ bandwidth 2 or less" in note
+
+
+def test_digits_of_arithmetic_are_no_lattice():
+    codes = np.round(5.0 * np.random.default_rng(0).standard_normal(100_001))
+    between = np.interp(np.arange(100_000) + 0.3, np.arange(100_001), codes)
+    assert lattice_step([between]) == 0.0
+    assert lattice_step([1.234e-4 * codes]) == pytest.approx(1.234e-4)
