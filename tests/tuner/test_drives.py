@@ -15,8 +15,10 @@ from models.gnss import perfect_fixes
 from models.motion import imu_increments
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
+from tuner.commands.check import load_filter
 from tuner.drivescores import differences
 from tuner.driving import drive_filter, navigate_drive
+from tuner.exporters import export
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.drive import navigate, prepare
 from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
@@ -26,6 +28,7 @@ from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
 from tuner.readers.drives import read_drive
 from tuner.records import DataError, Gnss
 from tuner.synthesis import synthesize
+from tuner.synthesis.equivalents import equivalent_markov_sd
 
 INTERVAL = 0.02
 LEVER = (0.5, -0.3, -1.2)
@@ -348,6 +351,38 @@ def test_kf_gins_files_are_read(data, file, tmp_path):
     assert b.lever_arm == LEVER
     assert np.isnan(b.gnss.vel_n).all()
     assert not navigate_drive(replace(b, mounting=None), configuration()).consistency.diverged
+
+
+def test_one_file_of_kf_gins_is_drive_and_configuration(data, tmp_path):
+    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
+    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
+    columns = [data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]
+    np.savetxt(tmp_path / "gnss.txt", np.column_stack(columns), fmt="%.12f")
+    config = configuration()
+    exported = export(config, "kf-gins")
+    settings = tmp_path / "kf-gins.yaml"
+    paths = "imupath: imu.txt\ngnsspath: gnss.txt\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n"
+    settings.write_text(paths + exported, encoding="utf-8")
+    theirs = load_filter(str(settings), None)
+    memory = 100.0  # over which the single state wanders as far as the states it stands for
+    for name, ours in config.channels.items():
+        channel = theirs.channels[name]
+        assert channel.white_density == pytest.approx(ours.white_density, rel=1e-9)
+        (state,) = channel.markov
+        assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
+        expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
+        assert state.sd == pytest.approx(expected, rel=1e-9)
+        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(ours.constant_sd, rel=1e-9)
+    found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
+    assert not found.consistency.diverged
+    assert found.consistency.gated < 0.01
+    assert "gyro_scale" in found.settings.model.layout
+    out = tmp_path / "out.json"
+    assert run(["navigate", str(settings), "--config", str(settings), "--quiet", "--json", str(out)]) == 0
+    broken = tmp_path / "broken.yaml"
+    broken.write_text(exported.replace("corrtime", "correlation"), encoding="utf-8")
+    with pytest.raises(DataError, match="corrtime"):
+        load_filter(str(broken), None)
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def command(
 
 
 def load_filter(source: str, receiver: GnssNoise | None) -> FilterConfig:
-    """Return the configuration a word stands for: a YAML file, or a built-in grade made into one.
+    """Return the configuration a word stands for: a YAML file, ours or of KF-GINS, or a built-in grade made into one.
 
     Raises
     ------
@@ -125,17 +125,29 @@ def load_filter(source: str, receiver: GnssNoise | None) -> FilterConfig:
     """
     from dataclasses import replace
 
-    from tuner.exporters import native
+    from tuner.exporters import kf_gins, native
     from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
     from tuner.synthesis import synthesize
 
     if is_file(source):
-        config = native.load(Path(source))
+        path = Path(source)
+        theirs = path.suffix in (".yaml", ".yml") and kf_gins.is_settings(_content(path))
+        config = kf_gins.load(path) if theirs else native.load(path)
         return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
         msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
         raise DataError(msg)
     return synthesize(grade_identification(load_grade(source)), gnss=receiver or load_gnss(RECEIVER))
+
+
+def _content(path: Path) -> object:
+    """Return the content of a YAML, None where it is none: then the native reader says what is wrong."""
+    import yaml
+
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return None
 
 
 def load_truth(source: str) -> tuple[Sensor, GnssNoise | None]:

@@ -4,17 +4,25 @@ arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)
 corrtime h = T/3600; the filter forms 2σ²/T. Its one T is the longest time constant of the configuration (1 h
 without any), and each σ is refitted at that T so that the bias wanders as far over the memory as the modelled
 one. Initial sds are the turn-on constants; the sd of scale factors is assumed: a static log does not show it.
+
+`load` reads such a file back, so that one drive and one configuration run in both programs: one Gauss–Markov state an
+axis, what the initial sd exceeds it by as a constant, scale factors as states.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from models.units import from_si
+import yaml
+
+from models.units import from_si, to_si
 from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad, triple
 from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.results import ChannelNoise, FilterConfig
+from tuner.records import DataError
+from tuner.results import ChannelNoise, FilterConfig, InitialUncertainty, MarkovState
 from tuner.synthesis.equivalents import equivalent_markov_sd
 
 SCALE_FACTOR_SD = 300.0
@@ -57,6 +65,72 @@ def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise],
 
 def _scale() -> Noted:
     return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")
+
+
+INITIAL = {"initposstd": (1.0, "m"), "initvelstd": (0.1, "m/s"), "initattstd": (2.0, "deg")}
+"""Initial sds where the file has none."""
+
+
+def is_settings(content: object) -> bool:
+    """Return whether the content of a YAML is settings of KF-GINS."""
+    return isinstance(content, Mapping) and "imunoise" in content
+
+
+def load(path: Path) -> FilterConfig:
+    """Return the configuration of a ``kf-gins.yaml``; it names no receiver: the sds of the fixes hold.
+
+    Raises
+    ------
+    DataError
+        Where an entry is missing or no number.
+    """
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    noise = content["imunoise"]
+    period = _numbers(path, noise, "corrtime", 1)[0] * 3600.0
+    channels = {}
+    for sensor, unit, white, sd, start, units in (
+        ("gyro", "rad/s", "arw", "gbstd", "initbgstd", ("deg/sqrt(h)", "deg/h")),
+        ("accel", "m/s^2", "vrw", "abstd", "initbastd", ("m/s/sqrt(h)", "mGal")),
+    ):
+        density = _numbers(path, noise, white, 3)
+        wander = _numbers(path, noise, sd, 3)
+        first = _numbers(path, content, start, 3) if start in content else wander
+        for i, axis in enumerate("xyz"):
+            state = MarkovState(to_si(wander[i], units[1]), period)
+            constant = math.sqrt(max(to_si(first[i], units[1]) ** 2 - state.sd**2, 0.0))
+            name = f"{sensor}_{axis}"
+            channels[name] = ChannelNoise(name, unit, to_si(density[i], units[0]), (state,), 0.0, constant)
+    position, velocity, attitude = (
+        [to_si(v, unit) for v in (_numbers(path, content, key, 3) if key in content else [value] * 3)]
+        for key, (value, unit) in INITIAL.items()
+    )
+    scales = {
+        name: 1e-6 * max(_numbers(path, noise, key, 3))
+        for name, key in (("gyro_scale", "gsstd"), ("accel_scale", "asstd"))
+        if key in noise
+    }
+    return FilterConfig(
+        path.stem,
+        1.0 / float(content.get("imudatarate", 200.0)),
+        channels,
+        InitialUncertainty(max(position), max(velocity), max(attitude[:2]), attitude[2]),
+        None,
+        notes=("read from settings of KF-GINS",),
+        constants=scales,
+    )
+
+
+def _numbers(path: Path, content: Mapping[str, Any], key: str, count: int) -> list[float]:
+    values = content.get(key)
+    values = values if isinstance(values, list) else [values]
+    try:
+        found = [float(value) for value in values]
+    except (TypeError, ValueError):
+        found = []
+    if len(found) != count:
+        msg = f"{path}: expected {count} number{'s' if count > 1 else ''} as {key}, got {content.get(key)!r}"
+        raise DataError(msg)
+    return found
 
 
 EXPORTER = Exporter("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)
