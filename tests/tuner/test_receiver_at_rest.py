@@ -11,7 +11,9 @@ from scipy.signal import lfilter
 
 from models.earth import llh_displaced
 from tuner.cli import run
+from tuner.commands.sources import load_receiver
 from tuner.identification.receiver import identify_receiver
+from tuner.progress import Messages
 from tuner.readers.fixes import is_fixes, read_fixes
 from tuner.records import DataError, Gnss
 
@@ -84,3 +86,10 @@ def test_identify_knows_a_log_of_fixes(log: Path, tmp_path: Path) -> None:
     low, high = told["position"]["north"]["white_sd"]["interval"]
     assert low < WHITE[0] * 1.05
     assert high > WHITE[0] * 0.95
+
+
+def test_a_log_of_fixes_stands_for_a_grade(log: Path) -> None:
+    messages = Messages(quiet=True)
+    told = load_receiver(str(log), messages)
+    assert told.correlated[0].time_constant == pytest.approx(TIME, rel=0.6)
+    assert load_receiver("spp", messages).position_sd
