@@ -11,7 +11,7 @@ from scipy.stats import norm
 from models.effects.spectral import Vibration
 from tuner.diagnosis.bins import Bins, Sizes, rise, sized
 from tuner.diagnosis.forms import arma_power
-from tuner.diagnosis.statistics import curvature, minimum
+from tuner.diagnosis.statistics import curvature, minimum, variance_deviate
 
 FloatArray = NDArray[np.float64]
 
@@ -45,12 +45,12 @@ class Hump:
 
 def hump_scan(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
     """Return the chance of the clearest excess of 1 … 16 bins over a power, its middle and width, cycles."""
-    weight = 0.5 * data.count
-    total = np.concatenate(([0.0], np.cumsum(weight * (data.power / expected - 1.0))))
-    mass = np.concatenate(([0.0], np.cumsum(weight)))
+    total = np.concatenate(([0.0], np.cumsum(data.count * data.power / expected)))
+    mass = np.concatenate(([0.0], np.cumsum(data.count)))
     best = (np.inf, 0.25, 0.01)
     for width in WIDTHS:
-        z = (total[width:] - total[:-width]) / np.sqrt(mass[width:] - mass[:-width])
+        freedom = mass[width:] - mass[:-width]
+        z = variance_deviate((total[width:] - total[:-width]) / freedom, freedom)
         at = int(np.argmax(z))
         chance = len(WIDTHS) * len(z) * float(norm.sf(z[at]))
         if chance < best[0]:

@@ -1,7 +1,8 @@
 """Heavy tails: residuals of Student's law in place of the normal one.
 
-Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about the value
-−1.2 (Δ²/12σ²)² of a lattice of step Δ. Gain: likelihood of Student's law.
+Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about that of normal
+numbers rounded to a lattice of step Δ: −1.2 (Δ²/12σ²)² where Δ is small, else it depends on where the mean lies
+between two codes, and the largest counts. Gain: likelihood of Student's law.
 Extension: the residuals pass the distribution function of the fitted law and the normal quantile function.
 """
 
@@ -12,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 from scipy.stats import norm, t
 
 from tuner.diagnosis.alarm import Alarm
@@ -25,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 CLIPPED_KURTOSIS = -0.00125
 """Excess kurtosis of normal numbers cut at five deviations."""
+FINE = 1.0
+"""Step ÷ sd below which the mean between two codes does not matter."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,19 @@ class HeavyTails(Extension):
         return np.asarray(np.sign(e) * np.interp(np.abs(e), grid, deviate))
 
 
+def rounded_kurtosis(step: float) -> float:
+    """Return the largest excess kurtosis of rounded normal numbers, the step in sd of what they are rounded to."""
+    if step < FINE:
+        return -1.2 * (step**2 / 12.0) ** 2
+    sd = float(np.sqrt(max(1.0 - step**2 / 12.0, 0.01)))
+    phase = np.linspace(0.0, 1.0, 33)[:, None]
+    code = np.arange(-np.ceil(8.0 * sd / step) - 1.0, np.ceil(8.0 * sd / step) + 2.0)
+    share = np.diff(ndtr(step * (np.append(code, code[-1] + 1.0) - 0.5 - phase) / sd), axis=1)
+    value = code - np.sum(share * code, axis=1, keepdims=True)
+    second, fourth = (np.sum(share * value**power, axis=1) for power in (2, 4))
+    return float(np.max(fourth / second**2)) - 3.0
+
+
 def test(found: Residual) -> Alarm:
     """Compare the kurtosis of the residuals with that of the normal law."""
     e = np.clip(found.good, -CLIP, CLIP)
@@ -55,7 +71,7 @@ def test(found: Residual) -> Alarm:
     white = found.spread * float(
         np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval)
     )
-    lattice = -1.2 * (found.channel.lattice**2 / 12.0 / white**2) ** 2
+    lattice = rounded_kurtosis(found.channel.lattice / white)
     deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
     p_value = float(norm.sf(deviate))
     gain, nu, spread = 0.0, np.inf, 0.0
