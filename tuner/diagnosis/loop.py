@@ -16,6 +16,7 @@ from tuner.diagnosis.causes.ageing import UNNAMED
 from tuner.diagnosis.causes.burst import Burst
 from tuner.diagnosis.causes.motion import Motion
 from tuner.diagnosis.causes.step import Step
+from tuner.diagnosis.causes.temperature import Temperature
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
@@ -155,6 +156,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
                 break
             found = residual(channel, polished, starts=found.starts)
     found, accepted = _prune(found, accepted, threshold)
+    found, accepted = _without_lag(found, accepted)
     found = _refined(found)
     refined = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
@@ -240,6 +242,28 @@ def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple
             accepted = [a for i, a in enumerate(accepted) if i != at]
         else:
             at += 1
+    return found, accepted
+
+
+def _without_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
+
+    A transient that was not in the model yet can make a lag look needed.
+    """
+    given = len(found.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if one.extension.cause != "thermal_lag" or len(accepted) < 2:
+            continue
+        plain = list(found.extensions)
+        plain[given + at] = Temperature()
+        other = residual(found.channel, tuple(plain), starts=found.starts)
+        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
+        other = residual(found.channel, polished, starts=other.starts)
+        lead = found.fit.log_likelihood - other.fit.log_likelihood
+        if lead < CLOSE:
+            lag = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
+            changed = replace(one, extension=polished[given + at], alternatives=(lag,))
+            return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return found, accepted
 
 
