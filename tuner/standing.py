@@ -18,7 +18,7 @@ from scipy.fft import rfft, rfftfreq
 from models.earth import ned_between
 from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
 from tuner.records import Drive
-from tuner.results import FilterConfig, GnssNoise, Inflation
+from tuner.results import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
 from tuner.synthesis import synthesize
 
 FloatArray = NDArray[np.float64]
@@ -60,6 +60,11 @@ class Standing:
     white: Mapping[str, float]
     vibration: Mapping[str, float]
 
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the white densities: differences of clusters of `TAU` on three axes."""
+        return 2.0 * self.seconds / TAU
+
 
 def standing(drive: Drive) -> Standing:
     """Return what the unit of a drive does at rest and in motion."""
@@ -82,8 +87,8 @@ def standing(drive: Drive) -> Standing:
     return Standing(seconds, density, vibration)
 
 
-def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
-    """Return a configuration for a drive of whose unit nothing is known beforehand; its notes give the reasons.
+def identification_of_drive(drive: Drive, found: Standing) -> Identification:
+    """Return the noise of a unit of which nothing is known beforehand; its first note gives the reasons.
 
     Parameters
     ----------
@@ -91,30 +96,37 @@ def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = N
         The drive.
     found : Standing
         What its standing parts say.
-    gnss : GnssNoise, optional
-        The receiver, for fixes that report no standard deviations; a single-point receiver by default.
     """
-    receiver = gnss or load_gnss(RECEIVER)
     if not found.white:
-        grade = load_grade(CONSERVATIVE)
-        config = synthesize(grade_identification(grade), name=drive.name, gnss=receiver)
         why = (
-            f"no configuration given, and the drive stands for {found.seconds:.0f} s only: the unit is taken for "
+            f"nothing is known of the unit, and the drive stands for {found.seconds:.0f} s only: it is taken for "
             f"{CONSERVATIVE}, a noisy one, so that the filter trusts it too little rather than too much"
         )
-        return replace(config, notes=(why,))
+        grade = grade_identification(load_grade(CONSERVATIVE))
+        return replace(grade, source={**grade.source, "name": drive.name}, notes=(why,))
     name = nearest_grade(found.white)
-    config = synthesize(grade_identification(load_grade(name)), name=drive.name, gnss=receiver)
-    channels = {
-        axis: replace(noise, white_density=found.white[axis.rpartition("_")[0]])
-        for axis, noise in config.channels.items()
-    }
+    grade = grade_identification(load_grade(name))
+    share = 1.96 / np.sqrt(2.0 * found.freedom)
+    channels = {}
+    for axis, channel in grade.channels.items():
+        n = found.white[axis.rpartition("_")[0]]
+        told = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), f"{channel.unit}/sqrt(Hz)")
+        terms = tuple(
+            TermEstimate("white", {"density": told}) if t.name == "white" else t for t in channel.terms
+        )
+        channels[axis] = replace(channel, terms=terms, span=found.seconds)
     why = (
-        f"no configuration given: white noise is that of {found.seconds:.0f} s of standing in this drive; bias terms "
-        f"are those of {name}, the built-in grade with the nearest white noise, since a drive is too short to show them"
+        f"white noise is that of {found.seconds:.0f} s of standing in this drive; bias terms are those of {name}, the "
+        f"built-in grade with the nearest white noise, since a drive is too short to show them"
     )
-    kept: tuple[Inflation, ...] = ()
-    return replace(config, channels=channels, inflations=kept, notes=(why,))
+    return replace(grade, source={**grade.source, "name": drive.name}, channels=channels, notes=(why,))
+
+
+def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
+    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations."""
+    return synthesize(
+        identification_of_drive(drive, found), name=drive.name, gnss=gnss or load_gnss(RECEIVER)
+    )
 
 
 def nearest_grade(white: Mapping[str, float]) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from tuner.commands.options import Output, Reading, common, reading
-from tuner.commands.sources import is_drive, load_examined, load_records
+from tuner.commands.sources import examined_drive, is_drive, load_drive, load_receiver, load_records
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -18,7 +19,7 @@ from tuner.records import DataError
 @click.option(
     "--config", metavar="CONFIG", help="Of a drive: YAML or built-in grade that the filter believes."
 )
-@click.option("--gnss", metavar="GRADE", help="Of a drive: built-in receiver, where fixes report no sds.")
+@click.option("--gnss", metavar="GRADE|LOG", help="Of a drive: receiver, where fixes report no sds.")
 @click.option(
     "--replicas", type=click.IntRange(min=0), default=0, show_default=True, help="Replicas for bands."
 )
@@ -77,14 +78,21 @@ def _drive(
 ) -> int:
     """Criticise the filter of a drive."""
     from tuner.commands.check import load_filter
-    from tuner.grades import load_gnss
     from tuner.jsondiagnosis import drive_diagnosis_json
     from tuner.report.drive_tables import drive_tables
     from tuner.report.tables import show
+    from tuner.standing import config_of_drive, standing
 
-    receiver = None if gnss is None else load_gnss(gnss)
-    believed = None if config is None else load_filter(config, receiver)
-    found = load_examined(drive, believed, receiver, seed, messages).diagnosis
+    measured = load_drive(drive)
+    receiver = None if gnss is None else load_receiver(gnss, messages)
+    if config is None:
+        believed = config_of_drive(measured, standing(measured), gnss=receiver)
+        messages.say(believed.notes[0])
+    else:
+        believed = load_filter(config, receiver)
+    found = examined_drive(measured, believed, seed, messages).diagnosis
+    if config is None:
+        found = replace(found, notes=(believed.notes[0], *found.notes))
     if output.tables:
         show(drive_tables(found))
     output.write(drive_diagnosis_json(found))

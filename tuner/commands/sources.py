@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tuner.diagnosis.drives import Examined
     from tuner.identification.arma import Likelihood
     from tuner.identification.receiver import ReceiverErrors
+    from tuner.records import Drive
 
 
 def source_name(source: str) -> str:
@@ -134,23 +135,23 @@ def is_drive(source: str) -> bool:
     return False
 
 
-def load_examined(
-    source: str, config: FilterConfig | None, receiver: GnssNoise | None, seed: int, messages: Messages
-) -> Examined:
-    """Read a drive and criticise the filter of a configuration, by default of one made from the drive itself."""
+def load_drive(source: str) -> Drive:
+    """Read a drive."""
+    from tuner.readers.drives import read_drive
+
+    return read_drive(source)
+
+
+def examined_drive(drive: Drive, config: FilterConfig, seed: int, messages: Messages) -> Examined:
+    """Criticise the filter of a configuration on a drive, and explain what the drive asks of its noise settings."""
     from dataclasses import replace
 
     from tuner.diagnosis.drives import examine_drive
     from tuner.diagnosis.drives.inflation import demands
-    from tuner.readers.drives import read_drive
-    from tuner.standing import config_of_drive, standing
+    from tuner.standing import standing
 
-    drive = read_drive(source)
-    found = standing(drive)
-    believed = config or config_of_drive(drive, found, gnss=receiver)
     messages.say("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
-    examined = examine_drive(drive, believed, seed=seed, progress=messages.say)
+    examined = examine_drive(drive, config, seed=seed, progress=messages.say)
     messages.say("explaining what the drive asks of each noise setting")
-    asked = demands(examined, found.vibration)
-    notes = examined.diagnosis.notes if config else (*believed.notes, *examined.diagnosis.notes)
-    return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked, notes=notes))
+    asked = demands(examined, standing(drive).vibration)
+    return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked))

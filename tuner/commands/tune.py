@@ -10,7 +10,9 @@ import click
 
 from tuner.commands.options import Output, Reading, common, reading, term_list
 from tuner.commands.sources import (
+    examined_drive,
     is_log,
+    load_drive,
     load_identification,
     load_receiver,
     load_records,
@@ -31,6 +33,7 @@ CHECK_RUNS = 20
 DEMO_RECEIVER = "spp"
 """Receiver that goes with the built-in simulated IMU."""
 NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
+NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
 
 EXPORTED = ("kalibr", "kf-gins")
 """Dialects that tune writes beside the native YAML; `tuner export` writes the others."""
@@ -52,6 +55,9 @@ EXPORTED = ("kalibr", "kf-gins")
     show_default=True,
     metavar="S",
     help="Longest time the filter must bridge.",
+)
+@click.option(
+    "--drive", metavar="DRIVE", help="A measured drive of the unit: findings enter the configuration."
 )
 @click.option("--complete", metavar="GRADE", help="Built-in grade for a sensor the log lacks.")
 @click.option("--gnss", metavar="GRADE|LOG", help="Built-in GNSS grade, or a log of fixes at rest.")
@@ -76,6 +82,7 @@ def command(
     log: str | None,
     output_dir: Path | None,
     horizon: float,
+    drive: str | None,
     complete: str | None,
     gnss: str | None,
     terms: tuple[str, ...] | None,
@@ -88,18 +95,20 @@ def command(
 ) -> None:
     """Turn a static log into a filter configuration: noise.yaml, exports, figures, result.json.
 
-    LOG may also be a datasheet. Without LOG: a built-in simulated IMU with an effect, drawn from --seed,
-    hidden in it.
+    LOG may also be a datasheet. With a drive, what the drive says against the filter enters the configuration, too;
+    without LOG, the parts in which it stands are the log. With neither: a built-in simulated IMU with an effect, drawn
+    from --seed, hidden in it.
     """
     from tuner.agreement import agreed, findings_for_config, judge_hidden, settled_inflations
     from tuner.calibrated import calibration_json, calibration_words, with_calibration
     from tuner.conditions import at_rest
+    from tuner.driven import driven_config
     from tuner.exporters import export, native
     from tuner.files import json_text, write_text
     from tuner.grades import load_grade
     from tuner.identification import identify
     from tuner.jsonconsistency import consistency_json
-    from tuner.jsondiagnosis import diagnosis_json
+    from tuner.jsondiagnosis import diagnosis_json, drive_diagnosis_json
     from tuner.jsonio import identification_json
     from tuner.jsonviews import config_json
     from tuner.poses import calibrate
@@ -107,16 +116,24 @@ def command(
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.diagnosis_figure import draw_findings
     from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
+    from tuner.report.drive_figure import draw_drive
+    from tuner.report.drive_tables import drive_tables
     from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show
     from tuner.simulation import demo
+    from tuner.standing import identification_of_drive, standing
     from tuner.synthesis import inflate, synthesize
 
     completion = load_grade(complete) if complete else None
-    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or log is None else None
+    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or drive or log is None else None
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
-    if log is None:
+    measured = None if drive is None else load_drive(drive)
+    if measured is not None:
+        name = measured.name if log is None else f"{source_name(log)}-{measured.name}"
+        if log is not None and is_log(log):
+            records = load_records(log, reading, messages)
+    elif log is None:
         name = f"simulated-{seed}"
         messages.say("simulating an IMU with a hidden effect")
         records, key = demo(seed)
@@ -134,8 +151,11 @@ def command(
         diagnosis = _diagnosed(records, replicas, seed, absent)
         if diagnosis is not None and terms is None:
             found = agreed(still, found, diagnosis)
+    elif log is None:
+        assert measured is not None
+        found = identification_of_drive(measured, standing(measured))
+        absent["static diagnosis"] = NO_LOG
     else:
-        assert log is not None
         found = load_identification(log, reading, messages, terms=terms, latitude=latitude)
         absent["diagnosis"] = NO_SAMPLES
     messages.say("synthesising the filter configuration")
@@ -148,6 +168,10 @@ def command(
     calibration = calibrate(records) if records else None
     if calibration is not None:
         config = with_calibration(config, calibration)
+    examined = None
+    if measured is not None:
+        examined = examined_drive(measured, config, seed, messages)
+        config = driven_config(examined)
     texts = {
         "noise.yaml": native.dumps(config),
         **{f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED},
@@ -159,6 +183,8 @@ def command(
         if key is not None:
             judged = judge_hidden(key, diagnosis)
             result["hidden"] = judged
+    if examined is not None:
+        result["drive"] = drive_diagnosis_json(examined.diagnosis)
     if calibration is not None:
         result["calibration"] = calibration_json(calibration)
     checked = _checked(config, seed, messages, absent)
@@ -181,6 +207,10 @@ def command(
     about_poses = [] if calibration is None else calibration_words(calibration)
     if about_poses:
         sections.append(("Calibration from poses", about_poses))
+    of_drive = [] if examined is None else drive_tables(examined.diagnosis)
+    if examined is not None:
+        sections.append(("What the drive says", of_drive))
+        pictures += draw_drive(examined, directory)
     verdict = [] if checked is None else consistency_tables(checked.consistency, checked.notes)
     if verdict:
         sections.append(("Is the filter honest?", verdict))
@@ -195,6 +225,7 @@ def command(
                 *identification_tables(found),
                 *told,
                 *about_poses,
+                *of_drive,
                 *verdict,
                 *_summary(directory, config, found, absent),
             ]
@@ -233,10 +264,13 @@ def _summary(
 ) -> list[str]:
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
     bounded = [i.quantity for i in config.inflations if i.reason.startswith("bounded")]
+    drawn = {i.quantity for i in config.inflations if i.interval is not None or i.factor == 1.0}
     if bounded:
         lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")
     lines += [
-        f"  {i.quantity} × {i.factor:.4g}: {i.reason}" for i in config.inflations if i.quantity not in bounded
+        f"  {i.quantity} × {i.factor:.4g}: {i.reason}"
+        for i in config.inflations
+        if i.quantity not in {*bounded, *drawn}
     ]
     lines += [f"  {note}" for note in config.notes if note not in found.notes]
     return lines + [f"  no {part}: {reason}" for part, reason in absent.items()]

@@ -6,7 +6,7 @@ Numbers are SI and exact, ``loads(dumps(c)) == c``; customary units stand in com
     sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
     initial: P0 with reasons      gnss: R and gate      findings: […]
     compensation: {NAME: value}   constants: {STATE: sd of its prior}
-    inflations: [{quantity, factor, reason}]            provenance: {…}       notes: […]
+    inflations: [{quantity, factor, reason, …}]         provenance: {…}       notes: […]
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def dumps(config: FilterConfig) -> str:
         **({"compensation": dict(config.compensation)} if config.compensation else {}),
         **({"constants": dict(config.constants)} if config.constants else {}),
         "findings": [dict(finding) for finding in config.findings],
-        "inflations": [vars(inflation) for inflation in config.inflations],
+        "inflations": [_inflation(inflation) for inflation in config.inflations],
         "provenance": dict(config.provenance),
         "notes": config.notes,
     }
@@ -189,6 +189,17 @@ def _gnss(gnss: GnssNoise) -> dict[str, Any]:
     }
 
 
+def _inflation(inflation: Inflation) -> dict[str, Any]:
+    asked = {"interval": Noted(Inline(inflation.interval), "95 %, asked for by the drive as it stands")}
+    return {
+        "quantity": inflation.quantity,
+        "factor": inflation.factor,
+        **(asked if inflation.interval else {}),
+        **({"causes": list(inflation.causes)} if inflation.causes else {}),
+        "reason": inflation.reason,
+    }
+
+
 def _read_channel(axis: str, node: Node) -> ChannelNoise:
     settings = node["filter"]
     return ChannelNoise(
@@ -252,7 +263,15 @@ def _read_gnss(node: Node) -> GnssNoise:
 
 
 def _read_inflation(node: Node) -> Inflation:
-    return Inflation(node["quantity"].text(), node["factor"].number(), node["reason"].text())
+    interval, causes = node.get("interval"), node.get("causes")
+    ends = interval.numbers(2) if interval else None
+    return Inflation(
+        node["quantity"].text(),
+        node["factor"].number(),
+        node["reason"].text(),
+        (ends[0], ends[1]) if ends else None,
+        tuple(cause.text() for cause in causes.elements()) if causes else (),
+    )
 
 
 def _list(node: Node, key: str, read: Callable[[Node], T]) -> tuple[T, ...]:

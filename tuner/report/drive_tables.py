@@ -8,7 +8,7 @@ from rich.table import Table
 
 from tuner.diagnosis.drives.inflation import covers, said
 from tuner.report.customary import customary_unit, digits, in_customary, pretty
-from tuner.report.diagnosis_tables import findings_table, gain_words
+from tuner.report.diagnosis_tables import findings_table
 from tuner.results import Demand, DriveDiagnosis, Gain
 
 
@@ -34,9 +34,20 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
 
 
 def whole_gain(gain: Gain) -> str:
-    """Say what all findings together are worth."""
-    more = f"; {text}" if (text := gain_words(gain)) else ""
-    return f"all findings together ({gain.split}): {digits(gain.nats)} nats of likelihood gained{more}"
+    """Say what all findings together are worth on the part of the drive that was held out."""
+    parts = [f"log likelihood {gain.nats:+.0f} nats"]
+    for name, (before, after) in gain.user.items():
+        quantity, _, unit = name.partition(" ")
+        if quantity.endswith(INTERVAL):
+            continue
+        head = _PLAIN.get(quantity, quantity.replace("_", " "))
+        text = f"{head} {digits(before)} → {digits(after)} {unit.strip('[]')}".strip()
+        change = gain.user.get(f"{quantity}{INTERVAL} {unit}".strip())
+        if change is not None:
+            text += f" (change {digits(change[0])} … {digits(change[1])} with 95 %)"
+        parts.append(text)
+    part = "the last 40 %, parameters from the first 60 %" if gain.split == "60/40" else gain.split
+    return f"all findings together, on {part}: {'; '.join(parts)}"
 
 
 def inflation_tables(demands: Sequence[Demand]) -> list[Table | str]:
@@ -74,6 +85,14 @@ def _cells(one: Demand) -> tuple[str, ...]:
     return stated, asked, said(one.plain), said(one.named), why or nothing
 
 
+INTERVAL = "_change_interval"
+"""Ending of a figure that is the interval of the change of another."""
+_PLAIN = {
+    "nis": "NIS a row (1 is honest)",
+    "innovation_lag1_correlation": "correlation of one innovation with the next",
+    "outage_30s_horizontal": "horizontal error after 30 s without fixes, rms",
+    "outage_60s_horizontal": "horizontal error after 60 s without fixes, rms",
+}
 SHORT = {
     "gyro_white": "gyro white",
     "accel_white": "accel white",

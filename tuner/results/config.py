@@ -27,11 +27,16 @@ class MarkovState:
 
 @dataclass(frozen=True)
 class Inflation:
-    """A number that was enlarged: by how much, and why."""
+    """A number that was enlarged: by how much, and why.
+
+    `interval` is the 95 % interval of the factor that a drive asks for, `causes` what accounts for it, where known.
+    """
 
     quantity: str
     factor: float
     reason: str
+    interval: tuple[float, float] | None = None
+    causes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,57 @@
+"""One configuration out of a static identification and a drive: findings are in it, every inflation is explained.
+
+Densities leave their static values only where the drive contradicts them (`imu_noise_scale`); all other demands of the
+drive stand beside factor 1 with the cause that accounts for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from tuner.diagnosis.drives import Examined
+from tuner.diagnosis.drives.inflation import stated_value
+from tuner.results import Demand, FilterConfig, Inflation
+
+QUANTITIES: Mapping[str, str] = {
+    "gyro_white": "gyro.white_density",
+    "accel_white": "accel.white_density",
+    "gyro_bias": "gyro.markov",
+    "accel_bias": "accel.markov",
+    "position": "gnss.position_sd",
+    "velocity": "gnss.velocity_sd",
+}
+"""Settings as an inflation names them."""
+
+
+def driven_config(examined: Examined) -> FilterConfig:
+    """Return the configuration after a drive, its inflations explained."""
+    found = examined.diagnosis
+    told = tuple(
+        Inflation(QUANTITIES[one.quantity], applied(examined, one), one.text, one.plain.interval, one.causes)
+        for one in found.demands
+    )
+    return replace(
+        found.after,
+        inflations=(*found.after.inflations, *told),
+        notes=(*found.after.notes, *(i.text for i in found.inseparable)),
+        provenance={
+            **found.after.provenance,
+            "drive": {"source": examined.drive.source, "digest": examined.drive.digest},
+        },
+    )
+
+
+def applied(examined: Examined, one: Demand) -> float:
+    """Return the factor that the configuration after the drive has on a setting."""
+    if one.quantity in ("position", "velocity"):
+        rows = [f"{one.quantity}_horizontal"] * 2 + [f"{one.quantity}_vertical"]
+        values = examined.criticism.final.hypothesis.values
+        return float(np.sqrt(np.mean([values.get(f"gnss_noise_scale.{row}", 1.0) ** 2 for row in rows])))
+    before, after = (
+        stated_value(config, examined.criticism.base, one.quantity)
+        for config in (examined.diagnosis.before, examined.diagnosis.after)
+    )
+    return after / before if before and after else 1.0

@@ -1,0 +1,251 @@
+"""Pictures of a drive's diagnosis: the filter before and after its findings.
+
+Innovations by channel in the band of ±1 sd, their correlation over time, NIS along the drive, errors after outages,
+and for each finding the view in which it is plain (`tuner.report.drive_views`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from textwrap import fill
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.drives import Examined
+from tuner.diagnosis.drives.hypothesis import Pass
+from tuner.files import whole_file
+from tuner.navigation.drive import SETTLING, navigate
+from tuner.navigation.inputs import WITHHELD
+from tuner.report.drive_views import (
+    AFTER,
+    BEFORE,
+    CHANNELS,
+    VIEWS,
+    View,
+    draw_distribution,
+    draw_effect,
+    normalised,
+)
+
+FloatArray = NDArray[np.float64]
+
+OUTAGES = (30.0, 60.0)
+"""Lengths of the outages, s."""
+RECOVERY = 30.0
+"""Time with fixes between two of them, s."""
+LONGEST_LAG = 60.0
+"""Of the autocorrelation, s."""
+WINDOW = 30.0
+"""Over which NIS is averaged, s."""
+
+
+def draw_drive(examined: Examined, directory: Path) -> list[tuple[str, Path]]:
+    """Draw the diagnosis of a drive to ``drive-*.png`` and ``.svg``.
+
+    Returns
+    -------
+    list of (str, Path)
+        Caption and SVG of each picture.
+    """
+    passes = (examined.criticism.base, examined.criticism.final)
+    named = "with all findings" if examined.diagnosis.findings else "nothing found, so the same again"
+    drawn = [
+        _draw(
+            directory / "drive-innovations.svg",
+            f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
+            (11.0, 7.0),
+            (3, 2),
+            [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
+        ),
+        _draw(
+            directory / "drive-consistency.svg",
+            "Left: normalised innovations must not remember each other. Right: NIS, averaged over "
+            f"{WINDOW:.0f} s, must stay about 1; the shaded band holds 95 % of honest averages.",
+            (11.0, 4.0),
+            (1, 2),
+            [partial(_correlation, passes), partial(_nis, passes)],
+        ),
+    ]
+    outages = _outages(passes)
+    if outages:
+        drawn.append(
+            _draw(
+                directory / "drive-outages.svg",
+                "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
+                "diagonal is better. The drive that named the findings is the one shown: the gain on data held out "
+                "is in the table.",
+                (11.0, 4.6),
+                (1, 2),
+                [partial(_paired, *one) for one in outages],
+            )
+        )
+    seen: set[str] = set()
+    for finding in examined.diagnosis.findings:
+        if finding.cause in seen:
+            continue
+        seen.add(finding.cause)
+        view = _view(examined, finding.cause)
+        drawn.append(
+            _draw(
+                directory / f"drive-finding-{len(seen)}-{finding.cause}.svg",
+                finding.text,
+                (11.0, 4.0),
+                (1, 2),
+                [
+                    partial(_viewed, view, p, title)
+                    for p, title in zip(passes, ("before", "after"), strict=True)
+                ],
+            )
+        )
+    return drawn
+
+
+def _draw(
+    path: Path,
+    caption: str,
+    size: tuple[float, float],
+    shape: tuple[int, int],
+    panels: list[Callable[[Axes], None]],
+) -> tuple[str, Path]:
+    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
+        figure = Figure(figsize=size, layout="constrained")
+        for panel, draw in zip(figure.subplots(*shape).flat, panels, strict=True):
+            draw(panel)
+            panel.grid(which="major", color="0.9", lw=0.6)
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(fontsize=7, framealpha=0.85)
+        figure.suptitle(fill(caption, 150), fontsize=9)
+        for file in (path.with_suffix(".png"), path):
+            with whole_file(file) as temporary:
+                figure.savefig(temporary, dpi=130)
+    return caption, path
+
+
+def _view(examined: Examined, cause: str) -> View:
+    """Return the view of a cause; of one that shifts innovations, with its constants in axes of the unit."""
+    one = next(a for a in examined.criticism.accepted if a.cause == cause)
+    if one.candidate.scored is None:
+        return VIEWS.get(cause, draw_distribution)
+    values = {f"{cause}.{name}": c.value for name, c in one.parameters.items() if c.value is not None}
+    return partial(draw_effect, values=values)
+
+
+def _viewed(view: View, found: Pass, title: str, panel: Axes) -> None:
+    view(panel, found, title)
+
+
+def _innovations(passes: tuple[Pass, Pass], row: int, panel: Axes) -> None:
+    name, unit = CHANNELS[row]
+    reach = 0.0
+    for found, colour, label, size in zip(
+        passes, ("0.7", AFTER), ("before", "after"), (3.5, 2.5), strict=True
+    ):
+        for number, solution in enumerate(found.solutions):
+            z, sd = solution.innovation[:, row], np.sqrt(solution.innovation_covariance[:, row, row])
+            there = solution.use[:, row // 3] != 0
+            if not there.any():
+                continue
+            t = solution.t[there]
+            panel.plot(
+                t,
+                z[there],
+                ".",
+                ms=size,
+                mew=0,
+                color=colour,
+                label=label if number == 0 else None,
+                rasterized=True,
+            )
+            panel.fill_between(t, -sd[there], sd[there], color=colour, alpha=0.25, lw=0)
+            reach = max(reach, float(np.quantile(np.abs(z[there]), 0.99)), 3.0 * float(np.median(sd[there])))
+    if reach:
+        panel.set_ylim(-1.3 * reach, 1.3 * reach)
+    panel.set(xlabel="time, s", ylabel=f"{name}, {unit}")
+
+
+def _correlation(passes: tuple[Pass, Pass], panel: Axes) -> None:
+    for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
+        for first, kind, style in ((0, "position", "-"), (3, "velocity", ":")):
+            z = normalised(found)[:, first : first + 3]
+            step = float(np.median(np.diff(found.record.t)))
+            lags = np.unique(np.geomspace(1, max(2.0, min(LONGEST_LAG / step, len(z) / 4)), 40).astype(int))
+            if np.count_nonzero(np.isfinite(z)) < 100:
+                continue
+            values = [float(np.nanmean(z[lag:] * z[:-lag]) / np.nanmean(z * z)) for lag in lags]
+            panel.plot(lags * step, values, style, color=colour, lw=1.3, label=f"{kind}, {title}")
+    band = 1.96 / np.sqrt(3.0 * max(1, len(passes[1].record)))
+    panel.axhspan(-band, band, color="0.85", lw=0, zorder=0)
+    panel.set(xscale="log", xlabel="lag, s", ylabel="autocorrelation", title="memory of the innovations")
+
+
+def _nis(passes: tuple[Pass, Pass], panel: Axes) -> None:
+    for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
+        z2 = normalised(found) ** 2
+        t = found.record.t
+        block = ((t - t[0]) // WINDOW).astype(int)
+        count = np.bincount(block, weights=np.isfinite(z2).sum(axis=1))
+        total = np.bincount(block, weights=np.nansum(z2, axis=1))
+        full = count > 0
+        middle = t[0] + WINDOW * (np.arange(len(count)) + 0.5)
+        panel.plot(middle[full], total[full] / count[full], "-o", ms=2.5, lw=1.0, color=colour, label=title)
+    usual = float(np.median(count[full]))
+    low, high = (float(chi2.ppf(q, usual)) / usual for q in (0.025, 0.975))
+    panel.axhspan(low, high, color="0.85", lw=0, zorder=0)
+    panel.axhline(1.0, color="0.5", lw=0.8)
+    panel.set(
+        xlabel="time, s",
+        ylabel="NIS a row",
+        title="size of the innovations, squared, by prediction",
+    )
+
+
+def _outages(passes: tuple[Pass, Pass]) -> list[tuple[float, FloatArray, FloatArray]]:
+    """Return length and paired horizontal errors, m, of outages of the whole drive."""
+    answer = []
+    for horizon in OUTAGES:
+        windows = [
+            (begin, begin + horizon)
+            for s in passes[1].stretches
+            for begin in np.arange(
+                s.alignment.t + s.alignment.still + SETTLING, s.fixes.t[-1] - horizon, horizon + RECOVERY
+            )
+        ]
+        if not windows:
+            continue
+        before, after = (_errors_of(found, windows) for found in passes)
+        both = [(before[w], after[w]) for w in windows if w in before and w in after]
+        if len(both) > 2:
+            x, y = np.array(both).T
+            answer.append((horizon, x, y))
+    return answer
+
+
+def _errors_of(found: Pass, windows: list[tuple[float, float]]) -> dict[tuple[float, float], float]:
+    errors = {}
+    for solution in navigate(found.stretches, found.settings, np.array(windows)):
+        for begin, end in windows:
+            inside = (solution.t > begin) & (solution.t <= end) & (solution.use[:, 0] == WITHHELD)
+            if inside.any() and end - solution.t[inside][-1] < 0.2 * (end - begin):
+                errors[begin, end] = float(np.linalg.norm(solution.innovation[inside][-1, :2]))
+    return errors
+
+
+def _paired(horizon: float, before: FloatArray, after: FloatArray, panel: Axes) -> None:
+    high = 1.1 * max(before.max(), after.max())
+    panel.plot([0.0, high], [0.0, high], color="0.6", lw=0.9)
+    panel.plot(before, after, "o", ms=5, mew=0, alpha=0.75, color=AFTER)
+    rms = [float(np.sqrt(np.mean(x**2))) for x in (before, after)]
+    panel.set(
+        xlim=(0.0, high),
+        ylim=(0.0, high),
+        xlabel="error before, m",
+        ylabel="error after, m",
+        title=f"{len(before)} outages of {horizon:.0f} s: rms {rms[0]:.3g} → {rms[1]:.3g} m",
+    )

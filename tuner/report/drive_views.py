@@ -1,0 +1,148 @@
+"""The view of a filter's innovations in which a cause shows: one small function a kind of cause, drawing one panel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from tuner.diagnosis.drives.hypothesis import Pass
+from tuner.diagnosis.drives.likelihood import believed
+from tuner.diagnosis.drives.sensitivity import whitened
+
+FloatArray = NDArray[np.float64]
+View = Callable[[Axes, Pass, str], None]
+
+BEFORE, AFTER, CAUSE = "0.55", "#1f5fa8", "#c2410c"
+CHANNELS = (
+    ("position north", "m"),
+    ("position east", "m"),
+    ("position down", "m"),
+    ("velocity north", "m/s"),
+    ("velocity east", "m/s"),
+    ("velocity down", "m/s"),
+)
+GROUPS = 15
+"""Groups of innovations whose means are drawn."""
+
+
+def normalised(found: Pass) -> FloatArray:
+    """Return innovations by their predicted sds, shape (k, 6), NaN where the filter used none."""
+    z, sd = _innovations(found)
+    return np.asarray(np.where(found.record.counted, z / sd, np.nan))
+
+
+def _innovations(found: Pass) -> tuple[FloatArray, FloatArray]:
+    """Return innovations of the record and their predicted sds, (k, 6)."""
+    z = np.concatenate([s.innovation for s in found.solutions])
+    variance = np.concatenate(
+        [np.diagonal(s.innovation_covariance, axis1=1, axis2=2) for s in found.solutions]
+    )
+    return z, np.sqrt(np.where(variance > 0.0, variance, np.nan))
+
+
+def draw_effect(panel: Axes, found: Pass, title: str, values: Mapping[str, float]) -> None:
+    """Draw innovations over what the constants that were found would do to them.
+
+    Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
+    """
+    w = whitened(believed(found.record))
+    own = [found.record.parameters.index(name) for name in values]
+    effect = w.slope[:, own] @ np.array(list(values.values()))
+    order = np.argsort(effect)
+    x, y = effect[order], w.residual[order]
+    panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE, alpha=0.5, rasterized=True)
+    groups = [group for group in np.array_split(np.arange(len(x)), GROUPS) if len(group) > 1]
+    middle = np.array([x[group].mean() for group in groups])
+    mean = np.array([y[group].mean() for group in groups])
+    error = np.array([y[group].std() / np.sqrt(len(group)) for group in groups])
+    panel.errorbar(
+        middle, mean, 1.96 * error, fmt="o", ms=4, lw=1.0, color=AFTER, label="means of equal groups, 95 %"
+    )
+    ends = np.array([middle[0], middle[-1]])
+    panel.plot(ends, ends, color=CAUSE, lw=1.2, label="what the finding predicts for a filter without it")
+    panel.axhline(0.0, color="0.5", lw=0.8)
+    reach = 1.5 * float(np.max(np.abs(np.concatenate([mean, ends]))) + 0.5)
+    span = 1.1 * float(np.max(np.abs(ends)))
+    panel.set(
+        xlim=(-span, span),
+        ylim=(-reach, reach),
+        xlabel="shift of the innovation by the finding, sds",
+        ylabel="innovation, sds",
+        title=title,
+    )
+
+
+def draw_outliers(panel: Axes, found: Pass, title: str, first: int = 0) -> None:
+    """Draw the size of every fix's innovation by its prediction over time, with those that are left out."""
+    z, sd = _innovations(found)
+    part = slice(first, first + 3)
+    size = np.sqrt(np.mean((z[:, part] / sd[:, part]) ** 2, axis=1))
+    there = found.record.available[:, first] & np.isfinite(size)
+    used = found.record.used[:, first]
+    t = found.record.t
+    panel.plot(
+        t[there & used], size[there & used], ".", ms=2.5, mew=0, color=AFTER, label="used", rasterized=True
+    )
+    panel.plot(
+        t[there & ~used],
+        size[there & ~used],
+        ".",
+        ms=3.5,
+        mew=0,
+        color=CAUSE,
+        label="refused",
+        rasterized=True,
+    )
+    panel.axhline(1.0, color="0.5", lw=0.8)
+    panel.set(yscale="log", xlabel="time, s", ylabel="innovation ÷ predicted sd", title=title)
+
+
+def draw_wrong_velocities(panel: Axes, found: Pass, title: str) -> None:
+    """Draw the same of the velocities."""
+    draw_outliers(panel, found, title, 3)
+
+
+def draw_distribution(panel: Axes, found: Pass, title: str) -> None:
+    """Draw the distribution of normalised innovations beside the one that the filter promises."""
+    z = normalised(found)
+    edges = np.linspace(-6.0, 6.0, 73)
+    for part, name, style in ((slice(0, 3), "position", "-"), (slice(3, 6), "velocity", ":")):
+        values = z[:, part][np.isfinite(z[:, part])]
+        if not len(values):
+            continue
+        density, _ = np.histogram(np.clip(values, -6.0, 6.0), edges, density=True)
+        panel.stairs(density, edges, color=AFTER, ls=style, lw=1.2, label=name)
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    panel.plot(middle, norm.pdf(middle), color=CAUSE, lw=1.0, label="promised")
+    panel.set(xlabel="innovation ÷ predicted sd", ylabel="density", title=title)
+
+
+def draw_memory(panel: Axes, found: Pass, title: str) -> None:
+    """Draw normalised innovations of the position, smoothed over 10 s: what stays for a while."""
+    z, t = normalised(found), found.record.t
+    for row, colour in ((0, AFTER), (1, CAUSE), (2, BEFORE)):
+        block = ((t - t[0]) // 10.0).astype(int)
+        good = np.isfinite(z[:, row])
+        count = np.bincount(block[good], minlength=block[-1] + 1)
+        mean = np.bincount(block[good], weights=z[good, row], minlength=block[-1] + 1)[count > 0]
+        panel.plot(
+            t[0] + 10.0 * np.flatnonzero(count),
+            mean / count[count > 0],
+            lw=0.9,
+            color=colour,
+            label=CHANNELS[row][0],
+        )
+    panel.set(xlabel="time, s", ylabel="innovation ÷ predicted sd, means of 10 s", title=title)
+
+
+VIEWS: Mapping[str, View] = {
+    "gnss_outliers": draw_outliers,
+    "gnss_velocity": draw_wrong_velocities,
+    "correlated_gnss": draw_memory,
+    "bias_jump": draw_memory,
+}
+"""View of a cause of noise; constants that shift innovations have `draw_effect`, others `draw_distribution`."""
