@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tuner.diagnosis.drives.clocks import coarse_clocks, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
+from tuner.diagnosis.drives.gain import gain_of
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
+from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import Criticism, criticise
 from tuner.files import plain
 from tuner.records import Drive
-from tuner.results import DriveDiagnosis, FilterConfig, Unexplained
+from tuner.results import DriveDiagnosis, FilterConfig, Gain, Unexplained
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,24 @@ def examine_drive(
     notes = (*base.notes, *notes)
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
-    return Examined(sensor, outcome, _diagnosis(drive, config, outcome, notes))
+    gain = gain_of(sensor, outcome, seed=seed)
+    return Examined(sensor, outcome, _diagnosis(drive, config, outcome, notes, gain))
 
 
 def _diagnosis(
-    drive: Drive, config: FilterConfig, outcome: Criticism, notes: tuple[str, ...]
+    drive: Drive, config: FilterConfig, outcome: Criticism, notes: tuple[str, ...], gain: Gain | None
 ) -> DriveDiagnosis:
-    findings = tuple(sorted((finding(one, drive, None) for one in outcome.accepted), key=lambda f: f.p_value))
+    """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
+    n = max(1, int(np.count_nonzero(outcome.base.record.counted.any(axis=1))))
+    before = evaluate(believed(outcome.base.record)).value / n
+    own = [
+        gain
+        if gain is not None and len(outcome.accepted) == 1
+        else Gain("in sample", before, before + one.candidate.alarm.gain / n, one.candidate.alarm.gain)
+        for one in outcome.accepted
+    ]
+    pairs = zip(outcome.accepted, own, strict=True)
+    findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
     final = outcome.final.hypothesis
     after = replace(
         final.config,
@@ -74,4 +89,5 @@ def _diagnosis(
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
     )
-    return DriveDiagnosis(findings, config, after, left, told_apart(outcome.accepted), (*drive.notes, *notes))
+    told = (*drive.notes, *notes)
+    return DriveDiagnosis(findings, config, after, left, told_apart(outcome.accepted), told, gain)

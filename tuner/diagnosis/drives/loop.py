@@ -37,6 +37,8 @@ BUDGET = 3e-3
 FAMILIES = len(PRIORS) + 7
 THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
+FACTORS: Mapping[str, tuple[str, ...]] = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}
+"""Causes that are factors on groups of noise: estimated once, at the end."""
 PASSES = 10
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
@@ -73,12 +75,15 @@ class Criticism:
         In order of acceptance.
     unexplained : tuple of Candidate
         What still alarms.
+    shifts : tuple of str
+        Accepted causes that are fitted in every pass.
     """
 
     base: Pass
     final: Pass
     accepted: tuple[Accepted, ...]
     unexplained: tuple[Candidate, ...]
+    shifts: tuple[str, ...]
 
 
 def criticise(
@@ -102,7 +107,8 @@ def criticise(
     accepted: list[Accepted] = []
     known = tuple(dict.fromkeys(name.partition(".")[0] for name in coarse))
     if known:
-        found = _refined(drive, examine(drive, base.hypothesis.with_values(coarse)), known)
+        say("the clocks of receiver and inertial unit differ")
+        found = refined(drive, examine(drive, base.hypothesis.with_values(coarse)), known)
     alarms: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
     for _ in range(PASSES):
@@ -120,18 +126,17 @@ def criticise(
             alike = inseparable(w, found.record.parameters, chosen.cause, (*known, chosen.cause))
             known = (*known, chosen.cause)
             accepted.append(Accepted(chosen, {}, inseparable=alike))
-            found = _refined(drive, found, known)
+            found = refined(drive, found, known)
         else:
             assert chosen.claim is not None
             accepted = [a for a in accepted if a.cause != chosen.cause or chosen.cause == "bias_jump"]
-            accepted.append(Accepted(chosen, dict(chosen.claim.describe())))
-            found = examine(drive, adopted(found, chosen.claim))
-            if known:
-                found = _refined(drive, found, known)
+            told = {} if chosen.cause in FACTORS else dict(chosen.claim.describe())
+            accepted.append(Accepted(chosen, told))
+            found = refined(drive, examine(drive, adopted(found, chosen.claim)), known)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
     left = tuple(a for a in alarms if a.raised(THRESHOLD))
-    return Criticism(base, found, tuple(accepted), left)
+    return Criticism(base, found, tuple(accepted), left, known)
 
 
 def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
@@ -140,8 +145,20 @@ def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
     return fit(w, names, known, at)
 
 
-def _refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
-    """Compensate accepted shifts as estimated and filter again until they stay."""
+def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
+    """Compensate accepted shifts as estimated and filter again until they stay.
+
+    Parameters
+    ----------
+    drive : Drive
+        In sensor axes.
+    found : Pass
+        To begin with.
+    known : tuple of str
+        The shifts.
+    """
+    if not known:
+        return found
     for _ in range(STEPS):
         now = _fit(found, whitened(believed(found.record)), known)
         names = [found.record.parameters[i] for i in now.columns]
@@ -182,9 +199,7 @@ def _pruned(
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
         kept = {n: v for n, v in found.hypothesis.values.items() if n not in own}
-        found = examine(drive, replace(found.hypothesis, values=kept))
-        if known:
-            found = _refined(drive, found, known)
+        found = refined(drive, examine(drive, replace(found.hypothesis, values=kept)), known)
     return found, accepted, known
 
 
@@ -211,7 +226,7 @@ def _estimated(found: Pass, accepted: list[Accepted], known: tuple[str, ...]) ->
 
 def _rescaled(one: Accepted, base: Pass, found: Pass, known: tuple[str, ...]) -> Accepted:
     """Return what was accepted; factors on noise as the last pass has them, all others fitted beside them."""
-    groups = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}.get(one.cause, ())
+    groups = FACTORS.get(one.cause, ())
     if not groups:
         return one
     belief = belief_of(found, known)
