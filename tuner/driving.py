@@ -29,8 +29,9 @@ from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
 from tuner.navigation.inputs import GATED, WITHHELD, Solution
 from tuner.navigation.outliers import without_outliers
-from tuner.navigation.settings import FilterSettings, filter_settings
-from tuner.navigation.vehicle import MOUNTING_SD, Vehicle, accounts, constrained, told
+from tuner.navigation.sensor import sensor_of_config
+from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
+from tuner.navigation.vehicle import MOUNTING_SD, Vehicle, accounts, constrained, standing_noise, told
 from tuner.records import Drive, Reference
 from tuner.results import FilterConfig
 from tuner.verdicts import verdicts
@@ -43,6 +44,8 @@ RECOVERY = 30.0
 STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
 """Further states of a filter on a drive, with their priors."""
 NOTHING_ASSUMED = Vehicle()
+LOUD = 2.0
+"""Ratio of noise to belief that is worth a note."""
 UNKNOWN_LEVER_ARM = 1.0
 """Prior of a lever arm that nobody gave, m."""
 
@@ -128,6 +131,7 @@ def navigate_drive(
     settings, assumed = drive_filter(drive, config, states=states)
     stretches, notes = prepare(drive, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
+    notes = (*notes, *_louder(stretches[0], config))
     if not vehicle.free:
         stretches, more = constrained(
             stretches, solutions, settings, vehicle, mounted=drive.mounting is not None
@@ -172,6 +176,21 @@ def navigate_drive(
         solutions,
         _estimates(settings, solutions[-1]),
         (*drive.notes, *assumed, *notes),
+    )
+
+
+def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
+    """Return a note where the sensors are louder than the configuration says, standing still, over a second."""
+    found = standing_noise(stretch.steps, stretch.alignment)
+    if found is None:
+        return ()
+    said = np.array([model.allan_variance(1.0) for model in sensor_of_config(config).noise])
+    ratios = found / np.sqrt(said)
+    loud = [f"{axis} {ratio:.1f}" for axis, ratio in zip(GYROS + ACCELS, ratios, strict=True) if ratio > LOUD]
+    if not loud:
+        return ()
+    return (
+        f"standing, the sensors are louder over 1 s than the configuration says: {', '.join(loud)} times",
     )
 
 

@@ -148,6 +148,27 @@ def test_constraints_help_through_outages_and_are_counted(file, result):
     assert accounts(result.solutions) == {}
 
 
+def test_sensors_louder_than_believed_are_told(file):
+    quiet = replace(
+        configuration(),
+        channels={
+            name: replace(
+                c, identified=(), white_density=0.1 * c.white_density, markov=(), random_walk_density=0.0
+            )
+            for name, c in configuration().channels.items()
+        },
+    )
+    drive = read_drive(file)
+    assert any("louder" in note and "gyro_x" in note for note in navigate_drive(drive, quiet).notes)
+    loud = replace(
+        quiet,
+        channels={
+            name: replace(c, white_density=1e3 * c.white_density) for name, c in quiet.channels.items()
+        },
+    )
+    assert not any("louder" in note for note in navigate_drive(drive, loud).notes)
+
+
 def test_mounting_for_constraints_comes_from_motion(data, tmp_path):
     drive = read_drive(saved(tmp_path / "bare.npz", data))
     settings, _ = drive_filter(drive, configuration())

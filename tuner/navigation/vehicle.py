@@ -152,6 +152,18 @@ def constraints(
     return Constraints(t[where], at, kind, sd, felt, mat_bv)
 
 
+def standing_noise(steps: Steps, alignment: Alignment) -> FloatArray | None:
+    """Return the Allan deviations (6,) of rates and forces over a second while it stood; None if it hardly did."""
+    ends = steps.ends()
+    begin, end = alignment.t, alignment.t + alignment.still
+    edges = np.searchsorted(ends, np.arange(begin, end, WINDOW) + 1e-9)
+    if len(edges) < LEAST + 2:
+        return None
+    total = np.concatenate([np.zeros((1, 6)), np.cumsum(steps.increments, axis=0)])
+    mean = np.diff(total[edges], axis=0) / np.diff(ends[edges])[:, None]
+    return np.asarray(np.sqrt(0.5 * np.mean(np.diff(mean, axis=0) ** 2, axis=0)))
+
+
 def accounts(solutions: Sequence[Solution]) -> dict[str, Account]:
     """Return what became of constraints, by name; kinds that never held are left out."""
     found = {}
