@@ -129,8 +129,10 @@ def draw_variance(panel: Axes, subject: Subject, values: Mapping[str, float]) ->
             first, last, color=CAUSE, alpha=0.2, lw=0, label=f"variance × {values['variance_ratio']:.3g}"
         )
     else:
-        middle = 0.5 * (subject.t[0] + subject.t[-1]) / 3600.0
-        level = np.exp(3600.0 * values["slope"] * (hours - middle))
+        unit = next(f.parameters["slope"].unit for f in subject.findings if f.cause == "variance_drift")
+        by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
+        course = blocks(by, 300).mean(axis=1)
+        level = np.exp(values["slope"] * (course - course.mean()))
         panel.plot(hours, level * rows.mean() / level.mean(), color=CAUSE, lw=1.4, label="found")
     panel.set(xlabel="time, h", ylabel="variance of the residuals", title="variance over time")
 
