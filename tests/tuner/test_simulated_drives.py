@@ -10,15 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.earth import ned_between
+from models.earth import EARTH_RATE, ned_between
 from models.effects.navigation import EFFECTS
 from models.effects.receiver import TimeOffset
 from models.gnss import perfect_fixes
-from models.motion import imu_increments
+from models.motion import Trajectory, imu_increments
+from models.profiles import Profile, steps
 from models.trajectories import city
 from tuner.cli import run as run_command
 from tuner.drives import hide_in_drive, simulate_drive
 from tuner.grades import load_gnss, load_grade
+from tuner.navigation.initial import align
+from tuner.navigation.inputs import Steps
 from tuner.readers.drives import read_drive
 from tuner.records import DataError
 from tuner.writers import write_drive
@@ -141,3 +144,15 @@ def test_command_writes_a_drive_and_its_key(tmp_path, capsys):
         assert says in capsys.readouterr().err
     assert run_command(["simulate", "stim300", "--trajectory", "moon"]) == 2
     assert run_command(["simulate", "stim300", "--gnss", "spp"]) == 2
+
+
+def test_a_stand_still_tells_the_bias_without_the_rate_of_the_earth():
+    """Mean over 60 s of a navigation-grade unit: far within a hundredth of the rate of the Earth."""
+    level = Profile(steps=steps((60.0, 8.0, 12.0), (80.0, 8.0, -6.0), (95.0, 6.0, 8.0)))
+    turn = Profile(0.7, steps=steps((85.0, 6.0, 1.0)))
+    motion = Trajectory("start", 130.0, level, turn)
+    drive, key = simulate_drive(load_grade("rlg"), motion, RECEIVER, rate=RATE, seed=2)
+    t, gnss = drive.imu_t, drive.gnss
+    found = align(Steps(0.0, np.diff(t), drive.rates[1:] / RATE), gnss)
+    truth = [key["channels"][f"gyro_{axis}"]["constant"] for axis in "xyz"]
+    np.testing.assert_allclose(found.gyro_bias, truth, atol=0.02 * EARTH_RATE)

@@ -6,7 +6,8 @@ force, turned by the gyros into the body frame b₀ of the start, must be the ch
     α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
 
 The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of
-the clocks gives their offset. While the fixes stand still, the mean of the gyros is their bias.
+the clocks gives their offset. While the fixes stand still, the mean of the gyros less the rate of the Earth is
+their bias.
 
 References
 ----------
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from models import rotation
-from models.earth import gravity, metres_per_radian
+from models.earth import earth_rate, gravity, metres_per_radian
 from models.triples import exponential, product
 from tuner.navigation.inputs import Steps
 from tuner.records import DataError, Gnss
@@ -238,6 +239,9 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
     k = int(np.argmin(np.abs(t - fix_t[0])))
     quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
+    if bias.any():  # standing, the gyros feel the Earth turn
+        lat = float(gnss.llh[0, 0])
+        bias = bias - rotation.mat_from_quat(quat).T @ np.array(earth_rate(np.sin(lat), np.cos(lat)))
     misfit = float(np.sqrt(cost / 3.0))
     return Alignment(
         float(t[k]),
