@@ -75,7 +75,7 @@ def standing(drive: Drive) -> Standing:
     t = drive.imu_t[: count * size].reshape(count, size)
     whole = t[:, -1] - t[:, 0] < 1.5 * size * dt
     slow = whole & (_speed(drive, t.mean(axis=1)) < SLOW)
-    step = np.array([_step(column) for column in drive.rates.T])
+    step = np.repeat([_step(drive.rates[:, :3]), _step(drive.rates[:, 3:])], 3)
     still = slow & _calm(blocks, slow, step**2 / 12.0)
     seconds = float(np.count_nonzero(still) * size * dt)
     if seconds < FEWEST:
@@ -159,10 +159,10 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     return np.asarray(np.interp(t, gnss.t, speed, left=np.inf, right=np.inf))
 
 
-def _step(column: FloatArray) -> float:
-    """Return the step of the lattice that samples lie on, 0 where they never change."""
-    levels = np.unique(column)
-    return float(np.min(np.diff(levels))) if len(levels) > 1 else 0.0
+def _step(samples: FloatArray) -> float:
+    """Return the step of the lattice that the samples of a triad lie on, the coarsest of its axes."""
+    levels = [np.unique(column) for column in samples.T]
+    return max((float(np.min(np.diff(one))) for one in levels if len(one) > 1), default=0.0)
 
 
 def _calm(blocks: FloatArray, slow: BoolArray, least: FloatArray) -> BoolArray:

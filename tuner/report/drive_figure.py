@@ -82,7 +82,7 @@ def draw_drive(examined: Examined, directory: Path) -> list[tuple[str, Path]]:
                 "diagonal is better. The drive that named the findings is the one shown: the gain on data held out "
                 "is in the table.",
                 (11.0, 4.6),
-                (1, 2),
+                (1, len(outages)),
                 [partial(_paired, *one) for one in outages],
             )
         )
@@ -116,7 +116,7 @@ def _draw(
 ) -> tuple[str, Path]:
     with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
         figure = Figure(figsize=size, layout="constrained")
-        for panel, draw in zip(figure.subplots(*shape).flat, panels, strict=True):
+        for panel, draw in zip(figure.subplots(*shape, squeeze=False).flat, panels, strict=True):
             draw(panel)
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
