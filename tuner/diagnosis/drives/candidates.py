@@ -22,6 +22,7 @@ from tuner.diagnosis.drives.jump import bias_jump, jump_sensor
 from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
 from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, scores
 from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
+from tuner.diagnosis.drives.prior import static_prior
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import ROWS
 from tuner.diagnosis.drives.score import Scored, families
@@ -32,6 +33,8 @@ FloatArray = NDArray[np.float64]
 
 STRONG = 1e-9
 """Chance below which a shift is believed whatever the noise."""
+WORTH = 1.0
+"""Gain from which a cause is named, nats."""
 JUMPS = 2
 """Most jumps that are named; more of them are another thing."""
 MEAN_TITLE = "score of the sensitivity of the innovations"
@@ -62,7 +65,7 @@ class Candidate:
 
     def raised(self, threshold: float) -> bool:
         """Whether the family alarms and its cause gains."""
-        return self.alarm.p_value < threshold and self.alarm.gain > 0.0
+        return self.alarm.p_value < threshold and self.alarm.gain > WORTH
 
 
 def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
@@ -95,7 +98,7 @@ def candidates(
         for claim in (
             gnss_noise(belief, told),
             correlated_gnss(belief, evaluate(belief)),
-            imu_noise(belief, told),
+            imu_noise(belief, told, prior_sd=static_prior(found.hypothesis.config.channels)),
             bias_jump(belief),
         )
         if claim.alarm.cause != JUMP or len(found.hypothesis.jumps) < JUMPS

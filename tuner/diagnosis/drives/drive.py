@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tuner.diagnosis.drives.bias import beyond_prior
 from tuner.diagnosis.drives.clocks import coarse_clocks, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
 from tuner.diagnosis.drives.gain import gain_of
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
 from tuner.diagnosis.drives.likelihood import believed, evaluate
-from tuner.diagnosis.drives.loop import Criticism, criticise
+from tuner.diagnosis.drives.loop import THRESHOLD, Criticism, criticise
 from tuner.files import plain
 from tuner.records import Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Gain, Unexplained
@@ -80,9 +81,17 @@ def _diagnosis(
     ]
     pairs = zip(outcome.accepted, own, strict=True)
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
+    biases = beyond_prior(outcome.final, config, THRESHOLD)
+    findings = tuple(sorted((*findings, *biases), key=lambda f: f.p_value))
     final = outcome.final.hypothesis
+    wider = {f.channels[0]: abs(f.parameters["value"].value or 0.0) for f in biases}
+    channels = {
+        axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
+        for axis, noise in final.config.channels.items()
+    }
     after = replace(
         final.config,
+        channels=channels,
         compensation={name: value for name, value in final.values.items() if value != 0.0},
         findings=(*config.findings, *(plain(dict(f.extension)) for f in findings)),
     )

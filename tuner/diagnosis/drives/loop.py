@@ -23,7 +23,7 @@ from tuner.diagnosis.drives.candidates import (
 )
 from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.hypothesis import Pass, examine
-from tuner.diagnosis.drives.likelihood import believed
+from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.noise import SHORT
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import ROWS, factors, present
@@ -34,7 +34,7 @@ from tuner.results import Alternative, Coefficient
 
 BUDGET = 3e-3
 """Chance of any finding in a clean drive."""
-FAMILIES = len(PRIORS) + 7
+FAMILIES = len(PRIORS) + 8
 THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
 FACTORS: Mapping[str, tuple[str, ...]] = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}
@@ -44,6 +44,8 @@ CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
 MOVED = 0.2
 """Change of an estimate, in standard deviations, from which it is worth another pass."""
+SLACK, LIMIT = 3.0, 25.0
+"""Nats by which a step may worsen the likelihood; largest square that counts in it."""
 STEPS = 3
 """Passes of Gauss–Newton after an acceptance, at most."""
 
@@ -135,6 +137,7 @@ def criticise(
             found = refined(drive, examine(drive, adopted(found, chosen.claim)), known)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
+    accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]
     left = tuple(a for a in alarms if a.raised(THRESHOLD))
     return Criticism(base, found, tuple(accepted), left, known)
 
@@ -146,7 +149,7 @@ def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
 
 
 def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
-    """Compensate accepted shifts as estimated and filter again until they stay.
+    """Compensate accepted shifts as estimated and filter again until they stay, or the drive likes it no better.
 
     Parameters
     ----------
@@ -166,8 +169,20 @@ def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
         if np.all(np.abs(now.shrunk - at) < MOVED * np.sqrt(np.diag(now.covariance))):
             break
         values = dict(zip(names, now.shrunk.tolist(), strict=True))
-        found = examine(drive, found.hypothesis.with_values(values))
+        then = examine(drive, found.hypothesis.with_values(values))
+        if _likelihood(then) < _likelihood(found) - SLACK:
+            break
+        found = then
     return found
+
+
+def _likelihood(found: Pass) -> float:
+    """Return the log likelihood of a row, outliers limited, times the rows of a drive."""
+    belief = believed(found.record)
+    every = replace(belief, rows=found.record.available & (belief.rows | found.record.scored[:, None]))
+    told, rows = evaluate(every), every.counted
+    square = np.minimum(told.white[rows] ** 2, LIMIT)
+    return -0.5 * float(np.mean(square + np.log(told.variance[rows]))) * len(found.index) * 6.0
 
 
 def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
@@ -245,3 +260,10 @@ def _rescaled(one: Accepted, base: Pass, found: Pass, known: tuple[str, ...]) ->
             )
             parameters[sensor] = fit.coefficient(name, scale=now / then)
     return replace(one, parameters=parameters)
+
+
+def _as_told(parameters: Mapping[str, Coefficient]) -> bool:
+    """Whether the intervals of all factors hold 1: what spoke for them has found another cause since."""
+    return bool(parameters) and all(
+        c.interval is not None and c.interval[0] < 1.0 < c.interval[1] for c in parameters.values()
+    )

@@ -45,10 +45,9 @@ class Whitened:
 def whitened(belief: Belief) -> Whitened:
     """Return the innovations of a record made white, and their sensitivities to all its constants."""
     record = belief.record
-    every = replace(belief, columns=tuple(range(len(record.parameters))))
-    found = evaluate(every)
+    found = evaluate(replace(belief, columns=()))
+    every = evaluate(replace(belief, columns=tuple(range(len(record.parameters)))))
     rows = belief.counted
     root = np.sqrt(found.variance[rows])
-    raw = found.innovation[rows] + found.sensitivity[rows] @ found.theta
     t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
-    return Whitened(t, raw / root, found.sensitivity[rows] / root[:, None])
+    return Whitened(t, found.innovation[rows] / root, every.sensitivity[rows] / root[:, None])
