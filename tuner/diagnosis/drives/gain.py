@@ -96,8 +96,8 @@ def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
     if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
         belief = belief_of(found, outcome.shifts)
         names = present(belief, tuple(ROWS))
-        fit = maximise(belief, factors(names))
-        for name, factor in zip(names, np.exp(fit.estimate).tolist(), strict=True):
+        logs = maximise(belief, factors(names)).estimate if names else np.zeros(0)
+        for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
             key = f"gnss_noise_scale.{name}"
             values[key] = values.get(key, 1.0) * factor
     return replace(final, values=values)

@@ -44,6 +44,8 @@ NOTABLE = 1.5
 """Vibration, moving ÷ standing, from which it counts."""
 SHARE = 0.25
 """Part of what a factor lost that forgetting a cause must bring back for it to be named."""
+MOST = 4
+"""Findings that are forgotten in turn, the first accepted: each costs a pass and a fit."""
 UNKNOWN = "unknown"
 
 
@@ -84,6 +86,8 @@ def demands(
     base, final = examined.criticism.base, examined.criticism.final
     config = base.hypothesis.config
     known = tuple(a.cause for a in examined.criticism.accepted)
+    if not all(present(belief_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
+        return ()
     plain = _asked(base, base, (), prior_sd)
     named = _asked(base, final, known, prior_sd)
     names = [name for name in SETTINGS if name in plain.fit.scales.names and name in named.fit.scales.names]
@@ -132,9 +136,21 @@ def wander(channel: ChannelNoise) -> float:
     return float(np.sqrt(channel.random_walk_density**2 + sum(s.driving_density**2 for s in channel.markov)))
 
 
-def _asked(base: Pass, found: Pass, known: Sequence[str], prior_sd: Mapping[str, float]) -> _Asked:
+def _asked(
+    base: Pass,
+    found: Pass,
+    known: Sequence[str],
+    prior_sd: Mapping[str, float],
+    free: Sequence[str] = tuple(SETTINGS),
+    others: Fit | None = None,
+) -> _Asked:
+    """Fit the free settings of a pass, the others as a fit has them."""
     belief = belief_of(found, tuple(known))
-    names = present(belief, tuple(SETTINGS))
+    names = present(belief, tuple(free))
+    if others is not None:
+        fixed = tuple(name for name in others.scales.names if name not in names)
+        logs = np.array([others.estimate[others.number(name)] for name in fixed])
+        belief = factors(fixed).change(belief, logs)
     fit = maximise(belief, factors(names), prior_sd=prior_sd)
     return _Asked(fit, {name: _settled(found, name) / _settled(base, name) for name in names})
 
@@ -161,7 +177,7 @@ def _accounted(
     prior_sd: Mapping[str, float],
 ) -> dict[str, tuple[str, ...]]:
     """Return the findings that bring factors back when they are forgotten, the most important first."""
-    causes = tuple(dict.fromkeys(c for c in known if c not in SCALES))
+    causes = tuple(dict.fromkeys(c for c in known if c not in SCALES))[:MOST]
     if not fallen or not causes:
         return {}
     if len(causes) == 1:
@@ -169,7 +185,8 @@ def _accounted(
     back: dict[str, dict[str, float]] = {name: {} for name in fallen}
     for cause in causes:
         less = examine(drive, forgotten(final.hypothesis, base.hypothesis, cause))
-        asked = _asked(base, less, tuple(c for c in known if c != cause), prior_sd)
+        others = tuple(c for c in known if c != cause)
+        asked = _asked(base, less, others, prior_sd, fallen, named.fit)
         for name in fallen:
             lost = plain.log(name) - named.log(name)
             back[name][cause] = (asked.log(name) - named.log(name)) / lost
