@@ -36,6 +36,7 @@ FILTERS: dict[str, tuple[float, float]] = {
     "sampled1x8": (0.002, 1.5),
     "sampled1x4": (0.002, 0.98),
     "sampled1x2": (0.002, 0.49),
+    "sampled1x1": (0.002, 0.49),
     "pole2": (0.002, 0.6),
     "sampled2x16": (0.002, 0.52),
     "sampled2x8": (0.002, 0.52),

@@ -38,6 +38,8 @@ GRID = 14
 """Cutoffs from which the best one is sought."""
 SIMILAR = 0.4
 """Largest difference of the logs of the cutoffs of filters that only fold more or less."""
+FREAK = "sampled1x1"
+"""Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
 ALARM = 1e-3
 """Chance from which the many shapes are fitted."""
 
@@ -130,8 +132,9 @@ def polished(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
 
 def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
     """Return the 95 % interval of the log of cutoff × interval over all filters that explain the spectrum."""
-    least = min(fitted.cost for fitted in filters)
-    ends = [_reach(data, fitted, least + LIMIT) for fitted in filters if fitted.cost < least + LIMIT]
+    alike = [fitted for fitted in filters if fitted is filters[0] or fitted.name != FREAK]
+    least = min(fitted.cost for fitted in alike)
+    ends = [_reach(data, fitted, least + LIMIT) for fitted in alike if fitted.cost < least + LIMIT]
     return min(end[0] for end in ends), max(end[1] for end in ends)
 
 
@@ -238,7 +241,7 @@ def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
         order = name.partition("x")[0]
         fits.append(fit_filter(data, name, firsts.get(order)))
         firsts.setdefault(order, fits[-1])
-    return tuple(sorted(fits, key=lambda fitted: fitted.cost))
+    return tuple(sorted(fits, key=lambda fitted: fitted.cost + (CLOSE if fitted.name == FREAK else 0.0)))
 
 
 def _price(data: Bins, fitted: ShapeFit | Hump) -> float:
