@@ -52,6 +52,17 @@ SOMIGLIANA = SEMI_MINOR_AXIS * POLE_GRAVITY / (SEMI_MAJOR_AXIS * EQUATOR_GRAVITY
 """k."""
 
 
+def sine_cosine(lat: Scalar) -> tuple[Scalar, Scalar]:
+    """Return sin L and cos L by Taylor's series: exact to rounding for |L| ≤ π/2, as latitudes are."""
+    s = lat * lat
+    y = 1.0 - s / 182.0 * (1.0 - s / 240.0 * (1.0 - s / 306.0 * (1.0 - s / 380.0)))
+    y = 1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * (1.0 - s / 132.0 * y)))
+    cosine = 1.0 - s / 2.0 * (1.0 - s / 12.0 * y)
+    y = 1.0 - s / 210.0 * (1.0 - s / 272.0 * (1.0 - s / 342.0 * (1.0 - s / 420.0)))
+    y = 1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * y)))
+    return lat * (1.0 - s / 6.0 * (1.0 - s / 20.0 * y)), cosine
+
+
 def radii(sin_lat: Scalar) -> tuple[Scalar, Scalar]:
     """Return the radii of curvature M (meridian) and N (prime vertical), m."""
     w2 = 1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat
@@ -101,7 +112,7 @@ def transport_rate(sin_lat: Scalar, cos_lat: Scalar, height: Scalar, vel_n: Vec)
     return (east, -vel_n[0] / (meridian + height), -east * sin_lat / cos_lat)
 
 
-KERNELS = (radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate)
+KERNELS = (sine_cosine, radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate)
 
 
 def ecef_from_llh(llh: ArrayLike) -> FloatArray:

@@ -59,6 +59,7 @@ from models.earth import (
     ned_between,
     radii,
     radii_gradient,
+    sine_cosine,
     transport_rate,
 )
 from models.layout import ErrorModel
@@ -78,7 +79,7 @@ def coupling(pos: Vec, vel: Vec) -> tuple[Mat, Mat, Mat, Mat, Mat, Vec]:
     pos, vel : triples
         Latitude, longitude (rad), height (m); velocity north, east, down, m/s.
     """
-    sin_lat, cos_lat, height = np.sin(pos[0]), np.cos(pos[0]), pos[2]
+    (sin_lat, cos_lat), height = sine_cosine(pos[0]), pos[2]
     tan_lat = sin_lat / cos_lat
     north, east, down = vel
     meridian, normal = radii(sin_lat)

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models import rotation
-from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, transport_rate
+from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, sine_cosine, transport_rate
 from models.triples import Mat, Quat, Scalar, Vec, add, cross, exponential, matrix, product, scale, transform
 
 FloatArray = NDArray[np.float64]
@@ -94,8 +94,7 @@ def step(pos: Vec, vel: Vec, quat: Quat, rotvec: Vec, dvel: Vec, dt: Scalar) -> 
     # Middle of the step. For the latitude the semi-major axis is near enough to the radius of curvature.
     lat = pos[0] + 0.5 * dt * vel[0] / SEMI_MAJOR_AXIS
     height = pos[2] - 0.5 * dt * vel[2]
-    sin_lat = np.sin(lat)
-    cos_lat = np.cos(lat)
+    sin_lat, cos_lat = sine_cosine(lat)
     meridian, normal = radii(sin_lat)
     down = gravity(sin_lat, height) * dt
     of_earth = earth_rate(sin_lat, cos_lat)
@@ -139,7 +138,7 @@ def rates(pos: Vec, vel: Vec, mat_nb: Mat, omega_ib: Vec, force_b: Vec) -> tuple
 
     The continuous equations that `step` integrates, and whose Jacobians `models.errorstate` holds.
     """
-    sin_lat, cos_lat, height = np.sin(pos[0]), np.cos(pos[0]), pos[2]
+    (sin_lat, cos_lat), height = sine_cosine(pos[0]), pos[2]
     meridian, normal = radii(sin_lat)
     of_earth = earth_rate(sin_lat, cos_lat)
     of_frame = add(of_earth, transport_rate(sin_lat, cos_lat, height, vel))

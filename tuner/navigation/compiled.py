@@ -1,4 +1,4 @@
-"""What the compiled kernels share: the decorator, a filter as plain numbers, the arrays of a run.
+"""What the compiled kernels share: the decorator, and a filter as plain numbers.
 
 The equations of motion and of the error coupling are those of `models`, compiled from the same lines.
 """
@@ -14,11 +14,11 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba.core.event import Listener, register
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
-from tuner.navigation.lanes import WIDTH, aligned, as_columns, as_lanes, as_numbers, borrowed
+from tuner.navigation.lanes import borrowed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -169,164 +169,6 @@ def sensed_states(row: IntArray) -> tuple[IntArray, IntArray]:
     )
 
 
-class Memory(NamedTuple):
-    """All that one filter, or eight together, hold: arrays whose last axis counts the filters.
-
-    States stand in padded columns where there is one filter, so that eight columns fill a value of lanes.
-    """
-
-    state: FloatArray  # (10, w) latitude, longitude, height, velocity, quaternion
-    x: FloatArray  # (n, w)
-    P: FloatArray  # (n, columns, w)
-    rows: FloatArray  # (9, rows, w), rows of P as columns; unused where there are eight filters
-    sensed: FloatArray  # (7, rows, w), T Sᵀ + Γ W of the covariance, and what gravity adds
-    gamma: FloatArray  # (9, 6 and padding, w), Γ
-    inverse: FloatArray  # (6, 6 and padding, w), of A
-    matrix: FloatArray  # (6, 6, w), A
-    bias: FloatArray  # (6, w)
-    slant: FloatArray  # (n, w), the elements of S c
-    true: FloatArray  # (6, w), calibrated mean rates and forces in b
-    rate: FloatArray  # (n, w), 1/T of each state, 1/s
-    drive: FloatArray  # (n, w), squares of the driving densities
-    decay: FloatArray  # (n, w), exp(−dt/T)
-    shrunk: FloatArray  # (columns, w), c: P is that of the states divided by it
-    driven: FloatArray  # (n, w), variance driven in a step
-    white: FloatArray  # (6, w), squares of the believed white densities of the sensors
-    density: FloatArray  # (6, w), true white densities
-    drawn: FloatArray  # (6, w), sensor errors of a step
-    refused: FloatArray  # (2, w), since when positions and velocities have been refused
-
-
-class Work(NamedTuple):
-    """`Memory` as kernels see it: by elements, and (ending in _c) by columns, eight numbers in a value."""
-
-    state: Any
-    x: Any
-    P: Any
-    P_c: Any
-    rows: Any
-    rows_c: Any
-    sensed: Any
-    sensed_c: Any
-    gamma: Any
-    gamma_c: Any
-    inverse: Any
-    inverse_c: Any
-    matrix: Any
-    bias: Any
-    slant: Any
-    true: Any
-    decay: Any
-    shrunk: Any
-    shrunk_c: Any
-    driven: Any
-    white: Any
-    drawn: Any
-    apart: bool  # whether `rows` are copies
-
-
-def memory(lay: Layout, filters: int) -> Memory:
-    """Return the memory of one filter, or of `WIDTH`: A = I, S of ones, the drives of the layout, all else 0."""
-    size = lay.size
-    pad = WIDTH // filters
-
-    def room(*shape: int) -> FloatArray:
-        return aligned(*shape, filters)
-
-    columns, rows, sensors = (-(-count // pad) * pad for count in (size, 9, 6))
-    empty = Memory(
-        state=room(10),
-        x=room(size),
-        P=room(size, columns),
-        rows=room(9, rows),
-        sensed=room(7, rows),
-        gamma=room(9, sensors),
-        inverse=room(6, sensors),
-        matrix=room(6, 6),
-        bias=room(6),
-        slant=room(size),
-        true=room(6),
-        rate=room(size),
-        drive=room(size),
-        decay=room(size),
-        shrunk=room(columns),
-        driven=room(size),
-        white=room(6),
-        density=room(6),
-        drawn=room(6),
-        refused=room(2),
-    )
-    empty.inverse[range(6), range(6)] = empty.slant[:] = 1.0
-    empty.rate[:], empty.drive[:], empty.white[:] = lay.rate[:, None], lay.drive[:, None], lay.white[:, None]
-    empty.shrunk[:] = 1.0
-    empty.refused[:] = NEVER
-    return empty
-
-
-@compiled
-def _apart(m: Memory) -> Any:
-    """Return the columns of `rows`, which are copies."""
-    return as_columns(m.rows)
-
-
-@compiled
-def _within(m: Memory) -> Any:
-    """Return the first nine rows of P as columns."""
-    return as_lanes(m.P)[:9].T
-
-
-def _views(element: Any, rows: Any, apart: bool) -> Callable[[Memory], Work]:
-    """Return the function that makes `Work` of `Memory` with elements seen through `element`."""
-
-    @compiled
-    def views(m: Memory) -> Work:
-        return Work(
-            element(m.state),
-            element(m.x),
-            element(m.P),
-            as_columns(m.P),
-            element(m.rows),
-            rows(m),
-            element(m.sensed),
-            as_columns(m.sensed),
-            element(m.gamma),
-            as_columns(m.gamma),
-            element(m.inverse),
-            as_columns(m.inverse),
-            element(m.matrix),
-            element(m.bias),
-            element(m.slant),
-            element(m.true),
-            element(m.decay),
-            element(m.shrunk),
-            as_columns(m.shrunk),
-            element(m.driven),
-            element(m.white),
-            element(m.drawn),
-            apart,
-        )
-
-    return views
-
-
-_ONE, _EIGHT = _views(as_numbers, _apart, True), _views(as_lanes, _within, False)
-
-
-def work_of(m: Memory, filters: tuple[Any, ...]) -> Work:
-    """Return the memory of as many filters as the tuple is long, as kernels see it."""
-    raise NotImplementedError
-
-
-@overload(work_of)
-def _choose_work(m: Any, filters: Any) -> Any:  # noqa: ARG001
-    views = _ONE if len(filters) == 1 else _EIGHT
-
-    def implementation(m: Any, filters: Any) -> Any:  # noqa: ARG001
-        return views(m)
-
-    return implementation
-
-
 @compiled
 def set_true(true: Any, rate: Any, force: Any) -> None:
     """Set calibrated rates and forces in b."""
@@ -338,22 +180,6 @@ def set_true(true: Any, rate: Any, force: Any) -> None:
 def transposed(m: Any) -> Any:
     """Return the transposed matrix."""
     return (m[0][0], m[1][0], m[2][0]), (m[0][1], m[1][1], m[2][1]), (m[0][2], m[1][2], m[2][2])
-
-
-@compiled
-def copy_out(many: FloatArray, w: int, one: FloatArray) -> None:
-    """Copy the covariance (n, n) of filter w out of those of all, (n, columns, …)."""
-    for i in range(len(one)):
-        for j in range(len(one)):
-            one[i, j] = many[i, j, w]
-
-
-@compiled
-def copy_in(many: FloatArray, w: int, one: FloatArray) -> None:
-    """Copy the covariance of filter w back."""
-    for i in range(len(one)):
-        for j in range(len(one)):
-            many[i, j, w] = one[i, j]
 
 
 @compiled

@@ -4,14 +4,15 @@ With Φ = (A  ΓS; 0  D) for the nine navigation states and the rest, D diagonal
 the answer of the six sensors to the states, with one element a column::
 
     T = (A  ΓS) P                       column by column; S P comes first
-    P_nn ← T (A  ΓS)ᵀ + Γ W Γᵀ          the same again with the rows of T, those of T Sᵀ + Γ W for S P
+    P_bn ← T_bᵀ                         turned over
+    P_nn ← (A  ΓS) Tᵀ + Γ W Γᵀ          the same again with the columns of Tᵀ; S Tᵀ + W Γᵀ for S P
     P_nb ← T_b Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
 
 Decay is put off: between fixes P is that of states b/c, c ← D c, in which it changes nothing but S ← S D, and
 Q_bb ← Q_bb/c². `settle` turns back to b.
 
 Φ and Q are those of `models.errorstate`. The same lines advance one filter, eight columns at a time, or eight
-filters, one column at a time (`tuner.navigation.compiled.Work`).
+filters, one column at a time (`tuner.navigation.arrays.Work`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from numpy.typing import NDArray
 
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
-from tuner.navigation.compiled import Layout, Memory, Work, compiled
+from tuner.navigation.arrays import Memory, Work
+from tuner.navigation.compiled import Layout, compiled
+from tuner.navigation.lanes import WIDTH, turned_over
 
 FloatArray = NDArray[np.float64]
 
@@ -67,6 +70,40 @@ def unmixed(lay: Layout, inverse: Any, s: Any) -> Any:
 
 
 @compiled
+def turned(M: Any, c: int) -> Any:
+    """Return the first eight rows of a column of lanes turned over."""
+    return turned_over((M[0, c], M[1, c], M[2, c], M[3, c], M[4, c], M[5, c], M[6, c], M[7, c]))
+
+
+@compiled
+def set_block(M: Any, i: int, rows: Any) -> None:
+    """Set eight rows of the first column of lanes from row i on."""
+    M[i, 0], M[i + 1, 0], M[i + 2, 0], M[i + 3, 0] = rows[0], rows[1], rows[2], rows[3]
+    M[i + 4, 0], M[i + 5, 0], M[i + 6, 0], M[i + 7, 0] = rows[4], rows[5], rows[6], rows[7]
+
+
+@compiled
+def _set_column(M: Any, c: int, r: Any, v: Any, a: Any) -> None:
+    """Set the first nine rows of a column to three triples."""
+    for k in range(3):
+        M[k, c], M[3 + k, c], M[6 + k, c] = r[k], v[k], a[k]
+
+
+@compiled
+def _advanced(lay: Layout, work: Work, M: Any, c: int, six: Any, fall: Any, step: Any) -> Any:
+    """Return A times a column of nine, plus Γ times six sensor errors and `fall` downwards."""
+    f_rr, f_vr, f_vv, f_ar, f_av, omega, force, turn, half = step
+    rate, push = unmixed(lay, work.inverse, six)
+    r, v, a = (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
+    ya = add(a, add(add(transform(f_ar, r), transform(f_av, v)), add(transform(turn, rate), cross(a, omega))))
+    dv = add(transform(f_vr, r), transform(f_vv, v))
+    dv = add(dv, add(transform(turn, push), cross(add(a, ya), force)))
+    yv = add(v, (dv[0], dv[1], dv[2] + fall))
+    yr = add(r, add(transform(f_rr, r), scale(half, add(v, yv))))
+    return yr, yv, ya
+
+
+@compiled
 def _sensed(lay: Layout, r: int, slant: Any, M: Any, c: int) -> Any:
     """Return row r of S times column c of M."""
     s = lay.feed[lay.first[r]]
@@ -78,26 +115,30 @@ def _sensed(lay: Layout, r: int, slant: Any, M: Any, c: int) -> Any:
 
 
 @compiled
-def _set_column(M: Any, c: int, r: Any, v: Any, a: Any) -> None:
-    """Set the first nine rows of a column to three triples."""
-    for k in range(3):
-        M[k, c], M[3 + k, c], M[6 + k, c] = r[k], v[k], a[k]
+def _all_sensed(lay: Layout, slant: Any, M: Any, c: int) -> Any:
+    """Return S times column c of M."""
+    return (
+        _sensed(lay, 0, slant, M, c),
+        _sensed(lay, 1, slant, M, c),
+        _sensed(lay, 2, slant, M, c),
+        _sensed(lay, 3, slant, M, c),
+        _sensed(lay, 4, slant, M, c),
+        _sensed(lay, 5, slant, M, c),
+    )
 
 
 @compiled
-def _advance_column(
-    lay: Layout, work: Work, M: Any, c: int, six: Any, fall: Any, blocks: Any, turn: Any, half: float
-) -> None:
-    """Replace a column of nine by A times it, plus Γ times six sensor errors and `fall` downwards."""
-    f_rr, f_vr, f_vv, f_ar, f_av, omega, force = blocks
-    rate, push = unmixed(lay, work.inverse, six)
-    r, v, a = (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
-    ya = add(a, add(add(transform(f_ar, r), transform(f_av, v)), add(transform(turn, rate), cross(a, omega))))
-    dv = add(transform(f_vr, r), transform(f_vv, v))
-    dv = add(dv, add(transform(turn, push), cross(add(a, ya), force)))
-    yv = add(v, (dv[0], dv[1], dv[2] + fall))
-    yr = add(r, add(transform(f_rr, r), scale(half, add(v, yv))))
-    _set_column(M, c, yr, yv, ya)
+def _with_white(work: Work, dt: float, six: Any, noise: Any, c: int) -> Any:
+    """Return six sensor errors plus W/dt times column c of Γᵀ."""
+    w, f = work.white, 1.0 / dt
+    return (
+        six[0] + f * w[0] * noise[0, c],
+        six[1] + f * w[1] * noise[1, c],
+        six[2] + f * w[2] * noise[2, c],
+        six[3] + f * w[3] * noise[3, c],
+        six[4] + f * w[4] * noise[4, c],
+        six[5] + f * w[5] * noise[5, c],
+    )
 
 
 @compiled
@@ -116,68 +157,91 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
         Length, s.
     """
     f_rr, f_vr, f_vv, f_ar, f_av, omega = coupling(pos, vel)
-    blocks = (
+    turn, push = _scaled(-dt, mat), scale(0.5 * dt, force)
+    step = (
         _scaled(dt, f_rr),
         _scaled(dt, f_vr),
         _scaled(dt, f_vv),
         _scaled(dt, f_ar),
         _scaled(dt, f_av),
         scale(dt, omega),
-        scale(0.5 * dt, force),
+        push,
+        turn,
+        0.5 * dt,
     )
-    turn, half, slant, P = _scaled(-dt, mat), 0.5 * dt, work.slant, work.P_c
+    slant, P, rows, noise = work.slant, work.P_c, work.rows_c, work.noise_c
     if not lay.ideal:
         for s in range(9, lay.size):
             if lay.source[s] >= 0:
                 slant[s] = work.shrunk[s] * work.true[lay.source[s]]
+    _set_noise(work, turn, push, dt)
     for c in range(P.shape[1]):
-        six = (
-            _sensed(lay, 0, slant, P, c),
-            _sensed(lay, 1, slant, P, c),
-            _sensed(lay, 2, slant, P, c),
-            _sensed(lay, 3, slant, P, c),
-            _sensed(lay, 4, slant, P, c),
-            _sensed(lay, 5, slant, P, c),
-        )
         fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
-        _advance_column(lay, work, P, c, six, fall, blocks, turn, half)
-    _set_rows(lay, work, turn, blocks[6], dt)
-    rows = work.rows_c
+        r, v, a = _advanced(lay, work, P, c, _all_sensed(lay, slant, P, c), fall, step)
+        _set_column(P, c, r, v, a)
+    _turn_over(lay, work)
     for c in range(rows.shape[1]):
-        q = work.sensed_c
-        six = (q[0, c], q[1, c], q[2, c], q[3, c], q[4, c], q[5, c])
-        _advance_column(lay, work, rows, c, six, q[6, c], blocks, turn, half)
+        fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
+        six = _with_white(work, dt, _all_sensed(lay, slant, P, c), noise, c)
+        r, v, a = _advanced(lay, work, rows, c, six, fall, step)
+        _set_column(rows, c, r, v, a)
+    if work.apart:
+        six = _with_white(work, dt, _all_sensed(lay, slant, work.P, 8), work.gamma.T, 8)
+        _, _, a = _advanced(lay, work, work.P.T, 8, six, 0.0, step)
+        work.P[8, 8] = a[2]
+    _even_out(work)
     _advance_rest(lay, work, dt)
 
 
 @compiled
-def _set_rows(lay: Layout, work: Work, turn: Any, force: Any, dt: float) -> None:
-    """Set T as columns, and T Sᵀ + Γ W with dt times its column of gravity below."""
-    unit, gamma, sensed, T = work.inverse_c, work.gamma_c, work.sensed, work.P
+def _set_noise(work: Work, turn: Any, force: Any, dt: float) -> None:
+    """Set Γ, and for one filter Γᵀ of all rows but the last, too."""
+    unit, gamma = work.inverse_c, work.gamma_c
     for c in range(unit.shape[1]):
         tilt = transform(turn, (unit[0, c], unit[1, c], unit[2, c]))
         push = add(transform(turn, (unit[3, c], unit[4, c], unit[5, c])), cross(tilt, force))
         _set_column(gamma, c, scale(0.5 * dt, push), push, tilt)
     if work.apart:
-        for i in range(9):
-            for j in range(9):
-                work.rows[j, i] = T[i, j]
-    for r in range(6):
-        density = work.white[r] * (1.0 / dt)
-        for i in range(9):
-            sensed[r, i] = density * work.gamma[i, r]
-        for k in range(lay.first[r], lay.first[r + 1]):
-            s = lay.feed[k]
+        set_block(work.noise_c, 0, turned(gamma, 0))
+
+
+@compiled
+def _turn_over(lay: Layout, work: Work) -> None:
+    """Turn T over: columns of the nine into `rows`, the others into the rows of P below them."""
+    n, P, lanes, rows = lay.size, work.P, work.P_c, work.rows_c
+    if work.apart:
+        ninth = lanes[8, 0]
+        set_block(rows, 0, turned(lanes, 0))
+        for c in range(1, lanes.shape[1]):
+            set_block(lanes, WIDTH * c, turned(lanes, c))
+        rows[8, 0], lanes[8, 0] = lanes[8, 0], ninth
+        for s in range(9, n):
+            P[s, 8] = P[8, s]
+    else:
+        for s in range(9, n):
             for i in range(9):
-                sensed[r, i] += work.slant[s] * T[i, s]
-    if lay.gravity >= 0:
+                P[s, i] = P[i, s]
+
+
+@compiled
+def _even_out(work: Work) -> None:
+    """Make both sides of P_nn the same, which rounding must not part."""
+    P, lanes, rows = work.P, work.P_c, work.rows_c
+    if work.apart:
+        set_block(lanes, 0, turned(rows, 0))
+        for i in range(WIDTH):
+            lanes[i, 0] = 0.5 * (lanes[i, 0] + rows[i, 0])
+            P[i, 8] = work.rows[8, i]
+        lanes[8, 0] = rows[8, 0]
+    else:
         for i in range(9):
-            sensed[6, i] = dt * T[i, lay.gravity]
+            for j in range(i + 1, 9):
+                P[j, i] = P[i, j]
 
 
 @compiled
 def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
-    """Let the other states decay, grow by a slope and be driven; make both sides of P the same."""
+    """Let the other states decay, grow by a slope and be driven."""
     n, P, shrunk = lay.size, work.P, work.shrunk
     for j in range(9, n):
         shrunk[j] *= work.decay[j]
@@ -189,13 +253,8 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
                 P[i, j] += c * P[i, lay.slope[j]]
             for i in range(9, n):
                 P[j, i] += c * P[lay.slope[j], i]
-    for i in range(9):
-        for j in range(i, 9):
-            if work.apart:
-                P[i, j] = work.rows[i, j]
-            P[j, i] = P[i, j]  # rounding must not part the two sides
-        for j in range(9, n):
-            P[j, i] = P[i, j]
+            for i in range(9):
+                P[j, i] = P[i, j]
 
 
 @compiled

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
-from tuner.navigation.compiled import Layout, memory, sensed_states
+from tuner.navigation.arrays import memory
+from tuner.navigation.compiled import Layout, sensed_states
 from tuner.navigation.flight import Flight, Given, Kept, fly
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps
 from tuner.navigation.lanes import WIDTH
@@ -121,7 +122,7 @@ def _fly(
     m.state[:] = np.stack([np.concatenate([s.llh, s.vel_n, s.quat_nb]) for s in starts], axis=-1)
     if parameters is not None:
         m.x[:] = parameters[:, None]
-    m.P[:, :n] = (np.diag(settings.initial_sd**2) if covariance is None else covariance)[..., None]
+    m.P[:n, :n] = (np.diag(settings.initial_sd**2) if covariance is None else covariance)[..., None]
     quiet = np.random.default_rng(0)
     added = errors or [SensorErrors(np.zeros(6), np.zeros((1, 6)), len(steps.dt), quiet)] * w
     if len(added[0].slow) * added[0].every < len(steps.dt):
@@ -163,7 +164,7 @@ def _fly(
             kept.use[j],
             NavigationState(m.state[:3, j], m.state[3:6, j], m.state[6:, j]),
             m.x[:, j],
-            m.P[:, :n, j],
+            m.P[:n, :n, j],
         )
         for j in range(w)
     )

@@ -17,23 +17,19 @@ from numpy.typing import NDArray
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
+from tuner.navigation import arrays, covariance, lanes, updates
 from tuner.navigation import compiled as compiled_module
-from tuner.navigation import covariance, lanes, updates
+from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
 from tuner.navigation.compiled import (
     NEVER,
     Layout,
-    Memory,
-    Work,
     Workspace,
     announced,
     borrowed_layout,
     checksum,
     compiled,
-    copy_in,
-    copy_out,
     set_true,
     transposed,
-    work_of,
 )
 from tuner.navigation.covariance import (
     PUT_OFF,
@@ -285,6 +281,6 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
 
 
 _SOURCES = (
-    triples, earth, strapdown, errorstate, lanes, compiled_module, covariance, updates, sys.modules[__name__]
+    triples, earth, strapdown, errorstate, lanes, compiled_module, arrays, covariance, updates, sys.modules[__name__]
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

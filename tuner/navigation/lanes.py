@@ -205,6 +205,26 @@ def _choose_copysign(x: Any, y: Any) -> Any:  # noqa: ARG001
     return _copysign if isinstance(y, LanesType) else None
 
 
+@intrinsic
+def turned_over(_context: Any, rows: Any) -> Any:
+    """Return eight lanes as eight others: number j of lane i becomes number i of lane j."""
+
+    def generate(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        lanes = cgutils.unpack_tuple(builder, args[0])
+        for far in (1, 2, 4):  # two blocks of this size beside the diagonal change places
+            low = [e if not e & far else WIDTH + e - far for e in range(WIDTH)]
+            high = [e + far if not e & far else WIDTH + e for e in range(WIDTH)]
+            for i in (i for i in range(WIDTH) if not i & far):
+                pair = lanes[i], lanes[i + far]
+                lanes[i], lanes[i + far] = (
+                    builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_INDEX, WIDTH), mask))
+                    for mask in (low, high)
+                )
+        return cgutils.pack_array(builder, lanes)
+
+    return rows(rows), generate
+
+
 def _view(kind: Any, lost: int) -> Any:
     """Return a function that sees an array of numbers as one of `kind`.
 
