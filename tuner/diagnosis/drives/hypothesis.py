@@ -71,6 +71,11 @@ class Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
         return replace(self, values={**self.values, **values})
 
+    def with_all_fixes(self) -> Hypothesis:
+        """Return the hypothesis with no fix left out."""
+        none = np.zeros_like(self.position_out)
+        return replace(self, position_out=none, velocity_out=none)
+
 
 @dataclass(frozen=True)
 class Pass:

@@ -25,6 +25,7 @@ from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.hypothesis import Pass, examine
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.noise import SHORT
+from tuner.diagnosis.drives.outliers import KINDS
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import ROWS, factors, present
 from tuner.diagnosis.drives.score import PRIORS, Fit, fit, inseparable, retested
@@ -39,7 +40,7 @@ THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
 FACTORS: Mapping[str, tuple[str, ...]] = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}
 """Causes that are factors on groups of noise: estimated once, at the end."""
-PASSES = 10
+PASSES = 12
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
 MOVED = 0.2
@@ -127,7 +128,11 @@ def criticise(
         if chosen.scored is not None:
             alike = inseparable(w, found.record.parameters, chosen.cause, (*known, chosen.cause))
             known = (*known, chosen.cause)
+            # Fixes that a shift made look wrong are asked again.
+            accepted = [a for a in accepted if a.cause not in KINDS]
             accepted.append(Accepted(chosen, {}, inseparable=alike))
+            if found.hypothesis.position_out.any() or found.hypothesis.velocity_out.any():
+                found = examine(drive, found.hypothesis.with_all_fixes())
             found = refined(drive, found, known)
         else:
             assert chosen.claim is not None
@@ -181,6 +186,8 @@ def _likelihood(found: Pass) -> float:
     belief = believed(found.record)
     every = replace(belief, rows=found.record.available & (belief.rows | found.record.scored[:, None]))
     told, rows = evaluate(every), every.counted
+    if not rows.any():
+        return 0.0
     square = np.minimum(told.white[rows] ** 2, LIMIT)
     return -0.5 * float(np.mean(square + np.log(told.variance[rows]))) * len(found.index) * 6.0
 
