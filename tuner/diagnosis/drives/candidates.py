@@ -80,9 +80,9 @@ def candidates(
 ) -> tuple[Candidate, ...]:
     """Return what families say of a pass; accepted shifts are fitted beside every test.
 
-    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure: strong shifts and single
-    fixes are asked first, then noise and jumps, and weak shifts are listened to last. A family that comes later is not
-    asked, or taken for silent, while an earlier one alarms.
+    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure: strong shifts are
+    asked first, then noise and jumps, both beside single fixes; weak shifts are listened to last. A family that comes
+    later is not asked, or taken for silent, while an earlier one alarms.
     """
     record = found.record
     belief = belief_of(found, accepted)
@@ -90,7 +90,7 @@ def candidates(
     masked = mask(every)
     shifts = [shift(one) for one in families(w, record.parameters, accepted)]
     fixes = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
-    if any(one.raised(STRONG) for one in (*shifts, *fixes)):
+    if any(one.raised(STRONG) for one in shifts):
         return (*shifts, *fixes)
     told = scores(belief)
     noise = [
