@@ -1,7 +1,8 @@
 """One configuration out of a static identification and a drive: findings are in it, every inflation is explained.
 
 Densities leave their static values only where the drive contradicts them (`imu_noise_scale`); all other demands of the
-drive stand beside factor 1 with the cause that accounts for them.
+drive stand beside factor 1 with the cause that accounts for them. Findings that do harm on the part of the drive held
+out are not taken over.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from tuner.diagnosis.drives import Examined
 from tuner.diagnosis.drives.inflation import stated_value
 from tuner.results import Demand, FilterConfig, Inflation
 
+HARM = "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
+"""Note of a configuration that takes nothing over."""
 QUANTITIES: Mapping[str, str] = {
     "gyro_white": "gyro.white_density",
     "accel_white": "accel.white_density",
@@ -29,16 +32,17 @@ QUANTITIES: Mapping[str, str] = {
 def driven_config(examined: Examined) -> FilterConfig:
     """Return the configuration after a drive, its inflations explained."""
     found = examined.diagnosis
+    chosen = found.after if found.credited else found.before
     told = tuple(
         Inflation(QUANTITIES[one.quantity], applied(examined, one), one.text, one.plain.interval, one.causes)
         for one in found.demands
     )
     return replace(
-        found.after,
-        inflations=(*found.after.inflations, *told),
-        notes=(*found.after.notes, *(i.text for i in found.inseparable)),
+        chosen,
+        inflations=(*chosen.inflations, *told),
+        notes=(*chosen.notes, *(i.text for i in found.inseparable), *(() if found.credited else (HARM,))),
         provenance={
-            **found.after.provenance,
+            **chosen.provenance,
             "drive": {"source": examined.drive.source, "digest": examined.drive.digest},
         },
     )
@@ -46,6 +50,8 @@ def driven_config(examined: Examined) -> FilterConfig:
 
 def applied(examined: Examined, one: Demand) -> float:
     """Return the factor that the configuration after the drive has on a setting."""
+    if not examined.diagnosis.credited:
+        return 1.0
     if one.quantity in ("position", "velocity"):
         rows = [f"{one.quantity}_horizontal"] * 2 + [f"{one.quantity}_vertical"]
         values = examined.criticism.final.hypothesis.values

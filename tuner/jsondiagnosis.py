@@ -31,6 +31,7 @@ def drive_diagnosis_json(diagnosis: DriveDiagnosis) -> dict[str, Any]:
         "inseparable": [{"causes": list(i.causes), "text": i.text} for i in diagnosis.inseparable],
         "notes": list(diagnosis.notes),
         "gain": None if diagnosis.gain is None else gain_json(diagnosis.gain),
+        "credited": diagnosis.credited,
         "demands": [demand_json(one) for one in diagnosis.demands],
         "compensation": plain(dict(diagnosis.compensation)),
     }

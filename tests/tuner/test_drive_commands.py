@@ -1,7 +1,7 @@
 """`tuner diagnose DRIVE` and `tuner tune --drive` end to end, and what a drive says of its own unit."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,11 +10,14 @@ from models.trajectories import TRAJECTORIES
 from tuner.cli import run
 from tuner.commands import tune
 from tuner.commands.sources import is_drive
+from tuner.diagnosis.drives import Examined
 from tuner.diagnosis.drives.inflation import covers, words
+from tuner.driven import driven_config
 from tuner.drives import simulate_drive
 from tuner.exporters import native
 from tuner.grades import load_gnss, load_grade
-from tuner.results import Coefficient, Demand, Inflation
+from tuner.report.drive_tables import drive_tables
+from tuner.results import Coefficient, Demand, DriveDiagnosis, Gain, Inflation
 from tuner.standing import CONSERVATIVE, config_of_drive, nearest_grade, standing
 from tuner.writers import write_drive
 
@@ -192,6 +195,27 @@ def test_demands_are_said_in_words():
     assert "no known cause" in words(replace(demand, named=three, causes=("unknown",)))
     assert "not identifiable" in words(replace(demand, identifiable=False, causes=()))
     assert "times as noisy moving" in words(replace(demand, named=three, causes=("vibration",)), 3.2)
+
+
+def test_findings_that_do_harm_are_not_taken_over(tuned):
+    config = native.load(tuned / "noise.yaml")
+    before = replace(config, compensation={})
+    gain = Gain("60/40", -1.0, -2.0, -50.0, user={"nis": (1.0, 9.0)})
+    found = DriveDiagnosis((), before, config, gain=gain)
+    assert not found.credited
+    assert replace(found, gain=replace(gain, nats=5.0)).credited
+    grown = {"outage_30s_horizontal_change_interval [m]": (1.0, 2.0)}
+    assert not replace(found, gain=replace(gain, nats=5.0, user=grown)).credited
+    hurt = driven_config(Examined(_NoDrive(), None, found))
+    assert not hurt.compensation
+    assert "harm" in hurt.notes[-1]
+    assert any("harm" in str(line) for line in drive_tables(found))
+
+
+@dataclass(frozen=True)
+class _NoDrive:
+    source: str = "none"
+    digest: str = ""
 
 
 def test_an_explained_inflation_survives_the_file(tuned):

@@ -96,4 +96,4 @@ def _drive(
     if output.tables:
         show(drive_tables(found))
     output.write(drive_diagnosis_json(found))
-    return 1 if strict and found.unexplained else 0
+    return 1 if strict and (found.unexplained or not found.credited) else 0

@@ -23,6 +23,8 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
         answer.append(f"  {finding.text} → {finding.consequence}")
     if found.gain is not None:
         answer.append(f"  {whole_gain(found.gain)}")
+    if not found.credited:
+        answer.append(f"  {HARM}")
     answer += [f"  {one.text}" for one in found.inseparable]
     answer += [
         f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the drive has more in it than was named"
@@ -30,7 +32,29 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
     ]
     if found.demands:
         answer += inflation_tables(found.demands)
+    answer += [f"  missing: {line}" for line in missing(found)]
     return answer + [f"  note: {note}" for note in found.notes]
+
+
+def missing(found: DriveDiagnosis) -> list[str]:
+    """Say what a better recording would have to bring."""
+    lines = []
+    if found.findings and found.gain is None:
+        lines.append(
+            "no gain is measured: too few fixes in motion before or after 60 % of the drive; drive longer"
+        )
+    if found.unexplained:
+        lines.append(
+            "what is left unexplained has no cause in the catalogue; a reference solution would show when it acts"
+        )
+    if hidden := [SHORT[one.quantity] for one in found.demands if not one.identifiable]:
+        lines.append(
+            f"{', '.join(hidden)}: this drive cannot tell; a static log tells the unit's own noise, better fixes or "
+            "times without fixes tell what it is in motion"
+        )
+    if not found.demands:
+        lines.append("too few fixes count after the filter has settled to say anything of the noise settings")
+    return lines
 
 
 def whole_gain(gain: Gain) -> str:
@@ -85,6 +109,11 @@ def _cells(one: Demand) -> tuple[str, ...]:
     return stated, asked, said(one.plain), said(one.named), why or nothing
 
 
+HARM = (
+    "the findings do harm on the part of the drive held out: take their names as hints and none of their numbers; no "
+    "configuration takes them over"
+)
+"""What is said where a gain is a loss."""
 INTERVAL = "_change_interval"
 """Ending of a figure that is the interval of the change of another."""
 _PLAIN = {

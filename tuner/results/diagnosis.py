@@ -228,6 +228,17 @@ class DriveDiagnosis:
         return not self.findings and not self.unexplained
 
     @property
+    def credited(self) -> bool:
+        """Whether what was found does no harm on the part held out; true where no gain could be measured.
+
+        Harm is a loss of likelihood, or errors of outages whose change has an interval above zero.
+        """
+        if self.gain is None:
+            return True
+        worse = [low > 0.0 for name, (low, _) in self.gain.user.items() if "_change_interval" in name]
+        return self.gain.nats >= 0.0 and not any(worse)
+
+    @property
     def compensation(self) -> Mapping[str, float]:
         """What is to be taken out of such drives, see `tuner.navigation.compensation`."""
         return self.after.compensation

@@ -231,20 +231,29 @@ def words(one: Demand, vibration: float | None = None) -> str:
     if not one.identifiable:
         return f"{title}: not identifiable on this drive; the stated value stays"
     if covers(one.plain) and covers(one.named):
-        return f"{title}: as stated, the drive asks for × {said(one.plain)}"
-    parts = [f"{title}: the drive asks for × {said(one.plain)} as it stands"]
-    if one.causes and one.causes != (UNKNOWN,):
-        parts.append(
-            f"× {said(one.named)} once {' and '.join(_say(c) for c in one.causes if c != UNKNOWN)} "
-            f"{'is' if len([c for c in one.causes if c != UNKNOWN]) == 1 else 'are'} named"
-        )
-    elif one.causes:
-        parts.append(f"× {said(one.named)} with all findings named")
-    if UNKNOWN in one.causes:
-        parts.append("what is left has no known cause")
+        return f"{title}: as stated; the drive allows {_times(one.plain)}"
+    named = [cause.replace("_", " ") for cause in one.causes if cause not in (UNKNOWN, "vibration", *SCALES)]
+    parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
+    if named:
+        parts.append(f"{_times(one.named)} once {listed(named)} {'is' if len(named) == 1 else 'are'} named")
+    else:
+        parts.append(f"{_times(one.named)} with all findings in the filter")
     if "vibration" in one.causes and vibration is not None:
         parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy moving as standing")
+    if "gnss_noise_scale" in one.causes:
+        parts.append("the receiver's own standard deviations are off by that much")
+    if UNKNOWN in one.causes:
+        parts.append("what is left has no known cause")
     return "; ".join(parts)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Join names as a sentence does."""
+    return " and ".join([*filter(None, [", ".join(names[:-1])]), names[-1]])
+
+
+def _times(factor: Coefficient) -> str:
+    return f"less than × {factor.upper:.2g}" if factor.value is None else f"× {said(factor)}"
 
 
 def said(factor: Coefficient) -> str:
@@ -254,7 +263,3 @@ def said(factor: Coefficient) -> str:
     if factor.interval is None:
         return f"{factor.value:.2g}"
     return f"{factor.value:.3g} ({factor.interval[0]:.3g} … {factor.interval[1]:.3g})"
-
-
-def _say(cause: str) -> str:
-    return cause.replace("_", " ")
