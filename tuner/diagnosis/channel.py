@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -84,6 +85,11 @@ class Channel:
     def block_time(self) -> FloatArray:
         """Time of the middle of each block since the first sample, s, shape (M,)."""
         return np.asarray((np.arange(self.blocks) + 0.5) * self.block * self.interval, dtype=float)
+
+    @cached_property
+    def empty(self) -> BoolArray:
+        """Blocks without any valid sample, shape (M,)."""
+        return ~self.valid.reshape(self.blocks, self.block).any(axis=1)
 
     def block_mean(self, x: FloatArray) -> FloatArray:
         """Return the means of n values over the blocks, shape (M,)."""

@@ -46,7 +46,7 @@ def test(found: Residual) -> Alarm | None:
     if len(candidates) < 2:
         return None
     columns = block_transform(
-        np.stack([c.column for c in candidates], axis=1), found.channel, found.track.singles
+        np.stack([c.column for c in candidates], axis=1), found.repaired, found.track.singles
     )
     hint = _best_pairs(found, candidates, columns, found.fit.expected)
     chosen = sorted({*_saturating(candidates), *hint[0]}) if hint else []

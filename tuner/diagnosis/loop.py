@@ -17,6 +17,7 @@ from tuner.diagnosis.causes.burst import Burst
 from tuner.diagnosis.causes.motion import Motion
 from tuner.diagnosis.causes.step import Step
 from tuner.diagnosis.causes.temperature import Temperature
+from tuner.diagnosis.causes.thermal_lag import ThermalLag, beside
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
@@ -45,6 +46,8 @@ GROUPS = (
 """Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
 MEASURED = ("temperature", "thermal_lag")
 """What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
+LATE = 24.0
+"""Likelihood ratio from which a lag is believed beside a temperature: χ²₁ at 1e-5, a dozen lags tried."""
 BROAD = ("lowpass", "colour")
 """Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one.
 
@@ -135,7 +138,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         jumps = [alarm for alarm in raised if alarm in chosen or (paths and alarm.cause == "step")]
         wider = _wider(found, jumps, len(given))
         if wider is not None:
-            found = residual(channel, wider, starts=found.starts)
+            found = residual(channel, wider, starts=found.starts, near=found)
             base = residual(channel, wider[: len(given)], starts=base.starts)
             fresh = 0
             continue
@@ -149,12 +152,14 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             new += proposed
         fresh = len(new)
         starts = None if any(x.cause in BROAD for x in new) else found.starts
-        found = residual(channel, (*found.extensions, *new), starts=starts)
+        found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
         for _ in range(POLISHES if any(x.cause in GROUPS[0] for x in new) else 1):
             polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
             if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
                 break
-            found = residual(channel, polished, starts=found.starts)
+            found = residual(channel, polished, starts=found.starts, near=found)
+        if any(x.cause == "temperature" for x in new):
+            found, accepted = _with_lag(found, accepted)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = _without_lag(found, accepted)
     found = _refined(found)
@@ -252,18 +257,36 @@ def _without_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, l
     """
     given = len(found.extensions) - len(accepted)
     for at, one in enumerate(accepted):
-        if one.extension.cause != "thermal_lag" or len(accepted) < 2:
+        lag = one.extension
+        if not isinstance(lag, ThermalLag) or lag.prompt or len(accepted) < 2:
             continue
         plain = list(found.extensions)
         plain[given + at] = Temperature()
-        other = residual(found.channel, tuple(plain), starts=found.starts)
+        other = residual(found.channel, tuple(plain), starts=found.starts, near=found)
         polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
-        other = residual(found.channel, polished, starts=other.starts)
+        other = residual(found.channel, polished, starts=other.starts, near=other)
         lead = found.fit.log_likelihood - other.fit.log_likelihood
         if lead < CLOSE:
-            lag = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
-            changed = replace(one, extension=polished[given + at], alternatives=(lag,))
+            twin = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
+            changed = replace(one, extension=polished[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
+    return found, accepted
+
+
+def _with_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
+    given = len(found.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if one.extension.cause != "temperature":
+            continue
+        lag, ratio = beside(found)
+        if ratio < LATE:
+            return found, accepted
+        wider = [*found.extensions[: given + at], lag, *found.extensions[given + at + 1 :]]
+        other = residual(found.channel, tuple(wider), starts=found.starts, near=found)
+        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
+        other = residual(found.channel, polished, starts=other.starts, near=other)
+        return other, [*accepted[:at], replace(one, extension=polished[given + at]), *accepted[at + 1 :]]
     return found, accepted
 
 

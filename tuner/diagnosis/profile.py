@@ -79,7 +79,7 @@ def _explained(found: Residual, index: int, template: Template) -> Callable[[flo
     target = track.grid.amplitude[:singles] * root
 
     def explained(log_constant: float) -> float:
-        columns = block_transform(template(float(np.exp(log_constant))), found.channel, singles)
+        columns = block_transform(template(float(np.exp(log_constant))), found.repaired, singles)
         basis, _ = np.linalg.qr(np.concatenate((known, columns * root[:, None]), axis=1))
         return float(np.sum((basis.T @ target) ** 2))
 
@@ -105,7 +105,7 @@ def profile(found: Residual, index: int, template: Template, centre: float, size
 
     def refitted(log_factor: float) -> float:
         constant = centre * float(np.exp(log_factor))
-        trial = track.with_columns(block_transform(template(constant), found.channel, track.singles))
+        trial = track.with_columns(block_transform(template(constant), found.repaired, track.singles))
         best = max(trial.fit(f.kinds, f.theta).log_likelihood for f in followed)
         return SHRINK * 2.0 * (found.fit.log_likelihood - best)
 
@@ -114,7 +114,7 @@ def profile(found: Residual, index: int, template: Template, centre: float, size
         ends.append(sign * max(_reach(refitted, sign), wider * _reach(held, sign)))
     sizes = []
     for end in ends:
-        columns = block_transform(template(centre * float(np.exp(end))), found.channel, track.singles)
+        columns = block_transform(template(centre * float(np.exp(end))), found.repaired, track.singles)
         weighted = track.with_columns(columns)
         root = 1.0 / np.sqrt(found.fit.expected[: track.singles])
         target = track.grid.amplitude[: track.singles] * root

@@ -27,6 +27,8 @@ from tuner.diagnosis.track import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
 
+KNOTS = 8192
+"""Frequencies, even and in even ratios, between which the shape of the broad noise is a straight line."""
 CLIP = 5.0
 """Residuals beyond this are cut for tests of the spectrum and of the variance."""
 
@@ -73,6 +75,11 @@ class Residual:
         """Kinds of noise that compete."""
         return tuple(fit.kinds for fit in self.fits)
 
+    @property
+    def repairs(self) -> tuple[Extension, ...]:
+        """Extensions that change samples."""
+        return _repairs(self.extensions)
+
     def found(self, *causes: str) -> int:
         """Return how many extensions have one of these causes."""
         return sum(extension.cause in causes for extension in self.extensions)
@@ -113,15 +120,16 @@ class Residual:
     @cached_property
     def power(self) -> FloatArray:
         """Expected power of each coefficient 1 … n-1."""
-        n, dt = len(self.repaired), self.channel.interval
-        f = np.arange(1.0, n) / (2.0 * n * dt)
+        n, dt, low = len(self.repaired), self.channel.interval, self.track.singles
         white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
         others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
-        expected = white * gain_of(self.extensions, f, dt) + power_of(self.extensions, f, dt)
-        low = self.track.singles
-        expected = expected + others.psd(f, interval=dt)
-        expected[:low] = self.fit.expected[:low]
-        return expected
+        order = np.arange(low + 1.0, n)
+        few = np.concatenate((np.geomspace(low + 1.0, n, KNOTS), np.linspace(low + 1.0, n, KNOTS)))
+        knots = np.sort(few) if len(few) < len(order) else order
+        f = knots / (2.0 * n * dt)
+        smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
+        peaked = power_of(self.extensions, order / (2.0 * n * dt), dt)
+        return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + peaked))
 
     @property
     def e(self) -> FloatArray:
@@ -157,6 +165,11 @@ class Residual:
         return self.e if bool(self.valid.all()) else self.e[self.valid]
 
     @cached_property
+    def with_markov(self) -> tuple[Fit, ...]:
+        """Fits of every kind of noise with a further Gauss–Markov process."""
+        return tuple(self.track.fit((*kinds, GaussMarkov)) for kinds in self.kinds)
+
+    @cached_property
     def periodogram(self) -> FloatArray:
         """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
         e = np.clip(self.e, -CLIP, CLIP)
@@ -176,6 +189,11 @@ class Residual:
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
         frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
         return frequency, power
+
+
+def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
+    """Return the extensions that change samples."""
+    return tuple(x for x in extensions if type(x).repair is not Extension.repair)
 
 
 def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
@@ -218,7 +236,11 @@ def robust_sd(e: FloatArray) -> float:
 
 
 def residual(
-    channel: Channel, extensions: tuple[Extension, ...] = (), *, starts: dict[Kinds, FloatArray] | None = None
+    channel: Channel,
+    extensions: tuple[Extension, ...] = (),
+    *,
+    starts: dict[Kinds, FloatArray] | None = None,
+    near: Residual | None = None,
 ) -> Residual:
     """Fit a channel with these extensions.
 
@@ -230,18 +252,23 @@ def residual(
         The model beyond the base noise.
     starts : dict, optional
         Logs of the parameters of each kind of noise to start from.
+    near : Residual, optional
+        One of the same channel, whose coefficients serve again where the repairs are the same.
     """
-    repaired = channel
-    for extension in extensions:
-        repaired = extension.repair(repaired)
-    a = transform(repaired.y, channel.interval)
     singles = channel.blocks // 2
-    cells = grid(a, channel.interval, singles)
+    if near is not None and near.channel is channel and near.repairs == _repairs(extensions):
+        repaired, a, cells = near.repaired, near.coefficients, near.track.grid
+    else:
+        repaired = channel
+        for extension in extensions:
+            repaired = extension.repair(repaired)
+        a = transform(repaired.y, channel.interval)
+        cells = grid(a, channel.interval, singles)
     ramp = channel.block_time / channel.span - 0.5
     blocks = np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
     track = Track(
         cells,
-        block_transform(blocks, channel, singles),
+        block_transform(blocks, repaired, singles),
         gain_of(extensions, cells.frequency, channel.interval),
         power_of(extensions, cells.frequency, channel.interval),
     )
@@ -255,12 +282,12 @@ def residual(
 def without(found: Residual, index: int) -> Residual:
     """Return the residual with one extension taken out."""
     kept = tuple(x for i, x in enumerate(found.extensions) if i != index)
-    return residual(found.channel, kept, starts=found.starts)
+    return residual(found.channel, kept, starts=found.starts, near=found)
 
 
 def extended(found: Residual, extension: Extension) -> Residual:
     """Return the residual with one extension more."""
-    return residual(found.channel, (*found.extensions, extension), starts=found.starts)
+    return residual(found.channel, (*found.extensions, extension), starts=found.starts, near=found)
 
 
 def relabelled(found: Residual, extensions: tuple[Extension, ...]) -> Residual:

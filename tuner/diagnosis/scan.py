@@ -86,7 +86,7 @@ def project(found: Residual, templates: FloatArray) -> tuple[FloatArray, FloatAr
 
 def scan(found: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
     """Score templates given on the blocks, shape (M, p); return their coefficients (K, p) too."""
-    templates = block_transform(columns, found.channel, found.track.singles)
+    templates = block_transform(columns, found.repaired, found.track.singles)
     white, _ = project(found, templates)
     score = white.T @ (rest(found) * np.sqrt(weights(found)))
     return Scan(score, np.sum(white[:, :-1] * white[:, 1:], axis=0)), templates

@@ -5,7 +5,7 @@ median over the record, and raised where the second differences of the samples a
 is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
 threshold is far beyond chance.
 Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
-deviations close together, after which the level is another one.
+deviations close together, after which the level is another one, or in gyros and accelerometers at once.
 Extension: the stretch is taken out and the level may differ before and after it.
 """
 
@@ -165,9 +165,19 @@ def _turned(channels: list[Channel]) -> list[tuple[int, int]]:
         if 0 in (before.shape[1], after.shape[1]):  # at an end of the record: the level changes inside
             before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
         change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
-        if float(change.max()) > 0.5 * JOLT:
+        if float(change.max()) > 0.5 * JOLT or _felt(channels, first, last):
             found.append((max(0, first - apart), min(y.shape[1], last + apart)))
     return found
+
+
+def _felt(channels: list[Channel], first: int, last: int) -> bool:
+    """Return whether sensors of two kinds jump within samples first … last: noise of one never does that to both."""
+    jumps = {
+        channel.unit
+        for channel in channels
+        if np.sum(np.abs(np.diff(channel.y[first : last + 1])) > JOLT * np.sqrt(2.0)) >= TOGETHER
+    }
+    return len(jumps) > 1
 
 
 def extension(channel: Channel, first: int, last: int) -> Motion:

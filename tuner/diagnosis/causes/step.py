@@ -91,7 +91,7 @@ def test(found: Residual) -> Alarm:
     if not scores.promising:
         return Alarm("step", 1.0, -9.0, float(scores.score[scores.best] ** 2), name)
     boundary = scores.best + 1
-    template = block_transform(step_column(found, boundary)[:, None], found.channel, found.track.singles)
+    template = block_transform(step_column(found, boundary)[:, None], found.repaired, found.track.singles)
     result = judge(found, template[:, 0], scores.correlation, price=float(np.log(found.channel.blocks / 8.0)))
     return Alarm(
         "step", result.p_value, result.gain, result.ratio, name, lambda: (extension(found, scores, boundary),)

@@ -2,8 +2,10 @@
 
 Statistic: likelihood ratio of the best lag of a grid, the noise refitted; Davies' bound over the grid.
 Extension: a template; its lag by the profile of the likelihood. The lagging temperature starts at the measured
-one. Where the sensor was not at rest before the record that is wrong by slope · (L(0) − T(0)) exp(−t/τ): a second,
-free template, taken where a likelihood ratio of χ²₁ asks for it at 0.1 %.
+one. Where the sensor was not at rest before the record that is wrong by slope · (L(0) − T(0)) exp(−t/τ): a further,
+free template. So is T − L: part of the bias may follow at once, by `prompt_slope`, and the rest late (a heated sensor
+has parts that follow their own ways); `slope` is that of slow changes either way. Each is taken where a likelihood
+ratio of χ²₁ asks for it at 0.1 %.
 """
 
 from __future__ import annotations
@@ -17,60 +19,79 @@ from scipy.optimize import minimize_scalar
 
 from models.effects.thermal import ThermalLag as Effect
 from tuner.diagnosis.alarm import Alarm
-from tuner.diagnosis.causes.temperature import COVARIATE
+from tuner.diagnosis.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.profile import SAME, Template, best_constant, profile
+from tuner.diagnosis.profile import SAME, Template, best_constant, first_column, profile
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.scan import judge, project, rest, scan, weights
 from tuner.diagnosis.statistics import SHRINK
 
 FloatArray = NDArray[np.float64]
 
-SETTLES = 10.8
-"""Likelihood ratio from which a temperature that settles first is believed: χ²₁ at 0.1 %."""
+ASKS = 10.8
+"""Likelihood ratio from which a further template is believed: χ²₁ at 0.1 %."""
 
 
 @dataclass(frozen=True)
 class ThermalLag(Extension):
-    """Bias in proportion to the lagging temperature; `settling`: it may start anywhere."""
+    """Bias in proportion to the lagging temperature L.
+
+    `settling`: L may start anywhere. `prompt`: another slope for what is faster than the lag.
+    """
 
     cause: ClassVar[str] = "thermal_lag"
     meaning: ClassVar[str] = "the bias follows the measured temperature late: a loop of bias over temperature"
     consequence: ClassVar[str] = (
-        "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ"
+        "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ, and where a "
+        "prompt slope is given, that × (T − L)"
     )
     time_constant: float
     settling: bool = False
+    prompt: bool = False
 
     def columns(self, channel: Channel) -> FloatArray:
-        """Return the lagging temperature on the blocks, shape (M, 1); with what settles, (M, 2)."""
+        """Return the lagging temperature on the blocks, what it lags by and what settles, shape (M, 1 … 3)."""
         main = lagged(channel, self.time_constant)
-        if not self.settling:
-            return main[:, None]
-        return np.stack((main, np.exp(-channel.block_time / self.time_constant)), axis=1)
+        parts = [main]
+        if self.prompt:
+            parts.append(centred(channel) - main)
+        if self.settling:
+            parts.append(self._start(channel))
+        return np.stack(parts, axis=1)
 
     def polished(self, found: Residual, index: int) -> ThermalLag:
-        """Fit the lag again, and let the temperature start where it likes if the record asks for that."""
+        """Fit the lag again; take the further templates that the record asks for."""
         constant = best_constant(found, index, self._template(found.channel), self.time_constant)
-        settling = self.settling or self._settles(found)
-        close = abs(np.log(constant / self.time_constant)) < SAME and settling == self.settling
-        return self if close else replace(self, time_constant=constant, settling=settling)
+        settling = self.settling or asks(found, self._start(found.channel)) > ASKS
+        late = centred(found.channel) - lagged(found.channel, self.time_constant)
+        prompt = self.prompt or asks(found, late) > ASKS
+        new = replace(self, time_constant=constant, settling=settling, prompt=prompt)
+        moved = abs(np.log(constant / self.time_constant)) >= SAME
+        return new if moved or (settling, prompt) != (self.settling, self.prompt) else self
 
-    def _settles(self, found: Residual) -> bool:
-        start = np.exp(-found.channel.block_time / self.time_constant)[:, None]
-        fit = found.refit(block_transform(start, found.channel, found.track.singles))
-        return 2.0 * SHRINK * (fit.log_likelihood - found.fit.log_likelihood) > SETTLES
+    def _start(self, channel: Channel) -> FloatArray:
+        return np.asarray(np.exp(-channel.block_time / self.time_constant))
 
     def refined(self, found: Residual, index: int, size: Value) -> ThermalLag:
         """Take slope and lag from the joint fit."""
         reach = profile(found, index, self._template(found.channel), self.time_constant, size)
         values = {"time_constant": reach.constant, "slope": replace(size, unit="{u}/K").owing(reach.drift)}
+        if self.prompt:
+            at = first_column(found, index) + 1
+            sd = float(np.sqrt(found.fit.beta_covariance[at, at]))
+            values["prompt_slope"] = Value.of(float(found.fit.beta[at]), sd, "{u}/K")
         return replace(self, values=values)
 
     def _template(self, channel: Channel) -> Template:
         return lambda constant: replace(self, time_constant=constant).columns(channel)
+
+
+def asks(found: Residual, template: FloatArray) -> float:
+    """Return the likelihood ratio of a further template, given on the blocks (M,)."""
+    fit = found.refit(block_transform(template[:, None], found.repaired, found.track.singles))
+    return 2.0 * SHRINK * (fit.log_likelihood - found.fit.log_likelihood)
 
 
 def lagged(channel: Channel, time_constant: float) -> FloatArray:
@@ -109,8 +130,21 @@ def extension(found: Residual, near: float) -> ThermalLag:
     target = rest(found) * np.sqrt(weights(found))
 
     def loss(log_constant: float) -> float:
-        template = block_transform(lagged(channel, np.exp(log_constant))[:, None], channel, singles)
+        template = block_transform(lagged(channel, np.exp(log_constant))[:, None], found.repaired, singles)
         return -float((project(found, template)[0][:, 0] @ target) ** 2)
 
     best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
     return ThermalLag(float(np.exp(best.x)))
+
+
+def beside(found: Residual) -> tuple[ThermalLag, float]:
+    """Return the lag that explains most beside a temperature that a residual has, and its likelihood ratio.
+
+    The bias then follows the temperature in two ways, one of them late.
+    """
+    channel = found.channel
+    grid, now = lags(channel), centred(channel)
+    scores, _ = scan(found, np.stack([now - lagged(channel, t) for t in grid], axis=1))
+    best = float(grid[scores.best])
+    ratio = asks(found, now - lagged(channel, best)) if scores.promising else 0.0
+    return ThermalLag(best, prompt=True), ratio

@@ -85,7 +85,7 @@ def extension(found: Residual, near: float) -> Warmup:
     target = rest(found) * np.sqrt(weights(found))
 
     def loss(log_constant: float) -> float:
-        template = block_transform(transient(channel, np.exp(log_constant))[:, None], channel, singles)
+        template = block_transform(transient(channel, np.exp(log_constant))[:, None], found.repaired, singles)
         return -float((project(found, template)[0][:, 0] @ target) ** 2)
 
     best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
