@@ -1,7 +1,9 @@
 """`tuner diagnose DRIVE` and `tuner tune --drive` end to end, and what a drive says of its own unit."""
 
 import json
+import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,6 +218,23 @@ def test_findings_that_do_harm_are_not_taken_over(tuned):
 class _NoDrive:
     source: str = "none"
     digest: str = ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    "TUNER_DATA" not in os.environ, reason="TUNER_DATA does not name a folder with recordings"
+)
+def test_a_measured_cart_with_the_clock_of_a_pc(tmp_path, capsys):
+    """Its stamps are those of a PC: fixes seem late by about a second; it moves too briefly to measure a gain."""
+    path = Path(os.environ["TUNER_DATA"]) / "drives" / "stim300_rtk_20180419_smooth.npz"
+    answer = tmp_path / "found.json"
+    assert run(["diagnose", str(path), "--json", str(answer), "--quiet"]) == 0
+    found = json.loads(answer.read_text())
+    delay = next(f for f in found["findings"] if f["cause"] == "time_offset")["parameters"]["delay"]
+    assert 0.5 < delay["interval"][0] < delay["interval"][1] < 2.5
+    assert {one["quantity"] for one in found["demands"]} == set(SETTINGS)
+    assert not all(one["identifiable"] for one in found["demands"])
+    assert "missing: no gain is measured" in capsys.readouterr().out
 
 
 def test_an_explained_inflation_survives_the_file(tuned):

@@ -53,7 +53,9 @@ def missing(found: DriveDiagnosis) -> list[str]:
             "times without fixes tell what it is in motion"
         )
     if not found.demands:
-        lines.append("too few fixes count after the filter has settled to say anything of the noise settings")
+        lines.append(
+            "too few fixes count after the filter has settled, or they are too far off, to judge the noise settings"
+        )
     return lines
 
 

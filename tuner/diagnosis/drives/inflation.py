@@ -24,7 +24,7 @@ from tuner.diagnosis.drives.drive import Examined
 from tuner.diagnosis.drives.fitting import NO_PRIOR, Fit, maximise
 from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, examine
 from tuner.diagnosis.drives.scales import BLOCKS, factors, present
-from tuner.records import Drive
+from tuner.records import DataError, Drive
 from tuner.results import ChannelNoise, Coefficient, Demand, FilterConfig
 
 FloatArray = NDArray[np.float64]
@@ -73,6 +73,8 @@ def demands(
 ) -> tuple[Demand, ...]:
     """Return what a drive asks of each noise setting, and why.
 
+    None where the likelihood has no maximum that could be found.
+
     Parameters
     ----------
     examined : Examined
@@ -88,8 +90,11 @@ def demands(
     known = tuple(a.cause for a in examined.criticism.accepted)
     if not all(present(belief_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
         return ()
-    plain = _asked(base, base, (), prior_sd)
-    named = _asked(base, final, known, prior_sd)
+    try:
+        plain = _asked(base, base, (), prior_sd)
+        named = _asked(base, final, known, prior_sd)
+    except np.linalg.LinAlgError:
+        return ()
     names = [name for name in SETTINGS if name in plain.fit.scales.names and name in named.fit.scales.names]
     factor = {name: (plain.coefficient(name), named.coefficient(name)) for name in names}
     fallen = [
@@ -184,9 +189,14 @@ def _accounted(
         return dict.fromkeys(fallen, causes)
     back: dict[str, dict[str, float]] = {name: {} for name in fallen}
     for cause in causes:
-        less = examine(drive, forgotten(final.hypothesis, base.hypothesis, cause))
         others = tuple(c for c in known if c != cause)
-        asked = _asked(base, less, others, prior_sd, fallen, named.fit)
+        try:
+            less = examine(drive, forgotten(final.hypothesis, base.hypothesis, cause))
+            asked = _asked(base, less, others, prior_sd, fallen, named.fit)
+        except (DataError, np.linalg.LinAlgError):
+            # A filter that cannot do without the cause: all of the factor is back.
+            back = {name: {**shares, cause: 1.0} for name, shares in back.items()}
+            continue
         for name in fallen:
             lost = plain.log(name) - named.log(name)
             back[name][cause] = (asked.log(name) - named.log(name)) / lost
@@ -253,13 +263,13 @@ def listed(names: Sequence[str]) -> str:
 
 
 def _times(factor: Coefficient) -> str:
-    return f"less than × {factor.upper:.2g}" if factor.value is None else f"× {said(factor)}"
+    return f"less than × {factor.upper:.3g}" if factor.value is None else f"× {said(factor)}"
 
 
 def said(factor: Coefficient) -> str:
     """Say a factor: ``1.8 (1.5 … 2.2)``, ``below 0.9``."""
     if factor.value is None:
-        return f"below {factor.upper:.2g}" if factor.upper is not None else "–"
+        return f"below {factor.upper:.3g}" if factor.upper is not None else "–"
     if factor.interval is None:
-        return f"{factor.value:.2g}"
+        return f"{factor.value:.3g}"
     return f"{factor.value:.3g} ({factor.interval[0]:.3g} … {factor.interval[1]:.3g})"
