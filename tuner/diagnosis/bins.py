@@ -1,14 +1,12 @@
 """The fast spectrum in bins, and the best sizes of given shapes of power.
 
-The squared coefficients above a hundredth of the rate are averaged in 128 even bins. Their law is that of a gamma
-variable about the sum of non-negative shapes, and the best sizes of these follow by Fisher scoring: weighted least
-squares whose weights count/(2 E²) are those of the last fit. What depends on further parameters is left with these
-alone (variable projection).
+The squared coefficients above a hundredth of the rate are averaged in 128 even bins. The best sizes of the shapes
+follow by Fisher scoring (`tuner.diagnosis.scoring`). What depends on further parameters is left with these alone
+(variable projection).
 
 References
 ----------
-.. [1] P. McCullagh, J. A. Nelder, Generalized Linear Models, 2nd ed., ch. 8 (gamma law, identity link).
-.. [2] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+.. [1] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
    variables separate, SIAM J. Numer. Anal. 10 (1973).
 """
 
@@ -23,6 +21,7 @@ from models.noise import Quantization, White
 from tuner.diagnosis.cosine import CAP
 from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.residual import Residual, gain_of, power_of
+from tuner.diagnosis.scoring import sizes
 
 FloatArray = NDArray[np.float64]
 
@@ -120,36 +119,5 @@ def rise(cycles: FloatArray) -> FloatArray:
 
 def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Sizes:
     """Return the best non-negative sizes of shapes, shape (k, b), over the rounding and more power that is known."""
-    fixed = data.rounding + more
-    weight = 0.5 * data.count
-    level, target = np.maximum(data.power, 1e-300), data.power - fixed
-    best: Sizes | None = None
-    for _ in range(40):
-        weighted = shapes * (weight / level**2)
-        size = _not_negative(weighted @ shapes.T, weighted @ target)
-        level = size @ shapes + fixed
-        level = np.maximum(level, 1e-9 * level.max() + 1e-300)
-        ratio = data.power / level
-        cost = float(weight @ (ratio - 1.0 - np.log(ratio)))
-        done = best is not None and cost > best.cost - 1e-4
-        if best is None or cost < best.cost:
-            best = Sizes(size, level, cost)
-        if done:
-            break
-    assert best is not None
-    return best
-
-
-def _not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the solution of normal equations, the most negative sizes set to zero one by one."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    part, right = matrix * scale * scale[:, None], target * scale
-    part.flat[:: len(part) + 1] += 1e-10
-    solution = np.linalg.solve(part, right)
-    kept = np.arange(len(target))
-    while len(kept) > 1 and solution.min() < 0.0:
-        kept = np.delete(kept, int(np.argmin(solution)))
-        solution = np.linalg.solve(part[np.ix_(kept, kept)], right[kept])
-    size = np.zeros(len(target))
-    size[kept] = np.maximum(solution, 0.0) * scale[kept]
-    return size
+    fixed = np.broadcast_to(np.asarray(data.rounding + more, dtype=float), data.power.shape)
+    return Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), np.ascontiguousarray(fixed)))

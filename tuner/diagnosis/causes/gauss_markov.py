@@ -13,7 +13,6 @@ from typing import ClassVar
 import numpy as np
 from scipy.stats import chi2
 
-from models.noise import GaussMarkov
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.residual import Residual
@@ -33,8 +32,7 @@ class MoreMarkov(Extension):
 
 def test(found: Residual) -> Alarm:
     """Fit a further process."""
-    fits = [found.track.fit((*kinds, GaussMarkov)) for kinds in found.kinds]
-    best = max(fits, key=lambda fit: fit.log_likelihood)
+    best = max(found.with_markov, key=lambda fit: fit.log_likelihood)
     ratio = max(0.0, 2.0 * (best.log_likelihood - found.fit.log_likelihood))
     decades = np.log10(found.channel.span / (20.0 * found.channel.interval))
     gain = 0.5 * ratio - float(np.log(found.channel.blocks))

@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 CLIPPED_KURTOSIS = -0.00125
 """Excess kurtosis of normal numbers cut at five deviations."""
+CELL, CELLS = 0.005, 1600
+"""Width and number of the cells of a table of deviates, sd."""
 FINE = 1.0
 """Step ÷ sd below which the mean between two codes does not matter."""
 
@@ -43,10 +45,19 @@ class HeavyTails(Extension):
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Map Student's law to the normal one."""
-        size = np.sqrt((self.nu - 2.0) / self.nu)
-        grid = np.concatenate((np.linspace(0.0, 8.0, 1601), np.geomspace(8.01, 1e4, 400)))
-        deviate = -ndtri(np.maximum(t.sf(grid / size, self.nu), 1e-300))
-        return np.asarray(np.sign(e) * np.interp(np.abs(e), grid, deviate))
+        size = np.abs(e)
+        table = self._deviate(CELL * np.arange(CELLS + 1))
+        place = np.minimum(size / CELL, CELLS - 1e-6)
+        cell = place.astype(np.intp)
+        deviate = table[cell] + (place - cell) * np.diff(table)[cell]
+        far = size > CELL * CELLS
+        deviate[far] = self._deviate(size[far])
+        return np.copysign(deviate, e)
+
+    def _deviate(self, size: FloatArray) -> FloatArray:
+        """Return the normal deviates of sizes of the law."""
+        scale = np.sqrt((self.nu - 2.0) / self.nu)
+        return np.asarray(-ndtri(np.maximum(t.sf(size / scale, self.nu), 1e-300)))
 
 
 def rounded_kurtosis(step: float) -> float:

@@ -31,7 +31,6 @@ from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.statistics import curvature
 from tuner.diagnosis.switching import switching
-from tuner.diagnosis.track import BASES
 
 FloatArray = NDArray[np.float64]
 
@@ -124,7 +123,7 @@ def test(found: Residual) -> Alarm:
     y = y - _templates(found) @ found.fit.beta
     y = y - y.mean()
     name = "log likelihood of two levels less that of Gaussian noise"
-    more = [found.track.fit((*kinds, GaussMarkov)) for kinds in BASES]
+    more = found.fits if found.found("gauss_markov") else found.with_markov
     null = -np.inf
     for fit in (*found.fits, *more):
         terms = fit.terms()

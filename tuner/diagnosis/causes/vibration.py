@@ -99,9 +99,12 @@ class Vibration(Extension):
         first, last = max(FIRST, first), min(n - 1, last)
         size = max(1, (last - first) // 400)
         number = (last - first) // size
-        square = _lines_cut(found.coefficients[1:] ** 2 / found.power, CAP) * found.power
+        around = slice(max(first - NEAR, 0), last + NEAR)
+        square = (
+            _lines_cut(found.coefficients[1:][around] ** 2 / found.power[around], CAP) * found.power[around]
+        )
         inside = slice(first, first + number * size)
-        mean = square[inside].reshape(number, size).mean(axis=1)
+        mean = square[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
         f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
         expected = found.power[inside].reshape(number, size).mean(axis=1)
         other = found.spread**2 * np.maximum(expected - self.power(f, dt), 1e-3 * expected)

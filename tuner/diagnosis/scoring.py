@@ -1,0 +1,108 @@
+"""Sizes of given shapes of power, by Fisher scoring.
+
+The mean of c squared coefficients of expectation E has the law of a gamma variable::
+
+    -ln L = Σ c/2 (P/E − 1 − ln P/E),    E = Σ_k size_k shape_k + known,    size_k ≥ 0
+
+Each step is a weighted least-squares fit whose weights c/(2 E²) are those of the last one; sizes that come out
+negative are set to zero, the most negative first.
+
+References
+----------
+.. [1] P. McCullagh, J. A. Nelder, Generalized Linear Models, 2nd ed., ch. 8 (gamma law, identity link).
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+STEPS = 40
+"""Steps at most."""
+SETTLED = 1e-4
+"""Nats below which a step ends the search."""
+RIDGE = 1e-10
+"""Share added to the diagonal of the normal equations, whose diagonal is 1."""
+
+
+@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+def sizes(
+    power: FloatArray, count: FloatArray, shapes: FloatArray, known: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the best sizes (k,) of shapes (k, b), the power they expect (b,) and minus its log likelihood.
+
+    `power`, `count` and `known` have shape (b,): mean squares, how many were averaged, power that is not sized.
+    """
+    number, width = shapes.shape
+    level = np.maximum(power, 1e-300)
+    best, best_level, best_cost = np.zeros(number), level.copy(), np.inf
+    matrix, target = np.empty((number, number)), np.empty(number)
+    for _ in range(STEPS):
+        for i in range(number):
+            target[i] = 0.0
+            for j in range(i + 1):
+                matrix[i, j] = 0.0
+        for at in range(width):
+            weight = 0.5 * count[at] / level[at] ** 2
+            for i in range(number):
+                weighted = weight * shapes[i, at]
+                target[i] += weighted * (power[at] - known[at])
+                for j in range(i + 1):
+                    matrix[i, j] += weighted * shapes[j, at]
+        for i in range(number):
+            for j in range(i):
+                matrix[j, i] = matrix[i, j]
+        size = not_negative(matrix, target)
+        largest, cost = 0.0, 0.0
+        for at in range(width):
+            level[at] = known[at]
+            for i in range(number):
+                level[at] += size[i] * shapes[i, at]
+            largest = max(largest, level[at])
+        for at in range(width):
+            level[at] = max(level[at], 1e-9 * largest + 1e-300)
+            ratio = power[at] / level[at]
+            cost += 0.5 * count[at] * (ratio - 1.0 - np.log(ratio))
+        settled = cost > best_cost - SETTLED
+        if cost < best_cost:
+            best, best_level, best_cost = size, level.copy(), cost
+        if settled:
+            break
+    return best, best_level, best_cost
+
+
+@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+def not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Return the solution of normal equations (k, k), the most negative sizes set to zero one by one."""
+    number = target.size
+    scale = np.empty(number)
+    for i in range(number):
+        scale[i] = 1.0 / np.sqrt(max(matrix[i, i], 1e-300))
+    kept = np.ones(number, dtype=np.bool_)
+    part = np.empty((number, number))
+    size = np.empty(number)
+    for left in range(number, 0, -1):
+        for i in range(number):
+            size[i] = target[i] * scale[i] if kept[i] else 0.0
+            for j in range(number):
+                coupled = kept[i] and kept[j]
+                part[i, j] = matrix[i, j] * scale[i] * scale[j] if coupled else 0.0
+            part[i, i] += RIDGE if kept[i] else 1.0
+        for i in range(number):
+            for j in range(i + 1, number):
+                factor = part[j, i] / part[i, i]
+                size[j] -= factor * size[i]
+                for k in range(i, number):
+                    part[j, k] -= factor * part[i, k]
+        for i in range(number - 1, -1, -1):
+            for j in range(i + 1, number):
+                size[i] -= part[i, j] * size[j]
+            size[i] /= part[i, i]
+        worst = int(np.argmin(size))
+        if left == 1 or size[worst] >= 0.0:
+            break
+        kept[worst] = False
+    return np.maximum(size, 0.0) * scale
