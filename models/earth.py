@@ -65,9 +65,8 @@ def sine_cosine(lat: Scalar) -> tuple[Scalar, Scalar]:
 
 def radii(sin_lat: Scalar) -> tuple[Scalar, Scalar]:
     """Return the radii of curvature M (meridian) and N (prime vertical), m."""
-    w2 = 1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat
-    normal = SEMI_MAJOR_AXIS / np.sqrt(w2)
-    return (1.0 - ECCENTRICITY_SQUARED) * normal / w2, normal
+    r = 1.0 / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat)
+    return SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) * r * r * r, SEMI_MAJOR_AXIS * r
 
 
 def radii_gradient(sin_lat: Scalar, cos_lat: Scalar) -> tuple[Scalar, Scalar]:

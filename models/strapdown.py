@@ -39,7 +39,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from models import rotation
 from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, sine_cosine, transport_rate
-from models.triples import Mat, Quat, Scalar, Vec, add, cross, exponential, matrix, product, scale, transform
+from models.triples import (
+    Mat,
+    Quat,
+    Scalar,
+    Vec,
+    add,
+    cross,
+    exponential,
+    matrix,
+    product,
+    scale,
+    transform,
+    turned,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -89,7 +102,7 @@ def step(pos: Vec, vel: Vec, quat: Quat, rotvec: Vec, dvel: Vec, dt: Scalar) -> 
     force_n : triple
         Mean specific force of the step in n, m/s²: what the error dynamics need.
     """
-    turned = transform(matrix(quat), dvel)
+    push = turned(quat, dvel)
 
     # Middle of the step. For the latitude the semi-major axis is near enough to the radius of curvature.
     lat = pos[0] + 0.5 * dt * vel[0] / SEMI_MAJOR_AXIS
@@ -98,12 +111,12 @@ def step(pos: Vec, vel: Vec, quat: Quat, rotvec: Vec, dvel: Vec, dt: Scalar) -> 
     meridian, normal = radii(sin_lat)
     down = gravity(sin_lat, height) * dt
     of_earth = earth_rate(sin_lat, cos_lat)
-    middle = (vel[0] + 0.5 * turned[0], vel[1] + 0.5 * turned[1], vel[2] + 0.5 * (turned[2] + down))
+    middle = (vel[0] + 0.5 * push[0], vel[1] + 0.5 * push[1], vel[2] + 0.5 * (push[2] + down))
     doubled = add(scale(2.0, of_earth), transport_rate(sin_lat, cos_lat, height, middle))
     middle = add(middle, scale(-0.5 * dt, cross(doubled, middle)))
     of_frame = add(of_earth, transport_rate(sin_lat, cos_lat, height, middle))
 
-    force = add(turned, scale(-0.5 * dt, cross(of_frame, turned)))
+    force = add(push, scale(-0.5 * dt, cross(of_frame, push)))
     change = add(force, scale(-dt, cross(add(of_earth, of_frame), middle)))
     vel_new = (vel[0] + change[0], vel[1] + change[1], vel[2] + change[2] + down)
 
@@ -113,7 +126,7 @@ def step(pos: Vec, vel: Vec, quat: Quat, rotvec: Vec, dvel: Vec, dt: Scalar) -> 
         pos[2] - 0.5 * dt * (vel[2] + vel_new[2]),
     )
     frame = exponential(scale(-dt, of_frame))
-    q = product(product(frame, quat), exponential(rotvec))
+    q = product(frame, product(quat, exponential(rotvec)))
     # One Newton step towards unit length: exact to rounding, since q is off by rounding alone.
     c = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return pos_new, vel_new, (c * q[0], c * q[1], c * q[2], c * q[3]), scale(1.0 / dt, force)

@@ -26,6 +26,7 @@ class Memory(NamedTuple):
     x: FloatArray  # (n, w)
     P: FloatArray  # (rows, columns, w), rows and columns padded
     rows: FloatArray  # (9, 8, w), rows of T as columns but for the last; unused where there are eight filters
+    ninth: FloatArray  # (9, 1, w), the last, likewise
     noise: FloatArray  # (8, 8, w), Γᵀ likewise
     gamma: FloatArray  # (9, 6 and padding, w), Γ
     inverse: FloatArray  # (6, 6 and padding, w), of A
@@ -37,6 +38,8 @@ class Memory(NamedTuple):
     drive: FloatArray  # (n, w), squares of the driving densities
     decay: FloatArray  # (n, w), exp(−dt/T)
     shrunk: FloatArray  # (columns, w), c: P is that of the states divided by it
+    growth: FloatArray  # (n, w), exp(2 dt/T)
+    grown: FloatArray  # (n, w), 1/c²
     driven: FloatArray  # (n, w), variance driven in a step
     white: FloatArray  # (6, w), squares of the believed white densities of the sensors
     density: FloatArray  # (6, w), true white densities
@@ -51,8 +54,9 @@ class Work(NamedTuple):
     x: Any
     P: Any
     P_c: Any
-    rows: Any
-    rows_c: Any
+    rows_c: Any  # the first nine rows of P as columns
+    over_c: Any  # all rows of these columns, where they are wanted when P is turned over
+    ninth: Any
     noise_c: Any
     gamma: Any
     gamma_c: Any
@@ -65,6 +69,8 @@ class Work(NamedTuple):
     decay: Any
     shrunk: Any
     shrunk_c: Any
+    growth: Any
+    grown: Any
     driven: Any
     white: Any
     drawn: Any
@@ -85,6 +91,7 @@ def memory(lay: Layout, filters: int) -> Memory:
         x=room(size),
         P=room(columns, columns),
         rows=room(9, pad),
+        ninth=room(9, 1),
         noise=room(WIDTH, pad),
         gamma=room(9, sensors),
         inverse=room(6, sensors),
@@ -96,13 +103,15 @@ def memory(lay: Layout, filters: int) -> Memory:
         drive=room(size),
         decay=room(size),
         shrunk=room(columns),
+        growth=room(size),
+        grown=room(size),
         driven=room(size),
         white=room(6),
         density=room(6),
         drawn=room(6),
         refused=room(2),
     )
-    empty.inverse[range(6), range(6)] = empty.slant[:] = 1.0
+    empty.inverse[range(6), range(6)] = empty.slant[:] = empty.grown[:] = 1.0
     empty.rate[:], empty.drive[:], empty.white[:] = lay.rate[:, None], lay.drive[:, None], lay.white[:, None]
     empty.shrunk[:] = 1.0
     empty.refused[:] = NEVER
@@ -111,29 +120,31 @@ def memory(lay: Layout, filters: int) -> Memory:
 
 @compiled
 def _copies(m: Memory) -> Any:
-    """Return `rows` and `noise`."""
-    return as_columns(m.rows), as_columns(m.noise)
+    """Return `rows`, P and `noise`."""
+    return as_columns(m.rows), as_columns(m.P), as_columns(m.noise)
 
 
 @compiled
 def _views_of(m: Memory) -> Any:
-    """Return the first nine rows of P as columns, and Γᵀ."""
-    return as_lanes(m.P)[:9].T, as_lanes(m.gamma).T
+    """Return the first nine rows of P as columns, again, and Γᵀ."""
+    rows = as_lanes(m.P)[:9].T
+    return rows, rows, as_lanes(m.gamma).T
 
 
-def _views(element: Any, over: Any, apart: bool) -> Callable[[Memory], Work]:
+def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:
     """Return the function that makes `Work` of `Memory` with elements seen through `element`."""
 
     @compiled
     def views(m: Memory) -> Work:
-        rows, noise = over(m)
+        rows, over, noise = turn(m)
         return Work(
             element(m.state),
             element(m.x),
             element(m.P),
             as_columns(m.P),
-            element(m.rows),
             rows,
+            over,
+            element(m.ninth),
             noise,
             element(m.gamma),
             as_columns(m.gamma),
@@ -146,6 +157,8 @@ def _views(element: Any, over: Any, apart: bool) -> Callable[[Memory], Work]:
             element(m.decay),
             element(m.shrunk),
             as_columns(m.shrunk),
+            element(m.growth),
+            element(m.grown),
             element(m.driven),
             element(m.white),
             element(m.drawn),

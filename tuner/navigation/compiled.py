@@ -22,6 +22,7 @@ from tuner.navigation.lanes import borrowed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+IndexArray = NDArray[np.uint64]
 Function = TypeVar("Function", bound=Callable[..., object])
 
 NEVER = 1e300
@@ -97,7 +98,8 @@ class Layout(NamedTuple):
     ideal : bool
         No scale factors, misalignments or g-sensitivity.
     feed, first : ndarray of int, shapes (s,), (7,)
-        The states that sensor r feels are `feed[first[r]:first[r + 1]]`.
+        The states that sensor r feels are `feed[first[r]:first[r + 1]]`; unsigned, which saves a look for
+        indices from the end.
     arm : ndarray, shape (3,)
         Nominal lever arm, m.
     gate : float
@@ -121,7 +123,7 @@ class Layout(NamedTuple):
     gnss: int
     processes: int
     ideal: bool
-    feed: IntArray
+    feed: IndexArray
     first: IntArray
     arm: FloatArray
     gate: float
@@ -161,12 +163,11 @@ class Workspace(NamedTuple):
     inverse: FloatArray  # (6, 6), of A
 
 
-def sensed_states(row: IntArray) -> tuple[IntArray, IntArray]:
+def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:
     """Return `feed` and `first` of a layout."""
     felt = row >= 0
-    return np.argsort(row, kind="stable")[np.count_nonzero(~felt) :], np.searchsorted(
-        np.sort(row[felt]), np.arange(7)
-    )
+    feed = np.argsort(row, kind="stable")[np.count_nonzero(~felt) :]
+    return feed.astype(np.uint64), np.searchsorted(np.sort(row[felt]), np.arange(7))
 
 
 @compiled

@@ -1,3 +1,4 @@
+# mypy: disable-error-code="call-arg"
 """The covariance in compiled code, advanced block by block: P ← Φ P Φᵀ + Q.
 
 With Φ = (A  ΓS; 0  D) for the nine navigation states and the rest, D diagonal (slopes of ramps apart) and S,
@@ -36,13 +37,14 @@ PUT_OFF = 100.0
 
 @compiled
 def set_decay(memory: Memory, dt: float) -> None:
-    """Set decay and driven variance of every state for a step dt."""
+    """Set decay, growth and driven variance of every state for a step dt."""
     n, filters = memory.rate.shape
     for j in range(n):
         for w in range(filters):
             u = memory.rate[j, w] * dt
             grown = 1.0 if u == 0.0 else -np.expm1(-2.0 * u) / (2.0 * u)
             memory.decay[j, w] = np.exp(-u)
+            memory.growth[j, w] = np.exp(2.0 * u)
             memory.driven[j, w] = memory.drive[j, w] * dt * grown
 
 
@@ -169,7 +171,7 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
         turn,
         0.5 * dt,
     )
-    slant, P, rows, noise = work.slant, work.P_c, work.rows_c, work.noise_c
+    slant, P, rows, over, noise = work.slant, work.P_c, work.rows_c, work.over_c, work.noise_c
     if not lay.ideal:
         for s in range(9, lay.size):
             if lay.source[s] >= 0:
@@ -179,17 +181,19 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
         fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
         r, v, a = _advanced(lay, work, P, c, _all_sensed(lay, slant, P, c), fall, step)
         _set_column(P, c, r, v, a)
-    _turn_over(lay, work)
-    for c in range(rows.shape[1]):
-        fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
-        six = _with_white(work, dt, _all_sensed(lay, slant, P, c), noise, c)
-        r, v, a = _advanced(lay, work, rows, c, six, fall, step)
-        _set_column(rows, c, r, v, a)
     if work.apart:
-        six = _with_white(work, dt, _all_sensed(lay, slant, work.P, 8), work.gamma.T, 8)
-        _, _, a = _advanced(lay, work, work.P.T, 8, six, 0.0, step)
-        work.P[8, 8] = a[2]
-    _even_out(work)
+        _turn_over(lay, work)
+    for c in range(rows.shape[1]):
+        fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
+        six = _with_white(work, dt, _all_sensed(lay, slant, over, c), noise, c)
+        r, v, a = _advanced(lay, work, rows, c, six, fall, step)
+        _set_column(over, c, r, v, a)
+    if work.apart:
+        _set_ninth(lay, work, dt, step)
+    else:
+        for s in range(9, lay.size):
+            for i in range(9):
+                work.P[s, i] = work.P[i, s]
     _advance_rest(lay, work, dt)
 
 
@@ -207,36 +211,28 @@ def _set_noise(work: Work, turn: Any, force: Any, dt: float) -> None:
 
 @compiled
 def _turn_over(lay: Layout, work: Work) -> None:
-    """Turn T over: columns of the nine into `rows`, the others into the rows of P below them."""
-    n, P, lanes, rows = lay.size, work.P, work.P_c, work.rows_c
-    if work.apart:
-        ninth = lanes[8, 0]
-        set_block(rows, 0, turned(lanes, 0))
-        for c in range(1, lanes.shape[1]):
-            set_block(lanes, WIDTH * c, turned(lanes, c))
-        rows[8, 0], lanes[8, 0] = lanes[8, 0], ninth
-        for s in range(9, n):
-            P[s, 8] = P[8, s]
-    else:
-        for s in range(9, n):
-            for i in range(9):
-                P[s, i] = P[i, s]
+    """Turn T of one filter over: columns of the nine into `rows`, the others into the rows of P below them."""
+    P, lanes, rows = work.P, work.P_c, work.rows_c
+    ninth = lanes[8, 0]
+    set_block(rows, 0, turned(lanes, 0))
+    for c in range(1, lanes.shape[1]):
+        set_block(lanes, WIDTH * c, turned(lanes, c))
+    rows[8, 0], lanes[8, 0] = lanes[8, 0], ninth
+    for s in range(9, lay.size):
+        P[s, 8] = P[8, s]
+    for i in range(9):
+        work.ninth[i, 0] = P[8, i]
 
 
 @compiled
-def _even_out(work: Work) -> None:
-    """Make both sides of P_nn the same, which rounding must not part."""
-    P, lanes, rows = work.P, work.P_c, work.rows_c
-    if work.apart:
-        set_block(lanes, 0, turned(rows, 0))
-        for i in range(WIDTH):
-            lanes[i, 0] = 0.5 * (lanes[i, 0] + rows[i, 0])
-            P[i, 8] = work.rows[8, i]
-        lanes[8, 0] = rows[8, 0]
-    else:
-        for i in range(9):
-            for j in range(i + 1, 9):
-                P[j, i] = P[i, j]
+def _set_ninth(lay: Layout, work: Work, dt: float, step: Any) -> None:
+    """Set the ninth column of P_nn of one filter: what is not in its row is one number."""
+    P = work.P
+    six = _with_white(work, dt, _all_sensed(lay, work.slant, P, 8), work.gamma.T, 8)
+    _, _, a = _advanced(lay, work, work.ninth, 0, six, 0.0, step)
+    for i in range(WIDTH):
+        P[i, 8] = P[8, i]
+    P[8, 8] = a[2]
 
 
 @compiled
@@ -246,7 +242,8 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
     for j in range(9, n):
         shrunk[j] *= work.decay[j]
         work.slant[j] *= work.decay[j]
-        P[j, j] += work.driven[j] / (shrunk[j] * shrunk[j])
+        work.grown[j] *= work.growth[j]
+        P[j, j] += work.driven[j] * work.grown[j]
         if lay.slope[j] >= 0:
             c = dt / shrunk[j]
             for i in range(n):
@@ -259,12 +256,16 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
 
 @compiled
 def settle(lay: Layout, work: Work) -> None:
-    """Let P be that of the states themselves."""
+    """Let P be that of the states themselves, and both sides of P_nn the same, which rounding parts."""
+    for i in range(9):
+        for j in range(i + 1, 9):
+            mean = 0.5 * (work.P[i, j] + work.P[j, i])
+            work.P[i, j] = work.P[j, i] = mean
     for i in range(lay.size):
         for c in range(work.P_c.shape[1]):
             work.P_c[i, c] *= work.shrunk[i] * work.shrunk_c[c]
     for j in range(9, lay.size):
-        work.shrunk[j] = work.slant[j] = 1.0
+        work.shrunk[j] = work.slant[j] = work.grown[j] = 1.0
 
 
 @compiled

@@ -22,23 +22,19 @@ from numpy.typing import NDArray
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
+from tuner.navigation import arrays, covariance, lanes, updates
 from tuner.navigation import compiled as compiled_module
-from tuner.navigation import covariance, lanes, updates
+from tuner.navigation.arrays import Memory, copy_in, copy_out, memory, work_of
 from tuner.navigation.compiled import (
     Layout,
-    Memory,
     Workspace,
     announced,
     borrowed_layout,
     checksum,
     compiled,
-    copy_in,
-    copy_out,
-    memory,
     sensed_states,
     set_true,
     transposed,
-    work_of,
 )
 from tuner.navigation.covariance import PUT_OFF, advance, set_decay, settle, summarise
 from tuner.navigation.lanes import WIDTH
@@ -269,6 +265,7 @@ _trace = _kept(
         errorstate,
         lanes,
         compiled_module,
+        arrays,
         covariance,
         updates,
         sys.modules[__name__],
