@@ -48,7 +48,10 @@ def command(
         output.write({"schema": "tuner.papers/1", "names": list(ITEMS)})
         return
     items = []
-    for name in chosen(names):
+    wanted = chosen(names)
+    if output_directory is not None:
+        (output_directory / "papers").mkdir(parents=True, exist_ok=True)
+    for name in wanted:
         messages.say(f"{name} …")
         begin = time.perf_counter()
         with messages.bar(name) as advance:

@@ -32,7 +32,7 @@ ITEMS: Mapping[str, str] = MappingProxyType(
         "test-design": "segments",
         "fog-edf": "freedom",
         "fog-sim": "theo",
-        "fog-bias": "theo",
+        "fog-bias": "biases",
         "fog-record": "mixture",
         "mems-allan": "groupings",
         "mems-arma": "timeseries",

@@ -186,7 +186,7 @@ def rlg_vs_mems(settings: Settings) -> Item:
         judge(
             "first cluster time laser ÷ MEMS",
             "the faster rate starts further left",
-            exact(laser.interval / mems.interval, "1"),
+            exact(float(of_laser.tau[0] / of_mems.tau[0]), "1"),
             claimed=0.1,
             why="the first cluster is one sample; it says nothing of the gyro",
         ),

@@ -20,10 +20,10 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis import diagnose
 from tuner.grades import load_grade
 from tuner.identification import identify_channel
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, untestable
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, scaled
 from tuner.records import Record
-from tuner.results import AllanCurve, ChannelIdentification
+from tuner.results import AllanCurve, ChannelIdentification, Coefficient
 from tuner.simulation import Channel, simulate
 
 FloatArray = NDArray[np.float64]
@@ -95,8 +95,8 @@ def _ratio(before: Record, after: Record, model: NoiseModel, times: float) -> Cl
         estimate(np.array(pairs).T, lambda p: np.sqrt(p[:, 0].mean() / p[:, 1].mean())),
         claimed=None,
         derived=(expected - 0.003, expected + 0.003),
-        why=f"expected {expected:.3f}; of white noise alone, {100.0 * white:.0f} % of the variance here, {alone:.3f}"
-        + (": N can be read from filtered data" if times >= 10.0 else ""),
+        why=f"expected {expected:.3f}: white noise, {100.0 * white:.0f} % of the variance here, falls to {alone:.3f}"
+        + ("; N can be read from filtered data" if times >= 10.0 else ""),
     )
 
 
@@ -106,14 +106,13 @@ def _named(model: NoiseModel, seed: int) -> Claim:
     hidden = (f"lowpass@gyro_x:cutoff={CUTOFF:g}",)
     records, _ = simulate({"gyro_x": Channel(model)}, duration=600.0, rate=RATE, seed=seed, hidden=hidden)
     found = diagnose(records).findings
-    names = [finding.cause for finding in found]
-    if names == ["lowpass"]:
-        cutoff = found[0].parameters["cutoff"]
+    named = ", ".join(finding.cause for finding in found) or "nothing"
+    if named != "lowpass":
         return Claim(
-            text, paper, cutoff, "reproduced", f"lowpass, cutoff {cutoff.value:.3g} Hz; true {CUTOFF:g} Hz"
+            text, paper, Coefficient(None, None, None, "", named), "not reproduced", f"named: {named}"
         )
-    named = ", ".join(names) or "nothing"
-    return untestable(text, paper, f"a diagnosis that singles out a filter of one pole: ours names {named}")
+    cutoff = found[0].parameters["cutoff"]
+    return judge(text, paper, cutoff, claimed=CUTOFF, why=f"{named}, of {CUTOFF:g} Hz: its cutoff is found")
 
 
 def _density(found: ChannelIdentification, true: float) -> Claim:

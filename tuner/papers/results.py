@@ -85,12 +85,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class Table:
-    """A panel of numbers: `cells` (rows × columns), NaN where there is none; small is good."""
+    """A panel of numbers: `cells` (rows × columns), NaN where there is none: errors, or `ratios` whose best is 1."""
 
     title: str
     rows: tuple[str, ...]
     columns: tuple[str, ...]
     cells: FloatArray
+    ratios: bool = False
 
 
 @dataclass(frozen=True)

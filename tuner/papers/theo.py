@@ -1,4 +1,4 @@
-"""Paper 2, figures 6–9 and table 1: what Allan, total, Thêo1 and ThêoH variances do to noise that is known.
+"""Paper 2, figures 6–9: what Allan, total, Thêo1 and ThêoH variances do to noise that is known.
 
 The bias of a statistic is its mean over many records ÷ the Allan variance of the noise; its spread decides the
 degrees of freedom, ν = 2 (mean ÷ standard deviation)².
@@ -17,19 +17,16 @@ from tuner.curves import curve, dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
-from tuner.papers.expected import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
-from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, exact, judge
+from tuner.papers.expected import PRINTED_TOTAL, theo1_ratio, total_ratio
+from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
 from tuner.papers.sampling import (
     Settings,
     estimate,
     ratio_of_means,
-    realisations,
     record_from,
     relative_sd,
-    scaled,
     scatter,
 )
-from tuner.results import Coefficient
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -197,85 +194,6 @@ def _aside(
     return f"; the scatter of {SET} records, {low:.2f} … {high:.2f}, {holds} {figure}, expected of a smaller study"
 
 
-def fog_bias(settings: Settings) -> Item:
-    """Return the bias of total variance at T/2, and table 1: the bias of Thêo1, for each of five noises."""
-    rng = settings.rng("fog-bias")
-    n, runs = 400, settings.size(6000, 500)
-    shares, sizes = np.array([40, 80, 120, 160, 200]), np.array([10, 20, 40, 100, 200, 400])
-    claims: list[Claim] = []
-    of_total: list[Curve] = []
-    of_theo1: list[Curve] = []
-    names = {
-        "quantization": "quantization",
-        "white": "angle random walk",
-        "bias_instability": "bias instability",
-    }
-    names |= {"random_walk": "rate random walk", "ramp": "ramp"}
-    belongs = {"white": "bias instability", "quantization": "the rate random walk"}
-    for g, (noise, term) in enumerate(NOISES.items()):
-        y = realisations(term, n, 1 if noise == "ramp" else runs, rng)
-        reference = term.allan_variance(shares.astype(float), interval=1.0)
-        totals = total(y, shares) / reference[:, None]
-        of_total += _against(
-            shares / n,
-            totals,
-            names[noise],
-            g,
-            [total_ratio(noise, s) for s in shares / n],
-            1.0 - PRINTED_TOTAL[noise] * shares / n,
-        )
-        half = exact(100.0 * float(totals[-1, 0]) - 100.0, "%") if noise == "ramp" else _per_cent(totals[-1])
-        true_bias = 100.0 * (total_ratio(noise, 0.5) - 1.0)
-        claimed = 0.0 - 50.0 * PRINTED_TOTAL[noise]
-        claims.append(
-            judge(
-                f"{names[noise]}: bias of total variance at T/2",
-                f"{claimed:.3g} %",
-                half,
-                claimed=claimed,
-                derived=(true_bias - 0.6, true_bias + 0.6),
-                why=f"{true_bias:+.3g} %: the list of clock noises lies over these "
-                f"in reverse{f'; the printed value is that of {belongs[noise]}' if noise in belongs else ''}",
-            )
-        )
-        raw = theo1(y, sizes)
-        clusters = 0.75 * sizes
-        ratio = term.allan_variance(clusters, interval=1.0)[:, None] / raw.mean(axis=1, keepdims=True)
-        a, b, c = PRINTED_THEO1[noise]
-        printed = a + b / 100.0**c
-        of_theo1 += _against(
-            sizes.astype(float),
-            ratio,
-            "",
-            g,
-            [theo1_ratio(noise, k) for k in sizes.tolist()],
-            a + b / sizes**c,
-        )
-        at = int(np.flatnonzero(sizes == 100)[0])
-        variance = float(term.allan_variance(75.0, interval=1.0))
-        constant = (
-            exact(variance / float(raw[at, 0]), "1")
-            if noise == "ramp"
-            else estimate(variance / raw[at : at + 1].T, _harmonic_mean)
-        )
-        true = theo1_ratio(noise, 100)
-        claims.append(
-            judge(
-                f"{names[noise]}: Allan ÷ Thêo1 at m = 100",
-                f"{printed:.3g}",
-                constant,
-                claimed=printed,
-                derived=(0.995 * true, 1.005 * true),
-                why=f"exact {true:.3f}; the printed formula a + b/mᶜ is that of the noise at the other end of the list",
-            )
-        )
-    panels = (
-        Panel(f"total variance ÷ Allan variance, {runs} records", "τ/T", "ratio", tuple(of_total), "linear"),
-        Panel(f"Allan variance ÷ Thêo1, {runs} records (colours as before)", "m", "ratio", tuple(of_theo1)),
-    )
-    return Item("fog-bias", f"{PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
-
-
 def spread(found: dict[str, FloatArray], reference: FloatArray, tau: FloatArray) -> tuple[Curve, ...]:
     """Return mean and quartiles of each statistic ÷ reference."""
     curves = []
@@ -287,17 +205,6 @@ def spread(found: dict[str, FloatArray], reference: FloatArray, tau: FloatArray)
     return tuple(curves)
 
 
-def _against(
-    x: FloatArray, runs: FloatArray, label: str, group: int, expected: list[float], printed: FloatArray
-) -> list[Curve]:
-    """Return the mean of runs as points, the expected line, and crosses where the paper prints it."""
-    return [
-        Curve(x, runs.mean(axis=1), label, "points", group=group),
-        Curve(x, np.array(expected), "derived" if label and group == 0 else "", "line", group=group),
-        Curve(x, printed, "printed" if label and group == 0 else "", "crosses", group=group),
-    ]
-
-
 def less_one(values: FloatArray) -> float:
     """Return mean − 1."""
     return float(values.mean() - 1.0)
@@ -306,13 +213,3 @@ def less_one(values: FloatArray) -> float:
 def _mean_allan(noise: str, m: IntArray) -> FloatArray:
     """Return the Allan variance of unit white noise or of its running sum."""
     return NOISES[noise].allan_variance(m.astype(float), interval=1.0)
-
-
-def _harmonic_mean(ratios: FloatArray) -> float:
-    """Return 1 ÷ mean of 1/ratio."""
-    return float(1.0 / np.mean(1.0 / ratios))
-
-
-def _per_cent(ratios: FloatArray) -> Coefficient:
-    """Return mean − 1 in per cent."""
-    return scaled(estimate(ratios, less_one), 100.0, "%")

@@ -47,7 +47,8 @@ def mems_arma(settings: Settings) -> Item:
         n: _orders(n, settings, count, rng) for n, count in ((2000, runs), (20_000, settings.size(200, 20)))
     }
     series = MODEL.sample(2000, 0.01, rng)
-    prepared = prepare(_raw(series, rng), rule="3sigma")
+    raw = _raw(series, rng)
+    prepared = prepare(raw, rule="3sigma")
     record = record_from(prepared.y, 0.01)
     lags = (0.01 * np.arange(31)).tolist()
     correlation, partial = acf(record, lag=lags), pacf(record, lag=lags)
@@ -65,7 +66,7 @@ def mems_arma(settings: Settings) -> Item:
             "time, s",
             "deg/s",
             (
-                Curve(record.t, _raw(series, settings.rng("raw")) - MEAN, "raw − 3.0478", "faint", group=1),
+                Curve(record.t, raw - MEAN, "raw − 3.0478", "faint", group=1),
                 Curve(record.t, prepared.y, "prepared", "faint", group=0),
             ),
             "linear",

@@ -109,13 +109,14 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
 
 
 def _draw_table(axes: Axes, table: Table) -> None:
-    shade = np.clip(-np.log10(np.where(np.isnan(table.cells), 10.0, table.cells)), -0.5, 2.5)
+    errors = np.maximum(np.abs(np.log(table.cells)), 1e-2) if table.ratios else table.cells
+    shade = np.clip(-np.log10(np.where(np.isnan(errors), 10.0, errors)), -0.5, 2.5)
     axes.imshow(
         np.where(np.isnan(table.cells), np.nan, shade), cmap="YlGnBu", vmin=-0.5, vmax=3.5, aspect="auto"
     )
     for (i, j), value in np.ndenumerate(table.cells):
-        text = "–" if np.isnan(value) else f"{100.0 * value:.{0 if value > 0.0995 else 1}f} %"
-        axes.text(j, i, text, ha="center", va="center", fontsize=8.5)
+        text = f"{value:.2f}" if table.ratios else f"{100.0 * value:.{0 if value > 0.0995 else 1}f} %"
+        axes.text(j, i, "–" if np.isnan(value) else text, ha="center", va="center", fontsize=8.5)
     axes.set_xticks(range(len(table.columns)), [name.replace(" ", "\n", 1) for name in table.columns])
     axes.set_yticks(range(len(table.rows)), table.rows)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)

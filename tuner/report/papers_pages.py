@@ -26,8 +26,8 @@ functions that `tuner` offers: run it yourself with `tuner papers NAME`, or all 
 
 A verdict follows from numbers. **Reproduced**: the paper's value lies within about four standard deviations of ours.
 **Corrected**: the value derived in its place does, and lies nearer. **Untestable**: what a test needs is missing, and
-named. **Not reproduced**: neither value agrees. Intervals are 95 %; the derivations are in `docs/maths.md` of the
-project.
+named. **Not reproduced**: neither value agrees. Intervals are 95 %; a value without one is counted or computed, not
+sampled. The derivations are in `docs/maths.md` of the project.
 """
 
 
