@@ -24,7 +24,7 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
     if found.gain is not None:
         answer.append(f"  {whole_gain(found.gain)}")
     if not found.credited:
-        answer.append(f"  {HARM}")
+        answer.append(f"  {harm_words(found.gain)}")
     answer += [f"  {one.text}" for one in found.inseparable]
     answer += [
         f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the drive has more in it than was named"
@@ -76,6 +76,16 @@ def whole_gain(gain: Gain) -> str:
     return f"all findings together, on {part}: {'; '.join(parts)}"
 
 
+def harm_words(gain: Gain | None) -> str:
+    """Say why findings are not taken over."""
+    lost = gain is not None and gain.nats < 0.0
+    why = "lose likelihood" if lost else "gain likelihood, but errors of outages grow"
+    return (
+        f"on the part held out the findings {why}: this does harm, so no configuration takes them over; "
+        "take the names as hints"
+    )
+
+
 def inflation_tables(demands: Sequence[Demand]) -> list[Table | str]:
     """Return one row a noise setting: what is stated, what the drive asks for, why."""
     table = Table(title="What the drive asks of each noise setting (95 % intervals)")
@@ -111,11 +121,6 @@ def _cells(one: Demand) -> tuple[str, ...]:
     return stated, asked, said(one.plain), said(one.named), why or nothing
 
 
-HARM = (
-    "the findings do harm on the part of the drive held out: take their names as hints and none of their numbers; no "
-    "configuration takes them over"
-)
-"""What is said where a gain is a loss."""
 INTERVAL = "_change_interval"
 """Ending of a figure that is the interval of the change of another."""
 _PLAIN = {
