@@ -47,6 +47,17 @@ def test_a_lag_may_start_out_of_balance():
     assert abs(finding.parameters["time_constant"].value - 150.0) < 1.5 * (high - low)  # 6 sd
 
 
+def test_two_ways_of_a_temperature():
+    """Fast changes act more than slow ones: one lag, the slope of slow changes, and another for what is prompt."""
+    phi = np.exp(-1.0 / (90.0 * RATE))
+    inside = lfilter([1.0 - phi], [1.0, -phi], CELSIUS, zi=[phi * CELSIUS[0]])[0]
+    (finding,) = diagnose(record(1e-3 * inside + 4e-3 * (CELSIUS - inside), celsius=CELSIUS)).findings
+    assert finding.cause == "thermal_lag"
+    for name, true in (("slope", 1e-3), ("prompt_slope", 4e-3), ("time_constant", 90.0)):
+        low, high = finding.parameters[name].interval
+        assert abs(finding.parameters[name].value - true) < 1.5 * (high - low)  # 6 sd
+
+
 def test_a_slope_that_changes_is_told_without_a_name():
     diagnosis = diagnose(record(2e-3 * (CELSIUS - 25.0) * (TIME / SPAN - 0.5), celsius=CELSIUS))
     assert diagnosis.findings == ()
