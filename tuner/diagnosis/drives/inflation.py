@@ -156,7 +156,9 @@ def _asked(
         fixed = tuple(name for name in others.scales.names if name not in names)
         logs = np.array([others.estimate[others.number(name)] for name in fixed])
         belief = factors(fixed).change(belief, logs)
-    fit = maximise(belief, factors(names), prior_sd=prior_sd)
+    # Far from the truth variances may come out negative: the search turns back from there.
+    with np.errstate(invalid="ignore"):
+        fit = maximise(belief, factors(names), prior_sd=prior_sd)
     return _Asked(fit, {name: _settled(found, name) / _settled(base, name) for name in names})
 
 
