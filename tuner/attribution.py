@@ -20,8 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import minimize_scalar
 
 from tuner.consistency import Consistency
 from tuner.responses import STRETCHES, UNMODELLED, Responses, patterns
@@ -87,6 +85,8 @@ def attribute(found: Consistency, response: Responses) -> tuple[Cause, ...]:
 
 def best(ratios: FloatArray, effective: FloatArray, rivals: Sequence[Explanation]) -> tuple[Cause, ...]:
     """Return the rivals that explain mean squares over their expectations, shape (s,), best first."""
+    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
+
     scatter = np.sqrt(2.0 / effective + LEVEL_SCATTER**2)
     nothing = float(np.sum((np.log(ratios) / scatter) ** 2))
     causes = []
@@ -177,6 +177,8 @@ def _scaled(name: str, base: FloatArray, share: FloatArray) -> Explanation:
 def _stretched(
     name: str, base: FloatArray, states: FloatArray, stretched: dict[float, FloatArray]
 ) -> Explanation:
+    from scipy.interpolate import PchipInterpolator  # loaded when used: slow to import
+
     points = {0.0: states, **{math.log(factor): column for factor, column in stretched.items()}}
     x = np.array(sorted(points))
     curve = PchipInterpolator(x, np.array([points[value] for value in x]))

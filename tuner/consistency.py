@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, gammaincinv, ndtri
 
 from tuner.navigation.inputs import USED
 from tuner.navigation.simulate import Runs
@@ -203,7 +203,7 @@ def score(
         variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
         effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
     tail = 0.5 * FAMILY / tests
-    low, high = chi2.ppf(tail, effective) / effective, chi2.isf(tail, effective) / effective
+    low, high = 2.0 * gammaincinv(0.5 * effective, tail) / effective, chdtri(effective, tail) / effective
     wide = (1.0 + MARGIN) ** 2
     return Score(name, mean, dof, float(effective), (float(dof * low / wide), float(dof * high * wide)))
 
@@ -307,7 +307,7 @@ def whiteness(
             continue
         r = (sums / counts) / (sums[0] / counts[0])
         lag = 1 + int(np.argmax(np.abs(r[1:])))
-        limit = norm.isf(0.5 * FAMILY / tests / (2 * LAGS)) / math.sqrt(counts[lag])
+        limit = -ndtri(0.5 * FAMILY / tests / (2 * LAGS)) / math.sqrt(counts[lag])
         found = Whiteness(part, lag, float(r[lag]), float(limit + MARGIN))
         if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
             best = found

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from models.layout import OPTIONAL, AxisNoise, ErrorModel, error_model
 from tuner.records import DataError
@@ -163,9 +164,7 @@ def total_bias(model: ErrorModel) -> FloatArray:
 
 def chi2_gate(sigmas: float, dof: int) -> float:
     """Return the χ² limit that `dof` components exceed as rarely as one normal number exceeds `sigmas`."""
-    from scipy.stats import chi2
-
-    return float(chi2.isf(math.erfc(sigmas / math.sqrt(2.0)), dof))
+    return float(chdtri(dof, math.erfc(sigmas / math.sqrt(2.0))))
 
 
 def _axis(config: FilterConfig, axis: str) -> AxisNoise:

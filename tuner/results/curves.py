@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from tuner.results.coefficient import LEVEL
 
@@ -51,7 +51,7 @@ class AllanCurve:
         """Return lower and upper limits of the deviation from χ² with `dof` degrees of freedom, shapes (m, k)."""
         tail = 0.5 * (1.0 - level)
         scaled = self.dof * self.variance
-        return np.sqrt(scaled / chi2.ppf(1.0 - tail, self.dof)), np.sqrt(scaled / chi2.ppf(tail, self.dof))
+        return np.sqrt(scaled / _chi2(1.0 - tail, self.dof)), np.sqrt(scaled / _chi2(tail, self.dof))
 
     def axis(self, name: str) -> AllanCurve:
         """Return the curve of one axis alone."""
@@ -88,7 +88,7 @@ class Spectrum:
         """Return lower and upper limits of the density from χ² with `dof` degrees of freedom, shapes (m, k)."""
         tail = 0.5 * (1.0 - level)
         dof = self.dof[:, None]
-        return self.density * dof / chi2.ppf(1.0 - tail, dof), self.density * dof / chi2.ppf(tail, dof)
+        return self.density * dof / _chi2(1.0 - tail, dof), self.density * dof / _chi2(tail, dof)
 
 
 @dataclass(frozen=True)
@@ -114,3 +114,8 @@ class Correlogram:
     value: FloatArray
     band: float
     axes: tuple[str, ...]
+
+
+def _chi2(p: float, dof: FloatArray) -> FloatArray:
+    """Return the quantile p of χ²; `scipy.stats` has it too, and is slow to import."""
+    return np.asarray(2.0 * gammaincinv(0.5 * dof, p))
