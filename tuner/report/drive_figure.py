@@ -130,8 +130,8 @@ def _draw(
 
 def _view(examined: Examined, cause: str) -> View:
     """Return the view of a cause; of one that shifts innovations, with its constants in axes of the unit."""
-    one = next(a for a in examined.criticism.accepted if a.cause == cause)
-    if one.candidate.scored is None:
+    one = next((a for a in examined.criticism.accepted if a.cause == cause), None)
+    if one is None or one.candidate.scored is None:
         return VIEWS.get(cause, draw_distribution)
     values = {f"{cause}.{name}": c.value for name, c in one.parameters.items() if c.value is not None}
     return partial(draw_effect, values=values)
