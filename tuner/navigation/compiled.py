@@ -5,6 +5,7 @@ The equations of motion and of the error coupling are those of `models`, compile
 
 from __future__ import annotations
 
+import gc
 import sys
 import zlib
 from collections.abc import Callable
@@ -34,16 +35,29 @@ for _function in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS, *errorst
 
 def compiled(function: Function) -> Function:
     """Make a kernel that other kernels can call, with numbers or lanes."""
-    options = {"error_model": "numpy", "fastmath": True, "forceinline": True}
+    return _callable(function, within=True)
+
+
+def called(function: Function) -> Function:
+    """Make a kernel that is called seldom, and so compiled by itself, not again within each caller."""
+    return _callable(function, within=False)
+
+
+def _callable(function: Function, *, within: bool) -> Function:
+    options = {"error_model": "numpy", "fastmath": True, "forceinline": within}
     decorated: Function = register_jitable(**options)(function)
     return decorated
 
 
 class _Announcer(Listener):
-    """Says on standard error that kernels are being compiled."""
+    """Says on standard error that kernels are being compiled.
+
+    Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
+    """
 
     def __init__(self) -> None:
         self.kernels: set[object] = set()
+        self.collects = False
 
     def on_start(self, event: Any) -> None:
         """Speak where a kernel that is kept on disk was not found there."""
@@ -51,9 +65,13 @@ class _Announcer(Listener):
             sys.stderr.write(
                 "tuner: compiling the filter for this machine, once; it takes some ten seconds\n"
             )
+            self.collects = gc.isenabled()
+            gc.disable()
 
     def on_end(self, event: Any) -> None:
-        """Say nothing."""
+        """Collect again."""
+        if event.data["dispatcher"] in self.kernels and self.collects:
+            gc.enable()
 
 
 _ANNOUNCER = _Announcer()

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
 from tuner.navigation.arrays import Memory, Work
-from tuner.navigation.compiled import Layout, compiled
+from tuner.navigation.compiled import Layout, called, compiled
 from tuner.navigation.lanes import WIDTH, turned_over
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +35,7 @@ PUT_OFF = 100.0
 """Time constants after which decay is put off no longer: numbers stay in range."""
 
 
-@compiled
+@called
 def set_decay(memory: Memory, dt: float) -> None:
     """Set decay, growth and driven variance of every state for a step dt."""
     n, filters = memory.rate.shape
@@ -254,7 +254,7 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
                 P[j, i] = P[i, j]
 
 
-@compiled
+@called
 def settle(lay: Layout, work: Work) -> None:
     """Let P be that of the states themselves, and both sides of P_nn the same, which rounding parts."""
     for i in range(9):
@@ -278,7 +278,7 @@ def decay_parameters(lay: Layout, work: Work, dt: float) -> None:
             x[j] += dt * x[lay.slope[j]]
 
 
-@compiled
+@called
 def summarise(lay: Layout, P: FloatArray, out: FloatArray) -> None:
     """Set the covariance (15, 15) of navigation errors and total biases: M P Mᵀ."""
     n = lay.size

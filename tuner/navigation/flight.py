@@ -26,6 +26,7 @@ from tuner.navigation.compiled import (
     Workspace,
     announced,
     borrowed_layout,
+    called,
     checksum,
     compiled,
     set_true,
@@ -137,7 +138,7 @@ def invert(A: Any, out: Any) -> None:
                     out[r, j] -= c * out[i, j]
 
 
-@compiled
+@called
 def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int, kept: Kept) -> None:
     """Compare fix i with filter w, use it, and keep what came of it."""
     state, refused, use, S = memory.state, memory.refused, kept.use[w, i], kept.S[w, i]

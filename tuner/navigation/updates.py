@@ -17,7 +17,7 @@ from models.earth import earth_rate, radii
 from models.errorstate import coupling
 from models.strapdown import rates
 from models.triples import add, cross, exponential, matrix, product, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, compiled, unmix
+from tuner.navigation.compiled import Layout, Workspace, called, compiled, unmix
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,7 +64,7 @@ def _metres(pos: Any) -> Any:
     return (meridian + pos[2], (normal + pos[2]) * np.cos(pos[0]), -1.0)
 
 
-@compiled
+@called
 def _delay_rows(
     lay: Layout, pos: Any, vel: Any, force: Any, sensors: FloatArray, delay: float, H: FloatArray
 ) -> None:
@@ -98,7 +98,7 @@ def _to_body(m: Any, a: Any) -> Any:
     return (_turned(m, 0, a), _turned(m, 1, a), _turned(m, 2, a))
 
 
-@compiled
+@called
 def constraint_model(
     lay: Layout,
     pos: Any,
@@ -187,7 +187,7 @@ def _left_jacobian(m: Any, a: Any) -> Any:
     return add(a, add(scale(half, once), scale(sixth, cross(m, once))))
 
 
-@compiled
+@called
 def fix_model(
     lay: Layout,
     pos: Any,
@@ -298,7 +298,7 @@ def factor(S: FloatArray, m: int) -> FloatArray:
     return L
 
 
-@compiled
+@called
 def update(
     P: FloatArray,
     z: FloatArray,
