@@ -44,6 +44,8 @@ GROUPS = (
     ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair", UNNAMED),
 )
 """Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
+SLOW = GROUPS[2]
+"""Causes that are seen on the slow track."""
 MEASURED = ("temperature", "thermal_lag")
 """What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
 LATE = 24.0
@@ -109,13 +111,16 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     panels: list[tuple[Alarm, ...]] = []
     alarms: tuple[Alarm, ...] = ()
     fresh = 0
+    quiet: tuple[Alarm, ...] = ()
     for _ in range(PASSES):
-        alarms = panel(found)
+        alarms = panel(found, quiet)
+        if quiet and not any(_raised(alarms, threshold)):
+            alarms = panel(found)
         panels.append(alarms)
         if fresh:
             known = [_with_rivals(one, panels[-2], alarms, threshold) for one in accepted[-fresh:]]
             accepted = [*accepted[:-fresh], *known]
-        raised = [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
+        raised = _raised(alarms, threshold)
         if not raised:
             masked = pair_test(found)
             raised = [masked] if masked and masked.p_value < threshold and masked.gain > 0 else []
@@ -140,7 +145,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         if wider is not None:
             found = residual(channel, wider, starts=found.starts, near=found)
             base = residual(channel, wider[: len(given)], starts=base.starts)
-            fresh = 0
+            fresh, quiet = 0, ()
             continue
         if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
             chosen = [max(broad, key=lambda alarm: alarm.gain)]
@@ -151,6 +156,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
             accepted += [Accepted(extension, alarm) for extension in proposed]
             new += proposed
         fresh = len(new)
+        quiet = _still_quiet(alarms, threshold, new)
         starts = None if any(x.cause in BROAD for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
         for _ in range(POLISHES if any(x.cause in GROUPS[0] for x in new) else 1):
@@ -168,6 +174,21 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     nameless = [a.alarm for a in accepted if a.extension.cause == UNNAMED]
     left = (*nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
+
+
+def _raised(alarms: tuple[Alarm, ...], threshold: float) -> list[Alarm]:
+    """Return the alarms that ask for an extension."""
+    return [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
+
+
+def _still_quiet(alarms: tuple[Alarm, ...], threshold: float, new: list[Extension]) -> tuple[Alarm, ...]:
+    """Return the alarms of the slow track where none is raised and nothing new touches it.
+
+    They need not be asked again until nothing else is found.
+    """
+    slow = tuple(alarm for alarm in alarms if alarm.cause in SLOW)
+    touched = any(x.cause in (*SLOW, *BROAD) for x in new)
+    return () if touched or any(alarm.p_value < threshold for alarm in slow) else slow
 
 
 def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension, ...] | None:

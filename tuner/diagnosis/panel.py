@@ -79,9 +79,14 @@ def threshold(channels: int) -> float:
     return BUDGET / (FAMILIES * channels)
 
 
-def panel(found: Residual) -> tuple[Alarm, ...]:
-    """Run every test that is still open on a residual."""
-    alarms = [test(found) for cause, test in SINGLE.items() if is_open(found, cause)]
+def panel(found: Residual, known: tuple[Alarm, ...] = ()) -> tuple[Alarm, ...]:
+    """Run every test that is still open on a residual, but for the tests that stand alone whose alarm is known."""
+    told = {alarm.cause: alarm for alarm in known}
+    alarms = [
+        told[cause] if cause in told else test(found)
+        for cause, test in SINGLE.items()
+        if is_open(found, cause)
+    ]
     return (
         *(alarm for alarm in alarms if alarm is not None),
         *spectrum(found),
@@ -100,7 +105,7 @@ def is_open(found: Residual, cause: str) -> bool:
 def spectrum(found: Residual) -> tuple[Alarm, ...]:
     """Test the shape of the fast spectrum, and it for humps."""
     tested = shape_test(found)
-    unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, "shape of the fast spectrum")
+    unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)
     humps = (vibration.test(found, tested),) if is_open(found, "vibration") else ()
     if found.found("lowpass", "colour"):
         return (*humps, unnamed)

@@ -198,6 +198,14 @@ class ShapeTest:
         """Chance of the most remarkable of the three statistics."""
         return min(1.0, 3.0 * min(self.p_value, self.misfit, self.hump_p_value))
 
+    @property
+    def worst(self) -> str:
+        """Where the null leaves most, in words."""
+        deviation = self.data.power / self.null.expected
+        at = int(np.argmax(self.data.count * (deviation - 1.0 - np.log(deviation))))
+        frequency = self.data.cycles[at] / self.data.interval
+        return f"shape of the fast spectrum, {10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
+
     def gain(self, fitted: ShapeFit | Hump) -> float:
         """Return the log likelihood gained over the null, less half the log of the coefficients a parameter."""
         return self.null.cost - _price(self.data, fitted)

@@ -9,7 +9,7 @@ Extension: the residuals pass the distribution function of the fitted law and th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ class HeavyTails(Extension):
         deviate[far] = self._deviate(size[far])
         return np.copysign(deviate, e)
 
-    def _deviate(self, size: FloatArray) -> FloatArray:
+    def _deviate(self, size: NDArray[np.floating[Any]]) -> FloatArray:
         """Return the normal deviates of sizes of the law."""
         scale = np.sqrt((self.nu - 2.0) / self.nu)
         return np.asarray(-ndtri(np.maximum(t.sf(size / scale, self.nu), 1e-300)))

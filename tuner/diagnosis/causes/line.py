@@ -68,8 +68,6 @@ def test(found: Residual) -> Alarm:
     frequency, power = found.spectrum
     level = local_level(power, 2 * NEIGHBOURS)
     ratio = power / level
-    white = found.spread**2 * found.power_at(frequency) / (n * found.channel.interval)
-    ratio[vibration.left_over(found, frequency, 2.0 * ratio * white)] = 0.0
     first = int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))
     if first >= len(ratio):
         return Alarm("line", 1.0, -9.0, 0.0, "peak of the spectrum")

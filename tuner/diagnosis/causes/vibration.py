@@ -24,8 +24,9 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.level import FIRST, local_level
 from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.scoring import sizes
 from tuner.diagnosis.shape import ShapeTest
-from tuner.diagnosis.statistics import maximum, minimum
+from tuner.diagnosis.statistics import curvature, maximum, minimum
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -40,8 +41,6 @@ NEAR = 200
 """Ordinates about one that tell a line from a hump."""
 NARROW = 3.0
 """Quality below which a hump is a matter of the broad shape of the spectrum."""
-LEFT = 0.03
-"""Share of the variance of a resonance that its form may leave over, within an octave."""
 MOVED = 0.1
 """Standard deviations by which parameters move before the model is fitted again."""
 CAP = 25.0
@@ -86,12 +85,11 @@ class Vibration(Extension):
 
     def overlaps(self, found: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
-        others = [x for x in found.extensions if isinstance(x, Vibration)]
         unknown = self.values["sd"].upper > 3.0 * self.sd
-        return unknown or any(abs(x.frequency - self.frequency) < x.frequency / x.quality for x in others)
+        return unknown or bool(taken(found, np.array([self.frequency]))[0])
 
     def polished(self, found: Residual, index: int) -> Vibration:  # noqa: ARG002
-        """Fit the hump again, over the noise as fitted with it: what it stood on before was tilted by it."""
+        """Fit the hump again, over the noise as fitted with it, whose level may slope beside it."""
         dt, n = found.channel.interval, len(found.coefficients)
         df = 0.5 / (n * dt)
         reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
@@ -107,20 +105,28 @@ class Vibration(Extension):
         mean = square[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
         f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
         expected = found.power[inside].reshape(number, size).mean(axis=1)
-        other = found.spread**2 * np.maximum(expected - self.power(f, dt), 1e-3 * expected)
+        other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
+        place = (f - f.mean()) / (f[-1] - f[0])
+        level = np.stack((other * (0.5 - place), other * (0.5 + place)))
+        count = np.full(number, float(size))
+
+        def hump(x: FloatArray) -> FloatArray:
+            frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()
+            return Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).power(f, dt)
 
         def cost(x: FloatArray) -> float:
-            frequency, quality, sd = np.exp(np.clip(x, -20.0, 20.0))
-            if not (frequency < 0.499 / dt and 0.5 < quality < 1e5):
-                return 1e12
-            ratio = mean / (other + Vibration(frequency, quality, sd).power(f, dt))
-            return 0.5 * size * float(np.sum(ratio - 1.0 - np.log(ratio)))
+            return sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[2]
 
-        x, covariance, _ = maximum(
-            cost, [np.log([self.frequency, self.quality, self.sd]).tolist()], scale=0.02, tolerance=1e-3
-        )
+        def whole(x: FloatArray) -> float:
+            return sizes(mean, count, level, np.exp(2.0 * x[2]) * hump(x[:2]))[2]
+
+        start = np.log([self.frequency, self.quality, self.sd])
+        x, _ = minimum(cost, [start[:2].tolist()], scale=0.02, tolerance=1e-3)
+        variance = sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[0][-1]
+        x = np.append(x, 0.5 * np.log(max(variance, 1e-12)))
+        covariance = curvature(whole, x)
         sd = np.sqrt(np.diag(covariance))
-        moved = np.abs(x - np.log([self.frequency, self.quality, self.sd]))
+        moved = np.abs(x - start)
         settled = bool(np.all(moved < MOVED * sd))
         return self if settled or moved[0] > 1.0 / self.quality else _fitted(x, sd)
 
@@ -140,9 +146,7 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
     for width in widths:
         start = np.arange(FIRST, len(power) - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
-        middle = (start + 1 + 0.5 * width) * df
-        level = 2.0 * df * found.spread**2 * found.power_at(middle)
-        ratio[left_over(found, middle, (ratio - 1.0) * width * level)] = 1.0
+        ratio[taken(found, (start + 1 + 0.5 * width) * df)] = 1.0
         nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in _largest(ratio, 8)])
         at = _largest(ratio, 8)[int(np.argmax(nats))]
         log_chance = np.log(len(widths) * len(start)) - float(nats.max())
@@ -163,17 +167,13 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
     return Alarm("vibration", p_value, gain - price, mean, name, lambda: (fitted,), local=True)
 
 
-def left_over(found: Residual, frequency: FloatArray, variance: FloatArray) -> BoolArray:
-    """Return which excesses, given by frequency and variance, may be what accepted resonances leave over.
-
-    A real resonance wanders and swells: an AR(2) process describes it to some per cent of its variance.
-    """
-    left = np.zeros(len(frequency), dtype=bool)
+def taken(found: Residual, frequency: FloatArray) -> BoolArray:
+    """Return which frequencies lie within the width of an accepted resonance: its form is no further one."""
+    inside = np.zeros(len(frequency), dtype=bool)
     for x in found.extensions:
         if isinstance(x, Vibration):
-            near = np.abs(np.log(frequency / x.frequency)) < np.log(2.0)
-            left |= near & (variance < LEFT * x.sd**2)
-    return left
+            inside |= np.abs(frequency - x.frequency) < x.frequency / x.quality
+    return inside
 
 
 def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[FloatArray, FloatArray]:
