@@ -61,6 +61,15 @@ def test_perfect_increments_lead_back_to_the_truth(name, rate):
     assert attitude < 1e-9
 
 
+def test_turned_is_the_matrix_times_the_vector():
+    rng = np.random.default_rng(5)
+    for q, a in zip(
+        rng.standard_normal((50, 4)).tolist(), rng.standard_normal((50, 3)).tolist(), strict=True
+    ):
+        expected = triples.transform(triples.matrix(q), a)
+        np.testing.assert_allclose(triples.turned(q, a), expected, rtol=0, atol=1e-14)
+
+
 def test_error_is_of_second_order():
     coarse, fine = (_errors("s_turns", 100.0, dt)[0] for dt in (0.02, 0.01))
     assert 3.0 < coarse / fine < 6.0
