@@ -156,3 +156,17 @@ def test_digits_of_arithmetic_are_no_lattice():
     between = np.interp(np.arange(100_000) + 0.3, np.arange(100_001), codes)
     assert lattice_step([between]) == 0.0
     assert lattice_step([1.234e-4 * codes]) == pytest.approx(1.234e-4)
+
+
+def test_filter_is_named_beside_a_resonance_and_held_readings():
+    """On a lattice where a tenth of the neighbours are equal by chance, the excess alone is bridged."""
+    rng = np.random.default_rng(1)
+    y = lfilter([1.0], [1.0, -np.exp(-2.0 * np.pi * 0.2)], rng.standard_normal(N + 200))[200:]
+    first, second = Vibration(31.0, 20.0, 1.0).recursion(1.0 / RATE)
+    hum = lfilter([1.0], [1.0, -first, -second], rng.standard_normal(N + 5000))[5000:]
+    y = y / y.std() + 0.25 * hum / hum.std()
+    fresh = np.where(rng.random(N) < 0.02, 0, np.arange(N))
+    y = (0.25 * np.round(y / 0.25))[np.maximum.accumulate(fresh)]
+    found = diagnose(record(y))
+    assert {f.cause for f in found.findings} == {"duplicates", "lowpass", "vibration"}
+    assert not found.unexplained

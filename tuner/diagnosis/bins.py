@@ -44,8 +44,8 @@ class Bins:
         Frequency × interval.
     power, count : ndarray, shape (b,)
         Mean square and number of coefficients.
-    white, rest : ndarray, shape (b,)
-        Shape of the white noise so far, and power of everything but white noise, quantization and rounding.
+    white, rest, peaks : ndarray, shape (b,)
+        Shape of the white noise so far, power of the slow noise, and power that extensions have added.
     rounding : float
         Power of the rounding to codes, step²/12 a sample: it is white whatever the noise before it is.
     model : ndarray, shape (b,)
@@ -58,6 +58,7 @@ class Bins:
     count: FloatArray
     white: FloatArray
     rest: FloatArray
+    peaks: FloatArray
     rounding: float
     model: FloatArray
 
@@ -97,7 +98,9 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
     known = tuple(x for x in found.extensions if x is not without)
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
     rounding = found.channel.lattice**2 / 12.0 * dt
-    told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt)
+    f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
+    peaks = power_of(known, f, dt).reshape(BINS, width).mean(axis=1)
+    told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
     rest = total - told - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
     return Bins(
         dt,
@@ -106,6 +109,7 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
         np.full(BINS, float(width)),
         gain_of(known, cycles / dt, dt),
         np.maximum(rest, 0.0),
+        peaks,
         0.0 if shaped else rounding,
         total,
     )
@@ -118,6 +122,6 @@ def rise(cycles: FloatArray) -> FloatArray:
 
 
 def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Sizes:
-    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding and more power that is known."""
-    fixed = np.broadcast_to(np.asarray(data.rounding + more, dtype=float), data.power.shape)
+    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding, the peaks and more power."""
+    fixed = np.broadcast_to(np.asarray(data.rounding + data.peaks + more, dtype=float), data.power.shape)
     return Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), np.ascontiguousarray(fixed)))

@@ -171,7 +171,7 @@ def _channels(
     for axis in record.axes:
         mine = {t.cause: t for t in tests if axis in t.channels and (t.p_value < limit or t.note)}
         lattice = mine["lattice"].parameters.get("step") if "lattice" in mine else None
-        held = _held(record, mine["duplicates"]) if "duplicates" in mine else None
+        held = _held(record, mine["duplicates"], seed) if "duplicates" in mine else None
         source = record
         if held is not None and held.mean() > HELD:
             source, held = _thinned(record, ~held), None
@@ -183,11 +183,18 @@ def _channels(
     return ready
 
 
-def _held(record: Record, test: HygieneTest) -> BoolArray:
-    """Return which samples repeat the one before in all channels of a test, shape (n,)."""
+def _held(record: Record, test: HygieneTest, seed: int) -> BoolArray:
+    """Return which samples count as held in all channels of a test, shape (n,).
+
+    Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own
+    repetitions are among them, keeps its law.
+    """
     columns = [record.axes.index(axis) for axis in test.channels]
     same = np.all(np.diff(record.y[:, columns], axis=0) == 0.0, axis=1)
-    return np.concatenate(([False], same))
+    fraction = test.parameters["fraction"].value
+    share = 1.0 if fraction is None else fraction / max(float(same.mean()), 1e-12)
+    drawn = np.random.default_rng((seed, 78)).random(len(same)) < share
+    return np.concatenate(([False], same & drawn))
 
 
 def _thinned(record: Record, kept: BoolArray) -> Record:
