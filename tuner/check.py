@@ -99,7 +99,7 @@ def check(
         raise DataError(msg)
     truth = sensor or sensor_of_config(config)
     notes = list(truth.notes)
-    if config.interval < FASTEST:
+    if config.interval < 0.999 * FASTEST:
         notes.append(f"simulated at {1.0 / FASTEST:g} Hz, not {1.0 / config.interval:g} Hz")
     plan = scenario(motion, receiver or config.gnss, max(config.interval, FASTEST))
     flown = simulate(settings, truth, plan, runs=runs, seed=seed, progress=progress)
