@@ -94,10 +94,14 @@ def extension(found: Residual, near: float) -> Line:
     n, dt = len(found.e), found.channel.interval
     e = np.clip(found.e, -CLIP, CLIP)
     span = n * dt
-    index = 2.0 * np.pi * dt * np.arange(n)
+    size = found.channel.block
+    turned = e.reshape(-1, size) @ np.exp(-2j * np.pi * near * dt * np.arange(size))
+    start = 2.0 * np.pi * dt * size * np.arange(n // size)
+    middle = np.pi * dt * (size - 1)
 
     def project(f: float) -> complex:
-        return complex(np.sum(e * np.exp(-1j * f * index)) * 2.0 / n)
+        turn = np.exp(-1j * (f * start + (f - near) * middle))
+        return complex(np.sum(turned * turn) * 2.0 / n)
 
     peak = minimize_scalar(
         lambda f: -abs(project(f)),
