@@ -145,7 +145,8 @@ def test(found: Residual) -> Alarm:
     if gain <= 0.0:
         return Alarm("telegraph", p_value, gain, lead, name)
     extension, switches = _extension(y, step, channel.span, r, best[1], besides)
-    if switches < FEWEST:
+    size = extension.values["size"]
+    if switches < FEWEST or not size.lower * size.upper > 0.0:  # levels that are not told apart have no name
         return Alarm("telegraph", p_value, -9.0, lead, name)
     return Alarm("telegraph", p_value, gain, lead, name, lambda: (extension,))
 
