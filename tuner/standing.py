@@ -123,10 +123,15 @@ def identification_of_drive(drive: Drive, found: Standing) -> Identification:
 
 
 def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
-    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations."""
-    return synthesize(
-        identification_of_drive(drive, found), name=drive.name, gnss=gnss or load_gnss(RECEIVER)
-    )
+    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations.
+
+    Where they do, nothing is supposed of a correlated part: an RTK receiver has none of that of a single one.
+    """
+    if gnss is None:
+        gnss = load_gnss(RECEIVER)
+        if np.isfinite(drive.gnss.position_sd).any():
+            gnss = replace(gnss, correlated=())
+    return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss)
 
 
 def nearest_grade(white: Mapping[str, float]) -> str:

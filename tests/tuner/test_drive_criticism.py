@@ -16,8 +16,8 @@ from tuner.diagnosis.drives import diagnose_drive
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine
 from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.loop import THRESHOLD
-from tuner.diagnosis.drives.score import families, fit
-from tuner.diagnosis.drives.sensitivity import whitened
+from tuner.diagnosis.drives.score import carried, families, fit
+from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.exporters import native
 from tuner.grades import grade_identification, load_grade
 from tuner.navigation.compensation import compensated, sensor_matrix
@@ -145,6 +145,18 @@ def test_large_delay_and_wrong_sds(motion, config):
     assert told["time_offset"]["delay"].value == pytest.approx(-0.6, abs=0.03)
     assert told["gnss_noise_scale"]["position_horizontal"].value == pytest.approx(2.0, rel=0.2)
     assert found.compensation["time_offset.delay"] == pytest.approx(-0.6, abs=0.03)
+
+
+def test_a_shift_must_carry_to_the_last_part():
+    rng = np.random.default_rng(4)
+    t, slope = np.arange(2000.0), rng.standard_normal((2000, 1))
+    noise = rng.standard_normal(2000)
+    lasting = Whitened(t, noise + 20.0 * 0.01 * slope[:, 0], slope)
+    passing = Whitened(t, noise + np.where(t < 1000.0, 0.4, -0.4) * slope[:, 0], slope)
+    at = np.zeros(1)
+    # 0.2² 800/2 = 16 nats with a sd of 6; some 40 nats lost with one of 10.
+    assert carried(lasting, ("time_offset.delay",), ("time_offset",), "time_offset", at) > -10.0
+    assert carried(passing, ("time_offset.delay",), ("time_offset",), "time_offset", at) < -2.0
 
 
 def test_compensation_is_undone(motion):

@@ -20,7 +20,7 @@ CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
 
 def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[Finding, ...]:
-    """Return the biases that their priors do not explain.
+    """Return the biases that their priors do not explain, one finding for each sensor.
 
     Parameters
     ----------
@@ -37,6 +37,7 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
     sd = np.sqrt(np.diag(solution.final_covariance))
     findings = []
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
+        told, inflations, least, most = {}, [], 1.0, 0.0
         for axis, j in zip(axes, range(at[f"{sensor}_bias"].start, at[f"{sensor}_bias"].stop), strict=True):
             noise = config.channels[axis]
             prior = float(np.hypot(noise.constant_sd, noise.random_walk_density * np.sqrt(span)))
@@ -45,27 +46,28 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
             p_value = min(1.0, 12.0 * float(norm.sf(z)))
             if p_value >= threshold or abs(value) < 4.0 * spread:
                 continue
-            told = {
-                "value": Coefficient.known(value, value - 1.96 * spread, value + 1.96 * spread, noise.unit)
-            }
+            least, most = min(least, p_value), max(most, z)
+            low, high = value - 1.96 * spread, value + 1.96 * spread
+            told[axis] = Coefficient.known(value, low, high, noise.unit)
+            if noise.constant_sd > 0.0:
+                reason = f"{CAUSE}: on this drive"
+                inflations.append(Inflation(f"{axis}.constant_sd", abs(value) / noise.constant_sd, reason))
+        if told:
+            channels = tuple(told)
+            values = {"cause": CAUSE, "joins": "states", "parameters": {a: c.value for a, c in told.items()}}
+            text = words(CAUSE, channels, MEANING, told)
             findings.append(
                 Finding(
                     CAUSE,
-                    (axis,),
+                    channels,
                     "bias ÷ its prior sd",
-                    z,
-                    p_value,
+                    most,
+                    least,
                     told,
-                    words(CAUSE, (axis,), MEANING, told),
+                    text,
                     CONSEQUENCE,
-                    {"cause": CAUSE, "joins": "states", "parameters": {"value": value}},
-                    inflations=(
-                        Inflation(
-                            f"{axis}.constant_sd", abs(value) / noise.constant_sd, f"{CAUSE}: on this drive"
-                        ),
-                    )
-                    if noise.constant_sd > 0.0
-                    else (),
+                    values,
+                    inflations=tuple(inflations),
                 )
             )
     return tuple(findings)

@@ -20,7 +20,7 @@ from tuner.diagnosis.drives.hypothesis import Hypothesis, Jump, Pass
 from tuner.diagnosis.drives.jump import CAUSE as JUMP
 from tuner.diagnosis.drives.jump import bias_jump, jump_sensor
 from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
-from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, scores
+from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, joint_noise, scores
 from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
 from tuner.diagnosis.drives.prior import static_prior
 from tuner.diagnosis.drives.record import GROUPS
@@ -63,6 +63,11 @@ class Candidate:
         """Code of the cause."""
         return self.alarm.cause
 
+    @property
+    def credible(self) -> bool:
+        """Whether a cause of the size that it would have to be is met in practice."""
+        return self.scored is None or self.scored.credible
+
     def raised(self, threshold: float) -> bool:
         """Whether the family alarms and its cause gains."""
         return self.alarm.p_value < threshold and self.alarm.gain > WORTH
@@ -80,32 +85,43 @@ def candidates(
 ) -> tuple[Candidate, ...]:
     """Return what families say of a pass; accepted shifts are fitted beside every test.
 
-    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure: strong shifts are
-    asked first, then noise and jumps, both beside single fixes; weak shifts are listened to last. A family that comes
-    later is not asked, or taken for silent, while an earlier one alarms.
+    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure. Where a shift is strong,
+    noise and jumps are asked with all shifts free, so that none of them leaks: what is still sure is named before any
+    shift; then strong shifts. Where none is, noise and jumps come first, both beside single fixes; weak shifts are
+    listened to last. A family that comes later is not asked, or taken for silent, while an earlier one alarms.
     """
     record = found.record
     belief = belief_of(found, accepted)
-    every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
-    masked = mask(every)
     shifts = [shift(one) for one in families(w, record.parameters, accepted)]
-    fixes = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
     if any(one.raised(STRONG) for one in shifts):
-        return (*shifts, *fixes)
-    told = scores(belief)
-    noise = [
-        _claimed(claim)
-        for claim in (
-            gnss_noise(belief, told),
-            correlated_gnss(belief, evaluate(belief)),
-            imu_noise(belief, told, prior_sd=static_prior(found.hypothesis.config.channels)),
-            bias_jump(belief),
-        )
-        if claim.alarm.cause != JUMP or len(found.hypothesis.jumps) < JUMPS
-    ]
+        free = replace(belief, columns=tuple(range(len(record.parameters))))
+        fixes, noise = _fixes(free), _noise(found, free)
+        if any(one.raised(STRONG) for one in noise):
+            return (*fixes, *noise)
+        return (*shifts, *_fixes(belief))
+    fixes, noise = _fixes(belief), _noise(found, belief)
     if any(one.raised(threshold) for one in (*fixes, *noise)):
         return (*fixes, *noise)
     return (*shifts, *fixes, *noise)
+
+
+def _fixes(belief: Belief) -> tuple[Candidate, ...]:
+    """Return what single fixes say."""
+    record = belief.record
+    every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
+    masked = mask(every)
+    return tuple(_claimed(outliers(every, masked, cause)) for cause in KINDS)
+
+
+def _noise(found: Pass, belief: Belief) -> tuple[Candidate, ...]:
+    """Return what the noise and jumps of biases say."""
+    told, prior = scores(belief), static_prior(found.hypothesis.config.channels)
+    scaled = joint_noise(belief, told, prior_sd=prior)
+    if scaled is None:
+        scaled = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
+    claims = (*scaled, correlated_gnss(belief, evaluate(belief)), bias_jump(belief))
+    most = len(found.hypothesis.jumps) >= JUMPS
+    return tuple(_claimed(claim) for claim in claims if not (most and claim.alarm.cause == JUMP))
 
 
 def _claimed(claim: Claim) -> Candidate:

@@ -84,7 +84,7 @@ def _diagnosis(
     biases = beyond_prior(outcome.final, config, THRESHOLD)
     findings = tuple(sorted((*findings, *biases), key=lambda f: f.p_value))
     final = outcome.final.hypothesis
-    wider = {f.channels[0]: abs(f.parameters["value"].value or 0.0) for f in biases}
+    wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
         for axis, noise in final.config.channels.items()

@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient
 from tuner.diagnosis.drives.scales import Scales
@@ -33,6 +33,8 @@ FAR = 5.0
 """Greatest distance of a log that is looked at."""
 NARROW = 0.15
 """Sd of a log below which the quadratic stands for the likelihood."""
+ENOUGH = 0.01
+"""Gain of a step, nats, from which on a search goes on."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
 _STEP = 0.02
 _TWO_SIDED, _ONE_SIDED = 1.9207, 1.3528
@@ -167,7 +169,15 @@ def maximise(
     x = np.zeros(len(scales.names)) if start is None else start
     inverse = curvature(cost, x, sd)
     options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
-    answer = minimize(cost, x, method="BFGS", jac=True, options=options)
+    last = np.inf
+
+    def enough(intermediate_result: OptimizeResult) -> None:
+        nonlocal last
+        gained, last = last - float(intermediate_result.fun), float(intermediate_result.fun)
+        if gained < ENOUGH:
+            raise StopIteration
+
+    answer = minimize(cost, x, method="BFGS", jac=True, options=options, callback=enough)
     x = np.clip(answer.x, -FAR, FAR)
     covariance = curvature(cost, x, sd)
     prior = 0.5 * float(np.sum((x / sd) ** 2))

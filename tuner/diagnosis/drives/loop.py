@@ -28,7 +28,7 @@ from tuner.diagnosis.drives.noise import SHORT
 from tuner.diagnosis.drives.outliers import KINDS
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import ROWS, factors, present
-from tuner.diagnosis.drives.score import PRIORS, Fit, fit, inseparable, retested
+from tuner.diagnosis.drives.score import PRIORS, Fit, carried, fit, inseparable, retested
 from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.records import Drive
 from tuner.results import Alternative, Coefficient
@@ -47,6 +47,8 @@ MOVED = 0.2
 """Change of an estimate, in standard deviations, from which it is worth another pass."""
 SLACK, LIMIT = 3.0, 25.0
 """Nats by which a step may worsen the likelihood; largest square that counts in it."""
+HARM = 2.0
+"""Nats that a shift may lose in the last part of a drive with constants from the first."""
 STEPS = 3
 """Passes of Gauss–Newton after an acceptance, at most."""
 
@@ -120,7 +122,7 @@ def criticise(
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
-        raised = [a for a in alarms if a.raised(THRESHOLD)]
+        raised = [a for a in alarms if a.raised(THRESHOLD) and a.credible]
         if not raised:
             break
         chosen = max(raised, key=lambda a: a.alarm.gain)
@@ -136,13 +138,18 @@ def criticise(
             found = refined(drive, found, known)
         else:
             assert chosen.claim is not None
-            accepted = [a for a in accepted if a.cause != chosen.cause or chosen.cause == "bias_jump"]
-            told = {} if chosen.cause in FACTORS else dict(chosen.claim.describe())
-            accepted.append(Accepted(chosen, told))
+            # Factors on R and Q that were fitted together have one belief.
+            together = [a for a in raised if a.claim is not None and a.claim.belief is chosen.claim.belief]
+            causes = {a.cause for a in together} - {"bias_jump"}
+            accepted = [a for a in accepted if a.cause not in causes]
+            for one in together:
+                assert one.claim is not None
+                accepted.append(Accepted(one, {} if one.cause in FACTORS else dict(one.claim.describe())))
             found = refined(drive, examine(drive, adopted(found, chosen.claim)), known)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
     accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]
+    accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in alarms if a.raised(THRESHOLD))
     return Criticism(base, found, tuple(accepted), left, known)
 
@@ -210,13 +217,15 @@ def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Cand
 def _pruned(
     drive: Drive, found: Pass, accepted: list[Accepted], known: tuple[str, ...]
 ) -> tuple[Pass, list[Accepted], tuple[str, ...]]:
-    """Take out shifts whose own test is silent beside all others."""
+    """Take out shifts whose own test is silent beside all others, or that do harm where they were not fitted."""
     names = found.record.parameters
-    for cause in known:
+    for cause in reversed(known):
         own = [name for name in names if name.partition(".")[0] == cause]
+        at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
         values = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
-        alarm = retested(whitened(believed(found.record)), names, known, cause, values)
-        if alarm.p_value < THRESHOLD:
+        w = whitened(believed(found.record))
+        alarm = retested(w, names, known, cause, values)
+        if alarm.p_value < THRESHOLD and alarm.credible and carried(w, names, known, cause, at) > -HARM:
             continue
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
@@ -270,7 +279,8 @@ def _rescaled(one: Accepted, base: Pass, found: Pass, known: tuple[str, ...]) ->
 
 
 def _as_told(parameters: Mapping[str, Coefficient]) -> bool:
-    """Whether the intervals of all factors hold 1: what spoke for them has found another cause since."""
+    """Whether all factors may be 1: what spoke for them has found another cause since."""
     return bool(parameters) and all(
-        c.interval is not None and c.interval[0] < 1.0 < c.interval[1] for c in parameters.values()
+        c.interval[0] < 1.0 < c.interval[1] if c.interval else c.upper is None or c.upper > 1.0
+        for c in parameters.values()
     )

@@ -10,6 +10,8 @@ precision of a row given all others), a refit where they promise something. The 
 
 whether x ~ N(0, σ²) or x = 0. A factor on R or Q is inside its range there: no mixture of χ² is needed. The family
 pays for its number of factors; of R, those on all of a position or a velocity bear less of it than those on a part.
+Where R and Q are both surely wrong, each leaks into the other's test: `joint_noise` fits both (a car whose unit is 5
+to 8 times as noisy as at rest and whose receiver says twice its error: 4300 nats together, 740 and 2600 one by one).
 """
 
 from __future__ import annotations
@@ -43,6 +45,8 @@ TRIALS = (1.0, 2.5)
 """Logs of large factors on Q that are tried where ln L is flat here: its slope may say little of them."""
 SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
+SURELY = 1e-9
+"""Chance of wrong R, and of wrong Q, below which both are fitted together."""
 _STEP = 0.02
 
 
@@ -116,6 +120,47 @@ def imu_noise(belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = 
     return _test(belief, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
 
 
+def joint_noise(
+    belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+) -> tuple[Claim, Claim] | None:
+    """Test factors on R and Q together where both are surely wrong; None where one of them is not.
+
+    Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have the
+    same belief and the same gain, that of both.
+
+    Parameters
+    ----------
+    belief : Belief
+        What is believed so far.
+    found : Scores
+        Its scores.
+    prior_sd : mapping of str to float
+        As of `imu_noise`.
+    """
+    told = tuple(name for name in found.names if name in ROWS or (name in GROUPS and found.tells(name)))
+    sides = [tuple(n for n in told if n in side) for side in (ROWS, GROUPS)]
+    score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
+    if any(not side or chi2.sf(max(side), 1) > SURELY for side in score):
+        return None
+    fit = maximise(belief, factors(told))
+    sd = np.sqrt(np.diag(fit.covariance))
+    off = [max(abs(fit.estimate[fit.number(n)]) / sd[fit.number(n)] for n in side) for side in sides]
+    ratio = [value**2 for value in off]
+    chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
+    if max(chance) > SURELY:
+        return None
+    gain = fit.log_likelihood - found.value - 0.5 * float(np.log(belief.count)) * len(told)
+    title = "factors on R and Q together, by their sds"
+
+    def claim(cause: str, i: int) -> Claim:
+        def described() -> Mapping[str, Coefficient]:
+            return {SHORT.get(name, name): fit.coefficient(name) for name in sides[i]}
+
+        return Claim(Alarm(cause, chance[i], gain, off[i], title), fit.belief, described)
+
+    return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
+
+
 def _test(
     belief: Belief, found: Scores, cause: str, share: Mapping[str, float], prior_sd: Mapping[str, float]
 ) -> Claim:
@@ -125,12 +170,13 @@ def _test(
     best = min(chance, key=lambda name: chance[name], default="")
     if not best or ratio[best] < PROMISING:
         return silent(cause, belief, chance.get(best, 1.0), ratio.get(best, 0.0), title)
-    exact = _refitted(belief, found.value, best, prior_sd.get(best, 0.0))
+    alone = maximise(belief, factors((best,)))
+    exact = _ratio(alone, found.value, prior_sd.get(best, 0.0))
     p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
     price = 0.5 * float(np.log(belief.count))
     parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
     wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
-    fits = [maximise(belief, factors(names)) for names in {(best,), wrong} if names]
+    fits = [alone] if wrong in ((), (best,)) else [alone, maximise(belief, factors(wrong))]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - found.value - price * len(fit.estimate)
     alarm = Alarm(cause, p_value, gain, exact, title)
@@ -138,14 +184,13 @@ def _test(
     return Claim(alarm, fit.belief, lambda: _described(belief, parts, others))
 
 
-def _refitted(belief: Belief, value: float, name: str, prior_sd: float) -> float:
-    """Return the likelihood ratio of one factor."""
-    fit = maximise(belief, factors((name,)))
-    x = float(fit.estimate[0])
+def _ratio(alone: Fit, value: float, prior_sd: float) -> float:
+    """Return the likelihood ratio of the factor that was fitted alone."""
     if prior_sd == 0.0:
-        return max(0.0, 2.0 * (fit.log_likelihood - value))
-    tied = maximise(belief, factors((name,)), prior_sd={name: prior_sd}, start=np.array([0.5 * x]))
-    return max(0.0, 2.0 * (fit.log_likelihood - tied.objective))
+        return max(0.0, 2.0 * (alone.log_likelihood - value))
+    (name,), half = alone.scales.names, 0.5 * alone.estimate
+    tied = maximise(alone.start, factors((name,)), prior_sd={name: prior_sd}, start=half)
+    return max(0.0, 2.0 * (alone.log_likelihood - tied.objective))
 
 
 def _described(

@@ -41,8 +41,22 @@ PRIORS: Mapping[str, float] = {
     "gravity": 1e-3,
 }
 """Spread of each parameter of a cause in practice, SI."""
+LARGEST: Mapping[str, float] = {
+    "time_offset": 3.0,
+    "velocity_lag": 1.5,
+    "lever_arm": 10.0,
+    "gnss_frame": 3.2,
+    "gyro_scale": 0.1,
+    "accel_scale": 0.1,
+    "misalignment": 0.2,
+    "g_sensitivity": 0.01,
+    "gravity": 0.02,
+}
+"""Size from which a cause is not believed, however well it fits: something else is wrong."""
 BLOCK = 30.0
 """Length of the blocks whose sums are compared, s."""
+SHARE = 0.6
+"""Part of a drive that constants are taken from where the rest is to judge them."""
 ALIKE = 0.97
 """Correlation from which two causes count as one on a drive."""
 
@@ -59,6 +73,8 @@ class Scored:
         Its constants.
     statistic, p_value, gain : float
         z², its chance, log Bayes factor.
+    size : float
+        The largest constant, estimated with its spread in practice as prior, SI.
     """
 
     cause: str
@@ -66,6 +82,12 @@ class Scored:
     statistic: float
     p_value: float
     gain: float
+    size: float
+
+    @property
+    def credible(self) -> bool:
+        """Whether a cause of this size is met in practice."""
+        return self.size < LARGEST[self.cause]
 
 
 @dataclass(frozen=True)
@@ -113,6 +135,38 @@ def retested(
     others = _columns([other for other in accepted if other != cause], parameters)
     residual, slope = _without(raw, others)
     return _scored(w.t, residual, slope, cause, own)
+
+
+def carried(
+    w: Whitened, parameters: Sequence[str], accepted: Sequence[str], cause: str, at: FloatArray
+) -> float:
+    """Return the log likelihood that a cause gains in the last part of a drive with constants from the first.
+
+    Parameters
+    ----------
+    w : Whitened
+        The rows, compensated.
+    parameters, accepted : sequences of str
+        Constants of the record; causes that are accepted, this one among them.
+    cause : str
+        The cause.
+    at : ndarray, shape (p,)
+        What is compensated.
+    """
+    early = w.t < w.t[0] + SHARE * (w.t[-1] - w.t[0])
+    every = list(_columns(accepted, parameters))
+    raw = w.residual + w.slope[:, every] @ at[every]
+
+    def left(causes: Sequence[str]) -> FloatArray:
+        own = list(_columns(causes, parameters))
+        prior = np.array([PRIORS[parameters[i].partition(".")[0]] for i in own])
+        s = w.slope[:, own]
+        theta = np.linalg.solve(s[early].T @ s[early] + np.diag(prior**-2), s[early].T @ raw[early])
+        return np.asarray((raw - s @ theta)[~early], dtype=float)
+
+    named, unnamed = left(accepted), left([other for other in accepted if other != cause])
+    level = max(1.0, float(np.mean(named**2))) if len(named) else 1.0
+    return 0.5 * float(unnamed @ unnamed - named @ named) / level
 
 
 def fit(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], at: FloatArray) -> Fit:
@@ -175,9 +229,11 @@ def _scored(
     c = _colour(t, residual - s @ step, s)
     z2 = float(b @ step) / c
     eye = np.eye(len(own))
-    gain = 0.5 * float(b @ np.linalg.solve(information / c + eye, b)) / c**2
-    gain -= 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
-    return Scored(cause, own, z2, float(chi2.sf(z2, len(own))), gain)
+    shrunk = np.linalg.solve(information / c + eye, b / c)
+    gain = 0.5 * float(b @ shrunk) / c - 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
+    return Scored(
+        cause, own, z2, float(chi2.sf(z2, len(own))), gain, PRIORS[cause] * float(np.abs(shrunk).max())
+    )
 
 
 def _colour(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
