@@ -45,6 +45,8 @@ NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
 """A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
 cut at so many deviations."""
 
+VAGUE = 0.3
+"""Share of a stretch by which each of its ends is uncertain: what sways dies away under the noise."""
 MARGIN = 0.1
 """Share of a stretch that is left out on either side: motion dies away."""
 
@@ -183,12 +185,12 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
 def extension(channel: Channel, first: int, last: int) -> Motion:
     """Return the stretch with its place."""
     dt = channel.interval
-    error = 10.0 * max(FEWEST * dt, SHORT)
+    error = 10.0 * max(FEWEST * dt, SHORT) + VAGUE * (last - first) * dt
     return Motion(
         first,
         last,
         values={
             "start": Value.of(channel.start + first * dt, 0.5 * error, "s"),
-            "duration": Value.of((last - first) * dt, 0.5 * error, "s"),
+            "duration": Value.of((last - first) * dt, error, "s"),
         },
     )
