@@ -82,7 +82,8 @@ def _diagnosis(
     pairs = zip(outcome.accepted, own, strict=True)
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
     biases = beyond_prior(outcome.final, config, THRESHOLD)
-    findings = tuple(sorted((*findings, *biases), key=lambda f: f.p_value))
+    # A bias is what named causes leave: it comes last.
+    findings = (*findings, *biases)
     final = outcome.final.hypothesis
     wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {
