@@ -89,7 +89,7 @@ class Channel:
     @cached_property
     def empty(self) -> BoolArray:
         """Blocks without any valid sample, shape (M,)."""
-        return ~self.valid.reshape(self.blocks, self.block).any(axis=1)
+        return np.asarray(~self.valid.reshape(self.blocks, self.block).any(axis=1), dtype=bool)
 
     def block_mean(self, x: FloatArray) -> FloatArray:
         """Return the means of n values over the blocks, shape (M,)."""
