@@ -15,7 +15,7 @@ from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axe
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import THRESHOLD, Criticism, criticise
 from tuner.files import plain
-from tuner.records import Drive
+from tuner.records import DataError, Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Gain, Unexplained
 
 
@@ -54,8 +54,21 @@ def examine_drive(
     Raises
     ------
     DataError
-        Where the drive cannot be aligned, or the configuration lacks an axis.
+        Where the drive cannot be aligned, the configuration lacks an axis, or its covariances are lost in rounding.
     """
+    try:
+        return _examined(drive, config, seed, progress)
+    except np.linalg.LinAlgError as error:
+        msg = (
+            f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
+            "noise of the size of the sensor's and the receiver's; give a configuration nearer to them (--config)"
+        )
+        raise DataError(msg) from error
+
+
+def _examined(
+    drive: Drive, config: FilterConfig, seed: int, progress: Callable[[str], None] | None
+) -> Examined:
     sensor, every = thinned(in_sensor_axes(drive))
     base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
     coarse, notes = coarse_clocks(sensor, base.hypothesis) if suspicious(base) else ({}, ())

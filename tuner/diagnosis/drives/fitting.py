@@ -35,6 +35,8 @@ NARROW = 0.15
 """Sd of a log below which the quadratic stands for the likelihood."""
 ENOUGH = 0.01
 """Gain of a step, nats, from which on a search goes on."""
+HOPELESS = 1e12
+"""Cost, nats, of noise so far from the record's that its likelihood is lost in rounding."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
 _STEP = 0.02
 _TWO_SIDED, _ONE_SIDED = 1.9207, 1.3528
@@ -162,8 +164,11 @@ def maximise(
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
         x = np.clip(x, -FAR, FAR)
-        found, gradient = evaluate_with_gradient(scales.change(belief, x))
-        slopes = scales.slopes(belief, x, gradient)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found, gradient = evaluate_with_gradient(scales.change(belief, x))
+            slopes = scales.slopes(belief, x, gradient)
+        if not (np.isfinite(found.value) and np.isfinite(slopes).all()):
+            return HOPELESS, x / sd**2
         return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes
 
     x = np.zeros(len(scales.names)) if start is None else start
@@ -196,6 +201,7 @@ def curvature(cost: object, x: FloatArray, sd: FloatArray) -> FloatArray:
         moved = x.copy()
         moved[j] += _STEP
         second[j] = (cost(moved)[1] - middle) / _STEP
+    second = np.where(np.abs(second) < HOPELESS, second, 0.0)
     second = 0.5 * (second + second.T) * np.outer(sd, sd)
     values, vectors = np.linalg.eigh(second)
     inverse = (vectors / np.maximum(values, 1.0)) @ vectors.T * np.outer(sd, sd)
