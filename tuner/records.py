@@ -137,6 +137,16 @@ class Gnss:
     def __len__(self) -> int:
         return len(self.t)
 
+    def rows(self, which: NDArray[np.bool_] | slice) -> Gnss:
+        """Return some of the fixes."""
+        return Gnss(
+            self.t[which],
+            self.llh[which],
+            self.vel_n[which],
+            self.position_sd[which],
+            self.velocity_sd[which],
+        )
+
 
 @dataclass(frozen=True)
 class Reference:

@@ -11,11 +11,13 @@ swallowed it must be allowed to give it back.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
+from scipy.optimize import minimize_scalar
 
 from tuner.diagnosis.cosine import block_transform, step_scale, step_sums
 from tuner.diagnosis.residual import Residual
@@ -90,6 +92,19 @@ def scan(found: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
     white, _ = project(found, templates)
     score = white.T @ (rest(found) * np.sqrt(weights(found)))
     return Scan(score, np.sum(white[:, :-1] * white[:, 1:], axis=0)), templates
+
+
+def likeliest(found: Residual, column: Callable[[float], FloatArray], near: float) -> float:
+    """Return the time constant within a factor of two of `near`, s, whose template, shape (M,), scores most."""
+    singles = found.track.singles
+    target = rest(found) * np.sqrt(weights(found))
+
+    def loss(log_constant: float) -> float:
+        template = block_transform(column(float(np.exp(log_constant)))[:, None], found.repaired, singles)
+        return -float((project(found, template)[0][:, 0] @ target) ** 2)
+
+    best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
+    return float(np.exp(best.x))
 
 
 def scan_steps(found: Residual) -> Scan:

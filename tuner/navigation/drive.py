@@ -200,7 +200,7 @@ def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | 
     """Align a stretch; where the delay of the fixes is not known yet, the filter itself decides on it."""
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
-    own = _rows(gnss, inside)
+    own = gnss.rows(inside)
     if len(own) < 10:
         msg = f"{len(own)} fixes"
         raise DataError(msg)
@@ -240,13 +240,13 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> S
     ends = steps.ends()
     t = own.t - a.delay
     keep = (t > ends[0]) & (t < ends[-1])
-    own, t = _rows(own, keep), t[keep]
+    own, t = own.rows(keep), t[keep]
     first = int(np.argmin(np.abs(ends - t[0])))
     # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
     quat = _carried(steps, a, first)
     steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
     begin = t >= steps.start
-    own, t = _rows(own, begin), t[begin]
+    own, t = own.rows(begin), t[begin]
     split, after = split_at(steps, t)
     settled = a.t + a.still + SETTLING
     fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
@@ -264,12 +264,6 @@ def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
         turn = rotation.quat_from_rotvec(steps.increments[i, :3] - a.gyro_bias * steps.dt[i])
         quat = rotation.quat_multiply(quat, turn if k > have else rotation.quat_conjugate(turn))
     return quat
-
-
-def _rows(gnss: Gnss, which: NDArray[np.bool_]) -> Gnss:
-    return Gnss(
-        gnss.t[which], gnss.llh[which], gnss.vel_n[which], gnss.position_sd[which], gnss.velocity_sd[which]
-    )
 
 
 def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:

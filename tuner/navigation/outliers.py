@@ -8,6 +8,8 @@ is grossly wrong is found in this way: the rest is the gate's.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,10 +49,7 @@ def without_outliers(gnss: Gnss) -> tuple[Gnss, int, int]:
         wrong[i] = _far(metres[i], there, POSITION_FLOOR)
         slips[i] = bool(with_velocity[i]) and _far(gnss.vel_n[i], around, VELOCITY_FLOOR)
     vel_n = np.where(slips[:, None], np.nan, gnss.vel_n)
-    kept = Gnss(
-        gnss.t[~wrong], gnss.llh[~wrong], vel_n[~wrong], gnss.position_sd[~wrong], gnss.velocity_sd[~wrong]
-    )
-    return kept, int(wrong.sum()), int(slips.sum())
+    return replace(gnss, vel_n=vel_n).rows(~wrong), int(wrong.sum()), int(slips.sum())
 
 
 def _far(value: FloatArray, others: FloatArray, floor: float) -> bool:

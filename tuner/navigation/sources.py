@@ -45,32 +45,6 @@ IntArray = NDArray[np.int64]
 
 
 @compiled
-def gain(P: FloatArray, H: FloatArray, sd: FloatArray, m: int) -> FloatArray:
-    """Return Kᵀ = S⁻¹ H P of the first m rows, shape (m, n)."""
-    n = P.shape[0]
-    rows, S = np.zeros((m, n)), np.zeros((m, m))
-    for a in range(m):
-        for k in range(n):
-            if H[a, k] != 0.0:
-                for j in range(n):
-                    rows[a, j] += H[a, k] * P[k, j]
-        for b in range(m):
-            y = sd[a] * sd[a] if a == b else 0.0
-            for k in range(n):
-                y += rows[a, k] * H[b, k]
-            S[a, b] = y
-    L = factor(S, m)
-    whiten(L, m, rows)
-    for a in range(m - 1, -1, -1):
-        for j in range(n):
-            y = rows[a, j]
-            for b in range(a + 1, m):
-                y -= L[b, a] * rows[b, j]
-            rows[a, j] = y / L[a, a]
-    return rows
-
-
-@compiled
 def spread(P: FloatArray, H: FloatArray, sd: FloatArray, m: int, HP: FloatArray, out: FloatArray) -> None:
     """Set the covariance of the first m innovations: H P Hᵀ + R; `HP` (6, n) is scratch."""
     n = P.shape[0]
@@ -85,6 +59,23 @@ def spread(P: FloatArray, H: FloatArray, sd: FloatArray, m: int, HP: FloatArray,
             for k in range(n):
                 y += HP[a, k] * H[b, k]
             out[a, b] = y
+
+
+@compiled
+def gain(P: FloatArray, H: FloatArray, sd: FloatArray, m: int) -> FloatArray:
+    """Return Kᵀ = S⁻¹ H P of the first m rows, shape (m, n)."""
+    n = P.shape[0]
+    rows, S = np.zeros((m, n)), np.zeros((m, m))
+    spread(P, H, sd, m, rows, S)
+    L = factor(S, m)
+    whiten(L, m, rows)
+    for a in range(m - 1, -1, -1):
+        for j in range(n):
+            y = rows[a, j]
+            for b in range(a + 1, m):
+                y -= L[b, a] * rows[b, j]
+            rows[a, j] = y / L[a, a]
+    return rows
 
 
 @compiled

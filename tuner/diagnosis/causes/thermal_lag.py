@@ -15,7 +15,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from models.effects.thermal import ThermalLag as Effect
 from tuner.diagnosis.alarm import Alarm
@@ -25,7 +24,7 @@ from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.profile import SAME, Template, best_constant, first_column, profile
 from tuner.diagnosis.residual import Residual
-from tuner.diagnosis.scan import judge, project, rest, scan, weights
+from tuner.diagnosis.scan import judge, likeliest, scan
 from tuner.diagnosis.statistics import SHRINK
 
 FloatArray = NDArray[np.float64]
@@ -126,15 +125,7 @@ def test(found: Residual) -> Alarm | None:
 
 def extension(found: Residual, near: float) -> ThermalLag:
     """Return the lag next to a time constant, s."""
-    channel, singles = found.channel, found.track.singles
-    target = rest(found) * np.sqrt(weights(found))
-
-    def loss(log_constant: float) -> float:
-        template = block_transform(lagged(channel, np.exp(log_constant))[:, None], found.repaired, singles)
-        return -float((project(found, template)[0][:, 0] @ target) ** 2)
-
-    best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
-    return ThermalLag(float(np.exp(best.x)))
+    return ThermalLag(likeliest(found, lambda constant: lagged(found.channel, constant), near))
 
 
 def beside(found: Residual) -> tuple[ThermalLag, float]:

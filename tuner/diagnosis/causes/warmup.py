@@ -11,15 +11,13 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
-from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.profile import SAME, Template, best_constant, profile
 from tuner.diagnosis.residual import Residual
-from tuner.diagnosis.scan import judge, project, rest, scan, weights
+from tuner.diagnosis.scan import judge, likeliest, scan
 
 FloatArray = NDArray[np.float64]
 
@@ -81,12 +79,4 @@ def test(found: Residual) -> Alarm:
 
 def extension(found: Residual, near: float) -> Warmup:
     """Return the transient next to a time constant, s."""
-    channel, singles = found.channel, found.track.singles
-    target = rest(found) * np.sqrt(weights(found))
-
-    def loss(log_constant: float) -> float:
-        template = block_transform(transient(channel, np.exp(log_constant))[:, None], found.repaired, singles)
-        return -float((project(found, template)[0][:, 0] @ target) ** 2)
-
-    best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
-    return Warmup(float(np.exp(best.x)))
+    return Warmup(likeliest(found, lambda constant: transient(found.channel, constant), near))

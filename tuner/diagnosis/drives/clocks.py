@@ -52,15 +52,7 @@ def coarse_clocks(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tu
     seen = compensated(drive, start.values)
     end = standing_until(seen.gnss) + SPAN
     imu, fixes = seen.imu_t < end, seen.gnss.t < end
-    gnss = replace(
-        seen.gnss,
-        t=seen.gnss.t[fixes],
-        llh=seen.gnss.llh[fixes],
-        vel_n=seen.gnss.vel_n[fixes],
-        position_sd=seen.gnss.position_sd[fixes],
-        velocity_sd=seen.gnss.velocity_sd[fixes],
-    )
-    part = replace(seen, imu_t=seen.imu_t[imu], rates=seen.rates[imu], gnss=gnss)
+    part = replace(seen, imu_t=seen.imu_t[imu], rates=seen.rates[imu], gnss=seen.gnss.rows(fixes))
     stretches, notes = prepare(part, settings_of(part, start))
     delay, lag = stretches[0].alignment.delay, stretches[0].lag
     if abs(delay) < COARSE and lag == 0.0:

@@ -80,16 +80,10 @@ def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
     """Return the final hypothesis with its values fitted to what comes before the cut."""
     final = outcome.final.hypothesis
     kept = drive.gnss.t < cut
-    gnss = replace(
-        drive.gnss,
-        t=drive.gnss.t[kept],
-        llh=drive.gnss.llh[kept],
-        vel_n=drive.gnss.vel_n[kept],
-        position_sd=drive.gnss.position_sd[kept],
-        velocity_sd=drive.gnss.velocity_sd[kept],
-    )
     inertial = drive.imu_t < cut + 1.0
-    part = replace(drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=gnss)
+    part = replace(
+        drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
+    )
     own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
     found = refined(part, examine(part, own), outcome.shifts)
     values = dict(found.hypothesis.values)

@@ -120,17 +120,7 @@ def in_sensor_axes(drive: Drive) -> Drive:
 def thinned(drive: Drive) -> tuple[Drive, int]:
     """Return the drive with at most `MOST` fixes, and of how many one was kept."""
     every = -(-len(drive.gnss) // MOST)
-    gnss = drive.gnss
-    kept = slice(None, None, every)
-    fewer = replace(
-        gnss,
-        t=gnss.t[kept],
-        llh=gnss.llh[kept],
-        vel_n=gnss.vel_n[kept],
-        position_sd=gnss.position_sd[kept],
-        velocity_sd=gnss.velocity_sd[kept],
-    )
-    return replace(drive, gnss=fewer), every
+    return replace(drive, gnss=drive.gnss.rows(slice(None, None, every))), every
 
 
 def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
@@ -153,15 +143,7 @@ def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
     if hypothesis.velocity_out.any():
         gnss = replace(gnss, vel_n=np.where(hypothesis.velocity_out[:, None], np.nan, gnss.vel_n))
     if hypothesis.position_out.any():
-        kept = ~hypothesis.position_out
-        gnss = replace(
-            gnss,
-            t=gnss.t[kept],
-            llh=gnss.llh[kept],
-            vel_n=gnss.vel_n[kept],
-            position_sd=gnss.position_sd[kept],
-            velocity_sd=gnss.velocity_sd[kept],
-        )
+        gnss = gnss.rows(~hypothesis.position_out)
     return replace(drive, gnss=gnss)
 
 
