@@ -125,7 +125,7 @@ def _signal(found: Residual, test: _Test) -> FloatArray:
 def _columns(extension: Extension, test: _Test) -> FloatArray:
     """Return the templates of an extension in another record; what was an event of the first one is nothing there."""
     columns = extension.columns(test.context)
-    if extension.cause in ("step", "motion"):
+    if extension.cause in ("step", "attitude", "motion"):
         return np.zeros_like(columns)
     if extension.cause == "thermal_lag" and test.first == 0:
         columns[:, 1:] = 0.0

@@ -41,7 +41,17 @@ ALONE = ("burst", "variance_drift")
 GROUPS = (
     ("line", "vibration", "lowpass", "colour"),
     ("spikes", "heavy_tails", "burst", "variance_drift"),
-    ("temperature", "thermal_lag", "step", "warmup", "telegraph", "gauss_markov", "pair", UNNAMED),
+    (
+        "temperature",
+        "thermal_lag",
+        "step",
+        "warmup",
+        "attitude",
+        "telegraph",
+        "gauss_markov",
+        "pair",
+        UNNAMED,
+    ),
 )
 """Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
 SLOW = GROUPS[2]

@@ -30,13 +30,14 @@ from tuner.diagnosis.causes import (
     variance_drift,
     vibration,
     warmup,
+    yielding,
 )
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.shape import shape_test
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
-FAMILIES = 26
+FAMILIES = 27
 """Families of tests a channel, those of hygiene and of several channels included."""
 
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
@@ -46,6 +47,7 @@ SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
         "thermal_lag": thermal_lag.test,
         "step": step.test,
         "warmup": warmup.test,
+        "attitude": yielding.test,
         ageing.UNNAMED: ageing.test,
         "telegraph": telegraph.test,
         "gauss_markov": gauss_markov.test,
@@ -61,6 +63,7 @@ LIMITS: Mapping[str, int] = MappingProxyType(
         "line": line.Line.repeats,
         "vibration": vibration.Vibration.repeats,
         "step": step.Step.repeats,
+        "attitude": yielding.Yielding.repeats,
         "burst": burst.Burst.repeats,
         "spikes": 2,
     }
@@ -70,7 +73,7 @@ EXCLUSIVE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"temperature": ("temperature", "thermal_lag"), "thermal_lag": ("temperature", "thermal_lag")}
 )
 """Causes of which a channel has one at most."""
-HIDDEN_BY_PATH = ("step", "warmup", "gauss_markov")
+HIDDEN_BY_PATH = ("step", "warmup", "gauss_markov", "attitude")
 """Causes that what is wrong in the path of telegraph noise could be taken for."""
 
 

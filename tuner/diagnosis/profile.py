@@ -55,7 +55,8 @@ def first_column(found: Residual, index: int) -> int:
     return 1 + sum(int(x.columns(found.channel).shape[1]) for x in found.extensions[:index])
 
 
-def _without(found: Residual, index: int) -> Track:
+def track_without(found: Residual, index: int) -> Track:
+    """Return the track without the templates of extension `index`."""
     at = first_column(found, index)
     width = found.extensions[index].columns(found.channel).shape[1]
     kept = np.delete(found.track.columns, np.arange(at, at + width), axis=1)
@@ -72,7 +73,7 @@ def best_constant(found: Residual, index: int, template: Template, near: float) 
 
 def _explained(found: Residual, index: int, template: Template) -> Callable[[float], float]:
     """Return the squares that the templates explain at the fitted noise, for the logarithm of a time constant."""
-    track = _without(found, index)
+    track = track_without(found, index)
     singles = track.singles
     root = 1.0 / np.sqrt(found.fit.expected[:singles])
     known = track.columns * root[:, None]
@@ -92,7 +93,7 @@ def profile(found: Residual, index: int, template: Template, centre: float, size
     `size` is that of its template at this time constant. As far as its interval is wider than the fitted noise
     has it, so is the interval of the time constant.
     """
-    track = _without(found, index)
+    track = track_without(found, index)
     column = track.columns.shape[1]
     sd = float(np.sqrt(found.fit.beta_covariance[first_column(found, index), first_column(found, index)]))
     wider = max(1.0, (size.upper - size.lower) / (3.92 * sd))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis import sampling
-from tuner.diagnosis.causes import attitude, cross_axis, motion
+from tuner.diagnosis.causes import attitude, cross_axis, motion, yielding
 from tuner.diagnosis.channel import Channel, channel
 from tuner.diagnosis.coverage import covered
 from tuner.diagnosis.findings import findings, model_of, words
@@ -102,7 +102,9 @@ def diagnose(
     if replicas:
         outcomes = {axis: covered(outcome, replicas, seed) for axis, outcome in outcomes.items()}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
-    found += [*findings(outcomes), *_common(finals, limit)]
+    stretched = yielding.stretched(finals, limit)
+    told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]
+    found += [*told, *_common(finals, limit)]
     unexplained = tuple(
         Unexplained(alarm.name, (axis,), alarm.p_value)
         for axis, outcome in outcomes.items()
@@ -110,7 +112,7 @@ def diagnose(
     )
     return Diagnosis(
         tuple(found),
-        unexplained,
+        (*unexplained, *stretched),
         (*notes, *refused, *sampling.notes(finals)),
         {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
         {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
