@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.earth import llh_displaced
-from models.gnss import perfect_fixes
-from models.motion import imu_increments
-from models.trajectories import TRAJECTORIES
 from tuner.diagnosis.drives import diagnose_drive
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine
 from tuner.diagnosis.drives.likelihood import believed
@@ -19,58 +15,16 @@ from tuner.diagnosis.drives.loop import THRESHOLD
 from tuner.diagnosis.drives.score import carried, families, fit
 from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.exporters import native
-from tuner.grades import grade_identification, load_grade
 from tuner.navigation.compensation import compensated, sensor_matrix
-from tuner.records import Drive, Gnss
-from tuner.results import GnssNoise
-from tuner.synthesis import synthesize
 
-INTERVAL, STILL, DURATION = 0.02, 30.0, 500.0
-SD = np.array([1.0, 1.0, 1.8, 0.06, 0.06, 0.1])
-WHITE, CONSTANT = np.repeat([1.7e-4, 3e-3], 3), np.repeat([1e-3, 0.02], 3)
+DURATION = 500.0
+POSITIONS = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
 
 
 @pytest.fixture(scope="module")
-def config():
-    """What the simulated unit is: white noise and constant biases."""
-    receiver = GnssNoise((1.0, 1.0, 1.8), (0.06, 0.06, 0.1), 1.0, 5.0)
-    told = synthesize(grade_identification(load_grade("mpu9250")), gnss=receiver)
-    exact = {
-        axis: replace(noise, white_density=density, markov=(), random_walk_density=0.0, constant_sd=sd)
-        for (axis, noise), density, sd in zip(told.channels.items(), WHITE, CONSTANT, strict=True)
-    }
-    return replace(told, channels=exact)
-
-
-@pytest.fixture(scope="module")
-def motion():
-    motion = TRAJECTORIES["city"](DURATION)
-    return motion, np.hstack(imu_increments(motion, INTERVAL)) / INTERVAL
-
-
-def simulated(motion, seed, *, values=None, delay=0.0, lag=0.0, arm=(0.0, 0.0, 0.0), scale=1.0):
-    """A city after standing still, with white noise and constant biases; `values` as of a compensation."""
-    rng = np.random.default_rng(seed)
-    course, moving = motion
-    rates = np.vstack([np.tile(moving[0], (round(STILL / INTERVAL), 1)), moving])
-    rates = rates @ sensor_matrix(values or {}).T
-    rates = rates + CONSTANT * rng.standard_normal(6)
-    rates = rates + rng.standard_normal(rates.shape) * WHITE / np.sqrt(INTERVAL)
-    t = INTERVAL * np.arange(1, len(rates) + 1)
-    fix_t = np.arange(1.0, STILL + DURATION - 1.0)
-    there = [(fix_t - STILL - late).clip(0.0, DURATION) for late in (delay, delay + lag)]
-    llh, _ = perfect_fixes(course, there[0], lever_arm=arm)
-    _, vel = perfect_fixes(course, there[1], lever_arm=arm)
-    error = rng.standard_normal((len(fix_t), 6)) * SD
-    sd = np.tile(SD, (len(fix_t), 1))
-    gnss = Gnss(fix_t, llh_displaced(llh, scale * error[:, :3]), vel + error[:, 3:], sd[:, :3], sd[:, 3:])
-    return Drive("simulated", t, rates, gnss, lever_arm=(0.0, 0.0, 0.0), source="simulated")
-
-
-@pytest.fixture(scope="module")
-def clean(motion, config):
-    drive = simulated(motion, 1)
-    return drive, examine(drive, Hypothesis.first(drive, config))
+def clean(simulated, drive_config):
+    drive = simulated(1, duration=DURATION)
+    return drive, examine(drive, Hypothesis.first(drive, drive_config))
 
 
 def test_record_is_the_filter(clean):
@@ -89,7 +43,7 @@ def test_record_is_the_filter(clean):
         p = p - gain @ h @ p
 
 
-def test_sensitivity_is_the_derivative(motion, config):
+def test_sensitivity_is_the_derivative(simulated, drive_config):
     """Innovations change by s θ where a constant is put into the same drive (first order)."""
     small = {
         "time_offset.delay": 2e-3,
@@ -97,22 +51,22 @@ def test_sensitivity_is_the_derivative(motion, config):
         "accel_scale.x": 1e-3,
         "misalignment.pitch": 1e-3,
     }
-    drive = simulated(motion, 1)
-    first = examine(drive, Hypothesis.first(drive, config))
+    drive = simulated(1, duration=DURATION)
+    first = examine(drive, Hypothesis.first(drive, drive_config))
     base = whitened(believed(first.record))
     for name, size in small.items():
-        changed = examine(compensated(drive, {name: -size}), Hypothesis.first(drive, config))
+        changed = examine(compensated(drive, {name: -size}), Hypothesis.first(drive, drive_config))
         moved = whitened(believed(changed.record))
         change = moved.residual - base.residual
         told = base.slope[:, first.record.parameters.index(name)] * size
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
 
 
-def test_clean_drive_is_quiet(clean, config):
+def test_clean_drive_is_quiet(clean, drive_config):
     drive, found = clean
     shifts = families(whitened(believed(found.record)), found.record.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5
-    assert diagnose_drive(drive, config).quiet
+    assert diagnose_drive(drive, drive_config).quiet
 
 
 @pytest.mark.parametrize(
@@ -125,8 +79,8 @@ def test_clean_drive_is_quiet(clean, config):
         ("misalignment", {"values": {"misalignment.roll": 0.008}}, {"roll": 0.008}),
     ],
 )
-def test_shift_is_named(motion, config, cause, hidden, truth):
-    found = diagnose_drive(simulated(motion, 7, **hidden), config)
+def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
+    found = diagnose_drive(simulated(7, duration=DURATION, **hidden), drive_config)
     assert [finding.cause for finding in found.findings] == [cause]
     (finding,) = found.findings
     assert finding.p_value < THRESHOLD
@@ -138,8 +92,8 @@ def test_shift_is_named(motion, config, cause, hidden, truth):
     assert native.loads(native.dumps(found.after)) == found.after
 
 
-def test_large_delay_and_wrong_sds(motion, config):
-    found = diagnose_drive(simulated(motion, 3, delay=-0.6, scale=2.0), config)
+def test_large_delay_and_wrong_sds(simulated, drive_config):
+    found = diagnose_drive(simulated(3, duration=DURATION, delay=-0.6, fixes=POSITIONS), drive_config)
     told = {finding.cause: finding.parameters for finding in found.findings}
     assert set(told) == {"time_offset", "gnss_noise_scale"}
     assert told["time_offset"]["delay"].value == pytest.approx(-0.6, abs=0.03)
@@ -159,7 +113,7 @@ def test_a_shift_must_carry_to_the_last_part():
     assert carried(passing, ("time_offset.delay",), ("time_offset",), "time_offset", at) < -2.0
 
 
-def test_compensation_is_undone(motion):
+def test_compensation_is_undone(simulated):
     """What sensor errors put in, a compensation takes out, in the axes of the sensor."""
     values = {
         "gyro_scale.x": 0.01,
@@ -167,7 +121,7 @@ def test_compensation_is_undone(motion):
         "misalignment.yaw": 0.03,
         "g_sensitivity.xy": 1e-4,
     }
-    drive = simulated(motion, 1)
+    drive = simulated(1, duration=DURATION)
     spoiled = replace(drive, rates=drive.rates @ sensor_matrix(values).T)
     np.testing.assert_allclose(compensated(spoiled, values).rates, drive.rates, rtol=1e-9, atol=1e-12)
     turn = rotation.mat_from_rpy((0.01, -0.02, 0.03))
@@ -178,12 +132,12 @@ def test_compensation_is_undone(motion):
     np.testing.assert_allclose(back.vel_n, drive.gnss.vel_n, atol=1e-12)
 
 
-def test_fit_adds_to_what_is_compensated(motion, config):
+def test_fit_adds_to_what_is_compensated(simulated, drive_config):
     """The total is the same whether a delay is compensated already or not."""
-    drive = simulated(motion, 5, delay=0.04)
+    drive = simulated(5, duration=DURATION, delay=0.04)
     totals = []
     for known in (0.0, 0.03):
-        found = examine(drive, Hypothesis.first(drive, config, {"time_offset.delay": known}))
+        found = examine(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
         names = found.record.parameters
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
         told = fit(whitened(believed(found.record)), names, ("time_offset",), at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives.prior import VAGUE, static_prior
+from tuner.diagnosis.drives.prior import TYPICAL, VAGUE, static_prior
 from tuner.results import ChannelNoise, Coefficient, TermEstimate
 
 
@@ -34,8 +34,10 @@ def test_intervals_become_sds_of_logs() -> None:
     assert "accel_white" not in told
 
 
-def test_what_is_only_bounded_or_told_is_vague() -> None:
+def test_white_noise_is_taken_at_its_word_the_rest_is_vague() -> None:
     bounded = TermEstimate("white", {"density": Coefficient.bounded(2.0, "1", "short")})
     told = TermEstimate("white", {"density": Coefficient(1.0, None, None, "1")})
-    for estimate in (bounded, told):
-        assert static_prior({"accel_x": channel("accel_x", estimate)})["accel_white"] == VAGUE
+    level = TermEstimate("bias_instability", {"level": Coefficient(1.0, None, None, "1")})
+    assert static_prior({"accel_x": channel("accel_x", bounded)})["accel_white"] == VAGUE
+    of_sheet = static_prior({"accel_x": channel("accel_x", told, level)})
+    assert of_sheet == {"accel_white": TYPICAL, "accel_bias": VAGUE}

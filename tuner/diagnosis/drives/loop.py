@@ -147,7 +147,7 @@ def criticise(
                 accepted.append(Accepted(one, {} if one.cause in FACTORS else dict(one.claim.describe())))
             found = refined(drive, examine(drive, adopted(found, chosen.claim)), known)
     found, accepted, known = _pruned(drive, found, accepted, known)
-    accepted = [_rescaled(one, base, found, known) for one in _estimated(found, accepted, known)]
+    accepted = _rescaled(_estimated(found, accepted, known), base, found, known)
     accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in alarms if a.raised(THRESHOLD))
@@ -255,27 +255,27 @@ def _estimated(found: Pass, accepted: list[Accepted], known: tuple[str, ...]) ->
     return sorted(done, key=lambda a: order.get(a.cause, -1))
 
 
-def _rescaled(one: Accepted, base: Pass, found: Pass, known: tuple[str, ...]) -> Accepted:
-    """Return what was accepted; factors on noise as the last pass has them, all others fitted beside them."""
-    groups = FACTORS.get(one.cause, ())
-    if not groups:
-        return one
+def _rescaled(accepted: list[Accepted], base: Pass, found: Pass, known: tuple[str, ...]) -> list[Accepted]:
+    """Return what was accepted, factors on noise as the last pass has them: all of them and shifts together."""
+    causes = [one.cause for one in accepted if one.cause in FACTORS]
+    if not causes:
+        return accepted
     belief = belief_of(found, known)
-    names = tuple(name for name in present(belief, groups))
+    names = present(belief, tuple(name for cause in causes for name in FACTORS[cause]))
     fit = maximise(belief, factors(names))
-    parameters = {}
+    told: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
     for name in names:
-        if one.cause == "gnss_noise_scale":
+        if name in ROWS:
             key = f"gnss_noise_scale.{name}"
             scale = found.hypothesis.values.get(key, 1.0) / base.hypothesis.values.get(key, 1.0)
-            parameters[name] = fit.coefficient(name, scale=scale)
+            told["gnss_noise_scale"][name] = fit.coefficient(name, scale=scale)
         elif name in SHORT:
             sensor = SHORT[name]
             now, then = (
                 each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (found, base)
             )
-            parameters[sensor] = fit.coefficient(name, scale=now / then)
-    return replace(one, parameters=parameters)
+            told["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
+    return [replace(one, parameters=told.get(one.cause, one.parameters)) for one in accepted]
 
 
 def _as_told(parameters: Mapping[str, Coefficient]) -> bool:

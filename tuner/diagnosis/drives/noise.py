@@ -67,7 +67,7 @@ class Scores:
 
     def tells(self, name: str) -> bool:
         """Whether the drive says anything of a factor."""
-        return self.size(name) > FLAT
+        return self.size(name) > FLAT or float(self.tried[self.names.index(name)]) > PROMISING
 
     def ratio(self, name: str, prior_sd: float) -> float:
         """Return the likelihood ratio of a factor as the score, or a trial, has it."""
@@ -125,8 +125,8 @@ def joint_noise(
 ) -> tuple[Claim, Claim] | None:
     """Test factors on R and Q together where both are surely wrong; None where one of them is not.
 
-    Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have the
-    same belief and the same gain, that of both.
+    Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have one
+    belief (the same object) and the same gain, that of both.
 
     Parameters
     ----------
@@ -142,23 +142,41 @@ def joint_noise(
     score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
     if any(not side or chi2.sf(max(side), 1) > SURELY for side in score):
         return None
-    fit = maximise(belief, factors(told))
-    sd = np.sqrt(np.diag(fit.covariance))
-    off = [max(abs(fit.estimate[fit.number(n)]) / sd[fit.number(n)] for n in side) for side in sides]
-    ratio = [value**2 for value in off]
+    fit = _held(belief, told)
+    told = fit.scales.names
+    sides = [tuple(name for name in told if name in side) for side in sides]
+    ratio = [max((_off(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides]
     chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
     if max(chance) > SURELY:
         return None
     gain = fit.log_likelihood - found.value - 0.5 * float(np.log(belief.count)) * len(told)
-    title = "factors on R and Q together, by their sds"
+    title = "squares of factors on R and Q fitted together, by their variances"
+    fitted = fit.belief
 
     def claim(cause: str, i: int) -> Claim:
         def described() -> Mapping[str, Coefficient]:
             return {SHORT.get(name, name): fit.coefficient(name) for name in sides[i]}
 
-        return Claim(Alarm(cause, chance[i], gain, off[i], title), fit.belief, described)
+        return Claim(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
 
     return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
+
+
+def _held(belief: Belief, names: tuple[str, ...]) -> Fit:
+    """Fit factors; those on Q that the drive does not hold, or hold at 1, stay as told.
+
+    Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
+    1 Hz.
+    """
+    fit = maximise(belief, factors(names))
+    sure = tuple(n for n in names if n in ROWS or (fit.held(n) and _off(fit, n, 0.0) > PROMISING))
+    return fit if sure in (names, ()) else maximise(belief, factors(sure))
+
+
+def _off(fit: Fit, name: str, prior_sd: float) -> float:
+    """Return the square of the log of a factor by its variance, that of what is known of it included."""
+    j = fit.number(name)
+    return float(fit.estimate[j] ** 2 / (fit.covariance[j, j] + prior_sd**2))
 
 
 def _test(
@@ -176,7 +194,7 @@ def _test(
     price = 0.5 * float(np.log(belief.count))
     parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
     wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
-    fits = [alone] if wrong in ((), (best,)) else [alone, maximise(belief, factors(wrong))]
+    fits = [alone] if wrong in ((), (best,)) else [alone, _held(belief, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - found.value - price * len(fit.estimate)
     alarm = Alarm(cause, p_value, gain, exact, title)
