@@ -113,3 +113,9 @@ def city_drive() -> LinearRecord:
 def short_drive() -> LinearRecord:
     """200 fixes in two stretches."""
     return city(200, break_at=120)
+
+
+@pytest.fixture(scope="session")
+def long_drive() -> LinearRecord:
+    """3000 fixes."""
+    return city(3000)

@@ -168,3 +168,17 @@ def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
     information = gradient.information[at, state - 9, state - 9]
     assert 1.0 / found.theta_covariance[0, 0] == pytest.approx(information, rel=1e-8)
     assert found.theta[0] == pytest.approx(gradient.score[at, state - 9] / information, rel=1e-6)
+
+
+def test_rounding_does_not_grow(long_drive: LinearRecord) -> None:
+    """Variances as of Joseph's form in extended precision, with fixes far better than told and noise far stronger."""
+    sd, drive = long_drive.sd / 100.0, np.full(4, 100.0)
+    found = evaluate(replace(believed(long_drive), sd=sd, drive=drive))
+    P, one = long_drive.initial.astype(np.longdouble), np.eye(15, dtype=np.longdouble)
+    for i, F in enumerate(long_drive.transition.astype(np.longdouble)):
+        P = F @ P @ F.T + sum(drive[j] ** 2 * q[i] for j, q in enumerate(long_drive.noise.values()))
+        for row, h in enumerate(long_drive.H[i].astype(np.longdouble)):
+            f = h @ P @ h + sd[i, row] ** 2
+            assert found.variance[i, row] == pytest.approx(float(f), rel=1e-7)
+            L = one - np.outer(P @ h, h) / f
+            P = L @ P @ L.T + np.outer(P @ h, P @ h) * (sd[i, row] / f) ** 2

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drives.passes import backward, forward
+from tuner.diagnosis.drives.passes import Places, backward, forward
 from tuner.diagnosis.drives.record import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
@@ -153,8 +153,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
         np.zeros((k, max(b, 0), max(b, 0))),
     )
     backward(
-        record.transition,
-        *_noise(record),
+        *_packed(record),
         belief.drive**2,
         record.H,
         belief.sd,
@@ -184,9 +183,16 @@ def gains_of(belief: Belief) -> FloatArray:
     return _forward(belief)[1]
 
 
-def _noise(record: LinearRecord) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    gyro, accel, gyro_bias, accel_bias = (record.noise[group] for group in GROUPS)
-    return gyro, accel, gyro_bias, accel_bias
+def _packed(record: LinearRecord) -> tuple[Places, Places, Places, Places, Places]:
+    """Return the transition and the noise of `GROUPS` as the passes take them."""
+    phi = record.compact("transition")
+    gyro, accel, gyro_bias, accel_bias = (_places(record, group) for group in GROUPS)
+    return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias
+
+
+def _places(record: LinearRecord, name: str) -> Places:
+    kept = record.compact(name)
+    return kept.row, kept.column, kept.values
 
 
 def _decay(belief: Belief) -> FloatArray:
@@ -201,9 +207,8 @@ def _forward(belief: Belief) -> tuple[Likelihood, FloatArray]:
     z, f = np.full((k, 6), np.nan), np.full((k, 6), np.nan)
     s, gains = np.zeros((k, 6, p)), np.zeros((k, 6, size))
     forward(
-        record.transition,
-        *_noise(record),
-        record.noise.get("gnss_position", np.zeros((0, n, n))),
+        *_packed(record),
+        _places(record, "gnss_position"),
         belief.drive**2,
         record.H,
         record.innovation,

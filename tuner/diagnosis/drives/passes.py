@@ -14,6 +14,9 @@ Three further states may stand for a Gauss–Markov error of the position fixes.
     r ← Lᵀ r,            N ← Lᵀ N L − (Lᵀ r h + hᵀ rᵀ L) z/f    and    ∂ ln L/∂r = ((K·r)² − K·N K)/2 − K·r z/f
     ∂ ln L/∂s_g = ½ Σ tr (r rᵀ − N) Q_g,        then r ← Φᵀ r, N ← Φᵀ N Φ
 
+P and N are made symmetric at every fix: of an antisymmetric part the updates take nothing, so that Φ lets rounding grow
+as it lets errors grow without fixes, with t² and more.
+
 r is the score of an impulse in the states and N its information; u/√d is what a row is off given all others [2]_,
 (z/f − K·r)/√(1/f − K·N K) for a row that is not taken.
 
@@ -31,33 +34,90 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+Places = tuple[IntArray, IntArray, FloatArray]
+"""Rows, columns and values (k, m) of the lower half of symmetric matrices."""
 
 NAVIGATION = 9
 """States that begin anew with every stretch."""
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _product(left: FloatArray, n: int, right: FloatArray, out: FloatArray) -> None:
-    """Set the first n rows of out to left @ right, passing over the zeros of left."""
-    for i in range(n):
+def _product(
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+) -> None:
+    """Set the first n rows of out to Φ @ right."""
+    for i in range(len(start) - 1):
         out[i] = 0.0
-        for m in range(n):
-            c = left[i, m]
-            if c != 0.0:
-                for j in range(right.shape[1]):
-                    out[i, j] += c * right[m, j]
+        for e in range(start[i], start[i + 1]):
+            c = values[e]
+            for j in range(right.shape[1]):
+                out[i, j] += c * right[column[e], j]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _turned_product(left: FloatArray, n: int, right: FloatArray, out: FloatArray) -> None:
-    """Set the first n rows of out to leftᵀ @ right, passing over the zeros of left."""
-    out[:n] = 0.0
-    for m in range(n):
-        for i in range(n):
-            c = left[m, i]
-            if c != 0.0:
-                for j in range(right.shape[1]):
-                    out[i, j] += c * right[m, j]
+def _turned_product(
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+) -> None:
+    """Set the first n rows of out to Φᵀ @ right."""
+    out[: len(start) - 1] = 0.0
+    for m in range(len(start) - 1):
+        for e in range(start[m], start[m + 1]):
+            c = values[e]
+            for j in range(right.shape[1]):
+                out[column[e], j] += c * right[m, j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _half_product(
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+) -> None:
+    """Set the lower half of the first n rows of out to that of Φ @ right."""
+    for i in range(len(start) - 1):
+        out[i, : i + 1] = 0.0
+        for e in range(start[i], start[i + 1]):
+            c, of = values[e], right[column[e]]
+            for j in range(i + 1):
+                out[i, j] += c * of[j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _half_turned_product(
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+) -> None:
+    """Set the lower half of the first n rows of out to that of Φᵀ @ right."""
+    out[: len(start) - 1] = 0.0
+    for m in range(len(start) - 1):
+        for e in range(start[m], start[m + 1]):
+            c, to = values[e], column[e]
+            for j in range(to + 1):
+                out[to, j] += c * right[m, j]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _add(row: IntArray, column: IntArray, values: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add a factor times the lower half of a matrix to that of out."""
+    for e in range(len(row)):
+        out[row[e], column[e]] += factor * values[e]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _pull(row: IntArray, column: IntArray, values: FloatArray, r: FloatArray, N: FloatArray) -> float:
+    """Return ½ tr (r rᵀ − N) Q of the lower half of Q."""
+    total = 0.0
+    for e in range(len(row)):
+        m, j = row[e], column[e]
+        c = (r[m] * r[j] - N[m, j]) * values[e]
+        total += 0.5 * c if m == j else c
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _mirror(matrix: FloatArray) -> None:
+    """Make a matrix symmetric: its upper half that of its lower one."""
+    for i in range(matrix.shape[0]):
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
@@ -70,12 +130,12 @@ def _flip(matrix: FloatArray, out: FloatArray) -> None:
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def forward(
-    phi: FloatArray,
-    gyro: FloatArray,
-    accel: FloatArray,
-    gyro_bias: FloatArray,
-    accel_bias: FloatArray,
-    receiver: FloatArray,
+    phi: Places,
+    gyro: Places,
+    accel: Places,
+    gyro_bias: Places,
+    accel_bias: Places,
+    receiver: Places,
     factor: FloatArray,
     H: FloatArray,
     innovation: FloatArray,
@@ -96,10 +156,12 @@ def forward(
 ) -> None:
     """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains K (k, 6, N), N the states with those of the fixes.
 
+    `phi` are the first places of the rows of Φ (n + 1,), columns (m,) and values (k, m); process noise is its lower half.
     `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows that are available
     and not taken get z, f, s and K as predicted.
     """
-    k, n, p = phi.shape[0], phi.shape[1], drive.shape[2]
+    k, n, p = H.shape[0], H.shape[2], drive.shape[2]
+    start, column, transition = phi
     size = gains.shape[2]
     P, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     a, b = np.zeros(size), np.zeros(size)
@@ -115,16 +177,16 @@ def forward(
             P[:NAVIGATION] = 0.0
             P[:, :NAVIGATION] = 0.0
             P[:NAVIGATION, :NAVIGATION] = initial[:NAVIGATION, :NAVIGATION]
-        F = phi[i]
+        F = transition[i]
         for m in range(n):
             b[m] = 0.0
-            for j in range(n):
-                b[m] += F[m, j] * a[j]
+            for e in range(start[m], start[m + 1]):
+                b[m] += F[e] * a[column[e]]
         for m in range(n, size):
             b[m] = decay[i] * a[m]
         a, b = b, a
         if p:
-            _product(F, n, V, W)
+            _product(start, column, F, V, W)
             for m in range(n):
                 for q in range(p):
                     W[m, q] += drive[i, m, q]
@@ -132,28 +194,22 @@ def forward(
                 for q in range(p):
                     W[m, q] = decay[i] * V[m, q]
             V, W = W, V
-        _product(F, n, P, T)
+        _product(start, column, F, P, T)
         for m in range(n, size):
             for j in range(size):
                 T[m, j] = decay[i] * P[m, j]
         _flip(T, U)
-        _product(F, n, U, P)
+        _half_product(start, column, F, U, P)
         for m in range(n, size):
             for j in range(size):
                 P[m, j] = decay[i] * U[m, j]
             P[m, m] += markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
-        for m in range(n):
-            for j in range(n):
-                P[m, j] += (
-                    factor[0] * gyro[i, m, j]
-                    + factor[1] * accel[i, m, j]
-                    + factor[2] * gyro_bias[i, m, j]
-                    + factor[3] * accel_bias[i, m, j]
-                )
-        if receiver.shape[0]:
-            for m in range(n):
-                for j in range(n):
-                    P[m, j] += receiver[i, m, j]
+        _add(gyro[0], gyro[1], gyro[2][i], factor[0], P)
+        _add(accel[0], accel[1], accel[2][i], factor[1], P)
+        _add(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], factor[2], P)
+        _add(accel_bias[0], accel_bias[1], accel_bias[2][i], factor[3], P)
+        _add(receiver[0], receiver[1], receiver[2][i], 1.0, P)
+        _mirror(P)
         for row in range(6):
             if not available[i, row]:
                 continue
@@ -174,11 +230,12 @@ def forward(
                 residual -= a[of_fix]
                 for j in range(size):
                     Ph[j] += P[of_fix, j]
-            variance = sd[i, row] ** 2
+            variance = 0.0
             for m in range(count):
                 variance += H[i, row, at[m]] * Ph[at[m]]
             if of_fix >= 0:
                 variance += Ph[of_fix]
+            variance = max(variance, 0.0) + sd[i, row] ** 2
             z[i, row], f[i, row] = residual, variance
             for q in range(p):
                 total = seen[i, row, q]
@@ -191,11 +248,15 @@ def forward(
                 gains[i, row, m] = Ph[m] / variance
             if not rows[i, row]:
                 continue
+            root = np.sqrt(variance)
+            for m in range(size):
+                Ph[m] /= root
             for m in range(size):
                 c = gains[i, row, m]
                 a[m] += c * residual
+                g = Ph[m]
                 for j in range(size):
-                    P[m, j] -= c * Ph[j]
+                    P[m, j] -= g * Ph[j]
                 for q in range(p):
                     V[m, q] -= c * s[i, row, q]
         for m in range(n):
@@ -204,11 +265,11 @@ def forward(
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def backward(
-    phi: FloatArray,
-    gyro: FloatArray,
-    accel: FloatArray,
-    gyro_bias: FloatArray,
-    accel_bias: FloatArray,
+    phi: Places,
+    gyro: Places,
+    accel: Places,
+    gyro_bias: Places,
+    accel_bias: Places,
     factor: FloatArray,
     H: FloatArray,
     sd: FloatArray,
@@ -235,7 +296,8 @@ def backward(
     (k, 6), and score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; all
     three where all rows taken count.
     """
-    k, n, size, b = phi.shape[0], phi.shape[1], gains.shape[2], score.shape[1]
+    k, n, size, b = H.shape[0], H.shape[2], gains.shape[2], score.shape[1]
+    start, column, transition = phi
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     r, w, NK, h = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     by_drive[:] = 0.0
@@ -288,31 +350,30 @@ def backward(
                         for j in range(size):
                             N[m, j] -= pull * h[m] * r[j]
                             N[j, m] -= pull * h[m] * r[j]
-        for m in range(n):
-            for j in range(n):
-                c = 0.5 * (r[m] * r[j] - N[m, j])
-                by_drive[0] += c * gyro[i, m, j]
-                by_drive[1] += c * accel[i, m, j]
-                by_drive[2] += c * gyro_bias[i, m, j]
-                by_drive[3] += c * accel_bias[i, m, j]
+        by_drive[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
+        by_drive[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
+        by_drive[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
+        by_drive[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
         for m in range(n, size):
             gain = markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
             by_markov[m - n] += gain * (r[m] * r[m] - N[m, m])
         for m in range(size):
             w[m] = decay[i] * r[m] if m >= n else 0.0
+        F = transition[i]
         for m in range(n):
-            for j in range(n):
-                w[j] += phi[i, m, j] * r[m]
+            for e in range(start[m], start[m + 1]):
+                w[column[e]] += F[e] * r[m]
         r, w = w, r
-        _turned_product(phi[i], n, N, T)
+        _turned_product(start, column, F, N, T)
         for m in range(n, size):
             for j in range(size):
                 T[m, j] = decay[i] * N[m, j]
         _flip(T, U)
-        _turned_product(phi[i], n, U, N)
+        _half_turned_product(start, column, F, U, N)
         for m in range(n, size):
             for j in range(size):
                 N[m, j] = decay[i] * U[m, j]
+        _mirror(N)
         if i > 0 and starts[i]:
             r[:NAVIGATION] = 0.0
             N[:NAVIGATION] = 0.0

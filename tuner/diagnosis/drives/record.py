@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.drives.sparse import Sparse, sparse
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -59,6 +61,8 @@ class LinearRecord:
         True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
     scored : ndarray of bool, shape (k,)
         Fixes that count in sums over the record; false while the filter settles, all by default.
+    packed : dict of str to Sparse
+        Transition and noise without their zeros as far as they were asked for, handed on to copies.
     """
 
     t: FloatArray
@@ -77,6 +81,7 @@ class LinearRecord:
     seen: FloatArray
     starts: BoolArray
     scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    packed: dict[str, Sparse] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.scored) != len(self.t):
@@ -89,3 +94,11 @@ class LinearRecord:
     def counted(self) -> BoolArray:
         """Rows that enter sums: taken by the filter, after it has settled; shape (k, 6)."""
         return self.used & self.scored[:, None]
+
+    def compact(self, name: str) -> Sparse:
+        """Return ``transition``, or the lower half of a noise, without its zeros."""
+        dense = self.transition if name == "transition" else self.noise.get(name, self.transition[:, :0, :0])
+        kept = self.packed.get(name)
+        if kept is None or kept.of is not dense:
+            self.packed[name] = kept = sparse(dense, lower=name != "transition")
+        return kept
