@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tuner.diagnosis import sweep
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.ageing import UNNAMED
 from tuner.diagnosis.causes.burst import Burst
@@ -117,6 +118,11 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     Criticism
     """
     base = found = residual(channel, given)
+    swept = [alarm for alarm in (sweep.test(base),) if alarm.p_value < threshold]
+    for alarm in swept:
+        assert alarm.propose is not None
+        given = (*given, *alarm.propose())
+        base = found = residual(channel, given)
     accepted: list[Accepted] = []
     panels: list[tuple[Alarm, ...]] = []
     alarms: tuple[Alarm, ...] = ()
@@ -182,7 +188,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     refined = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
     nameless = [a.alarm for a in accepted if a.extension.cause == UNNAMED]
-    left = (*nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
+    left = (*swept, *nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
 
 

@@ -37,7 +37,7 @@ from tuner.diagnosis.shape import shape_test
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
-FAMILIES = 27
+FAMILIES = 28
 """Families of tests a channel, those of hygiene and of several channels included."""
 
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(

@@ -1,0 +1,63 @@
+"""A tone that sweeps is told; white noise, lines and bursts are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis import diagnose, sweep
+from tuner.diagnosis.channel import channel
+from tuner.diagnosis.residual import residual
+from tuner.records import Record
+
+N, RATE = 65536, 50.0
+
+
+def record(y: np.ndarray) -> Record:
+    return Record("gyro", np.arange(len(y)) / RATE, y[:, None], ("gyro_x",), "rad/s", 1.0 / RATE)
+
+
+def tone(low: float, high: float, nats: float) -> np.ndarray:
+    """A tone between two frequencies, cycles a sample, of amplitude √(4 nats/n)."""
+    t = np.arange(N)
+    return np.sqrt(4.0 * nats / N) * np.cos(2.0 * np.pi * (low * t + 0.5 * (high - low) * t * t / N))
+
+
+# 400 nats: the sum over 512 parts exceeds its expectation by more than 12 deviations, 7 suffice; the others need fewer
+@pytest.mark.parametrize("ends", [(0.05, 0.3), (0.3, 0.05), (0.2, 0.25), (0.1, 0.11)])
+def test_a_sweep_is_told_with_its_ends(ends):
+    y = np.random.default_rng(1).standard_normal(N) + tone(*ends, 400.0)
+    diagnosis = diagnose(record(y))
+    assert not diagnosis.findings
+    (told,) = diagnosis.unexplained
+    words = told.statistic.split()
+    assert words[:4] == ["a", "tone", "that", "sweeps"]
+    assert np.allclose([float(words[5]), float(words[7])], np.array(ends) * RATE, atol=0.01 * RATE)
+
+
+def test_chance_is_a_bound_on_white_noise():
+    # 30 records: below 0.01 more than 5 times has a chance below 1e-6
+    rng = np.random.default_rng(2)
+    low = 0
+    for _ in range(30):
+        e = rng.standard_normal(N // 4).astype(np.float32)
+        low += sweep.test(residual(channel(record(e.astype(float)), "gyro_x"))).p_value < 0.01
+    assert low <= 5
+
+
+def test_line_and_burst_are_no_sweep():
+    # neither moves: the means of the parts and of the frequencies take them out; p < 1e-4 by chance
+    rng = np.random.default_rng(3)
+    y = rng.standard_normal(N) * np.where(np.arange(N) // 4096 == 5, 3.0, 1.0)
+    y += 0.1 * np.cos(2.0 * np.pi * 0.123 * np.arange(N))
+    assert sweep.test(residual(channel(record(y), "gyro_x"))).p_value > 1e-4
+
+
+def test_sums_run_along_straight_tracks():
+    power = np.zeros((8, 40), dtype=np.float32)
+    for k in range(8):
+        power[k, 10 + round(5 * k / 7)] = 1.0
+    sums = sweep._sums(power)
+    assert np.isclose(sums[5, 10], 8.0)
+    assert np.isclose(sums.max(), 8.0)
+    assert np.isclose(sums[0, 10], power[:, 10].sum())
