@@ -229,7 +229,7 @@ def _motion(
     if not stretches:
         return [], [(c, ()) for c in channels]
     axes = tuple(c.axis for c in channels)
-    extensions = tuple(motion.extension(channels[0], first, last) for first, last in stretches)
+    extensions = tuple(motion.extension(channels[0], stretch) for stretch in stretches)
     found = []
     for extension in extensions:
         parameters = {
@@ -247,16 +247,16 @@ def _motion(
                 motion.Motion.consequence,
             )
         )
-    share = sum(last - first for first, last in stretches) / len(channels[0])
+    share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])
     if share <= MOSTLY:
         return found, [(c, extensions) for c in channels]
     first, last = _longest_still(stretches, len(channels[0]))
     return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]
 
 
-def _longest_still(stretches: Sequence[tuple[int, int]], n: int) -> tuple[int, int]:
+def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, int]:
     """Return the longest range of samples between the stretches."""
-    edges = [0, *(edge for stretch in stretches for edge in stretch), n]
+    edges = [0, *(edge for stretch in stretches for edge in stretch[:2]), n]
     gaps = list(zip(edges[::2], edges[1::2], strict=True))
     return max(gaps, key=lambda gap: gap[1] - gap[0])
 

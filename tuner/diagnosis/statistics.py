@@ -21,6 +21,13 @@ FloatArray = NDArray[np.float64]
 SHRINK = 0.8
 """Factor on likelihood ratios of slow templates: the noise at their frequencies is itself known from few numbers."""
 
+EDGE = 3.68
+"""Nats within which the true place of a change lies, 95 %.
+
+The log likelihood ratio walks away from the true place on either side with a drift; what it reaches there is
+exponential, at most, so that P(best − true ≤ x) ≥ (1 − exp(−x))².
+"""
+
 
 def davies(ratio: float, correlation: FloatArray) -> float:
     """Return the bound on the chance that a scan of χ²₁ statistics exceeds `ratio`.

@@ -104,10 +104,7 @@ class Burst(Effect):
         return np.asarray(np.where(inside, np.sqrt(self.ratio), 1.0) * w)
 
     def truth(self, axis: str, scene: Scene) -> Truth:
-        noise = scene.axes[axis]
-        still = noise.white**2 + noise.step**2 / 12.0 + 2.0 * noise.quantum**2
-        seen = 1.0 + (self.ratio - 1.0) * noise.white**2 / still
-        return {"start": self.start, "duration": self.duration, "variance_ratio": seen}
+        return {"start": self.start, "duration": self.duration, "variance_ratio": self.ratio}
 
 
 class VarianceDrift(Effect):

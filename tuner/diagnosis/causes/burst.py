@@ -4,7 +4,8 @@ Statistic: mean squares of the residuals in windows of 64, 128, … samples, thr
 the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
 same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
 overlap. Gain: likelihood of two variances, edges fitted.
-Extension: the residuals inside are divided by the square root of the ratio.
+Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
+noise itself (`tuner.diagnosis.dilution`), and edges by the likelihood of a point of change.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.residual import CLIP, Residual
-from tuner.diagnosis.statistics import variance_deviate
+from tuner.diagnosis.statistics import EDGE, variance_deviate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
@@ -115,8 +117,8 @@ def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, 
 
 
 def extension(found: Residual, first: int, last: int) -> Burst:
-    """Return the stretch with its place, length and ratio of variances."""
-    dt = found.channel.interval
+    """Return the stretch with its place, length and ratio of the variances of the white noise itself."""
+    dt, begin = found.channel.interval, found.channel.start
     square = np.clip(found.e, -3 * CLIP, 3 * CLIP) ** 2
     square[~found.valid] = square[found.valid].mean()
     inside = np.zeros(len(square), dtype=bool)
@@ -126,30 +128,41 @@ def extension(found: Residual, first: int, last: int) -> Burst:
     kappa = float(np.var(quiet) / quiet.mean() ** 2)
     relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))
     total = np.concatenate(([0.0], np.cumsum(square)))
-    start = _reach(total, first, last, move_first=True)
-    stop = _reach(total, first, last, move_first=False)
-    begin = found.channel.start
+    start = _reach(total, first, last, kappa, move_first=True)
+    stop = _reach(total, first, last, kappa, move_first=False)
+    duration = Value((last - first) * dt, max(stop[0] - start[1], 1) * dt, (stop[1] - start[0]) * dt, "s")
     return Burst(
         first,
         last,
         ratio,
         values={
             "start": Value(begin + first * dt, begin + start[0] * dt, begin + start[1] * dt, "s"),
-            "duration": Value(
-                (last - first) * dt, max(stop[0] - start[1], 1) * dt, (stop[1] - start[0]) * dt, "s"
-            ),
-            "variance_ratio": Value.log(ratio, relative),
+            "duration": duration,
+            "variance_ratio": _ratio(found, ratio, relative, (last - first) / len(square)),
         },
     )
 
 
-def _reach(total: FloatArray, first: int, last: int, *, move_first: bool) -> tuple[int, int]:
-    """Return where an edge may lie: the likelihood is within 3 nats of its best (edges are not regular)."""
+def _ratio(found: Residual, seen: float, relative: float, share: float) -> Value:
+    """Return the ratio of variances of the white noise, from that of the residuals and its relative deviation."""
+    white = dilution(found)
+    low, value, high = (
+        white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-1.96, 0.0, 1.96)
+    )
+    return Value(value, low, high).owing(1.96 * white.error * abs(value - 1.0))
+
+
+def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:
+    """Return between which samples an edge lies, 95 %: where the likelihood is within `EDGE` of its best.
+
+    The true edge lies after one sample and not after the next: the sample before the first one belongs to it.
+    """
     edge, n = (first, len(total) - 1) if move_first else (last, len(total) - 1)
     width = max(64, last - first)
     place = np.unique(np.clip(np.linspace(edge - width, edge + width, 4001).astype(int), 0, n))
     place = place[place < last - 8] if move_first else place[place > first + 8]
     fixed = np.full(len(place), last if move_first else first)
     value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
-    near = place[value > value.max() - 3.0]
-    return min(int(near.min()), edge), max(int(near.max()), edge)
+    near = np.flatnonzero(value > value.max() - EDGE * 0.5 * kappa)
+    low, high = place[max(near[0] - 1, 0)], place[min(near[-1] + 1, len(place) - 1)]
+    return min(int(low), edge - 1), max(int(high), edge)

@@ -3,7 +3,9 @@
 Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about that of normal
 numbers rounded to a lattice of step Δ: −1.2 (Δ²/12σ²)² where Δ is small, else it depends on where the mean lies
 between two codes, and the largest counts. Gain: likelihood of Student's law.
-Extension: the residuals pass the distribution function of the fitted law and the normal quantile function.
+Extension: the residuals pass the distribution function of the fitted law and the normal quantile function. What is told
+is the kurtosis of the white noise itself: rounding has one of its own, and quantization and the whitening filter mix
+samples (`tuner.diagnosis.dilution`).
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import norm, t
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.histogram import Histogram, histogram
 from tuner.diagnosis.residual import CLIP, Residual
@@ -95,7 +98,7 @@ def test(found: Residual) -> Alarm:
         gain,
         kurtosis,
         "excess kurtosis of the residuals",
-        lambda: (extension(nu, spread),),
+        lambda: (extension(found, nu, spread, -1.2 * (found.channel.lattice / white) ** 4 / 144.0),),
     )
 
 
@@ -112,6 +115,11 @@ def student(bins: Histogram) -> tuple[float, float, float]:
     return bins.normal_cost() - value, nu, relative
 
 
-def extension(nu: float, spread: float) -> HeavyTails:
-    """Return the extension with the excess kurtosis 6/(ν − 4)."""
-    return HeavyTails(nu, values={"excess_kurtosis": Value.log(6.0 / max(nu - 4.0, 0.05), spread)})
+def extension(found: Residual, nu: float, spread: float, rounding: float) -> HeavyTails:
+    """Return the extension with the excess kurtosis of the white noise; that of the residuals is 6/(ν − 4)."""
+    white = dilution(found)
+    seen = Value.log(6.0 / max(nu - 4.0, 0.05), spread)
+    low, value, high = (max(k - rounding, 1e-6) / white.fourth for k in (seen.lower, seen.value, seen.upper))
+    return HeavyTails(
+        nu, values={"excess_kurtosis": Value(value, low, high).owing(3.92 * white.error * value)}
+    )

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,29 @@ NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
 """A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
 cut at so many deviations."""
 
-VAGUE = 0.3
-"""Share of a stretch by which each of its ends is uncertain: what sways dies away under the noise."""
 MARGIN = 0.1
 """Share of a stretch that is left out on either side: motion dies away."""
+
+
+class Stretch(NamedTuple):
+    """A stretch of motion: samples first … last − 1 are left out, from `begun` to `ended` it is beyond doubt.
+
+    What sways dies away under the noise: motion begins between `first` and `begun`, and ends likewise.
+    """
+
+    first: int
+    last: int
+    begun: int
+    ended: int
+
+    def joined(self, other: Stretch) -> Stretch:
+        """Return the stretch that holds both."""
+        return Stretch(
+            min(self.first, other.first),
+            max(self.last, other.last),
+            min(self.begun, other.begun),
+            max(self.ended, other.ended),
+        )
 
 
 @dataclass(frozen=True)
@@ -101,23 +120,23 @@ def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArr
     return np.abs(step) / (usual * np.sqrt(np.maximum(louder, 1.0))), size
 
 
-def stretches(channels: list[Channel]) -> list[tuple[int, int]]:
-    """Return the moved stretches of channels with one clock, as sample ranges."""
+def stretches(channels: list[Channel]) -> list[Stretch]:
+    """Return the moved stretches of channels with one clock."""
     found = sorted([*_swayed(channels), *_turned(channels)])
-    joined: list[tuple[int, int]] = []
-    for first, last in found:
-        if joined and first <= joined[-1][1]:
-            joined[-1] = (joined[-1][0], max(last, joined[-1][1]))
+    joined: list[Stretch] = []
+    for stretch in found:
+        if joined and stretch.first <= joined[-1].last:
+            joined[-1] = joined[-1].joined(stretch)
         else:
-            joined.append((first, last))
+            joined.append(stretch)
     while len(joined) > MOST:
-        gaps = [later[0] - earlier[1] for earlier, later in pairwise(joined)]
+        gaps = [later.first - earlier.last for earlier, later in pairwise(joined)]
         at = int(np.argmin(gaps))
-        joined[at : at + 2] = [(joined[at][0], joined[at + 1][1])]
+        joined[at : at + 2] = [joined[at].joined(joined[at + 1])]
     return joined
 
 
-def _swayed(channels: list[Channel]) -> list[tuple[int, int]]:
+def _swayed(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that steps of short means show, on two scales."""
     found, sizes = [], set()
     for length in (SHORT, 4.0 * SHORT):
@@ -130,8 +149,8 @@ def _swayed(channels: list[Channel]) -> list[tuple[int, int]]:
     return found
 
 
-def _groups(ratio: FloatArray, size: int, n: int) -> list[tuple[int, int]]:
-    """Return the stretches, in samples, that steps between blocks of `size` samples show."""
+def _groups(ratio: FloatArray, size: int, n: int) -> list[Stretch]:
+    """Return the stretches that steps between blocks of `size` samples show."""
     large = np.flatnonzero(ratio > THRESHOLD)
     if len(large) < TOGETHER:
         return []
@@ -147,11 +166,14 @@ def _groups(ratio: FloatArray, size: int, n: int) -> list[tuple[int, int]]:
         while last < len(power) and power[last : last + NEAR].mean() > LOUDER:
             last = min(len(power), last + NEAR // 4)
         margin = EDGE + round(MARGIN * (last - first))
-        found.append((max(0, (first - margin) * size), min(n, (last + 1 + margin) * size)))
+        begun, ended = (int(group[0]) + 2) * size, int(group[-1]) * size
+        found.append(
+            Stretch(max(0, (first - margin) * size), min(n, (last + 1 + margin) * size), begun, ended)
+        )
     return found
 
 
-def _turned(channels: list[Channel]) -> list[tuple[int, int]]:
+def _turned(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that jumps of samples show, where the level before and after differs."""
     y = np.stack([channel.y for channel in channels])
     jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JOLT * np.sqrt(2.0))
@@ -168,7 +190,7 @@ def _turned(channels: list[Channel]) -> list[tuple[int, int]]:
             before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
         change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
         if float(change.max()) > 0.5 * JOLT or _felt(channels, first, last):
-            found.append((max(0, first - apart), min(y.shape[1], last + apart)))
+            found.append(Stretch(max(0, first - apart), min(y.shape[1], last + apart), first + 1, last))
     return found
 
 
@@ -182,15 +204,16 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
     return len(jumps) > 1
 
 
-def extension(channel: Channel, first: int, last: int) -> Motion:
-    """Return the stretch with its place."""
-    dt = channel.interval
-    error = 10.0 * max(FEWEST * dt, SHORT) + VAGUE * (last - first) * dt
+def extension(channel: Channel, stretch: Stretch) -> Motion:
+    """Return the stretch with its place: between what is left out and what is beyond doubt."""
+    dt, start = channel.interval, channel.start
+    first, last, begun, ended = (float(i) for i in stretch)
+    outer, inner = last - first, max(ended - begun, 0.0)
     return Motion(
-        first,
-        last,
+        stretch.first,
+        stretch.last,
         values={
-            "start": Value.of(channel.start + first * dt, 0.5 * error, "s"),
-            "duration": Value.of((last - first) * dt, error, "s"),
+            "start": Value(start + 0.5 * (first + begun) * dt, start + first * dt, start + begun * dt, "s"),
+            "duration": Value(0.5 * (outer + inner) * dt, inner * dt, outer * dt, "s"),
         },
     )

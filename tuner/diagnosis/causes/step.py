@@ -19,13 +19,12 @@ from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.profile import SAME, first_column
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.scan import Scan, judge, scan_steps, step_column
+from tuner.diagnosis.statistics import EDGE, SHRINK
 
 FloatArray = NDArray[np.float64]
 
 CLEAR = 16
 """Blocks within which a step must lie for its place to be sought to the sample."""
-UNSURE = 3.0
-"""Nats within which another place is as good."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,9 @@ class Step(Extension):
         )
         if end - begin > CLEAR * channel.block:
             return replace(self, jump=size)
-        return _placed(replace(found.repaired, y=found.repaired.y + self._course(channel)), begin, end, size)
+        whole = replace(found.repaired, y=found.repaired.y + self._course(channel))
+        noise = float(found.power_at(1.0 / (CLEAR * channel.block * channel.interval))) / channel.interval
+        return _placed(whole, begin, end, size, max(noise, 1.0))
 
     def _course(self, channel: Channel) -> FloatArray:
         """Return the part of the step above the coefficients of the slow track, shape (n,)."""
@@ -101,7 +102,7 @@ def test(found: Residual) -> Alarm:
 def extension(found: Residual, scores: Scan, boundary: int) -> Step:
     """Return the step with its time."""
     square = scores.score**2
-    likely = np.flatnonzero(square > square[boundary - 1] - 5.0) + 1
+    likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE / SHRINK) + 1
     length = found.channel.block * found.channel.interval
     start = found.channel.start
     time = Value(
@@ -113,10 +114,10 @@ def extension(found: Residual, scores: Scan, boundary: int) -> Step:
     return Step(boundary * found.channel.block, values={"time": time})
 
 
-def _placed(channel: Channel, begin: int, end: int, size: float) -> Step:
+def _placed(channel: Channel, begin: int, end: int, size: float, noise: float) -> Step:
     """Return the step of this size, in scales, whose samples fit best, its first one in begin … end.
 
-    Its level is free, its noise white; the first sample may lie where that costs no more than `UNSURE` nats.
+    Its level is free, its noise white of this variance; the first sample may lie where that costs `EDGE` nats at most.
     """
     flank = CLEAR // 2 * channel.block
     left, right = max(0, begin - flank), min(len(channel), end + flank)
@@ -125,8 +126,8 @@ def _placed(channel: Channel, begin: int, end: int, size: float) -> Step:
     above = np.cumsum(y[::-1])[::-1]
     square = -2.0 * size * above + size**2 * after - (y.sum() - size * after) ** 2 / len(y)
     tried = slice(max(1, begin - left), max(2, end - left + 1))
-    cost = 0.5 * square[tried]
-    near = np.flatnonzero(cost < cost.min() + UNSURE)
+    cost = 0.5 * square[tried] / noise
+    near = np.flatnonzero(cost < cost.min() + EDGE)
     first, low, high = (left + tried.start + int(i) for i in (np.argmin(cost), near[0], near[-1]))
     dt, start = channel.interval, channel.start
     time = Value(start + first * dt, start + (low - 1) * dt, start + (high + 1) * dt, "s")

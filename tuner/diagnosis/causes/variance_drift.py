@@ -1,8 +1,13 @@
 """Variance drift: the log of the variance of the noise follows time, or the temperature.
 
-Statistic: slope of the log mean squares of 256 blocks of residuals over its standard deviation, normal; of time and
-temperature the one of the larger gain counts, and the chance is doubled where both were tried.
-Gain: likelihood of an exponential variance. Extension: the residuals are divided by its root.
+Statistic: likelihood ratio of the mean squares of 256 blocks of residuals, χ²₁, with the degrees of freedom that the
+measured kurtosis allows; of time and temperature the one of the larger gain counts, and the chance is doubled where
+both were tried. Of a residual of variance 1 the white noise has the share a (`tuner.diagnosis.dilution`) and alone
+follows exp(c x)::
+
+    v = 1 − a + a exp(c x) ÷ mean exp(c x)
+
+Extension: the residuals are divided by √v.
 """
 
 from __future__ import annotations
@@ -12,17 +17,22 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import chi2
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.temperature import COVARIATE
 from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.residual import CLIP, Residual
 
 FloatArray = NDArray[np.float64]
 
 BLOCKS = 256
+STEPS = 8
+"""Steps of Fisher's scoring from no change to the likeliest."""
+MOST = 12.0
+"""Largest change of the log variance over the record."""
 
 
 @dataclass(frozen=True)
@@ -88,28 +98,50 @@ def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
 def _regression(
     found: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> Alarm:
-    """Regress the log variance of the blocks on x, shape (`BLOCKS`,); a slope counts per x/width."""
+    """Fit an exponential variance of the white noise in x, shape (`BLOCKS`,), to the blocks; it counts per x/width."""
     square, weight = block_squares(found)
-    kappa = float(np.var(np.clip(found.good, -CLIP, CLIP) ** 2))
     x = x - weight @ x / weight.sum()
-    y = np.log(square)
-    information = float(weight @ x**2) / kappa + 1e-300
-    change = float(weight @ (x * y)) / kappa / information
-    sd = information**-0.5
-    fitted = np.exp(change * x)
-    fitted *= (weight @ (square / fitted)) / weight.sum()
-    flat = float(weight @ square / weight.sum())
-    cost = weight @ (np.log(flat) + square / flat - np.log(fitted) - square / fitted)
-    gain = float(cost) / kappa - 0.5 * float(np.log(len(found.e)))
+    white = dilution(found)
+    most = MOST / (float(np.ptp(x)) + 1e-300)
+    change = 0.0
+    for _ in range(STEPS):
+        course, slope = _course(change, x, weight, white.variance)
+        score = weight @ (slope * (square / _levelled(course, square, weight) - 1.0))
+        information = float(weight @ slope**2) + 1e-300
+        change = float(np.clip(change + score / information, -most, most))
+    course, slope = _course(change, x, weight, white.variance)
+    fitted, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
+    fourth = float(np.mean(np.clip(found.good, -CLIP, CLIP) ** 4))
+    kappa = max(fourth * weight.sum() / float(weight @ fitted**2) - 1.0, 0.1)
+    gain = float(weight @ (np.log(flat) + square / flat - np.log(fitted) - square / fitted)) / kappa
+    sd = float(np.hypot((float(weight @ slope**2) / kappa + 1e-300) ** -0.5, change * white.error))
     values = {"slope": Value.of(change / width, sd / width, unit)}
     return Alarm(
         "variance_drift",
-        2.0 * float(norm.sf(abs(change) / sd)),
-        gain,
+        float(chi2.sf(max(2.0 * gain, 0.0), 1)),
+        gain - 0.5 * float(np.log(len(found.e))),
         change,
         name,
-        lambda: (kind(tuple((change * x).tolist()), values=values),),
+        lambda: (kind(tuple(course.tolist()), values=values),),
     )
+
+
+def _course(change: float, x: FloatArray, weight: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+    """Return the log variance of residuals and its slope by `change`, less its mean; shapes (`BLOCKS`,).
+
+    Of the mean variance the white noise, which follows exp(change x), has this share.
+    """
+    loud = np.exp(change * x)
+    mean = weight @ loud / weight.sum()
+    total = 1.0 - share + share * loud / mean
+    slope = share * loud / mean / total * (x - weight @ (x * loud) / weight.sum() / mean)
+    return np.log(total), slope - weight @ slope / weight.sum()
+
+
+def _levelled(course: FloatArray, square: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the variance of this course, at the level that the mean squares have; shape (`BLOCKS`,)."""
+    fitted = np.exp(course)
+    return np.asarray(fitted * (weight @ (square / fitted)) / weight.sum())
 
 
 def block_squares(found: Residual) -> tuple[FloatArray, FloatArray]:
