@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes import warmup
 from tuner.diagnosis.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.cosine import block_transform
 from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.scan import judge, scan
@@ -54,4 +56,19 @@ def test(found: Residual) -> Alarm | None:
     if not scores.promising:
         return Alarm(UNNAMED, 1.0, -9.0, float(scores.score[0] ** 2), Ageing.meaning)
     result = judge(found, templates[:, 0], np.empty(0), price=LEAD)
-    return Alarm(UNNAMED, result.p_value, result.gain, result.ratio, Ageing.meaning, lambda: (Ageing(),))
+    gain = result.gain
+    if gain > 0.0 and 0.5 * (result.ratio - _transient_ratio(found)) < LEAD:
+        gain = -9.0
+    return Alarm(UNNAMED, result.p_value, gain, result.ratio, Ageing.meaning, lambda: (Ageing(),))
+
+
+def _transient_ratio(found: Residual) -> float:
+    """Return the likelihood ratio of a warm-up of the best time constant, which is sought beyond its grid."""
+    if found.found("warmup"):
+        return 0.0
+    channel = found.channel
+    grid = warmup.constants(channel)
+    scores, _ = scan(found, np.stack([warmup.transient(channel, t) for t in grid], axis=1))
+    best = warmup.extension(found, float(grid[scores.best]))
+    template = block_transform(best.columns(channel), found.repaired, found.track.singles)
+    return 2.0 * (found.refit(template).log_likelihood - found.fit.log_likelihood)
