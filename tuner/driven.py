@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from tuner.diagnosis.drives import Examined
-from tuner.diagnosis.drives.inflation import stated_value
+from tuner.diagnosis.drives.inflation import settled, stated_value
 from tuner.results import Demand, FilterConfig, Inflation
 
 HARM = "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
@@ -53,9 +51,7 @@ def applied(examined: Examined, one: Demand) -> float:
     if not examined.diagnosis.credited:
         return 1.0
     if one.quantity in ("position", "velocity"):
-        rows = [f"{one.quantity}_horizontal"] * 2 + [f"{one.quantity}_vertical"]
-        values = examined.criticism.final.hypothesis.values
-        return float(np.sqrt(np.mean([values.get(f"gnss_noise_scale.{row}", 1.0) ** 2 for row in rows])))
+        return settled(examined.criticism.final, one.quantity)
     before, after = (
         stated_value(config, examined.criticism.base, one.quantity)
         for config in (examined.diagnosis.before, examined.diagnosis.after)

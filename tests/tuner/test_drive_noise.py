@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis.drives import diagnose_drive
+from tuner.exporters import native
+from tuner.navigation.compensation import compensated_settings
+from tuner.navigation.settings import filter_settings
+
+SD = np.array([1.0, 1.0, 1.8, 0.06, 0.06, 0.1])
 
 WIDER = 4.9 / 1.96
 """A normal estimate is further off than 4.9 sds in 1e-6 of drives."""
@@ -42,3 +47,29 @@ def test_noisy_gyros_are_named_alone(simulated, drive_config):
     (finding,) = diagnose_drive(drive, drive_config).findings
     assert finding.cause == "imu_noise_scale"
     assert holds(finding.parameters["gyro"], 2.5)
+
+
+def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config):
+    """As a receiver whose float solutions are better than it says: factors by class, and a filter that has them."""
+    level = np.where(np.random.default_rng(9).random(400) < 0.5, 4.0, 1.0)
+    drive = simulated(6, reported=level)
+    diagnosis = diagnose_drive(drive, drive_config)
+    (finding,) = diagnosis.findings
+    assert finding.cause == "gnss_noise_scale"
+    for row in ("position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical"):
+        assert holds(finding.parameters[f"{row}_class_0"], 1.0), row
+        assert holds(finding.parameters[f"{row}_class_1"], 0.25), row
+    assert SD[0] < finding.parameters["position_edge_1"].value < 4.0 * SD[0]
+    assert diagnosis.gain.nats > 0.0
+    laws = compensated_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_laws
+    reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
+    believed = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
+    np.testing.assert_allclose(believed, np.tile(SD, (len(believed), 1)), rtol=0.3)
+    assert native.loads(native.dumps(diagnosis.after)) == diagnosis.after
+
+
+def test_a_receiver_that_tells_the_truth_of_every_fix_is_left_alone(simulated, drive_config):
+    """Errors and reported sds vary together."""
+    level = np.exp(0.5 * np.random.default_rng(8).standard_normal(400))
+    drive = simulated(7, reported=level, fixes=level[: round(300.0 + 28.0), None])
+    assert diagnose_drive(drive, drive_config).quiet

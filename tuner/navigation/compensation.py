@@ -12,7 +12,7 @@ gyro_scale, accel_scale .x y z   scale factor errors
 misalignment.roll pitch yaw      the gyros are turned against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force
 gravity.offset                   excess of gravity
-gnss_noise_scale.…               true ÷ reported sd: position_horizontal, …_vertical, velocity_…
+gnss_noise_scale.…               true ÷ reported sd: `tuner.navigation.receiver`
 ================================ ==========================================================================
 """
 
@@ -25,17 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from tuner.navigation.receiver import CAUSE, fix_law
 from tuner.navigation.settings import FilterSettings
 from tuner.records import Drive
 
 FloatArray = NDArray[np.float64]
 
 XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
-NOISE_SCALE = tuple(
-    f"gnss_noise_scale.{quantity}_{axis}"
-    for quantity in ("position", "velocity")
-    for axis in ("horizontal", "vertical")
-)
 
 
 def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
@@ -65,12 +61,11 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
 
 
 def compensated_settings(settings: FilterSettings, values: Mapping[str, float]) -> FilterSettings:
-    """Return the filter with what is known of its fixes: the lag of velocities, the scale of reported sds."""
+    """Return the filter with what is known of its fixes: the lag of velocities, the laws of reported sds."""
     settings = replace(settings, velocity_lag=values.get("velocity_lag.delay", 0.0))
-    if not any(name in values for name in NOISE_SCALE):
+    if not any(name.startswith(CAUSE) for name in values):
         return settings
-    a, b, c, d = (values.get(name, 1.0) for name in NOISE_SCALE)
-    return replace(settings, fix_scale=(a, b, c, d))
+    return replace(settings, fix_laws=(fix_law(values, "position"), fix_law(values, "velocity")))
 
 
 def sensor_matrix(values: Mapping[str, float]) -> FloatArray:

@@ -268,11 +268,18 @@ def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
 
 def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
-    position = settings.position_sd or (3.0, 3.0, 5.0)
-    velocity = settings.velocity_sd or (0.1, 0.1, 0.2)
+    told = told_sds(gnss, settings)
+    if settings.fix_laws is None:
+        return np.maximum(told, _configured(settings))
+    position, velocity = settings.fix_laws
+    return np.hstack([position.sds(told[:, :3]), velocity.sds(told[:, 3:])])
+
+
+def told_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
+    """Return the sds that the receiver reports, those of the configuration where it reports none; (k, 6)."""
     reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
-    believed = np.array([*position, *velocity])
-    if settings.fix_scale is None:
-        return np.where(reported > 0.0, np.maximum(reported, believed), believed)
-    scale = np.repeat(settings.fix_scale, (2, 1, 2, 1))
-    return np.asarray(scale * np.where(reported > 0.0, reported, believed))
+    return np.where(reported > 0.0, reported, _configured(settings))
+
+
+def _configured(settings: FilterSettings) -> FloatArray:
+    return np.array([*(settings.position_sd or (3.0, 3.0, 5.0)), *(settings.velocity_sd or (0.1, 0.1, 0.2))])

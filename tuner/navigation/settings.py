@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from models.layout import OPTIONAL, AxisNoise, ErrorModel, error_model
+from tuner.navigation.receiver import FixLaw
 from tuner.records import DataError
 from tuner.results import FilterConfig
 
@@ -53,9 +54,9 @@ class FilterSettings:
     patience : float
         After so long with nothing but refused positions, or velocities, the next one is used whatever the
         gate says, s: the filter, not the receiver, is lost.
-    fix_scale : tuple of 4 floats or None
-        Measured ratio of true to reported sd: position horizontal, vertical, velocity horizontal, vertical. None:
-        not measured, and the larger of the reported and the configured sd counts.
+    fix_laws : tuple of 2 FixLaw or None
+        How the sds of positions and of velocities stand to the reported ones. None: not measured, and the larger of
+        the reported and the configured sd counts.
     velocity_lag : float
         How much later the velocities of fixes are than their positions, s: mended by the inertial unit.
     """
@@ -68,7 +69,7 @@ class FilterSettings:
     position_sd: tuple[float, float, float] | None = None
     velocity_sd: tuple[float, float, float] | None = None
     patience: float = PATIENCE
-    fix_scale: tuple[float, float, float, float] | None = None
+    fix_laws: tuple[FixLaw, FixLaw] | None = None
     velocity_lag: float = 0.0
 
     @property

@@ -12,8 +12,9 @@ from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.reported import fix_classes, reported_law
+from tuner.diagnosis.drives.reported import edges_of, reported_law, reported_noise
 from tuner.diagnosis.drives.scales import ROWS, factors
+from tuner.navigation.receiver import fix_law
 
 
 def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> Belief:
@@ -29,17 +30,18 @@ def test_classes_are_parted_where_the_sd_jumps() -> None:
     sd = np.concatenate(
         [rng.uniform(0.01, 0.015, 300), rng.uniform(0.3, 0.5, 200), rng.uniform(2.0, 3.0, 100)]
     )
-    classes = fix_classes(sd)
-    np.testing.assert_array_equal(classes, np.repeat([0, 1, 2], (300, 200, 100)))
-    assert fix_classes(rng.uniform(1.0, 3.0, 500)).max() == 0
-    assert fix_classes(np.append(sd[:300], [5.0, 6.0])).max() == 0, "two fixes are no class"
+    first, second = edges_of(sd)
+    assert 0.015 < first < 0.3
+    assert 0.5 < second < 2.0
+    assert not edges_of(rng.uniform(1.0, 3.0, 500))
+    assert not edges_of(np.append(sd[:300], [5.0, 6.0])), "two fixes are no class"
 
 
 def test_a_steady_report_has_no_law(city_drive: LinearRecord) -> None:
     assert reported_law(believed(city_drive), "position") is None
 
 
-@pytest.mark.parametrize("law", ["factor", "classes", "power", "constant"])
+@pytest.mark.parametrize("law", ["factor", "classes", "power", "silence"])
 def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
     rng = np.random.default_rng(4)
     level = np.exp(0.6 * rng.standard_normal(900))
@@ -49,22 +51,25 @@ def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
         "factor": 1.3 * level,
         "classes": level * np.where(level < 0.5, 3.0, 0.8),
         "power": 1.1 * level**0.4,
-        "constant": np.full(900, 1.4),
+        "silence": np.full(900, 1.4),
     }[law]
-    found = reported_law(reporting(city_drive, level, truth, 7), "position")
-    assert found is not None
-    assert found.law == law
-    fit = found.fits[law]
+    belief = reporting(city_drive, level, truth, 7)
+    found, claim = reported_law(belief, "position"), reported_noise(belief, "position")
     if law == "factor":
-        assert found.p_value == 1.0
-        assert fit.factor("factor") == pytest.approx(1.3, rel=0.1)
+        assert found is None or found.law == "factor"
+        assert claim is None
+        return
+    assert found.law == ("classes" if law == "classes" else "power")
+    assert found.p_value < 1e-9
+    told = claim.describe()
     if law == "classes":
-        assert found.p_value < 1e-9
         for name, value in (("class_0", 3.0), ("class_1", 0.8)):
-            assert fit.factor(name) == pytest.approx(value, rel=0.15)
-    if law == "power":
-        assert found.p_value < 1e-9
-        assert found.parameters["exponent"].value == pytest.approx(0.4, abs=0.15)
+            assert told[f"position_horizontal_{name}"].value == pytest.approx(value, rel=0.2)
+            assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
+    else:
+        assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
+    believed_so = fix_law(claim.law, "position").sds(belief.record.reported_sd[:, :3])
+    np.testing.assert_allclose(claim.belief.sd[:, :3], believed_so, rtol=1e-9)
 
 
 def test_adaptive_noise_follows_but_is_rough(city_drive: LinearRecord) -> None:

@@ -1,8 +1,8 @@
 """Families of tests on one pass, and the hypothesis that each would lead to.
 
 Causes that shift innovations come from `score`; those of the noise and of single fixes make another belief of the
-record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver, densities, correlated
-states, fixes left out.
+record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver or a law of them,
+densities, correlated states, fixes left out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, joint_noise, sco
 from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
 from tuner.diagnosis.drives.prior import static_prior
 from tuner.diagnosis.drives.record import GROUPS
-from tuner.diagnosis.drives.scales import ROWS
+from tuner.diagnosis.drives.reported import has_law, reported_noise
+from tuner.diagnosis.drives.scales import BLOCKS, ROWS
 from tuner.diagnosis.drives.score import Scored, families
 from tuner.diagnosis.drives.sensitivity import Whitened
 from tuner.results import ChannelNoise, Coefficient, FilterConfig, MarkovState
@@ -95,22 +96,26 @@ def candidates(
     shifts = [shift(one) for one in families(w, record.parameters, accepted)]
     if any(one.raised(STRONG) for one in shifts):
         free = replace(belief, columns=tuple(range(len(record.parameters))))
-        fixes, noise = _fixes(free), _noise(found, free)
+        fixes, noise = _fixes(free, threshold), _noise(found, free)
         if any(one.raised(STRONG) for one in noise):
             return (*fixes, *noise)
-        return (*shifts, *_fixes(belief))
-    fixes, noise = _fixes(belief), _noise(found, belief)
+        return (*shifts, *_fixes(belief, threshold))
+    fixes, noise = _fixes(belief, threshold), _noise(found, belief)
     if any(one.raised(threshold) for one in (*fixes, *noise)):
         return (*fixes, *noise)
     return (*shifts, *fixes, *noise)
 
 
-def _fixes(belief: Belief) -> tuple[Candidate, ...]:
-    """Return what single fixes say."""
+def _fixes(belief: Belief, threshold: float) -> tuple[Candidate, ...]:
+    """Return what single fixes say; where positions and velocities both alarm they have one belief."""
     record = belief.record
     every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
     masked = mask(every)
-    return tuple(_claimed(outliers(every, masked, cause)) for cause in KINDS)
+    told = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
+    if all(one.raised(threshold) for one in told):
+        both = replace(every, rows=masked.rows(every))
+        told = [_claimed(replace(one.claim, belief=both)) for one in told if one.claim is not None]
+    return tuple(told)
 
 
 def _noise(found: Pass, belief: Belief) -> tuple[Candidate, ...]:
@@ -119,7 +124,9 @@ def _noise(found: Pass, belief: Belief) -> tuple[Candidate, ...]:
     scaled = joint_noise(belief, told, prior_sd=prior)
     if scaled is None:
         scaled = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
-    claims = (*scaled, correlated_gnss(belief, evaluate(belief)), bias_jump(belief))
+    asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
+    laws = [claim for block in asked if (claim := reported_noise(belief, block)) is not None]
+    claims = (*scaled, *laws, correlated_gnss(belief, evaluate(belief)), bias_jump(belief))
     most = len(found.hypothesis.jumps) >= JUMPS
     return tuple(_claimed(claim) for claim in claims if not (most and claim.alarm.cause == JUMP))
 
@@ -143,11 +150,11 @@ def adopted(found: Pass, claim: Claim) -> Hypothesis:
         assert time is not None
         return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(belief), theta)))
     ratio = belief.sd / record.sd
-    values = {
-        f"gnss_noise_scale.{name}": was.values.get(f"gnss_noise_scale.{name}", 1.0)
-        * float(np.median(ratio[:, list(rows)]))
-        for name, rows in ROWS.items()
+    told = claim.law or {
+        f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)])) for name, rows in ROWS.items()
     }
+    factor = tuple(f"gnss_noise_scale.{name}" for name in ROWS)
+    values = {name: v * was.values.get(name, 1.0) if name in factor else v for name, v in told.items()}
     config = _denser(was.config, dict(zip(GROUPS, belief.drive.tolist(), strict=True)))
     if np.any(belief.markov_sd > 0.0) and config.gnss is not None:
         level, down = float(np.sqrt(np.mean(belief.markov_sd[:2] ** 2))), float(belief.markov_sd[2])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.likelihood import Belief
@@ -22,11 +23,15 @@ class Claim:
         With the cause: to go on from. The same as before where the family has nothing to say.
     describe : callable
         () → parameters of the finding, with intervals; costs some refits.
+    law : mapping of str to float
+        Names of a compensation that stand for the sds of the belief, factors on what it has already; empty where one
+        factor on each group of rows does.
     """
 
     alarm: Alarm
     belief: Belief
     describe: Callable[[], Mapping[str, Coefficient]]
+    law: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 SILENT = -9.0

@@ -10,7 +10,7 @@ gain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from scipy.stats import chi2, norm
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.claim import Claim, silent
 from tuner.diagnosis.drives.fitting import Fit, maximise
-from tuner.diagnosis.drives.likelihood import Belief, Likelihood, evaluate
+from tuner.diagnosis.drives.likelihood import Belief, Likelihood, evaluate, held
 from tuner.diagnosis.drives.scales import TIME, factors, present
 from tuner.results import Coefficient
 
@@ -34,7 +34,7 @@ SUMS = 4.0
 SUSPECT = 0.05
 """Chance of the pre-test below which states are fitted."""
 SHARES = (0.3, 0.6, 1.0)
-"""Sds of the correlated part that are tried, relative to the white one."""
+"""Sds of the correlated part that are tried, relative to the white one: the second at all times, all at the best."""
 TIMES = 7
 """Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
 
@@ -50,6 +50,9 @@ def correlated_gnss(belief: Belief, found: Likelihood) -> Claim:
     white = maximise(belief, factors(present(belief, ("position_horizontal", "position_vertical"))))
     fit = fit_correlated(white.belief)
     ratio = max(0.0, 2.0 * (fit.log_likelihood - white.log_likelihood))
+    if fit.belief.markov_time < _interval(belief):
+        # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
+        return silent(CAUSE, belief, 1.0, ratio, title)
     price = 1.5 * float(np.log(np.count_nonzero(belief.counted[:, :3])))
     alarm = Alarm(CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - found.value - price, ratio, title)
     return Claim(alarm, fit.belief, lambda: _described(fit))
@@ -82,21 +85,28 @@ def fit_correlated(belief: Belief) -> Fit:
     )
     sd[:2] = np.sqrt(np.mean(sd[:2] ** 2))
     span = float(record.t[-1] - record.t[0])
-    interval = float(np.median(np.diff(record.t)))
-    trials = [
-        replace(
-            belief,
-            sd=np.hstack([belief.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2)), belief.sd[:, 3:]]),
-            markov_sd=share * sd,
-            markov_time=float(time),
-        )
-        for time in np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), TIMES)
-        for share in SHARES
-    ]
-    start = max(trials, key=lambda trial: evaluate(trial).value)
+    interval = _interval(belief)
+    fixed = held(belief)
+
+    def trial(time: float, share: float) -> Belief:
+        white = belief.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2))
+        return replace(fixed, sd=np.hstack([white, belief.sd[:, 3:]]), markov_sd=share * sd, markov_time=time)
+
+    def best(trials: Iterable[Belief]) -> Belief:
+        return max(trials, key=lambda one: evaluate(one).value)
+
+    times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), TIMES).tolist()
+    time = best(trial(time, SHARES[1]) for time in times).markov_time
+    chosen = best(trial(time, share) for share in SHARES)
+    start = replace(chosen, record=belief.record, columns=belief.columns)
     white = present(belief, ("position_horizontal", "position_vertical"))
     markov = tuple(name.replace("position", "markov") for name in white)
     return maximise(start, factors((*markov, TIME, *white)))
+
+
+def _interval(belief: Belief) -> float:
+    """Return the time between fixes, s."""
+    return float(np.median(np.diff(belief.record.t)))
 
 
 def _described(fit: Fit) -> Mapping[str, Coefficient]:

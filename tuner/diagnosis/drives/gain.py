@@ -21,7 +21,8 @@ from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, examine
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import Criticism, refined
-from tuner.diagnosis.drives.scales import ROWS, factors, present
+from tuner.diagnosis.drives.reported import names_in, refitted, said_by
+from tuner.diagnosis.drives.scales import factors, present
 from tuner.navigation.drive import navigate
 from tuner.navigation.inputs import WITHHELD
 from tuner.records import DataError, Drive
@@ -88,12 +89,10 @@ def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
     found = refined(part, examine(part, own), outcome.shifts)
     values = dict(found.hypothesis.values)
     if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
-        belief = belief_of(found, outcome.shifts)
-        names = present(belief, tuple(ROWS))
-        logs = maximise(belief, factors(names)).estimate if names else np.zeros(0)
-        for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
-            key = f"gnss_noise_scale.{name}"
-            values[key] = values.get(key, 1.0) * factor
+        belief, said = belief_of(found, outcome.shifts), said_by(found.record, values)
+        names = present(belief, names_in(values), said)
+        if names:
+            values |= refitted(values, maximise(belief, factors(names, said)))
     return replace(final, values=values)
 
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from tuner.diagnosis.drives.passage import linear_record
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.navigation.compensation import compensated, compensated_settings
-from tuner.navigation.drive import Stretch, beginning, navigate, prepare
+from tuner.navigation.drive import Stretch, beginning, navigate, prepare, told_sds
 from tuner.navigation.inputs import Solution
+from tuner.navigation.receiver import FixLaw
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.records import Drive
 from tuner.results import FilterConfig
@@ -24,7 +25,7 @@ from tuner.results import FilterConfig
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MOST = 6000
+MOST = 3000
 """Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
 
 
@@ -127,7 +128,7 @@ def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     """Return the filter of a hypothesis for a drive that is already compensated: it believes the receiver's sds."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
     settings = filter_settings(hypothesis.config, lever_arm=arm)
-    settings = replace(settings, fix_scale=(1.0, 1.0, 1.0, 1.0))
+    settings = replace(settings, fix_laws=(FixLaw(), FixLaw()))
     return compensated_settings(settings, hypothesis.values)
 
 
@@ -162,17 +163,21 @@ def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
     starts = [
         beginning(settings, stretch, solutions[i - 1] if i else None) for i, stretch in enumerate(stretches)
     ]
-    assert settings.fix_scale is not None
-    scale = np.repeat(settings.fix_scale, (2, 1, 2, 1))
+    stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
+    indices = [_nearest(stamps, solution.t) for solution in solutions]
+    told = told_sds(drive.gnss, settings)
     record = linear_record(
         settings,
         stretches,
         solutions,
         starts[0][1],
         [x for x, _ in starts],
-        [stretch.fixes.sd / scale for stretch in stretches],
+        [told[index] for index in indices],
     )
-    stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
-    after = np.clip(np.searchsorted(stamps, record.t), 1, len(stamps) - 1)
-    index = after - (np.abs(stamps[after - 1] - record.t) < np.abs(stamps[after] - record.t))
-    return Pass(hypothesis, settings, stretches, solutions, record, index, notes)
+    return Pass(hypothesis, settings, stretches, solutions, record, np.concatenate(indices), notes)
+
+
+def _nearest(stamps: FloatArray, t: FloatArray) -> NDArray[np.intp]:
+    """Return the numbers of the rising stamps nearest to times."""
+    after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
+    return np.asarray(after - (np.abs(stamps[after - 1] - t) < np.abs(stamps[after] - t)))

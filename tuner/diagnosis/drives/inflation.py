@@ -159,10 +159,10 @@ def _asked(
     # Far from the truth variances may come out negative: the search turns back from there.
     with np.errstate(invalid="ignore"):
         fit = maximise(belief, factors(names), prior_sd=prior_sd)
-    return _Asked(fit, {name: _settled(found, name) / _settled(base, name) for name in names})
+    return _Asked(fit, {name: settled(found, name) / settled(base, name) for name in names})
 
 
-def _settled(found: Pass, name: str) -> float:
+def settled(found: Pass, name: str) -> float:
     """Return what the filter of a pass believed of a setting, in proportion to what was stated."""
     if name in BLOCKS:
         record, rows = found.record, found.record.counted[:, BLOCKS[name]]

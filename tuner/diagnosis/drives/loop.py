@@ -27,7 +27,8 @@ from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.noise import SHORT
 from tuner.diagnosis.drives.outliers import KINDS
 from tuner.diagnosis.drives.record import GROUPS
-from tuner.diagnosis.drives.scales import ROWS, factors, present
+from tuner.diagnosis.drives.reported import coefficient, edges_told, factor_in, names_in, said_by
+from tuner.diagnosis.drives.scales import factors, present
 from tuner.diagnosis.drives.score import PRIORS, Fit, carried, fit, inseparable, retested
 from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.records import Drive
@@ -38,7 +39,7 @@ BUDGET = 3e-3
 FAMILIES = len(PRIORS) + 8
 THRESHOLD = BUDGET / FAMILIES
 """Chance below which a family alarms."""
-FACTORS: Mapping[str, tuple[str, ...]] = {"gnss_noise_scale": tuple(ROWS), "imu_noise_scale": GROUPS}
+FACTORS = ("gnss_noise_scale", "imu_noise_scale")
 """Causes that are factors on groups of noise: estimated once, at the end."""
 PASSES = 12
 CLOSE = 3.0
@@ -260,21 +261,23 @@ def _rescaled(accepted: list[Accepted], base: Pass, found: Pass, known: tuple[st
     causes = [one.cause for one in accepted if one.cause in FACTORS]
     if not causes:
         return accepted
-    belief = belief_of(found, known)
-    names = present(belief, tuple(name for cause in causes for name in FACTORS[cause]))
-    fit = maximise(belief, factors(names))
+    belief, values = belief_of(found, known), found.hypothesis.values
+    said = said_by(found.record, values)
+    wanted = {"gnss_noise_scale": names_in(values), "imu_noise_scale": GROUPS}
+    names = present(belief, tuple(name for cause in causes for name in wanted[cause]), said)
+    fit = maximise(belief, factors(names, said))
     told: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
     for name in names:
-        if name in ROWS:
-            key = f"gnss_noise_scale.{name}"
-            scale = found.hypothesis.values.get(key, 1.0) / base.hypothesis.values.get(key, 1.0)
-            told["gnss_noise_scale"][name] = fit.coefficient(name, scale=scale)
+        if name in wanted["gnss_noise_scale"]:
+            told["gnss_noise_scale"][name] = coefficient(fit, name, factor_in(values, name))
         elif name in SHORT:
             sensor = SHORT[name]
             now, then = (
                 each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (found, base)
             )
             told["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
+    if "gnss_noise_scale" in causes:
+        told["gnss_noise_scale"] |= edges_told(values)
     return [replace(one, parameters=told.get(one.cause, one.parameters)) for one in accepted]
 
 

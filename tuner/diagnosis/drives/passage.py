@@ -82,7 +82,7 @@ def linear_record(
     starts : sequence of ndarray, shape (n,)
         Estimates of the other states at the start of every stretch.
     reported : sequence of ndarray, shape (k, 6)
-        Sds that the receiver reports, NaN where it does not.
+        Sds that the receiver reports, those of the configuration where it does not.
     """
     parts = [
         _part(settings, *each, first=i == 0)

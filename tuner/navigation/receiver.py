@@ -1,0 +1,93 @@
+"""How the standard deviations of fixes stand to what a receiver reports.
+
+With r the reported sd of a row and ρ the level of its fix, the root mean square of the reported sds north and east of
+its position, or of its velocity::
+
+    sd = a f_c (ρ/ρ₀)^(b−1) r
+
+a is a factor on all fixes, horizontal or vertical, f_c one on the fixes of class c, which begins at ρ = `edges`[c − 1]
+(fixed, float and single solutions report sds that are far apart), b an exponent: 1 where the report is right but for a
+factor, 0 where it says nothing. In a compensation, for the block ``position`` or ``velocity``::
+
+    gnss_noise_scale.BLOCK_horizontal, BLOCK_vertical                         a
+    gnss_noise_scale.BLOCK_horizontal_class_C, BLOCK_vertical_class_C         f_C, from 0 on
+    gnss_noise_scale.BLOCK_edge_C                                             where class C begins, from 1 on
+    gnss_noise_scale.BLOCK_exponent, BLOCK_typical                            b, ρ₀
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+CAUSE = "gnss_noise_scale."
+AXES = ("horizontal", "vertical")
+BLOCKS: Mapping[str, slice] = {"position": slice(0, 3), "velocity": slice(3, 6)}
+"""Rows of a fix by block."""
+
+
+@dataclass(frozen=True)
+class FixLaw:
+    """The law of one block.
+
+    Attributes
+    ----------
+    horizontal, vertical : tuple of float
+        a f_c by class.
+    edges : tuple of float
+        Levels at which the classes from the second on begin, rising.
+    exponent, typical : float
+        b and ρ₀.
+    """
+
+    horizontal: tuple[float, ...] = (1.0,)
+    vertical: tuple[float, ...] = (1.0,)
+    edges: tuple[float, ...] = ()
+    exponent: float = 1.0
+    typical: float = 1.0
+
+    def sds(self, reported: FloatArray) -> FloatArray:
+        """Return the sds north, east, down of fixes with reported ones (k, 3), shape (k, 3)."""
+        level = levels(reported)
+        classes = np.searchsorted(np.array(self.edges), level)
+        factor = np.stack([np.array(self.horizontal)[classes], np.array(self.vertical)[classes]], axis=-1)
+        return np.asarray(
+            factor[:, [0, 0, 1]] * (level / self.typical)[:, None] ** (self.exponent - 1.0) * reported
+        )
+
+
+def levels(reported: FloatArray) -> FloatArray:
+    """Return the levels of fixes with reported sds north, east, down (k, 3), shape (k,)."""
+    return np.asarray(np.sqrt(np.mean(reported[:, :2] ** 2, axis=1)))
+
+
+def edges_in(values: Mapping[str, float], block: str) -> tuple[float, ...]:
+    """Return the levels at which classes of a block begin in a compensation."""
+    names = itertools.takewhile(values.__contains__, (f"{CAUSE}{block}_edge_{c}" for c in itertools.count(1)))
+    return tuple(values[name] for name in names)
+
+
+def fix_law(values: Mapping[str, float], block: str) -> FixLaw:
+    """Return the law of a block in a compensation."""
+    own = f"{CAUSE}{block}_"
+    edges = edges_in(values, block)
+    horizontal, vertical = (
+        tuple(
+            values.get(f"{own}{axis}", 1.0) * values.get(f"{own}{axis}_class_{c}", 1.0)
+            for c in range(len(edges) + 1)
+        )
+        for axis in AXES
+    )
+    return FixLaw(
+        horizontal,
+        vertical,
+        edges,
+        values.get(f"{own}exponent", 1.0),
+        values.get(f"{own}typical", 1.0),
+    )
