@@ -34,10 +34,10 @@ CLOSE = 5.0
 """Nats within which the simpler shape is taken."""
 LIMIT = 3.0
 """Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
-GRID = 14
-"""Cutoffs from which the best one is sought."""
-SIMILAR = 0.4
-"""Largest difference of the logs of the cutoffs of filters that only fold more or less."""
+LOW, HIGH = 10, 20
+"""Cutoffs from which the best one is sought: in even ratios below `HALFWAY`, in even steps above."""
+HALFWAY = 0.12
+"""Cutoff × interval from which a filter that folds has several likely cutoffs."""
 FREAK = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
 ALARM = 1e-3
@@ -58,12 +58,15 @@ class ShapeFit:
         Minus the log likelihood.
     expected : ndarray, shape (b,)
         Expected power.
+    rises : bool
+        Whether quantization stands beside it: one number more.
     """
 
     name: str
     x: FloatArray
     cost: float
     expected: FloatArray
+    rises: bool
 
     @property
     def falls(self) -> bool:
@@ -76,57 +79,61 @@ class ShapeFit:
         return self.falls or bool(np.all(np.diff(self.expected) >= 0.0))
 
 
-def _sized(data: Bins, shape: FloatArray | float) -> Sizes:
-    """Return the best white noise of a shape, quantization and slow noise."""
-    return sized(data, np.stack((data.white * shape, rise(data.cycles), data.rest)))
+def _sized(data: Bins, shape: FloatArray | float, rises: bool = True) -> Sizes:
+    """Return the best white noise of a shape, slow noise and, where it rises, quantization."""
+    rows = [data.white * shape, data.rest, *([rise(data.cycles)] if rises else [])]
+    return sized(data, np.stack(rows))
 
 
 def fit_white(data: Bins) -> ShapeFit:
     """Fit white noise, quantization and slow noise."""
     found = _sized(data, 1.0)
-    return ShapeFit("white", np.empty(0), found.cost, found.expected)
+    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0))
 
 
-def fit_filter(data: Bins, name: str, near: ShapeFit | None = None) -> ShapeFit:
-    """Fit a filter by name, next to the cutoff of a similar one if that is given."""
+def fit_filter(data: Bins, name: str) -> ShapeFit:
+    """Fit a filter by name: what it folds can make two cutoffs likely, the lesser of which is no less a maximum."""
     cost = _filter_cost(data, name)
-    low, high = np.log(FILTERS[name])
-    if near is None:
-        grid = np.linspace(low, high, GRID)
-        at = int(np.argmin([cost(x) for x in grid]))
-        low, high = grid[max(at - 1, 0)], grid[min(at + 1, GRID - 1)]
-    else:
-        low, high = max(low, min(near.x[0] - SIMILAR, high - SIMILAR)), min(high, near.x[0] + SIMILAR)
-    x = float(minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-4}).x)
-    found = _sized(data, filter_power(name, float(np.exp(x)), data.cycles))
-    return ShapeFit(name, np.array([x]), found.cost, found.expected)
+    low, high = FILTERS[name]
+    above = np.linspace(HALFWAY, high, HIGH)
+    grid = np.log(np.concatenate((np.geomspace(low, HALFWAY, LOW, endpoint=False), above)))
+    value = np.array([cost(x) for x in grid])
+    edged = np.concatenate(([np.inf], value, [np.inf]))
+    lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
+    tried = []
+    for at in lowest[np.argsort(value[lowest])][:2]:
+        bounds = (grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+        tried.append(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}))
+    x = float(min(tried, key=lambda result: result.fun).x)
+    power = filter_power(name, float(np.exp(x)), data.cycles)
+    fits = [(rises, _sized(data, power, rises)) for rises in (False, True)]
+    return _simpler(data, [ShapeFit(name, np.array([x]), f.cost, f.expected, rises) for rises, f in fits])
 
 
 def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
     return lambda x: _sized(data, filter_power(name, float(np.exp(x)), data.cycles)).cost
 
 
-def fit_colour(data: Bins, name: str) -> ShapeFit:
-    """Fit a colour by name."""
-    x, _ = minimum(_colour_cost(data, name), COLOURS[name][2], scale=0.1, tolerance=0.01)
-    found = _sized(data, arma_power(*colour_arma(name, x), data.cycles))
-    return ShapeFit(name, x, found.cost, found.expected)
+def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
+    """Fit a colour by name, quantization free beside it or none."""
+    x, _ = minimum(_colour_cost(data, name, rises), COLOURS[name][2], scale=0.1, tolerance=0.01)
+    found = _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises)
+    return ShapeFit(name, x, found.cost, found.expected, rises)
 
 
-def _colour_cost(data: Bins, name: str) -> Callable[[FloatArray], float]:
+def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], float]:
     def cost(x: FloatArray) -> float:
         if np.any(np.abs(x) > FREE):
             return 1e12
-        return _sized(data, arma_power(*colour_arma(name, x), data.cycles)).cost
+        return _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises).cost
 
     return cost
 
 
 def polished(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
-    """Return the free numbers of a colour and their covariance, white noise and quantization free."""
-    x, covariance, _ = maximum(
-        _colour_cost(data, fitted.name), [fitted.x.tolist()], scale=0.02, tolerance=1e-3
-    )
+    """Return the free numbers of a colour and their covariance, white noise free and quantization if it has that."""
+    cost = _colour_cost(data, fitted.name, fitted.rises)
+    x, covariance, _ = maximum(cost, [fitted.x.tolist()], scale=0.02, tolerance=1e-3)
     return x, covariance
 
 
@@ -207,8 +214,11 @@ class ShapeTest:
         return f"shape of the fast spectrum, {10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
 
     def gain(self, fitted: ShapeFit | Hump) -> float:
-        """Return the log likelihood gained over the null, less half the log of the coefficients a parameter."""
-        return self.null.cost - _price(self.data, fitted)
+        """Return the log likelihood gained over the null, less half the log of the coefficients a further parameter.
+
+        Quantization, which the null may have, is one: a shape that does without it is the simpler.
+        """
+        return self.null.cost - _price(self.data, fitted, self.null.rises)
 
     def background(self, f: FloatArray) -> FloatArray:
         """Return the power of the best spectrum without hump or trough ÷ that of the residual at frequencies, Hz."""
@@ -234,7 +244,10 @@ def shape_test(found: Residual) -> ShapeTest:
     hump_p_value, middle, width = hump_scan(data, null.expected)
     if min(p_value, scatter, hump_p_value) > ALARM:
         return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
-    colours = [first.get(name) or fit_colour(data, name) for name in COLOURS]
+    colours = [
+        _simpler(data, [fit_colour(data, name, False), first.get(name) or fit_colour(data, name)])
+        for name in COLOURS
+    ]
     hump = hump_fit(data, middle, width)
     return ShapeTest(
         data, null, p_value, scatter, fit_filters(data), _ranked(data, colours), hump, hump_p_value
@@ -243,21 +256,23 @@ def shape_test(found: Residual) -> ShapeTest:
 
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
     """Return the fits of all filters, the best first."""
-    firsts: dict[str, ShapeFit] = {}
-    fits = []
-    for name in FILTERS:
-        order = name.partition("x")[0]
-        fits.append(fit_filter(data, name, firsts.get(order)))
-        firsts.setdefault(order, fits[-1])
+    fits = [fit_filter(data, name) for name in FILTERS]
     return tuple(sorted(fits, key=lambda fitted: fitted.cost + (CLOSE if fitted.name == FREAK else 0.0)))
 
 
-def _price(data: Bins, fitted: ShapeFit | Hump) -> float:
-    return fitted.cost + 0.5 * len(fitted.x) * data.log_count
+def _price(data: Bins, fitted: ShapeFit | Hump, rises: bool) -> float:
+    """Return the cost and the price of the parameters beyond those of white noise, which `rises` or not."""
+    further = len(fitted.x) + (fitted.rises - rises if isinstance(fitted, ShapeFit) else 0)
+    return fitted.cost + 0.5 * further * data.log_count
+
+
+def _simpler(data: Bins, fits: list[ShapeFit]) -> ShapeFit:
+    """Return the fit, without quantization or with it, that is worth its price."""
+    return min(fits, key=lambda fitted: _price(data, fitted, False))
 
 
 def _ranked(data: Bins, fits: list[ShapeFit]) -> tuple[ShapeFit, ...]:
     """Return the fits, first the simplest (earliest) of those that cannot be told from the best."""
-    least = min(_price(data, fitted) for fitted in fits)
-    first = next(fitted for fitted in fits if _price(data, fitted) < least + CLOSE)
+    least = min(_price(data, fitted, False) for fitted in fits)
+    first = next(fitted for fitted in fits if _price(data, fitted, False) < least + CLOSE)
     return (first, *(fitted for fitted in fits if fitted is not first))
