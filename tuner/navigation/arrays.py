@@ -10,7 +10,8 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from tuner.navigation.compiled import NEVER, Layout, compiled
+from tuner.navigation.compiled import NEVER, Layout
+from tuner.navigation.compiler import compiled
 from tuner.navigation.lanes import WIDTH, aligned, as_columns, as_lanes, as_numbers
 
 FloatArray = NDArray[np.float64]

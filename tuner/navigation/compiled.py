@@ -1,87 +1,32 @@
-"""What the compiled kernels share: the decorator, and a filter as plain numbers.
+"""What the compiled kernels share: a filter as plain numbers.
 
 The equations of motion and of the error coupling are those of `models`, compiled from the same lines.
 """
 
 from __future__ import annotations
 
-import gc
-import sys
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core.event import Listener, register
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
+from tuner.navigation.compiler import compiled
 from tuner.navigation.lanes import borrowed
+from tuner.navigation.straight import straight
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.uint64]
-Function = TypeVar("Function", bound=Callable[..., object])
 
 NEVER = 1e300
 """Later than any time, s."""
 
 for _function in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS, *errorstate.KERNELS):
-    register_jitable(forceinline=True)(_function)
-
-
-def compiled(function: Function) -> Function:
-    """Make a kernel that other kernels can call, with numbers or lanes."""
-    return _callable(function, within=True)
-
-
-def called(function: Function) -> Function:
-    """Make a kernel that is called seldom, and so compiled by itself, not again within each caller."""
-    return _callable(function, within=False)
-
-
-def _callable(function: Function, *, within: bool) -> Function:
-    options = {"error_model": "numpy", "fastmath": True, "forceinline": within}
-    decorated: Function = register_jitable(**options)(function)
-    return decorated
-
-
-class _Announcer(Listener):
-    """Says on standard error that kernels are being compiled.
-
-    Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
-    """
-
-    def __init__(self) -> None:
-        self.kernels: set[object] = set()
-        self.collects = False
-
-    def on_start(self, event: Any) -> None:
-        """Speak where a kernel that is kept on disk was not found there."""
-        if event.data["dispatcher"] in self.kernels:
-            sys.stderr.write(
-                "tuner: compiling the filter for this machine, once; it takes some ten seconds\n"
-            )
-            self.collects = gc.isenabled()
-            gc.disable()
-
-    def on_end(self, event: Any) -> None:
-        """Collect again."""
-        if event.data["dispatcher"] in self.kernels and self.collects:
-            gc.enable()
-
-
-_ANNOUNCER = _Announcer()
-register("numba:compile", _ANNOUNCER)  # type: ignore[no-untyped-call]
-
-
-def announced(kernel: Function) -> Function:
-    """Return a kernel; when it has to be compiled, a line on standard error says so."""
-    _ANNOUNCER.kernels.add(kernel)
-    return kernel
+    straight(_function)
 
 
 def checksum(*sources: ModuleType) -> int:
@@ -188,20 +133,20 @@ def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:
     return feed.astype(np.uint64), np.searchsorted(np.sort(row[felt]), np.arange(7))
 
 
-@compiled
+@straight
 def set_true(true: Any, rate: Any, force: Any) -> None:
     """Set calibrated rates and forces in b."""
     for c in range(3):
         true[c], true[3 + c] = rate[c], force[c]
 
 
-@compiled
+@straight
 def transposed(m: Any) -> Any:
     """Return the transposed matrix."""
     return (m[0][0], m[1][0], m[2][0]), (m[0][1], m[1][1], m[2][1]), (m[0][2], m[1][2], m[2][2])
 
 
-@compiled
+@straight
 def unmix(inverse: FloatArray, rows: FloatArray, j: int) -> None:
     """Replace column j of rows (6, …) by A⁻¹ times it."""
     a, b, c, d, e, f = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j], rows[5, j]

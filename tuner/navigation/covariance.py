@@ -26,8 +26,10 @@ from numpy.typing import NDArray
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
 from tuner.navigation.arrays import Memory, Work
-from tuner.navigation.compiled import Layout, called, compiled
-from tuner.navigation.lanes import WIDTH, turned_over
+from tuner.navigation.compiled import Layout
+from tuner.navigation.compiler import called, compiled
+from tuner.navigation.lanes import WIDTH
+from tuner.navigation.straight import straight, turned_over
 
 FloatArray = NDArray[np.float64]
 
@@ -48,19 +50,19 @@ def set_decay(memory: Memory, dt: float) -> None:
             memory.driven[j, w] = memory.drive[j, w] * dt * grown
 
 
-@compiled
+@straight
 def _scaled(c: Any, m: Any) -> Any:
     """Return c times a matrix."""
     return scale(c, m[0]), scale(c, m[1]), scale(c, m[2])
 
 
-@compiled
+@straight
 def _row(m: Any, r: int, s: Any) -> Any:
     """Return row r of a matrix times six numbers."""
     return m[r, 0] * s[0] + m[r, 1] * s[1] + m[r, 2] * s[2] + m[r, 3] * s[3] + m[r, 4] * s[4] + m[r, 5] * s[5]
 
 
-@compiled
+@straight
 def unmixed(lay: Layout, inverse: Any, s: Any) -> Any:
     """Return A⁻¹ s as rates and forces."""
     if lay.ideal:
@@ -71,27 +73,27 @@ def unmixed(lay: Layout, inverse: Any, s: Any) -> Any:
     )
 
 
-@compiled
+@straight
 def turned(M: Any, c: int) -> Any:
     """Return the first eight rows of a column of lanes turned over."""
     return turned_over((M[0, c], M[1, c], M[2, c], M[3, c], M[4, c], M[5, c], M[6, c], M[7, c]))
 
 
-@compiled
+@straight
 def set_block(M: Any, i: int, rows: Any) -> None:
     """Set eight rows of the first column of lanes from row i on."""
     M[i, 0], M[i + 1, 0], M[i + 2, 0], M[i + 3, 0] = rows[0], rows[1], rows[2], rows[3]
     M[i + 4, 0], M[i + 5, 0], M[i + 6, 0], M[i + 7, 0] = rows[4], rows[5], rows[6], rows[7]
 
 
-@compiled
+@straight
 def _set_column(M: Any, c: int, r: Any, v: Any, a: Any) -> None:
     """Set the first nine rows of a column to three triples."""
     for k in range(3):
         M[k, c], M[3 + k, c], M[6 + k, c] = r[k], v[k], a[k]
 
 
-@compiled
+@straight
 def _advanced(lay: Layout, work: Work, M: Any, c: int, six: Any, fall: Any, step: Any) -> Any:
     """Return A times a column of nine, plus Γ times six sensor errors and `fall` downwards."""
     f_rr, f_vr, f_vv, f_ar, f_av, omega, force, turn, half = step
@@ -129,7 +131,7 @@ def _all_sensed(lay: Layout, slant: Any, M: Any, c: int) -> Any:
     )
 
 
-@compiled
+@straight
 def _with_white(work: Work, dt: float, six: Any, noise: Any, c: int) -> Any:
     """Return six sensor errors plus W/dt times column c of Γᵀ."""
     w, f = work.white, 1.0 / dt

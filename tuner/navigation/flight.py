@@ -10,28 +10,26 @@ import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation import arrays, covariance, lanes, updates
+from tuner.navigation import arrays, compiler, covariance, lanes, updates
+from tuner.navigation import straight as straight_module
 from tuner.navigation import compiled as compiled_module
 from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
 from tuner.navigation.compiled import (
     NEVER,
     Layout,
     Workspace,
-    announced,
     borrowed_layout,
-    called,
     checksum,
-    compiled,
     set_true,
     transposed,
 )
+from tuner.navigation.compiler import called, compiled, kernel
 from tuner.navigation.covariance import (
     PUT_OFF,
     advance,
@@ -278,10 +276,10 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
         for c in range(4):
             state[6 + c] = quat[c]
 
-    return announced(numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)(fly))
+    return kernel(fly)
 
 
 _SOURCES = (
-    triples, earth, strapdown, errorstate, lanes, compiled_module, arrays, covariance, updates, sys.modules[__name__]
+    triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance, updates, sys.modules[__name__]
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

@@ -1,7 +1,7 @@
 # mypy: disable-error-code="no-untyped-call, untyped-decorator, call-arg"
 """Eight numbers that go through compiled code as one value, on as few instructions as the processor can.
 
-The kernels of the filter are written for numbers. Called with `Lanes` in place of some of them, the same lines
+The kernels of the filter are written for numbers. Called with lanes in place of some of them, the same lines
 advance eight filters at once, or eight columns of one covariance::
 
     as_numbers(a)     (…, 1) → array (…) of numbers
@@ -15,8 +15,6 @@ holds in every lane.
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -24,8 +22,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import cgutils
 from numba.core.typeconv.castgraph import Conversion
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
+from numba.extending import intrinsic, lower_cast, models, register_model
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
@@ -36,7 +33,7 @@ WIDTH = 8
 ALIGNMENT = 64
 """Of arrays of lanes, bytes."""
 
-_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _INDEX = ir.IntType(32)
 _NUMBER = types.float64
 
@@ -58,7 +55,7 @@ LANES = LanesType()
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, VECTOR)
 
 
 def aligned(*shape: int) -> FloatArray:
@@ -69,160 +66,27 @@ def aligned(*shape: int) -> FloatArray:
     return memory[skip : skip + size].view(np.float64).reshape(shape)
 
 
-def _spread(builder: Any, kind: Any, value: Any) -> Any:
+def spread(builder: Any, value: Any) -> Any:
     """Return lanes as they are, a number eight times."""
-    if isinstance(kind, LanesType):
+    if value.type == VECTOR:
         return value
-    nothing = ir.Constant(_VECTOR, ir.Undefined)
+    nothing = ir.Constant(VECTOR, ir.Undefined)
     one = builder.insert_element(nothing, value, _INDEX(0))
     return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
 
 
 @lower_cast(types.float64, LanesType)
-def _number_to_lanes(_context: Any, builder: Any, kind: Any, _to: Any, value: Any) -> Any:
-    return _spread(builder, kind, value)
+def _number_to_lanes(_context: Any, builder: Any, _kind: Any, _to: Any, value: Any) -> Any:
+    return spread(builder, value)
 
 
-PAIRS = ((LANES, LANES), (LANES, _NUMBER), (_NUMBER, LANES))
-
-
-def _declare(function: Callable[..., Any], result: Any, *arguments: tuple[Any, ...]) -> None:
-    """Tell numba the types of a function of lanes."""
-
-    class Template(ConcreteTemplate):
-        cases = [signature(result, *kinds) for kinds in arguments]  # noqa: RUF012
-
-    infer_global(function)(Template)
-
-
-def _arithmetic(function: Callable[..., Any], instruction: str) -> None:
-    def lower(_context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        a, b = (_spread(builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
-        return getattr(builder, instruction)(a, b)
-
-    _declare(function, LANES, *PAIRS)
-    for pair in PAIRS:
-        lower_builtin(function, *pair)(lower)
-
-
-for _function, _instruction in (
-    (operator.add, "fadd"),
-    (operator.iadd, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.isub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.imul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
-    _arithmetic(_function, _instruction)
-
-_declare(operator.neg, LANES, (LANES,))
-_declare(operator.lt, types.boolean, (LANES, _NUMBER))
-
-
-@lower_builtin(operator.neg, LANES)
-def _negative(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
-    return builder.fneg(args[0])
-
-
-@lower_builtin(operator.lt, LANES, _NUMBER)
-def _all_less(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
-    mask = builder.fcmp_ordered("<", args[0], _spread(builder, _NUMBER, args[1]))
-    bits = ir.IntType(WIDTH)
-    return builder.icmp_unsigned("==", builder.bitcast(mask, bits), bits(2**WIDTH - 1))
-
-
-def _of_llvm(name: str) -> Any:
-    """Return LLVM's function of lanes of that name."""
-
-    @intrinsic
-    def call(_context: Any, x: Any) -> Any:
-        def generate(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
-            kind = ir.FunctionType(_VECTOR, [_VECTOR])
-            function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{WIDTH}f64")
-            return builder.call(function, args)
-
-        return x(x), generate
-
-    return call
-
-
-_sqrt, _floor = _of_llvm("sqrt"), _of_llvm("floor")
-
-
-def _root(x: Any) -> Any:
-    """Return √x."""
-    return _sqrt(x)
-
-
-def _sine(x: Any) -> Any:
-    """Return sin x by Taylor's series for x − kπ, of size π/2 at most: the first omitted term is below 1e-17."""
-    k = _floor(x * (1.0 / math.pi) + 0.5)
-    r = (x - k * math.pi) - k * 1.2246467991473532e-16  # π to 32 digits
-    s = r * r
-    y = 1.0 - s / 110.0 * (1.0 - s / 156.0 * (1.0 - s / 210.0 * (1.0 - s / 272.0 * (1.0 - s / 342.0))))
-    y = 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * y)))
-    return (1.0 - 2.0 * (k - 2.0 * _floor(0.5 * k))) * r * y
-
-
-def _cosine(x: Any) -> Any:
-    """Return cos x."""
-    return np.sin(x + 0.5 * math.pi)
-
-
-def _implement(function: Callable[..., Any], lanes: Callable[..., Any]) -> None:
-    """Let compiled code call a function of numbers with lanes."""
-
-    def choose(x: Any) -> Any:
-        return lanes if isinstance(x, LanesType) else None
-
-    overload(function, jit_options={"fastmath": True, "forceinline": True})(choose)
-
-
-for _module in (math, np):
-    _implement(_module.sqrt, _root)
-    _implement(_module.sin, _sine)
-    _implement(_module.cos, _cosine)
-
-
-@intrinsic
-def _signed(_context: Any, x: Any, y: Any) -> Any:
-    def generate(_context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        kind = ir.FunctionType(_VECTOR, [_VECTOR, _VECTOR])
-        function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.copysign.v{WIDTH}f64")
-        return builder.call(function, (_spread(builder, sig.args[0], args[0]), args[1]))
-
-    return y(x, y), generate
-
-
-def _copysign(x: Any, y: Any) -> Any:
-    """Return x with the signs of y."""
-    return _signed(x, y)
-
-
-@overload(np.copysign)
-def _choose_copysign(x: Any, y: Any) -> Any:  # noqa: ARG001
-    return _copysign if isinstance(y, LanesType) else None
-
-
-@intrinsic
-def turned_over(_context: Any, rows: Any) -> Any:
-    """Return eight lanes as eight others: number j of lane i becomes number i of lane j."""
-
-    def generate(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
-        lanes = cgutils.unpack_tuple(builder, args[0])
-        for far in (1, 2, 4):  # two blocks of this size beside the diagonal change places
-            low = [e if not e & far else WIDTH + e - far for e in range(WIDTH)]
-            high = [e + far if not e & far else WIDTH + e for e in range(WIDTH)]
-            for i in (i for i in range(WIDTH) if not i & far):
-                pair = lanes[i], lanes[i + far]
-                lanes[i], lanes[i + far] = (
-                    builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_INDEX, WIDTH), mask))
-                    for mask in (low, high)
-                )
-        return cgutils.pack_array(builder, lanes)
-
-    return rows(rows), generate
+def elementary(builder: Any, name: str, values: Any) -> Any:
+    """Return LLVM's function of that name of numbers or lanes, all of one kind."""
+    kind = values[0].type
+    shape = ir.FunctionType(kind, [kind] * len(values))
+    suffix = f"v{WIDTH}f64" if kind == VECTOR else "f64"
+    function = cgutils.get_or_insert_function(builder.module, shape, f"llvm.{name}.{suffix}")
+    return builder.call(function, values)
 
 
 def _view(kind: Any, lost: int) -> Any:

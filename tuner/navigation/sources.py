@@ -15,27 +15,26 @@ import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation import arrays, covariance, lanes, updates
+from tuner.navigation import arrays, compiler, covariance, lanes, updates
+from tuner.navigation import straight as straight_module
 from tuner.navigation import compiled as compiled_module
 from tuner.navigation.arrays import Memory, copy_in, copy_out, memory, work_of
 from tuner.navigation.compiled import (
     Layout,
     Workspace,
-    announced,
     borrowed_layout,
     checksum,
-    compiled,
     sensed_states,
     set_true,
     transposed,
 )
+from tuner.navigation.compiler import compiled, kernel
 from tuner.navigation.covariance import PUT_OFF, advance, set_decay, settle, summarise
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.updates import factor, fix_model, whiten
@@ -245,7 +244,7 @@ def _kept(number: int) -> Callable[..., None]:
                         summarise(lay, P, out[row, w])
                 i += 1
 
-    return announced(numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)(trace))
+    return kernel(trace)
 
 
 _trace = _kept(
@@ -255,6 +254,8 @@ _trace = _kept(
         strapdown,
         errorstate,
         lanes,
+        straight_module,
+        compiler,
         compiled_module,
         arrays,
         covariance,

@@ -17,7 +17,9 @@ from models.earth import earth_rate, radii
 from models.errorstate import coupling
 from models.strapdown import rates
 from models.triples import add, cross, exponential, matrix, product, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, called, compiled, unmix
+from tuner.navigation.compiled import Layout, Workspace, unmix
+from tuner.navigation.compiler import called, compiled
+from tuner.navigation.straight import straight
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,7 +29,7 @@ KIND, RATES, SLIP, MOUNTING, STATE, LIMIT = 6, 7, 13, 16, 25, 26
 LENGTH = 27
 
 
-@compiled
+@straight
 def _skew_into(H: FloatArray, row: int, column: int, a: Any, sign: float) -> None:
     """Add sign [a ×] to a block of H."""
     H[row, column + 1] -= sign * a[2]
@@ -57,7 +59,7 @@ def _sensor_rows(lay: Layout, true: FloatArray, mat: Any, inverse: FloatArray, o
                 out[3 + i, s] = push[i]
 
 
-@compiled
+@straight
 def _metres(pos: Any) -> Any:
     """Return d(north, east, down)/d(latitude, longitude, height)."""
     meridian, normal = radii(np.sin(pos[0]))
@@ -86,13 +88,13 @@ def _delay_rows(
             H[3 + i, j] -= delay * F[i, j]
 
 
-@compiled
-def _turned(m: Any, row: int, a: Any) -> float:
+@straight
+def _turned(m: Any, row: int, a: Any) -> Any:
     """Return component `row` of mᵀ a."""
-    return float(m[0][row] * a[0] + m[1][row] * a[1] + m[2][row] * a[2])
+    return m[0][row] * a[0] + m[1][row] * a[1] + m[2][row] * a[2]
 
 
-@compiled
+@straight
 def _to_body(m: Any, a: Any) -> Any:
     """Return mᵀ a."""
     return (_turned(m, 0, a), _turned(m, 1, a), _turned(m, 2, a))
@@ -177,7 +179,7 @@ def constraint_model(
                 H[i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
 
 
-@compiled
+@straight
 def _left_jacobian(m: Any, a: Any) -> Any:
     """Return J a with exp([(m + δ) ×]) = exp([J δ ×]) exp([m ×]), by series: m is a small angle."""
     s = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
@@ -265,7 +267,7 @@ def fix_model(
         z[3 + i] = fix[3 + i] - (antenna[i] - delay * acc[i])
 
 
-@compiled
+@straight
 def correct(pos: Any, vel: Any, quat: Any, dx: FloatArray) -> Any:
     """Return the state with nine errors added: `models.errorstate.corrected`."""
     metres = _metres(pos)

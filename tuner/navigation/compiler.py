@@ -1,0 +1,147 @@
+# mypy: disable-error-code="no-untyped-call, untyped-decorator, misc"
+"""How kernels are compiled: the parts as they are written, and a kernel with all of its parts at once.
+
+By itself numba optimises every function that a kernel calls and turns it into instructions, and does both again
+in each caller. Here a part waits for its kernel, and the kernel is optimised once.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+from numba import _dynfunc
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.event import Listener, register
+from numba.core.typed_passes import NativeLowering
+from numba.extending import register_jitable
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+class _Whole(JITCodeLibrary):
+    """The code of a kernel."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+class _Part(_Whole):
+    """The code of a part."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _WriteWhole(NativeLowering):
+    """Writes the code of a kernel."""
+
+    _name = "write_whole"
+
+    def run_pass(self, state: Any) -> bool:
+        """Put it into a library that is kept on disk."""
+        state.library = _Whole(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _WritePart(NativeLowering):
+    """Writes the code of a part."""
+
+    _name = "write_part"
+
+    def run_pass(self, state: Any) -> bool:
+        """Let callers find it by a function that has no address."""
+        state.library = _Part(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        written = state["cr"]
+        module, name = written.fndesc.lookup_module(), state.func_id.func_name
+        entry = _dynfunc.make_function(module, name, "", 0, written.env, (state.library,))
+        state.targetctx.insert_user_function(entry, written.fndesc, [state.library])
+        state["cr"] = written._replace(cfunc=entry)
+        return True
+
+
+def _compiler(writes: type[NativeLowering]) -> type[CompilerBase]:
+    """Return numba's compiler with another pass that writes code."""
+
+    class Compiler(CompilerBase):
+        def define_pipelines(self) -> Any:
+            """Return what is done one after the other."""
+            steps = DefaultPassBuilder.define_nopython_pipeline(self.state)
+            steps.passes = [(writes if s is NativeLowering else s, why) for s, why in steps.passes]
+            steps.finalize()
+            return [steps]
+
+    return Compiler
+
+
+_OPTIONS = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
+_PART = _compiler(_WritePart)
+
+
+def kernel(function: Function) -> Function:
+    """Make a kernel, kept on disk; when it has to be compiled, a line on standard error says so."""
+    made: Function = numba.njit(cache=True, nogil=True, pipeline_class=_compiler(_WriteWhole), **_OPTIONS)(function)
+    _ANNOUNCER.kernels.add(made)
+    return made
+
+
+def compiled(function: Function) -> Function:
+    """Make a part of kernels, with numbers or lanes; one without loops is better `straight`."""
+    return _part(function, within=True)
+
+
+def called(function: Function) -> Function:
+    """Make a part that is called seldom, and so there once, not again within each caller."""
+    return _part(function, within=False)
+
+
+def _part(function: Function, *, within: bool) -> Function:
+    made: Function = register_jitable(
+        **_OPTIONS, no_cpython_wrapper=True, forceinline=within, pipeline_class=_PART
+    )(function)
+    return made
+
+
+class _Announcer(Listener):
+    """Says on standard error that kernels are being compiled.
+
+    Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
+    """
+
+    def __init__(self) -> None:
+        self.kernels: set[object] = set()
+        self.collects = False
+
+    def on_start(self, event: Any) -> None:
+        """Speak where a kernel that is kept on disk was not found there."""
+        if event.data["dispatcher"] in self.kernels:
+            sys.stderr.write("tuner: compiling the filter for this machine, once; it takes some seconds\n")
+            self.collects = gc.isenabled()
+            gc.disable()
+
+    def on_end(self, event: Any) -> None:
+        """Collect again."""
+        if event.data["dispatcher"] in self.kernels and self.collects:
+            gc.enable()
+
+
+_ANNOUNCER = _Announcer()
+register("numba:compile", _ANNOUNCER)
