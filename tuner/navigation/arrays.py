@@ -11,7 +11,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from tuner.navigation.compiled import NEVER, Layout
-from tuner.navigation.compiler import compiled
+from tuner.navigation.compiler import PART, compiled
 from tuner.navigation.lanes import WIDTH, aligned, as_columns, as_lanes, as_numbers
 
 FloatArray = NDArray[np.float64]
@@ -177,7 +177,7 @@ def work_of(m: Memory, filters: tuple[Any, ...]) -> Work:
     raise NotImplementedError
 
 
-@overload(work_of)
+@overload(work_of, jit_options=PART)
 def _choose_work(m: Any, filters: Any) -> Any:  # noqa: ARG001
     views = _ONE if len(filters) == 1 else _EIGHT
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
-from numba import _dynfunc
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -92,13 +92,16 @@ def _compiler(writes: type[NativeLowering]) -> type[CompilerBase]:
     return Compiler
 
 
-_OPTIONS = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
-_PART = _compiler(_WritePart)
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
+PART: Any = _OPTIONS | {"no_cpython_wrapper": True, "pipeline_class": _compiler(_WritePart)}
+"""What numba is to know of a part."""
 
 
 def kernel(function: Function) -> Function:
     """Make a kernel, kept on disk; when it has to be compiled, a line on standard error says so."""
-    made: Function = numba.njit(cache=True, nogil=True, pipeline_class=_compiler(_WriteWhole), **_OPTIONS)(function)
+    made: Function = numba.njit(cache=True, nogil=True, pipeline_class=_compiler(_WriteWhole), **_OPTIONS)(
+        function
+    )
     _ANNOUNCER.kernels.add(made)
     return made
 
@@ -114,9 +117,7 @@ def called(function: Function) -> Function:
 
 
 def _part(function: Function, *, within: bool) -> Function:
-    made: Function = register_jitable(
-        **_OPTIONS, no_cpython_wrapper=True, forceinline=within, pipeline_class=_PART
-    )(function)
+    made: Function = register_jitable(**PART, forceinline=within)(function)
     return made
 
 

@@ -17,8 +17,8 @@ from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
 from tuner.navigation import arrays, compiler, covariance, lanes, updates
-from tuner.navigation import straight as straight_module
 from tuner.navigation import compiled as compiled_module
+from tuner.navigation import straight as straight_module
 from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
 from tuner.navigation.compiled import (
     NEVER,
@@ -280,6 +280,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
 
 
 _SOURCES = (
-    triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance, updates, sys.modules[__name__]
+    triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance,
+    updates, sys.modules[__name__],
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

@@ -22,8 +22,8 @@ from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
 from tuner.navigation import arrays, compiler, covariance, lanes, updates
-from tuner.navigation import straight as straight_module
 from tuner.navigation import compiled as compiled_module
+from tuner.navigation import straight as straight_module
 from tuner.navigation.arrays import Memory, copy_in, copy_out, memory, work_of
 from tuner.navigation.compiled import (
     Layout,

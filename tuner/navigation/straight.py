@@ -25,7 +25,7 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import AbstractTemplate, infer, infer_global, signature
 from numba.extending import lower_builtin
 
-from tuner.navigation.lanes import LANES, VECTOR, WIDTH, LanesType, elementary, spread
+from tuner.navigation.lanes import LANES, VECTOR, WIDTH, elementary, spread
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -111,8 +111,9 @@ class Writer:
     def given(self, kind: Any, code: Any) -> Any:
         """Return an argument of compiled code as functions see it."""
         if isinstance(kind, types.BaseTuple):
-            parts = [self.given(k, self.builder.extract_value(code, i)) for i, k in enumerate(kind)]
-            return kind.instance_class(*parts) if isinstance(kind, types.BaseNamedTuple) else tuple(parts)
+            kinds: tuple[Any, ...] = kind.types  # type: ignore[attr-defined]
+            parts = [self.given(k, self.builder.extract_value(code, i)) for i, k in enumerate(kinds)]
+            return tuple(parts) if (named := getattr(kind, "instance_class", None)) is None else named(*parts)
         if isinstance(kind, types.Array):
             return Elements(self, kind, code)
         if isinstance(kind, types.Boolean):

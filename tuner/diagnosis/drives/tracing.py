@@ -23,6 +23,7 @@ from models.errorstate import coupling
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
 from tuner.navigation import compiled as compiled_module
+from tuner.navigation import straight
 from tuner.navigation.compiled import Layout, checksum
 
 FloatArray = NDArray[np.float64]
@@ -328,4 +329,6 @@ def _kept(number: int) -> Callable[..., None]:
     return cast(Callable[..., None], numba.njit(cache=True, nogil=True)(entry))
 
 
-kept_trace = _kept(checksum(triples, earth, strapdown, errorstate, compiled_module, sys.modules[__name__]))
+kept_trace = _kept(
+    checksum(triples, earth, strapdown, errorstate, straight, compiled_module, sys.modules[__name__])
+)
