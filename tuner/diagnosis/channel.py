@@ -23,7 +23,11 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BLOCKS = 4096
-"""Blocks that a record is cut into, where it has that many samples."""
+"""Blocks that a record is cut into, within 5 %, where it has that many samples."""
+LOST = 1e-3
+"""Share of the samples, at the end, that may be left out for blocks whose transforms are fast."""
+FAST = 11
+"""Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
 SHORTEST = 1024
 """Samples below which nothing is said."""
 LONGEST_GAP = 0.02
@@ -52,8 +56,8 @@ class Channel:
         Samples in a block, L.
     covariates : mapping of str to ndarray, shape (M,)
         Block means of further channels.
-    lattice : float
-        Step of the codes ÷ `scale`; 0 for none.
+    lattice, deadband : float
+        Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
     """
 
     axis: str
@@ -67,6 +71,7 @@ class Channel:
     block: int
     covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     lattice: float = 0.0
+    deadband: float = 0.0
 
     def __len__(self) -> int:
         return len(self.y)
@@ -100,8 +105,7 @@ class Channel:
         length = last - first
         if length < SHORTEST:
             return None
-        block = max(1, round(length / BLOCKS))
-        length -= length % block
+        block, length = _cut(length)
         coarse = {
             name: np.interp(
                 (first + (np.arange(length // block) + 0.5) * block) * self.interval, self.block_time, values
@@ -153,8 +157,7 @@ def channel(
     if n < SHORTEST:
         msg = f"{record.source or record.name}: {axis} has {n} samples, expected {SHORTEST} or more; record longer"
         raise DataError(msg)
-    block = max(1, round(n / BLOCKS))
-    n -= n % block
+    block, n = _cut(n)
     keep = place < n
     if held is not None:
         keep &= ~held[source]
@@ -182,6 +185,25 @@ def channel(
         axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
         MappingProxyType(covariates), lattice / scale,
     )  # fmt: skip
+
+
+def _cut(n: int) -> tuple[int, int]:
+    """Return the length of a block and how many samples are kept, out of n: all but a few, of small prime factors."""
+    block = n / BLOCKS
+    lengths = range(max(1, round(0.95 * block)), max(1, round(1.05 * block)) + 1)
+    tried = [(size, m) for size in lengths for m in range(n // size, -int(-n * (1.0 - LOST) // size) - 1, -1)]
+    size, m = min(
+        tried, key=lambda cut: (max(_largest_prime(cut[0]), _largest_prime(cut[1]), FAST), -cut[0] * cut[1])
+    )
+    return size, size * m
+
+
+def _largest_prime(n: int) -> int:
+    """Return the largest prime factor of a number."""
+    factor = 2
+    while factor * factor <= n:
+        factor, n = (factor, n // factor) if n % factor == 0 else (factor + 1, n)
+    return n
 
 
 def difference_sd(x: FloatArray) -> float:
