@@ -13,19 +13,22 @@ limit (1.35). A wide prior keeps the search within bounds and has no part in int
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
-from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient
+from tuner.diagnosis.drives.likelihood import Belief, evaluate_with_gradient, held
 from tuner.diagnosis.drives.scales import Scales
 from tuner.results import Coefficient
 
 FloatArray = NDArray[np.float64]
+Cost = Callable[[FloatArray], tuple[float, FloatArray]]
+"""(parameters (q,)) → cost and its gradient."""
 
 WIDE = 2.0
 """Prior sd of the log of a factor of which nothing is known."""
@@ -35,6 +38,12 @@ NARROW = 0.15
 """Sd of a log below which the quadratic stands for the likelihood."""
 ENOUGH = 0.01
 """Gain of a step, nats, from which on a search goes on."""
+ROUGHLY = 1e-3
+"""The same, as a share of all that was gained: what is so far off is fitted again once it is adopted."""
+HOLDS = 3
+"""Times that the noise is fitted at most, mean parameters held as fitted with the noise before."""
+HARDLY = 0.1
+"""Gain by other mean parameters, nats, from which the noise is fitted once more."""
 HOPELESS = 1e12
 """Cost, nats, of noise so far from the record's that its likelihood is lost in rounding."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
@@ -51,11 +60,11 @@ class Fit:
     scales : Scales
         The parameters.
     start : Belief
-        Where they are 0.
+        Where they are 0, mean parameters held.
     estimate, prior_sd : ndarray, shape (q,)
         Parameters and their prior sds.
-    covariance : ndarray, shape (q, q)
-        With the prior.
+    cost : callable
+        −ln L and the prior, with its gradient.
     log_likelihood, objective : float
         ln L there, without and with the prior.
     """
@@ -64,9 +73,14 @@ class Fit:
     start: Belief
     estimate: FloatArray
     prior_sd: FloatArray
-    covariance: FloatArray
+    cost: Cost
     log_likelihood: float
     objective: float
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of the estimate, with the prior; shape (q, q)."""
+        return curvature(self.cost, self.estimate, self.prior_sd)
 
     @property
     def belief(self) -> Belief:
@@ -161,6 +175,29 @@ def maximise(
         Where to begin.
     """
     sd = np.array([prior_sd.get(name, WIDE) for name in scales.names])
+    x = np.zeros(len(scales.names)) if start is None else start
+    fixed, cost = _held_cost(belief, scales, x, sd)
+    inverse, last = curvature(cost, x, sd), -np.inf
+    for _ in range(HOLDS):
+        x, last, inverse = _climbed(cost, x, inverse)
+        if not belief.columns:
+            break
+        fixed, cost = _held_cost(belief, scales, x, sd)
+        was, last = last, -cost(x)[0]
+        if last - was < HARDLY:
+            break
+    prior = 0.5 * float(np.sum((x / sd) ** 2))
+    return Fit(scales, fixed, x, sd, cost, prior + last, last)
+
+
+def _held_cost(belief: Belief, scales: Scales, x: FloatArray, sd: FloatArray) -> tuple[Belief, Cost]:
+    """Return a belief with mean parameters held at their best for some noise, and the cost of other noise."""
+    fixed = replace(belief, record=held(scales.change(belief, x)).record, columns=())
+    return fixed, _cost(fixed, scales, sd)
+
+
+def _cost(belief: Belief, scales: Scales, sd: FloatArray) -> Cost:
+    """Return the cost to minimise, −ln L and the prior, with its gradient."""
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
         x = np.clip(x, -FAR, FAR)
@@ -171,30 +208,29 @@ def maximise(
             return HOPELESS, x / sd**2
         return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes
 
-    x = np.zeros(len(scales.names)) if start is None else start
-    inverse = curvature(cost, x, sd)
+    return cost
+
+
+def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Return where a search from x ends, the objective there, and the inverse curvature as the search has it."""
     options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
-    last = np.inf
+    first = last = cost(x)[0]
 
     def enough(intermediate_result: OptimizeResult) -> None:
         nonlocal last
         gained, last = last - float(intermediate_result.fun), float(intermediate_result.fun)
-        if gained < ENOUGH:
+        if gained < max(ENOUGH, ROUGHLY * (first - last)):
             raise StopIteration
 
     answer = minimize(cost, x, method="BFGS", jac=True, options=options, callback=enough)
-    x = np.clip(answer.x, -FAR, FAR)
-    covariance = curvature(cost, x, sd)
-    prior = 0.5 * float(np.sum((x / sd) ** 2))
-    return Fit(scales, belief, x, sd, covariance, prior - float(answer.fun), -float(answer.fun))
+    return np.clip(answer.x, -FAR, FAR), -float(answer.fun), np.asarray(answer.hess_inv)
 
 
-def curvature(cost: object, x: FloatArray, sd: FloatArray) -> FloatArray:
+def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:
     """Return the inverse of the second derivatives of a cost with gradient, by differences of the gradient.
 
     Directions in which the cost is not convex are left to the prior `sd`.
     """
-    assert callable(cost)
     middle = cost(x)[1]
     second = np.empty((len(x), len(x)))
     for j in range(len(x)):

@@ -25,7 +25,7 @@ from tuner.results import FilterConfig
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MOST = 3000
+MOST = 1500
 """Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
 
 

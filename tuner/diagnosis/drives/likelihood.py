@@ -12,12 +12,12 @@ backwards. As believed by the filter itself (`believed`), z and f are exactly it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drives.passes import Places, backward, forward
+from tuner.diagnosis.drives.passes import NAVIGATION, Places, backward, forward
 from tuner.diagnosis.drives.record import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
@@ -105,6 +105,8 @@ class Gradient:
 
     Attributes
     ----------
+    value : float
+        ln L.
     by_sd : ndarray, shape (k, 6)
         By ln sd of every row.
     by_drive : ndarray, shape (4,)
@@ -119,6 +121,7 @@ class Gradient:
         Of an impulse in the biases of gyroscopes and accelerometers just after each fix: I⁻¹ score is its size.
     """
 
+    value: float
     by_sd: FloatArray
     by_drive: FloatArray
     by_markov_sd: FloatArray
@@ -144,6 +147,7 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
     record = belief.record
     k, b = len(record.t), min(IMPULSES, record.transition.shape[1] - 9)
     gradient = Gradient(
+        found.value,
         np.zeros((k, 6)),
         np.zeros(4),
         np.zeros(3),
@@ -178,6 +182,27 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
     return found, gradient
 
 
+def held(belief: Belief) -> Belief:
+    """Return a belief with its free mean parameters held where they are now, which costs no column any more.
+
+    What they do to the record is taken out of its innovations. Estimates of mean and noise of normal laws are
+    independent to first order: noise may be fitted with the mean held.
+    """
+    if not belief.columns:
+        return belief
+    record, columns = belief.record, list(belief.columns)
+    theta = evaluate(belief).theta
+    push, offset = record.drive[:, :, columns] @ theta, record.seen[:, :, columns] @ theta
+    error = np.zeros((len(record.t), record.transition.shape[1]))
+    now = error[:1].ravel()
+    for i, phi in enumerate(record.transition):
+        if record.starts[i]:
+            now = np.concatenate([np.zeros(NAVIGATION), now[NAVIGATION:]])
+        error[i] = now = phi @ now + push[i]
+    seen = (record.H @ error[:, :, None])[:, :, 0] + offset
+    return replace(belief, record=replace(record, innovation=record.innovation - seen), columns=())
+
+
 def gains_of(belief: Belief) -> FloatArray:
     """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
     return _forward(belief)[1]
@@ -193,6 +218,12 @@ def _packed(record: LinearRecord) -> tuple[Places, Places, Places, Places, Place
 def _places(record: LinearRecord, name: str) -> Places:
     kept = record.compact(name)
     return kept.row, kept.column, kept.values
+
+
+def _chosen(of: FloatArray, columns: list[int]) -> FloatArray:
+    """Return columns of the last axis, without a copy where they are all."""
+    every = columns == list(range(of.shape[2]))
+    return np.ascontiguousarray(of if every else of[:, :, columns])
 
 
 def _decay(belief: Belief) -> FloatArray:
@@ -218,8 +249,8 @@ def _forward(belief: Belief) -> tuple[Likelihood, FloatArray]:
         record.correction,
         record.initial,
         record.starts,
-        np.ascontiguousarray(record.drive[:, :, columns]),
-        np.ascontiguousarray(record.seen[:, :, columns]),
+        _chosen(record.drive, columns),
+        _chosen(record.seen, columns),
         _decay(belief),
         belief.markov_sd,
         z,

@@ -26,7 +26,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.claim import Claim, silent
 from tuner.diagnosis.drives.fitting import NO_PRIOR, Fit, maximise
-from tuner.diagnosis.drives.likelihood import Belief, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drives.likelihood import Belief, evaluate, evaluate_with_gradient, held
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.scales import BLOCKS, ROWS, factors, present
 from tuner.results import Coefficient
@@ -80,6 +80,7 @@ def scores(belief: Belief) -> Scores:
     """Return scores of all factors that the record has anything of."""
     names = present(belief, (*ROWS, *BLOCKS, *GROUPS))
     scales, zero = factors(names), np.zeros(len(names))
+    belief = held(belief)
     found, gradient = evaluate_with_gradient(belief)
     slope = scales.slopes(belief, zero, gradient)
     own = 2.0 * np.where(belief.counted, gradient.precision * belief.sd**2, 0.0) ** 2

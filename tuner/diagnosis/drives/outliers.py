@@ -5,8 +5,8 @@ and corrected for all accepted mean parameters, names the culprit among neighbou
 scale, median q ÷ median χ², a wrong R is no reason for an alarm.
 
 *Masking.* Velocities far from what positions and inertial unit alone predict are left out first, as there may be
-more wrong than right ones; then, round by round, the worst of its neighbourhood where n P(χ² > q) < `SUSPECT`; what
-is fine without itself is taken back.
+more wrong than right ones; then all blocks at once where n P(χ² > q) < `SUSPECT`. What is fine without itself is taken
+back, and round by round the worst of its neighbourhood that still is suspect follows.
 
 *Test.* On the unmasked blocks of one kind, those of the other kind masked: the largest q, exact with n blocks, and the
 count beyond the 10⁻³ quantile, Poisson; twice the smaller chance.
@@ -27,7 +27,13 @@ from scipy.stats import beta, chi2, poisson
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.claim import Claim, silent
-from tuner.diagnosis.drives.likelihood import Belief, Likelihood, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drives.likelihood import (
+    Belief,
+    Likelihood,
+    evaluate,
+    evaluate_with_gradient,
+    held,
+)
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.results import Coefficient
 
@@ -43,7 +49,7 @@ TAIL = 1e-3
 """Chance of a block beyond which blocks are counted."""
 REACH = 5
 """Fixes on either side among which only the worst block is left out in one round."""
-ROUNDS = 40
+ROUNDS = 12
 """Most rounds of masking."""
 
 
@@ -77,18 +83,24 @@ def mask(belief: Belief) -> Mask:
     alone = whole.rows.copy()
     alone[:, 3:] = False
     if alone[:, :3].any():
-        off = evaluate_with_gradient(replace(whole, rows=alone))[1].deleted
+        off = _deleted(replace(whole, rows=alone))
         out[:, 1] = log_chances(off, tried, 1, scaled=False) < limit
-    for _ in range(ROUNDS):
-        off = evaluate_with_gradient(replace(whole, rows=whole.rows & ~np.repeat(out, 3, axis=1)))[1].deleted
+    for n in range(ROUNDS):
+        off = _deleted(replace(whole, rows=whole.rows & ~np.repeat(out, 3, axis=1)))
         chance = np.stack([log_chances(off, tried, block) for block in range(2)], axis=1)
-        suspect = chance < limit
-        worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * REACH + 1)
-        again = suspect & (out | (chance <= worst[:, None]))
+        again = chance < limit
+        if n:
+            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * REACH + 1)
+            again &= out | (chance <= worst[:, None])
         if np.array_equal(again, out):
             break
         out = again
     return Mask(out, evaluate(replace(belief, rows=(belief.rows | tried) & ~np.repeat(out, 3, axis=1))))
+
+
+def _deleted(belief: Belief) -> FloatArray:
+    """Return what every row is off given all others, by its sd, shape (k, 6)."""
+    return evaluate_with_gradient(held(belief))[1].deleted
 
 
 def _settled(record: LinearRecord) -> LinearRecord:
@@ -146,7 +158,7 @@ def outliers(belief: Belief, masked: Mask, cause: str) -> Claim:
     others = np.zeros_like(masked.out)
     others[:, 1 - block] = masked.out[:, 1 - block]
     kept = (belief.rows | tried) & ~np.repeat(others, 3, axis=1)
-    off = evaluate_with_gradient(replace(belief, rows=kept, record=_settled(belief.record)))[1].deleted
+    off = _deleted(replace(belief, rows=kept, record=_settled(belief.record)))
     chance = np.exp(log_chances(off, tried, block))
     least = float(chance.min())
     count = int(np.count_nonzero(chance < TAIL))

@@ -156,9 +156,9 @@ def forward(
 ) -> None:
     """Run the filter; sets z, f (k, 6), s (k, 6, p) and gains K (k, 6, N), N the states with those of the fixes.
 
-    `phi` are the first places of the rows of Φ (n + 1,), columns (m,) and values (k, m); process noise is its lower half.
-    `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows that are available
-    and not taken get z, f, s and K as predicted.
+    `phi` are the first places of the rows of Φ (n + 1,), columns (m,) and values (k, m); of process noise the lower
+    half is given. `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows
+    that are available and not taken get z, f, s and K as predicted.
     """
     k, n, p = H.shape[0], H.shape[2], drive.shape[2]
     start, column, transition = phi

@@ -45,9 +45,9 @@ class Whitened:
 def whitened(belief: Belief) -> Whitened:
     """Return the innovations of a record made white, and their sensitivities to all its constants."""
     record = belief.record
-    found = evaluate(replace(belief, columns=()))
     every = evaluate(replace(belief, columns=tuple(range(len(record.parameters)))))
     rows = belief.counted
-    root = np.sqrt(found.variance[rows])
+    root = np.sqrt(every.variance[rows])
+    slope = every.sensitivity[rows]
     t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
-    return Whitened(t, found.innovation[rows] / root, every.sensitivity[rows] / root[:, None])
+    return Whitened(t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None])
