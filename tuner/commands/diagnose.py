@@ -21,6 +21,9 @@ from tuner.records import DataError
 )
 @click.option("--gnss", metavar="GRADE|LOG", help="Of a drive: receiver, where fixes report no sds.")
 @click.option(
+    "--wheels", is_flag=True, help="Of a drive: wheels do not slip sideways; the stated mounting is tested."
+)
+@click.option(
     "--replicas", type=click.IntRange(min=0), default=0, show_default=True, help="Replicas for bands."
 )
 @click.option("--strict", is_flag=True, help="Exit status 1 where a misfit stays unexplained.")
@@ -31,6 +34,7 @@ def command(
     holdout: str | None,
     config: str | None,
     gnss: str | None,
+    wheels: bool,
     replicas: int,
     strict: bool,
     reading: Reading,
@@ -47,9 +51,9 @@ def command(
         if holdout is not None:
             msg = f"--holdout {holdout}: expected with a static log; of a drive the last 40 % are held out"
             raise DataError(msg)
-        return _drive(log, config, gnss, strict, seed, output, messages)
-    if config is not None or gnss is not None:
-        given = "--config" if config is not None else "--gnss"
+        return _drive(log, config, gnss, wheels, strict, seed, output, messages)
+    if config is not None or gnss is not None or wheels:
+        given = "--config" if config is not None else "--gnss" if gnss is not None else "--wheels"
         msg = f"{given}: expected with a drive, but {Path(log).name} has no fixes"
         raise DataError(msg)
     from tuner.diagnosis import diagnose
@@ -71,6 +75,7 @@ def _drive(
     drive: str,
     config: str | None,
     gnss: str | None,
+    wheels: bool,
     strict: bool,
     seed: int,
     output: Output,
@@ -90,7 +95,7 @@ def _drive(
         messages.say(believed.notes[0])
     else:
         believed = load_filter(config, receiver)
-    found = examined_drive(measured, believed, seed, messages).diagnosis
+    found = examined_drive(measured, believed, seed, messages, wheels=wheels).diagnosis
     if config is None:
         found = replace(found, notes=(believed.notes[0], *found.notes))
     if output.tables:

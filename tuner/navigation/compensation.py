@@ -12,6 +12,7 @@ gyro_scale, accel_scale .x y z   scale factor errors
 misalignment.roll pitch yaw      the gyros are turned against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force
 gravity.offset                   excess of gravity
+mounting.roll pitch yaw          the unit is turned in the vehicle: true mounting = stated one times Rz Ry Rx
 gnss_noise_scale.…               true ÷ reported sd: `tuner.navigation.receiver`
 ================================ ==========================================================================
 """
@@ -50,6 +51,10 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
     gnss = drive.gnss
     turn = rotation.mat_from_rpy(_triple(values, "gnss_frame", RPY))
     gnss = replace(gnss, t=gnss.t - values.get("time_offset.delay", 0.0), vel_n=gnss.vel_n @ turn)
+    if drive.mounting is not None:
+        drive = replace(
+            drive, mounting=drive.mounting @ rotation.mat_from_rpy(_triple(values, "mounting", RPY))
+        )
     lacking = _triple(values, "lever_arm", XYZ)
     arm = drive.lever_arm
     if lacking.any() or arm is not None:

@@ -1,7 +1,8 @@
 """Constant biases far beyond what the filter was told to expect of them.
 
 After a drive the estimate of a turn-on constant with prior sd σ and posterior variance p is N(0, σ² − p) where the
-prior is right, plus what its random walk has added since.
+prior is right, plus what its random walk has added since. A gyro that feels gravity has the same bias, as long as the
+unit stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ from scipy.stats import norm
 from tuner.diagnosis.drives.hypothesis import Pass
 from tuner.diagnosis.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
-from tuner.results import Coefficient, FilterConfig, Finding, Inflation
+from tuner.results import Alternative, Coefficient, FilterConfig, Finding, Inflation
 
 CAUSE = "sensor_bias"
 MEANING = "a constant bias far beyond its prior"
 CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
+
+FELT = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
+"""Causes that are the same on a level road."""
 
 
 def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[Finding, ...]:
@@ -67,6 +71,7 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
                     text,
                     CONSEQUENCE,
                     values,
+                    alternatives=FELT[sensor],
                     inflations=tuple(inflations),
                 )
             )

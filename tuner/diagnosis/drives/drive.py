@@ -14,6 +14,7 @@ from tuner.diagnosis.drives.gain import gain_of
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import THRESHOLD, Criticism, criticise
+from tuner.diagnosis.drives.mounting import mounting, not_told
 from tuner.files import plain
 from tuner.records import DataError, Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Gain, Unexplained
@@ -29,14 +30,24 @@ class Examined:
 
 
 def diagnose_drive(
-    drive: Drive, config: FilterConfig, *, seed: int = 0, progress: Callable[[str], None] | None = None
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    wheels: bool = False,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
 ) -> DriveDiagnosis:
     """Find what the navigation simulation gets wrong on a drive, and why; see `examine_drive`."""
-    return examine_drive(drive, config, seed=seed, progress=progress).diagnosis
+    return examine_drive(drive, config, wheels=wheels, seed=seed, progress=progress).diagnosis
 
 
 def examine_drive(
-    drive: Drive, config: FilterConfig, *, seed: int = 0, progress: Callable[[str], None] | None = None
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    wheels: bool = False,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
 ) -> Examined:
     """Find what the navigation simulation gets wrong on a drive, and why.
 
@@ -46,6 +57,8 @@ def examine_drive(
         The drive.
     config : FilterConfig
         What the filter believes of the sensor and of the receiver; where the receiver reports sds, those count.
+    wheels : bool
+        Whether the vehicle's wheels do not slip: then the stated mounting of the unit is tested.
     seed : int
         Seed of the bootstrap of gains.
     progress : callable, optional
@@ -57,7 +70,7 @@ def examine_drive(
         Where the drive cannot be aligned, the configuration lacks an axis, or its covariances are lost in rounding.
     """
     try:
-        return _examined(drive, config, seed, progress)
+        return _examined(drive, config, wheels, seed, progress)
     except np.linalg.LinAlgError as error:
         msg = (
             f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
@@ -67,7 +80,7 @@ def examine_drive(
 
 
 def _examined(
-    drive: Drive, config: FilterConfig, seed: int, progress: Callable[[str], None] | None
+    drive: Drive, config: FilterConfig, wheels: bool, seed: int, progress: Callable[[str], None] | None
 ) -> Examined:
     sensor, every = thinned(in_sensor_axes(drive))
     base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
@@ -77,11 +90,16 @@ def _examined(
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     gain = gain_of(sensor, outcome, seed=seed)
-    return Examined(sensor, outcome, _diagnosis(drive, config, outcome, notes, gain))
+    return Examined(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
 
 
 def _diagnosis(
-    drive: Drive, config: FilterConfig, outcome: Criticism, notes: tuple[str, ...], gain: Gain | None
+    drive: Drive,
+    config: FilterConfig,
+    wheels: bool,
+    outcome: Criticism,
+    notes: tuple[str, ...],
+    gain: Gain | None,
 ) -> DriveDiagnosis:
     """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
     n = max(1, int(np.count_nonzero(outcome.base.record.counted.any(axis=1))))
@@ -96,21 +114,31 @@ def _diagnosis(
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
     biases = beyond_prior(outcome.final, config, THRESHOLD)
     # A bias is what named causes leave: it comes last.
-    findings = (*findings, *biases)
+    turned = (
+        mounting(outcome.final, drive.mounting, THRESHOLD) if wheels and drive.mounting is not None else None
+    )
+    findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
     final = outcome.final.hypothesis
     wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
     channels = {
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
         for axis, noise in final.config.channels.items()
     }
+    taken_out = {name: value for name, value in final.values.items() if value != 0.0}
+    if turned is not None:
+        for name, c in turned.parameters.items():
+            key = f"{turned.cause}.{name}"
+            taken_out[key] = taken_out.get(key, 0.0) + (c.value or 0.0)
     after = replace(
         final.config,
         channels=channels,
-        compensation={name: value for name, value in final.values.items() if value != 0.0},
+        compensation=taken_out,
         findings=(*config.findings, *(plain(dict(f.extension)) for f in findings)),
     )
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
     )
     told = (*drive.notes, *notes)
-    return DriveDiagnosis(findings, config, after, left, told_apart(outcome.accepted), told, gain)
+    causes = tuple(finding.cause for finding in findings)
+    untold = not_told(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
+    return DriveDiagnosis(findings, config, after, left, (*told_apart(outcome.accepted), *untold), told, gain)

@@ -47,11 +47,6 @@ MEANINGS: Mapping[str, tuple[tuple[str, ...], str, str]] = {
         "a constant bias far beyond its prior",
         "widen the prior of the turn-on constant, or calibrate",
     ),
-    "mounting": (
-        ("imu",),
-        "the unit is turned in the vehicle against the mounting given",
-        "correct the mounting before axes of the vehicle are used",
-    ),
     "gnss_noise_scale": (
         ("gnss",),
         "errors of the fixes are not as large as reported: true ÷ reported",

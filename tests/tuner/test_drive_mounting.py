@@ -1,0 +1,49 @@
+"""How a unit sits in its vehicle: told where wheels do not slip, else said to be untold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models import rotation
+from tuner.diagnosis.drives import diagnose_drive
+from tuner.navigation.compensation import compensated
+
+PITCH, YAW = np.radians((3.0, -4.0))
+WIDER = 4.9 / 1.96
+"""A normal estimate is further off than 4.9 sds in 1e-6 of drives."""
+
+
+@pytest.fixture(scope="module")
+def turned(simulated):
+    """A unit pitched and yawed in a vehicle of which its maker says that it is not."""
+    drive = simulated(11)
+    mat = rotation.mat_from_rpy((0.0, PITCH, YAW))
+    rates = np.hstack([drive.rates[:, :3] @ mat.T, drive.rates[:, 3:] @ mat.T])
+    return replace(drive, rates=rates, mounting=np.eye(3))
+
+
+def test_a_wrong_mounting_is_named_where_wheels_do_not_slip(turned, drive_config):
+    diagnosis = diagnose_drive(turned, drive_config, wheels=True)
+    (finding,) = diagnosis.findings
+    assert finding.cause == "mounting"
+    for name, truth in (("pitch", PITCH), ("yaw", YAW)):
+        told = finding.parameters[name]
+        assert abs(told.value - truth) < WIDER * 0.5 * (told.interval[1] - told.interval[0])
+    mended = compensated(turned, diagnosis.compensation).mounting
+    np.testing.assert_allclose(mended, rotation.mat_from_rpy((0.0, PITCH, YAW)), atol=0.03)
+
+
+def test_a_right_mounting_is_left_alone(simulated, drive_config):
+    diagnosis = diagnose_drive(replace(simulated(12), mounting=np.eye(3)), drive_config, wheels=True)
+    assert diagnosis.quiet
+
+
+def test_without_wheels_the_mounting_is_said_to_be_untold(turned, drive_config):
+    diagnosis = diagnose_drive(turned, drive_config)
+    assert diagnosis.quiet
+    untold = {one.causes: one.text for one in diagnosis.inseparable}
+    assert "no wheels" in untold[("mounting",)]
+    assert "vertical accelerometer" in untold[("gravity", "sensor_bias")]
