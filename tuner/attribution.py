@@ -1,39 +1,44 @@
 """What explains the scores of a filter: rival explanations, each with the pattern of scores it would cause.
 
-A score that should be 1 is the mean of tr(P⁻¹ V) over its epochs, where V is the true covariance of the errors
-that the filter believes to be P. Both are sums over sources (`tuner.budget`), so that every explanation
-predicts all scores at once, from one number θ::
+Explanations (`tuner.explanations`) that take half of the misfit of the scores away compete by their likelihood: that
+of the whole whitened matrices behind the scores (`tuner.scatter`), of which every explanation predicts all elements
+as it predicts the scores. Two are told apart where the difference of their log-likelihoods, run by run, has a mean
+beyond twice its own scatter [1]_; else both are named. The interval of θ is where −2 ln p is within 4 of its least,
+times the ratio by which its slope scatters more over the runs than a likelihood's would.
 
-    a source is wrong by θ in sd           E s = s₀ + (θ² − 1) a_source
-    time constants are wrong by θ          E s = s₀ − a_states + a(the same states with time constants θ T)
-    a process is missing, of sd θ          E s = s₀ + θ² a(the process)
+Two words for one fault: a ladder whose time constants are a rung too long lacks its fastest state and has one too
+slow to be told from a constant. Where the runs do not tell the two apart, they are one cause.
 
-with a = tr(P⁻¹ V_source) and s₀ their sum, about 1, both from `tuner.responses`. The explanations compete by
-their misfit in the logarithms of the scores.
+References
+----------
+.. [1] Q. H. Vuong, Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57 (1989).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency import Consistency
-from tuner.responses import STRETCHES, UNMODELLED, Responses, patterns
+from tuner.consistency import Consistency, Score
+from tuner.explanations import Explanation, explanations
+from tuner.navigation.simulate import Runs
+from tuner.responses import Responses, patterns
+from tuner.scatter import Scatter, deviance, scatters, spread
 
 FloatArray = NDArray[np.float64]
 
-LARGEST = math.log(100.0)
-"""Largest factor in an sd that is considered, as a logarithm."""
 LEVEL_SCATTER = 0.05
 """Scatter of a score that linear covariance cannot explain (ladder for flicker, curvature)."""
 LIKELY = 4.0
-"""Misfit by which a size may be worse than the best of its explanation and still be likely."""
-AS_GOOD = 9.0
-"""Misfit by which an explanation may be worse than the best and still be named."""
+"""−2 ln of the likelihood by which a size, or an explanation, may be worse than the best and still be likely."""
+APART = 2.0
+"""Mean difference of −2 ln of two likelihoods over its scatter, from which on runs tell explanations apart."""
+GRID = 41
+"""Sizes at which a likelihood is looked at before its minimum is sought."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ class Cause:
     interval : (float, float)
         Values of it that are as likely (95 %); ends at the bounds of the search.
     misfit : float
-        Sum of squares left over.
+        Sum of squares that it leaves over in the logarithms of the scores.
     text : str
         In words.
     """
@@ -62,157 +67,123 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """A cause whose size θ is still open: what scores are expected, (s,), at ln θ within bounds, and the words."""
+class Fit:
+    """An explanation at its likeliest size: ln θ, its interval, the misfit of scores and −2 ln p by run, (m,)."""
 
-    source: str
-    expected: Callable[[float], FloatArray]
-    bounds: tuple[float, float]
-    words: Callable[[float, tuple[float, float]], str]
+    rival: Explanation
+    size: float
+    interval: tuple[float, float]
+    misfit: float
+    deviance: FloatArray
 
 
-def attribute(found: Consistency, response: Responses) -> tuple[Cause, ...]:
-    """Return the explanations, best first, of the scores of simulated runs; none where nothing explains them.
+def attribute(found: Consistency, flown: Runs, response: Responses) -> tuple[Cause, ...]:
+    """Return the explanations of the scores of simulated runs, the likeliest first; none where none explains them.
 
-    Returned are those that take half of the misfit away and are nearly as good as the best.
+    Returned are those that take half of the misfit away and are not told from the likeliest.
+
+    Parameters
+    ----------
+    found : Consistency
+        Scores.
+    flown : Runs
+        What was scored.
+    response : Responses
+        Of the same filter along the same scenario.
     """
-    ratios = np.array([score.mean / score.dof for score in found.scores])
-    effective = np.array([score.effective for score in found.scores])
-    own = dict(zip(response.known.sources, patterns(found, response.known).T, strict=True))
-    unknown = dict(zip(response.names, patterns(found, response.strange).T, strict=True))
-    return best(ratios, effective, explanations(own, unknown, response.constants))
+    own, unknown = (
+        np.concatenate([patterns(found, budget), spread(budget)]).T
+        for budget in (response.known, response.strange)
+    )
+    rivals = explanations(
+        dict(zip(response.known.sources, own, strict=True)),
+        dict(zip(response.names, unknown, strict=True)),
+        response.constants,
+    )
+    return best(found.scores, scatters(flown, response.known), rivals)
 
 
-def best(ratios: FloatArray, effective: FloatArray, rivals: Sequence[Explanation]) -> tuple[Cause, ...]:
-    """Return the rivals that explain mean squares over their expectations, shape (s,), best first."""
+def best(
+    scores: Sequence[Score], measured: Sequence[Scatter], rivals: Sequence[Explanation]
+) -> tuple[Cause, ...]:
+    """Return the rivals that explain scores and the scatter behind them, the likeliest first."""
+    ratios = np.array([score.mean / score.dof for score in scores])
+    scatter = np.sqrt(2.0 / np.array([score.effective for score in scores]) + LEVEL_SCATTER**2)
+
+    def misfit(expected: FloatArray | float) -> float:
+        return float(np.sum((np.log(ratios / np.maximum(expected, 1e-6)) / scatter) ** 2))
+
+    fits = []
+    for rival in rivals:
+        size, interval, by_run = _likeliest(rival, measured, len(ratios))
+        left = misfit(rival.expected(size)[: len(ratios)])
+        if left <= 0.5 * misfit(1.0):
+            fits.append(Fit(rival, size, interval, left, by_run))
+    fits.sort(key=lambda fit: float(fit.deviance.mean()))
+    return _named([fit for fit in fits if not _apart(fit.deviance - fits[0].deviance)])
+
+
+def _likeliest(
+    rival: Explanation, measured: Sequence[Scatter], scores: int
+) -> tuple[float, tuple[float, float], FloatArray]:
+    """Return ln θ of the greatest likelihood, its interval and −2 ln p by run."""
     from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
-    scatter = np.sqrt(2.0 / effective + LEVEL_SCATTER**2)
-    nothing = float(np.sum((np.log(ratios) / scatter) ** 2))
-    causes = []
-    for rival in rivals:
+    whole = [replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured]
 
-        def misfit(x: float, rival: Explanation = rival) -> float:
-            expected = np.maximum(rival.expected(x), 1e-6)
-            return float(np.sum((np.log(ratios / expected) / scatter) ** 2))
+    def by_run(x: float | FloatArray, of: Sequence[Scatter]) -> FloatArray:
+        expected = np.array([rival.expected(float(value)) for value in np.atleast_1d(x)])
+        return deviance(of, expected[:, scores:], model_scatter=LEVEL_SCATTER)
 
-        grid = np.linspace(*rival.bounds, 161)
-        values = np.array([misfit(float(x)) for x in grid])
-        start = grid[int(np.argmin(values))]
-        step = float(grid[1] - grid[0])
-        near = (max(start - step, rival.bounds[0]), min(start + step, rival.bounds[1]))
-        fit = minimize_scalar(misfit, bounds=near, method="bounded")
-        likely = np.exp(grid[values <= fit.fun + LIKELY])
-        theta = math.exp(float(fit.x))
-        low, high = min([theta, *likely]), max([theta, *likely])
-        causes.append(
-            Cause(rival.source, theta, (low, high), float(fit.fun), rival.words(theta, (low, high)))
+    grid = np.linspace(*rival.bounds, GRID)
+    values, step = by_run(grid, whole)[:, 0], float(grid[1] - grid[0])
+    start = float(grid[int(np.argmin(values))])
+    near = (max(start - step, rival.bounds[0]), min(start + step, rival.bounds[1]))
+    size = float(minimize_scalar(lambda x: by_run(x, whole)[0, 0], bounds=near, method="bounded").x)
+    # The slope of a composite likelihood scatters more than its curvature says.
+    fine = size + 0.05 * np.array([-1.0, 0.0, 1.0])
+    below, here, above = by_run(fine, measured)
+    slope, curvature = (above - below) / 0.1, float((above + below - 2.0 * here).mean()) / 0.05**2
+    excess = _error(slope) ** 2 / (2.0 * curvature) if curvature > 0.0 else 1.0
+    limit = float(here.mean()) + LIKELY * max(excess, 1.0)
+    low, high = (_edge(lambda x: by_run(x, whole)[0, 0] - limit, size, end) for end in rival.bounds)
+    return size, (low, high), here
+
+
+def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
+    """Return where a function rises through zero between a point where it is negative and an end, or the end."""
+    from scipy.optimize import brentq  # loaded when used: slow to import
+
+    return float(brentq(excess, inside, end, xtol=1e-3)) if excess(end) > 0.0 else end
+
+
+def _error(by_run: FloatArray) -> float:
+    """Return the standard error of a mean over runs."""
+    return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else math.inf
+
+
+def _apart(difference: FloatArray) -> bool:
+    """Tell whether runs are less likely by one explanation than by another, from the differences of −2 ln p."""
+    return float(difference.mean()) > max(LIKELY, APART * _error(difference))
+
+
+def _named(fits: Sequence[Fit]) -> tuple[Cause, ...]:
+    """Return causes with their words; two that say the same become one, where the likelier one stood."""
+    by_source = {fit.rival.source: fit for fit in fits}
+    twins = {fit.rival.same: fit for fit in fits if fit.rival.same in by_source and fit.size < 0.0}
+    causes: dict[str, Cause] = {}
+    for fit in fits:
+        one = twins.get(fit.rival.source, fit)
+        words = [_told(one)]
+        if twins.get(one.rival.same) is one:
+            words.append(_told(by_source[one.rival.same]))
+        size = (math.exp(one.interval[0]), math.exp(one.interval[1]))
+        cause = Cause(
+            one.rival.source, math.exp(one.size), size, one.misfit, ", or in other words: ".join(words)
         )
-    causes.sort(key=lambda cause: cause.misfit)
-    limit = min(max(2.0 * causes[0].misfit, causes[0].misfit + AS_GOOD), 0.5 * nothing)
-    return tuple(cause for cause in causes if cause.misfit <= limit)
+        causes.setdefault(cause.source, cause)
+    return tuple(causes.values())
 
 
-def explanations(
-    own: dict[str, FloatArray],
-    unknown: dict[tuple[str, str, float], FloatArray],
-    constants: dict[str, tuple[float, float]],
-) -> list[Explanation]:
-    """Return the rivals, from the patterns (s,) of known sources and of unknown (sensor, kind, factor)."""
-    sensors = {"gyro": "gyro bias noise", "accelerometer": "accelerometer bias noise"}
-    groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
-    groups["bias noise of gyros and accelerometers"] = tuple(sensors.values())
-    groups["all sensor noise"] = tuple(
-        f"{title} {noise}" for title in sensors for noise in ("white noise", "bias noise", "bias random walk")
-    )
-    groups["position and velocity fixes"] = ("position fixes", "velocity fixes")
-    groups["white and correlated noise of the fixes"] = (
-        "position fixes",
-        "velocity fixes",
-        "correlated fixes",
-    )
-    base = np.sum(list(own.values()), axis=0)
-    rivals = []
-    for name, members in groups.items():
-        inside = [own[member] for member in members if member in own]
-        if len(inside) == len(members) or name == "all sensor noise":
-            rivals.append(_scaled(name, base, np.sum(inside, axis=0)))
-    for name, titles in (
-        *((title, (title,)) for title in sensors),
-        ("gyro and accelerometer", tuple(sensors)),
-    ):
-        if all(title in constants for title in titles):
-            stretched = {
-                factor: np.sum([unknown[title, "stretched", factor] for title in titles], axis=0)
-                for factor in STRETCHES
-            }
-            states = np.sum([own[sensors[title]] for title in titles], axis=0)
-            rivals.append(_stretched(name, base, states, stretched))
-        for kind in ("slower", "next", "faster"):
-            if all((title, kind, 1.0) in unknown for title in titles):
-                column = np.sum([unknown[title, kind, 1.0] for title in titles], axis=0)
-                edges = [constants[title] for title in titles if title in constants]
-                rivals.append(_missing(name, kind, base, column, edges))
-    return rivals
-
-
-def _sized(theta: float, interval: tuple[float, float]) -> str:
-    """Return a factor, taken above 1, with its interval."""
-    low, high = interval if theta > 1.0 else (1.0 / interval[1], 1.0 / interval[0])
-    return f"about {max(theta, 1.0 / theta):.2g} times{_between(max(low, 1.0), high)}"
-
-
-def _between(low: float, high: float) -> str:
-    """Return an interval in words, nothing where it is narrower than the digits shown."""
-    return "" if f"{low:.2g}" == f"{high:.2g}" else f" ({low:.2g} … {high:.2g})"
-
-
-def _scaled(name: str, base: FloatArray, share: FloatArray) -> Explanation:
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        return f"{name} (sd) {_sized(theta, interval)} too {'small' if theta > 1.0 else 'large'}"
-
-    return Explanation(name, lambda x: base + (math.exp(2.0 * x) - 1.0) * share, (-LARGEST, LARGEST), words)
-
-
-def _stretched(
-    name: str, base: FloatArray, states: FloatArray, stretched: dict[float, FloatArray]
-) -> Explanation:
-    from scipy.interpolate import PchipInterpolator  # loaded when used: slow to import
-
-    points = {0.0: states, **{math.log(factor): column for factor, column in stretched.items()}}
-    x = np.array(sorted(points))
-    curve = PchipInterpolator(x, np.array([points[value] for value in x]))
-    what = f"time constants of the {name} bias noise"
-
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        return f"{what} {_sized(theta, interval)} too {'long' if theta < 1.0 else 'short'}"
-
-    return Explanation(
-        what, lambda value: np.asarray(base - states + curve(value)), (float(x[0]), float(x[-1])), words
-    )
-
-
-def _missing(
-    name: str, kind: str, base: FloatArray, column: FloatArray, edges: Sequence[tuple[float, float]]
-) -> Explanation:
-    """Return the explanation that states are missing beside those with the time constants `edges`."""
-    if edges:
-        fast, slow = min(edge[0] for edge in edges), max(edge[1] for edge in edges)
-        where = {
-            "slower": f"over decades slower than the slowest state ({slow:.3g} s)",
-            "next": f"a decade slower than the slowest state ({slow:.3g} s)",
-            "faster": f"a decade faster than the fastest state ({fast:.3g} s)",
-        }[kind]
-    else:
-        where = "over decades" if kind == "slower" else f"of some {UNMODELLED:g} s"
-
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        size = f", about {theta:.2g} times{_between(*interval)} as strong" if edges else ""
-        return f"{name} bias noise {where} is missing{size}"
-
-    return Explanation(
-        f"missing {name} bias noise ({kind})",
-        lambda x: base + math.exp(2.0 * x) * column,
-        (-LARGEST, LARGEST),
-        words,
-    )
+def _told(fit: Fit) -> str:
+    return fit.rival.words(math.exp(fit.size), (math.exp(fit.interval[0]), math.exp(fit.interval[1])))

@@ -109,7 +109,8 @@ def check(
     shares = error_budget(settings, plan)
     causes: tuple[Cause, ...] = ()
     if not found.consistent:
-        causes = attribute(found, responses(settings, plan, shares, window=resolution(settings, truth)))
+        answers = responses(settings, plan, shares, window=resolution(settings, truth))
+        causes = attribute(found, flown, answers)
     judged = replace(found, verdicts=explained(found, causes))
     seen = observability(settings, shares.final)
     return Check(judged, settings.size, tuple(notes), shares, seen, causes)

@@ -3,14 +3,15 @@
 Linear covariance by source (`tuner.budget`) with further sources: bias noises of other time constants than
 those of the filter's states. They have states of their own, which get no gain.
 
-The true bias of a simulation is a mean over a window W (`simulate.resolution`): of the variance of a
-Gauss–Markov process of time constant T it leaves 2 (T/W)² (W/T − 1 + e^{−W/T}).
+The true bias of a simulation is a mean over a window w (`simulate.resolution`). A state of a ladder, a decade
+from the next, stands for the flicker of a decade of frequencies, up to √10/(2πT); flicker averaged over w is that
+below 0.40/w. Of the state's variance σ² the mean takes σ² log₁₀(w/(0.8 T)), between nothing and all of it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from tuner.budget import Budget, Source, known_sources, trace
 from tuner.consistency import BLOCKS, Consistency
 from tuner.navigation.settings import FilterSettings
-from tuner.navigation.simulate import Scenario
+from tuner.navigation.simulate import RESOLVED, Scenario
 
 FloatArray = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def responses(settings: FilterSettings, plan: Scenario, budget: Budget, *, windo
         if key in settings.model.layout:
             values = settings.model.time_constant[settings.model.layout[key]]
             constants[title] = (float(values.min()), float(values.max()))
-    return Responses(_averaged(budget, settings, window), strange, names, constants)
+    return Responses(budget, strange, names, constants)
 
 
 def patterns(found: Consistency, budget: Budget) -> FloatArray:
@@ -99,27 +100,9 @@ def _traces(parts: FloatArray, whole: FloatArray, own: slice) -> FloatArray:
 
 
 def hidden(sd: ArrayLike, constant: ArrayLike, window: ArrayLike) -> FloatArray:
-    """Return the variance that the mean over a window, s, takes from Gauss–Markov processes."""
-    u = np.maximum(np.asarray(window, dtype=float) / constant, 1e-3)
-    return np.asarray(np.asarray(sd) ** 2 * (1.0 - 2.0 * (u + np.expm1(-u)) / u**2))
-
-
-def _averaged(budget: Budget, settings: FilterSettings, window: FloatArray) -> Budget:
-    """Return the budget with the bias noise that a mean over the window leaves."""
-    covariance, model = budget.covariance.copy(), settings.model
-    for first, title, key, axes in (
-        (0, "gyro bias noise", "gyro_markov", model.gyro_markov_axes),
-        (3, "accelerometer bias noise", "accel_markov", model.accel_markov_axes),
-    ):
-        if axes:
-            own = first + np.array(axes)
-            less = hidden(
-                settings.initial_sd[model.layout[key]], model.time_constant[model.layout[key]], window[own]
-            )
-            g = budget.sources.index(title)
-            for axis, variance in zip(own, less, strict=True):
-                covariance[:, g, 9 + axis, 9 + axis] -= variance
-    return replace(budget, covariance=covariance)
+    """Return the variance that a mean over a window, s, takes from the flicker that states a decade apart stand for."""
+    above = np.log10(np.maximum(np.asarray(window, dtype=float) / (RESOLVED * np.asarray(constant)), 1.0))
+    return np.asarray(np.asarray(sd) ** 2 * np.minimum(above, 1.0))
 
 
 Ladder = list[tuple[float, float]]

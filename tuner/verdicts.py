@@ -52,9 +52,9 @@ def explained(found: Consistency, causes: Sequence[Cause]) -> tuple[str, ...]:
         return sentences
     if not causes:
         return ("no single cause explains the scores", *sentences)
-    reason = f"{causes[0].text}: that explains the scores best"
+    reason = f"{causes[0].text}: that explains the runs best"
     if len(causes) > 1:
-        reason += "; nearly as well do: " + "; ".join(cause.text for cause in causes[1:4])
+        reason += "; not told from it: " + "; ".join(cause.text for cause in causes[1:4])
     return (reason, *sentences)
 
 

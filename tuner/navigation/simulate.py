@@ -35,6 +35,8 @@ LONGEST_OUTAGE = 300.0
 FIRST_OUTAGE = 900.0
 OUTAGE_SPACING = 900.0
 """Outages of a simulated drive, s."""
+RESOLVED = 0.8
+"""Window of the mean that leaves of flicker what a ladder stands for, over its shortest time constant."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,7 @@ def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
     ):
         for axis, constant in zip(axes, model.time_constant[model.layout[name]] if axes else (), strict=True):
             shortest[first + axis] = min(shortest[first + axis], constant)
-    return np.where(np.isfinite(shortest), np.minimum(0.8 * shortest, sensor.corners), sensor.corners)
+    return np.where(np.isfinite(shortest), np.minimum(RESOLVED * shortest, sensor.corners), sensor.corners)
 
 
 def _together(
