@@ -82,6 +82,8 @@ class Extension(ABC):
     """
 
     cause: ClassVar[str]
+    named: ClassVar[bool] = True
+    """Whether the catalogue has a name for it; what has none is told as unexplained."""
     repeats: ClassVar[int] = 1
     """How often the cause may be found in one channel."""
     meaning: ClassVar[str]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.noise import NoiseModel, Term, White
-from tuner.diagnosis.causes.ageing import UNNAMED
 from tuner.diagnosis.causes.colour import Colour
 from tuner.diagnosis.causes.lowpass import LowPass
 from tuner.diagnosis.causes.variance_drift import VarianceDrift
@@ -73,7 +72,7 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
             _inflation(axis, outcome, accepted),
         )
         for accepted in outcome.accepted
-        if accepted.extension.cause != UNNAMED
+        if accepted.extension.named
     ]
 
 

@@ -187,7 +187,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     found = _refined(found)
     refined = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
-    nameless = [a.alarm for a in accepted if a.extension.cause == UNNAMED]
+    nameless = [a.alarm for a in accepted if not a.extension.named]
     left = (*swept, *nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
     return Criticism(base, found, tuple(accepted), left, tuple(panels))
 

@@ -35,6 +35,7 @@ class Ageing(Extension):
     """Bias in proportion to temperature times time."""
 
     cause: ClassVar[str] = UNNAMED
+    named: ClassVar[bool] = False
     meaning: ClassVar[str] = "the bias follows temperature × time: its temperature slope changes"
     consequence: ClassVar[str] = "no calibration of one slope serves the whole record"
 

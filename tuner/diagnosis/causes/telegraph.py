@@ -6,6 +6,8 @@ means under two levels, one Gauss–Markov process (or flicker) and a random wal
 a price of 1.5 ln M nats because the problem is not regular. A path with fewer than four switches is a
 matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
 told.
+Where three levels with even hops, which have as many parameters, are likelier, the path is no telegraph noise: it is
+told as what it is, without a name.
 Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
 
 References
@@ -15,7 +17,6 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -24,13 +25,13 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
+from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.hops import NOTHING, STILL, Chain, Slow, block_noise, expanded, ladder, likelihood
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.statistics import curvature
-from tuner.diagnosis.switching import switching
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +39,8 @@ HUMP = 5.0
 """Nats that a further Gauss–Markov process must gain on flicker for two levels on flicker to be tried."""
 FEWEST = 4
 """Switches that make a path telegraph noise."""
-NOTHING = np.empty(0)
+DOUBT = 3.0
+"""Nats by which three levels must be likelier than two, for the same number of parameters, to be believed instead."""
 
 
 @dataclass(frozen=True)
@@ -65,54 +67,11 @@ class Telegraph(Extension):
 
 
 @dataclass(frozen=True)
-class _Slow:
-    """States of slow noise on blocks."""
+class ManyLevels(Telegraph):
+    """A path between more than two levels."""
 
-    phi: FloatArray
-    q: FloatArray
-    initial: FloatArray
-
-    @classmethod
-    def of(cls, terms: Sequence[Term], step: float) -> _Slow:
-        """Return the states of noise terms for blocks of `step` s; the others have none."""
-        phi, q, initial = [], [], []
-        for term in terms:
-            if isinstance(term, RandomWalk):
-                phi.append(1.0)
-                q.append(term.density**2 * step)
-                initial.append(1e6)
-            elif isinstance(term, GaussMarkov):
-                decay = float(np.exp(-step / term.time_constant))
-                ratio = step / term.time_constant
-                mean = term.sd**2 * (2.0 * (ratio - 1.0 + decay) / ratio**2 if ratio > 1e-3 else 1.0)
-                phi.append(decay)
-                q.append(mean * (1.0 - decay**2))
-                initial.append(mean)
-        return cls(np.array(phi), np.array(q), np.array(initial))
-
-
-def _ladder(level: float, shortest: float, longest: float, per_decade: int = 3) -> tuple[GaussMarkov, ...]:
-    """Return Gauss–Markov processes, so many to a decade, that make flicker noise."""
-    ratio = 10.0 ** (1.0 / per_decade)
-    count = int(np.ceil(np.log(longest / shortest) / np.log(ratio))) + 1
-    sd = level * float(np.sqrt(np.log(ratio) / np.pi))
-    return tuple(GaussMarkov(sd, shortest * ratio**i) for i in range(count))
-
-
-def _expanded(terms: Sequence[Term], step: float, span: float) -> list[Term]:
-    """Return the terms with flicker noise as a ladder."""
-    out: list[Term] = []
-    for term in terms:
-        out += _ladder(term.level, 0.5 * step, 2.0 * span) if isinstance(term, BiasInstability) else [term]
-    return out
-
-
-def block_noise(terms: Sequence[Term], step: float) -> float:
-    """Return the variance of the white part of a block mean."""
-    white = sum(t.density**2 / step for t in terms if isinstance(t, White))
-    return float(
-        white + sum(2.0 * (t.increment_sd / step) ** 2 for t in terms if isinstance(t, Quantization))
-    )
+    named: ClassVar[bool] = False
+    meaning: ClassVar[str] = "the bias hops between more than two levels"
 
 
 def test(found: Residual) -> Alarm:
@@ -127,8 +86,8 @@ def test(found: Residual) -> Alarm:
     null = -np.inf
     for fit in (*found.fits, *more):
         terms = fit.terms()
-        slow = _Slow.of(_expanded(terms, step, channel.span), step)
-        null = max(null, _likelihood(y, 0.0, 1.0, 1.0, slow, block_noise(terms, step)))
+        slow = Slow.of(expanded(terms, step, channel.span), step)
+        null = max(null, likelihood(y, STILL, slow, block_noise(terms, step)))
     r = block_noise(found.fit.terms(), step)
     besides: type[Term] = GaussMarkov
     best = _search(y, step, channel.span, r, found, null)
@@ -144,7 +103,12 @@ def test(found: Residual) -> Alarm:
     gain = lead - price
     if gain <= 0.0:
         return Alarm("telegraph", p_value, gain, lead, name)
-    extension, switches = _extension(y, step, channel.span, r, best[1], besides)
+    extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
+    many, three = _three_levels(y, step, channel.span, r, x, besides)
+    if three > two + DOUBT:
+        return Alarm(
+            "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
+        )
     size = extension.values["size"]
     if switches < FEWEST or not size.lower * size.upper > 0.0:  # levels that are not told apart have no name
         return Alarm("telegraph", p_value, -9.0, lead, name)
@@ -157,31 +121,34 @@ def _templates(found: Residual) -> FloatArray:
     return np.concatenate([ramp[:, None], *(x.columns(channel) for x in found.extensions)], axis=1)
 
 
-def _likelihood(y: FloatArray, size: float, p01: float, p10: float, slow: _Slow, r: float) -> float:
-    value = switching(y, size, p01, p10, slow.phi, slow.q, slow.initial, r, NOTHING)
-    return float(value) if np.isfinite(value) else -1e12
-
-
-def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[float, float, float, _Slow]:
-    """Return size, chances and slow states of the free numbers (ln sd, ln T, ln K, size, ln dwells).
+def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
+    """Return the chain and slow states of the free numbers (ln sd, ln T, ln K, size, ln dwells).
 
     The noise besides is a Gauss–Markov process, or flicker of level sd: a ladder of one rung a decade, T unused.
     """
-    p01, p10 = -np.expm1(-step / np.exp(x[4])), -np.expm1(-step / np.exp(x[5]))
+    p01, p10 = (-np.expm1(-step / np.exp(x[4:]))).tolist()
+    return Chain.two(float(x[3]), p01, p10), _besides(x, step, span, besides)
+
+
+def _besides(x: FloatArray, step: float, span: float, besides: type[Term]) -> Slow:
     amplitude, constant, density = np.exp(x[:3]).tolist()
     markov = (GaussMarkov(amplitude, constant),)
-    rungs = markov if besides is GaussMarkov else _ladder(amplitude, 0.5 * step, 2.0 * span, 1)
-    return float(x[3]), float(p01), float(p10), _Slow.of([*rungs, RandomWalk(density)], step)
+    rungs = markov if besides is GaussMarkov else ladder(amplitude, 0.5 * step, 2.0 * span, 1)
+    return Slow.of([*rungs, RandomWalk(density)], step)
+
+
+def _bounds(step: float, span: float) -> tuple[FloatArray, FloatArray]:
+    """Return the least and largest free numbers; the size has none."""
+    low = [*np.log([1e-5, 2.0 * step, 1e-8]), -np.inf, *np.log([1.5 * step, 1.5 * step])]
+    high = [*np.log([1e3, 3.0 * span, 1e2]), np.inf, *np.log([0.5 * span, 0.5 * span])]
+    return np.array(low), np.array(high)
 
 
 def _cost(y: FloatArray, step: float, span: float, r: float, x: FloatArray, besides: type[Term]) -> float:
-    low = np.log([1e-5, 2.0 * step, 1e-8, 1e-9, 1.5 * step, 1.5 * step])
-    high = np.log([1e3, 3.0 * span, 1e2, 1e9, 0.5 * span, 0.5 * span])
-    free = np.delete(x, 3)
-    if np.any(free < np.delete(low, 3)) or np.any(free > np.delete(high, 3)):
+    low, high = _bounds(step, span)
+    if np.any(x < low) or np.any(x > high):
         return 1e12
-    size, p01, p10, slow = _parts(x, step, span, besides)
-    return -_likelihood(y, size, p01, p10, slow, r)
+    return -likelihood(y, *_parts(x, step, span, besides), r)
 
 
 def _polished(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> float:
@@ -199,9 +166,7 @@ def _polished(y: FloatArray, step: float, span: float, r: float, x: FloatArray) 
             return 1e12
         sds, constants = np.exp(free[[0, 3]]).tolist(), np.exp(free[[1, 4]]).tolist()
         markov = [GaussMarkov(sd, constant) for sd, constant in zip(sds, constants, strict=True)]
-        return -_likelihood(
-            y, 0.0, 1.0, 1.0, _Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r
-        )
+        return -likelihood(y, STILL, Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r)
 
     start = np.concatenate((x[:3], second))
     simplex = np.vstack([start, start + 0.7 * np.eye(5)])
@@ -252,8 +217,8 @@ def _search(
 
 def _extension(
     y: FloatArray, step: float, span: float, r: float, x: FloatArray, besides: type[Term]
-) -> tuple[Telegraph, int]:
-    """Return the extension at the maximum, and the number of switches of its path.
+) -> tuple[Telegraph, int, FloatArray, float]:
+    """Return the extension at the maximum, the switches of its path, the free numbers, their log likelihood.
 
     A mean dwell is known no better than by the root of the number of dwells.
     """
@@ -263,11 +228,9 @@ def _extension(
 
     result = minimize(cost, x, method="Nelder-Mead", options={"maxiter": 600, "fatol": 0.01, "xatol": 1e-3})
     x = result.x
-    spread = np.sqrt(np.diag(curvature(cost, x)))
-    size, p01, p10, slow = _parts(x, step, span, besides)
-    path = np.empty(len(y))
-    switching(y, size, p01, p10, slow.phi, slow.q, slow.initial, r, path)
-    path *= size
+    spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, *_bounds(step, span))), x)))
+    path, size = np.empty(len(y)), float(x[3])
+    likelihood(y, *_parts(x, step, span, besides), r, path)
     if x[4] < x[5]:
         x, spread = x[[0, 1, 2, 3, 5, 4]], spread[[0, 1, 2, 3, 5, 4]]
         size = -size
@@ -281,4 +244,34 @@ def _extension(
         "dwell_high": Value.log(high, float(spread[5]), "s"),
     }
     sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
-    return Telegraph(tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), values=values), switches
+    found = Telegraph(tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), values=values)
+    return found, switches, result.x, -float(result.fun)
+
+
+def _three_levels(
+    y: FloatArray, step: float, span: float, r: float, two: FloatArray, besides: type[Term]
+) -> tuple[ManyLevels, float]:
+    """Return the path between three levels and its log likelihood, next to the free numbers of two levels.
+
+    The third level lies between the two, or beyond one of them; from each a hop to either other is as likely.
+    """
+
+    def chain(x: FloatArray) -> Chain:
+        return Chain.even([0.0, float(x[3]), float(x[4])], -float(np.expm1(-step / np.exp(x[5]))))
+
+    def cost(x: FloatArray) -> float:
+        if not np.log(1.5 * step) < x[5] < np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
+            return 1e12
+        return -likelihood(y, chain(x), _besides(x, step, span, besides), r)
+
+    dwell, size = 0.5 * (two[4] + two[5]), two[3]
+    places = ((0.5 * size, size), (size, 2.0 * size), (-size, size))
+    starts = [np.array([*two[:3], *pair, dwell]) for pair in places]
+    start = min(starts, key=cost)
+    simplex = np.vstack([start, start + np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])])
+    options = {"maxiter": 500, "fatol": 0.02, "xatol": 1e-3, "initial_simplex": simplex}
+    x = minimize(cost, start, method="Nelder-Mead", options=options).x
+    path, dwell = np.empty(len(y)), float(np.exp(x[5]))
+    value = likelihood(y, chain(x), _besides(x, step, span, besides), r, path)
+    sd = float(np.std([0.0, x[3], x[4]]))
+    return ManyLevels(tuple(path.tolist()), sd, dwell / 1.5), value

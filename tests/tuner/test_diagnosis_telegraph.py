@@ -1,0 +1,62 @@
+"""Telegraph noise has two levels; what hops between three is told, and has no name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.noise import BiasInstability, NoiseModel, RandomWalk, White
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.hops import STILL, Chain, Slow, likelihood
+from tuner.records import Record
+from tuner.simulation import Channel, simulate
+
+NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))
+
+
+def record(levels: tuple[float, ...], seed: int) -> Record:
+    """Half an hour at 25 Hz; a bias hops every 40 s on average to another of these levels."""
+    clean = simulate({"gyro_x": Channel(NOISE)}, duration=1800.0, rate=25.0, seed=seed)[0][0]
+    rng = np.random.default_rng((seed, 1))
+    hops = np.cumsum(rng.exponential(40.0, 200))
+    ways = np.cumsum(rng.integers(1, len(levels), 201)) % len(levels)
+    path = np.array(levels)[ways[np.searchsorted(hops, clean.t - clean.t[0])]]
+    return replace(clean, y=clean.y + path[:, None])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_three_levels_are_told_without_a_name(seed):
+    # hundreds of nats between the two hypotheses
+    diagnosis = diagnose(record((-3e-3, 0.0, 3e-3), seed))
+    assert not diagnosis.findings
+    assert any("more than two levels" in told.statistic for told in diagnosis.unexplained)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_two_levels_are_telegraph_noise(seed):
+    # three levels must be likelier by 3 nats: here they are less likely by ten and more
+    diagnosis = diagnose(record((0.0, 3e-3), seed))
+    assert [f.cause for f in diagnosis.findings] == ["telegraph"]
+    assert not diagnosis.unexplained
+
+
+def test_levels_that_are_one_are_none():
+    slow = Slow.of((RandomWalk(0.1),), 1.0)
+    y = np.cumsum(np.random.default_rng(3).standard_normal(200))
+    alone = likelihood(y, STILL, slow, 0.5)
+    assert np.isclose(likelihood(y, Chain.two(0.0, 0.1, 0.3), slow, 0.5), alone)
+    assert np.isclose(likelihood(y, Chain.even([0.0, 0.0, 0.0], 0.2), slow, 0.5), alone)
+
+
+def test_two_levels_with_even_chances_are_one_chain():
+    slow = Slow.of((RandomWalk(0.1),), 1.0)
+    y = np.random.default_rng(4).standard_normal(200) + 2.0 * (np.arange(200) // 25 % 2)
+    two, even = np.empty(200), np.empty(200)
+    values = [
+        likelihood(y, chain, slow, 0.5, path)
+        for chain, path in ((Chain.two(2.0, 0.1, 0.1), two), (Chain.even([0.0, 2.0], 0.1), even))
+    ]
+    assert np.isclose(*values)
+    assert np.allclose(two, even)
