@@ -139,7 +139,7 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     variance = float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
     white_sd = float(np.sqrt(max(variance - step**2 / 12.0, FLOOR * step**2)))
     coarse = step > 2.0 * white_sd
-    if coarse or np.ptp(y) / step > MOST:
+    if np.ptp(y) / step > MOST:
         return Codes(white_sd, coarse, 0.0, 0, 1.0)
     origin = float(np.partition(y, len(y) // 2)[len(y) // 2])
     place = (y - origin) / step
@@ -147,6 +147,10 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     code = code[np.abs(place - code) < OFF].astype(np.int64)
     low = int(code.min())
     count = np.bincount(code - low)
+    if coarse:
+        zero = round(-origin / step) - low
+        inside = 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY
+        return Codes(white_sd, coarse, step * _gap(count, zero) if inside else 0.0, 0, 1.0)
     holes, p_hole = _holes(count, HARMLESS * white_sd / step)
     zero = round(-origin / step) - low
     deadband, p_zero = 0.0, 1.0
@@ -193,6 +197,13 @@ def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
     excess = np.log(count[zero]) - (4.0 * np.log(near).mean() - np.log(far).mean()) / 3.0
     variance = 1.0 / count[zero] + 4.0 / 9.0 * np.sum(1.0 / near) + np.sum(1.0 / far) / 36.0
     return float(norm.sf((excess - EXCESS) / np.sqrt(variance)))
+
+
+def _gap(count: NDArray[np.int64], zero: int) -> float:
+    """Return the half-width in steps of a dead band that leaves codes beside 0 empty; 0 where there is none."""
+    beside = [np.flatnonzero(side[:REACH]) for side in (count[zero + 1 :], count[:zero][::-1])]
+    first = [int(side[0]) for side in beside if len(side)]
+    return float(min(first)) + 0.5 if first and min(first) > 0 else 0.0
 
 
 def _deadband(count: NDArray[np.int64], zero: int) -> float:

@@ -9,7 +9,8 @@ normal numbers, and::
     by bias    regression of d on the slow track s, χ²₁; s = Cβ + (E_slow/E)(a − Cβ) in the cosine domain
     irregular  Σ d², χ², less the larger of the two
 
-None of them has a cause in the catalogue: they are told as what they are.
+On a lattice of more than two white sd the second is not asked: there it is what rounding does. None of them has a cause
+in the catalogue: they are told as what they are.
 
 References
 ----------
@@ -26,8 +27,10 @@ from scipy.stats import chi2
 from models.noise import NoiseModel, Quantization, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.temperature import COVARIATE
-from tuner.diagnosis.causes.variance_drift import BLOCKS, block_squares, middles, on_blocks
-from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.causes.variance_drift import middles, on_blocks
+from tuner.diagnosis.loudness import BLOCKS, block_loudness
+from tuner.diagnosis.residual import Residual
+from tuner.diagnosis.rounding import is_coarse
 from tuner.diagnosis.statistics import any_of, variance_deviate
 
 FloatArray = NDArray[np.float64]
@@ -45,12 +48,13 @@ def test(found: Residual) -> tuple[Alarm, Alarm, Alarm]:
     bias = _beside(bias_track(found), basis)
     by_bias = float(bias @ deviate) ** 2
     scatter = float(deviate @ deviate) - max(periodic, by_bias)
+    chance = 1.0 if is_coarse(found) else float(chi2.sf(by_bias, 1))
     freedom = int(np.count_nonzero(deviate)) - basis.shape[1] - 2
     period = found.channel.span / cycles
     return (
         _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
                  f"the variance of the white noise swells and ebbs with a period of {period:.4g} s"),
-        _unnamed("variance by bias", float(chi2.sf(by_bias, 1)), by_bias,
+        _unnamed("variance by bias", chance, by_bias,
                  "the variance of the white noise moves with the bias"),
         _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
                  f"the variance of the white noise changes irregularly, between {BLOCKS} parts of the record"),
@@ -63,8 +67,7 @@ def _unnamed(family: str, p_value: float, statistic: float, name: str) -> Alarm:
 
 def _deviates(found: Residual) -> tuple[FloatArray, FloatArray]:
     """Return the deviates of the blocks, shape (`BLOCKS`,), and what was taken out of them: orthonormal columns."""
-    square, weight = block_squares(found)
-    kappa = float(np.var(np.clip(found.good, -CLIP, CLIP) ** 2))
+    square, weight, kappa = block_loudness(found)
     told = weight > EMPTY * float(np.median(weight))
     level = float(weight[told] @ square[told] / weight[told].sum())
     deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)

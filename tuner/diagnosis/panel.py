@@ -75,6 +75,8 @@ EXCLUSIVE: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Causes of which a channel has one at most."""
 HIDDEN_BY_PATH = ("step", "warmup", "gauss_markov", "attitude")
 """Causes that what is wrong in the path of telegraph noise could be taken for."""
+HIDDEN_BY_DEADBAND = ("heavy_tails", "spikes")
+"""Causes that samples outside a dead band, rare and far from the others, could be taken for."""
 
 
 def threshold(channels: int) -> float:
@@ -100,6 +102,8 @@ def panel(found: Residual, known: tuple[Alarm, ...] = ()) -> tuple[Alarm, ...]:
 
 def is_open(found: Residual, cause: str) -> bool:
     """Return whether a channel may have this cause (once more)."""
+    if cause in HIDDEN_BY_DEADBAND and found.channel.deadband > 0.0:
+        return False
     if cause in HIDDEN_BY_PATH and found.found("telegraph"):
         return False
     return found.found(*EXCLUSIVE.get(cause, (cause,))) < LIMITS.get(cause, 1)

@@ -172,14 +172,17 @@ def _channels(
     ready = []
     for axis in record.axes:
         mine = {t.cause: t for t in tests if axis in t.channels and (t.p_value < limit or t.note)}
-        lattice = mine["lattice"].parameters.get("step") if "lattice" in mine else None
+        codes = mine["lattice"].parameters if "lattice" in mine else {}
+        step, dead = (
+            float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband")
+        )
         held = _held(record, mine["duplicates"], seed) if "duplicates" in mine else None
         source = record
         if held is not None and held.mean() > HELD:
             source, held = _thinned(record, ~held), None
         try:
-            step = lattice.value if lattice is not None and lattice.value is not None else 0.0
-            ready.append(channel(source, axis, lattice=step, held=held, seed=seed))
+            even = channel(source, axis, lattice=step, held=held, seed=seed)
+            ready.append(replace(even, deadband=dead / even.scale))
         except DataError as error:
             refused.append(str(error))
     return ready

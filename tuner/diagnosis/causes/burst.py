@@ -20,8 +20,9 @@ from scipy.stats import norm
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
+from tuner.diagnosis.loudness import loudness
 from tuner.diagnosis.residual import CLIP, Residual
-from tuner.diagnosis.statistics import EDGE, variance_deviate
+from tuner.diagnosis.statistics import EDGE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
@@ -55,18 +56,16 @@ class Burst(Extension):
 
 def test(found: Residual) -> Alarm:
     """Scan windows for another variance."""
-    e = np.clip(found.e, -CLIP, CLIP)
-    square = e * e
-    square /= square[found.valid].mean()
-    square[~found.valid] = 1.0
-    n, kappa = len(square), float(np.var(square))
-    total = np.concatenate(([0.0], np.cumsum(square)))
+    loud = loudness(found)
+    n = len(loud.square)
+    total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
     widths = [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
     best = (1.0, 0, SHORTEST, 1.0)
     for width in widths:
         start = np.arange(0, n - width, width // 4)
         mean = (total[start + width] - total[start]) / width
-        deviate = np.abs(variance_deviate(mean, 2.0 * width / kappa * (1.0 - width / n)))
+        freedom = 2.0 * width**2 / np.maximum(scatter[start + width] - scatter[start], 1e-9)
+        deviate = np.abs(loud.deviate(mean, freedom * (1.0 - width / n)))
         at = int(np.argmax(deviate))
         chance = float(norm.sf(deviate[at])) * len(start) * len(widths)
         if chance < best[0]:
@@ -76,7 +75,8 @@ def test(found: Residual) -> Alarm:
     if p_value < 1e-2:
         gain, edges = refine(total, *edges)
         cells = len(widths) * 4.0 * n / (edges[1] - edges[0])
-        gain = gain * 2.0 / kappa - float(np.log(cells) + 0.5 * np.log(n))
+        inside = (scatter[edges[1]] - scatter[edges[0]]) / (edges[1] - edges[0])
+        gain = gain * 2.0 / max(inside, 1e-9) - float(np.log(cells) + 0.5 * np.log(n))
     return Alarm(
         "burst",
         p_value,

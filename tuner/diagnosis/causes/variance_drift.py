@@ -24,11 +24,11 @@ from tuner.diagnosis.causes.temperature import COVARIATE
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.loudness import BLOCKS, block_loudness
+from tuner.diagnosis.residual import Residual
 
 FloatArray = NDArray[np.float64]
 
-BLOCKS = 256
 STEPS = 8
 """Steps of Fisher's scoring from no change to the likeliest."""
 MOST = 12.0
@@ -99,7 +99,7 @@ def _regression(
     found: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> Alarm:
     """Fit an exponential variance of the white noise in x, shape (`BLOCKS`,), to the blocks; it counts per x/width."""
-    square, weight = block_squares(found)
+    square, weight, usual = block_loudness(found)
     x = x - weight @ x / weight.sum()
     white = dilution(found)
     most = MOST / (float(np.ptp(x)) + 1e-300)
@@ -111,8 +111,7 @@ def _regression(
         change = float(np.clip(change + score / information, -most, most))
     course, slope = _course(change, x, weight, white.variance)
     fitted, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
-    fourth = float(np.mean(np.clip(found.good, -CLIP, CLIP) ** 4))
-    kappa = max(fourth * weight.sum() / float(weight @ fitted**2) - 1.0, 0.1)
+    kappa = max((usual + 1.0) * weight.sum() / float(weight @ fitted**2) - 1.0, 0.1)
     gain = float(weight @ (np.log(flat) + square / flat - np.log(fitted) - square / fitted)) / kappa
     sd = float(np.hypot((float(weight @ slope**2) / kappa + 1e-300) ** -0.5, change * white.error))
     values = {"slope": Value.of(change / width, sd / width, unit)}
@@ -142,12 +141,3 @@ def _levelled(course: FloatArray, square: FloatArray, weight: FloatArray) -> Flo
     """Return the variance of this course, at the level that the mean squares have; shape (`BLOCKS`,)."""
     fitted = np.exp(course)
     return np.asarray(fitted * (weight @ (square / fitted)) / weight.sum())
-
-
-def block_squares(found: Residual) -> tuple[FloatArray, FloatArray]:
-    """Return the mean squares of clipped residuals in blocks and the samples behind them, shapes (`BLOCKS`,)."""
-    e = np.clip(found.e, -CLIP, CLIP)
-    size = len(e) // BLOCKS
-    square = (e * e * found.valid)[: size * BLOCKS].reshape(BLOCKS, size).sum(axis=1)
-    weight = np.maximum(found.valid[: size * BLOCKS].reshape(BLOCKS, size).sum(axis=1).astype(float), 1.0)
-    return np.maximum(square / weight, 1e-6), weight
