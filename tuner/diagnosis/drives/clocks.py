@@ -10,10 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, settings_of
+from tuner.diagnosis.drives.likelihood import believed
+from tuner.diagnosis.drives.score import wandering
+from tuner.diagnosis.drives.sensitivity import whitened
 from tuner.navigation.compensation import compensated
 from tuner.navigation.drive import prepare
 from tuner.navigation.initial import standing_until
 from tuner.records import Drive
+from tuner.results import Unexplained
 
 MEDIAN = 0.455
 """Median of χ²₁."""
@@ -23,6 +27,7 @@ REFUSED = 0.03
 """Share of refused fixes from which they are."""
 SPAN = 300.0
 """Length of the motion that is searched, s."""
+DELAY = "time_offset.delay"
 COARSE = 0.1
 """Delay that the sensitivities find by themselves, s."""
 
@@ -37,6 +42,32 @@ def suspicious(found: Pass) -> bool:
     ratio = record.innovation[rows] ** 2 / spread[rows]
     refused = float(np.mean(~record.used[rows]))
     return refused > REFUSED or float(np.median(ratio)) > BAD * MEDIAN
+
+
+def drifting(found: Pass, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
+    """Return what is said of a delay that does not stay: no number compensates it, a common clock is missing.
+
+    Parameters
+    ----------
+    found : Pass
+        The last pass.
+    accepted : tuple of str
+        Shifts that it compensates.
+    threshold : float
+        Chance below which it is said.
+    """
+    if DELAY.partition(".")[0] not in accepted:
+        return ()
+    names = found.record.parameters
+    told = wandering(whitened(believed(found.record)), names, accepted, DELAY)
+    if told.p_value >= threshold:
+        return ()
+    low, high = (1e3 * (told.rate + side * 1.96 * told.sd) for side in (-1.0, 1.0))
+    text = (
+        f"the delay of the fixes changes by {1e3 * told.rate:.3g} ({low:.3g} … {high:.3g}) ms/s: the clocks run at "
+        "different rates, what is missing is a common clock"
+    )
+    return (Unexplained(text, ("drive",), told.p_value),)
 
 
 def coarse_clocks(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tuple[str, ...]]:

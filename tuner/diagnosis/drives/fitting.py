@@ -177,9 +177,9 @@ def maximise(
     sd = np.array([prior_sd.get(name, WIDE) for name in scales.names])
     x = np.zeros(len(scales.names)) if start is None else start
     fixed, cost = _held_cost(belief, scales, x, sd)
-    inverse, last = curvature(cost, x, sd), -np.inf
+    last = -np.inf
     for _ in range(HOLDS):
-        x, last, inverse = _climbed(cost, x, inverse)
+        x, last = _climbed(cost, x, curvature(cost, x, sd))
         if not belief.columns:
             break
         fixed, cost = _held_cost(belief, scales, x, sd)
@@ -211,8 +211,8 @@ def _cost(belief: Belief, scales: Scales, sd: FloatArray) -> Cost:
     return cost
 
 
-def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Return where a search from x ends, the objective there, and the inverse curvature as the search has it."""
+def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float]:
+    """Return where a search from x ends, the inverse of the curvature there given, and the objective."""
     options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
     first = last = cost(x)[0]
 
@@ -223,7 +223,7 @@ def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray
             raise StopIteration
 
     answer = minimize(cost, x, method="BFGS", jac=True, options=options, callback=enough)
-    return np.clip(answer.x, -FAR, FAR), -float(answer.fun), np.asarray(answer.hess_inv)
+    return np.clip(answer.x, -FAR, FAR), -float(answer.fun)
 
 
 def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:

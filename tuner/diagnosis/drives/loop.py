@@ -29,7 +29,7 @@ from tuner.diagnosis.drives.outliers import KINDS
 from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.reported import coefficient, edges_told, factor_in, names_in, said_by
 from tuner.diagnosis.drives.scales import factors, present
-from tuner.diagnosis.drives.score import PRIORS, Fit, carried, fit, inseparable, retested
+from tuner.diagnosis.drives.score import PRIORS, Fit, Scored, carried, fit, inseparable, retested
 from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.records import Drive
 from tuner.results import Alternative, Coefficient
@@ -48,8 +48,9 @@ MOVED = 0.2
 """Change of an estimate, in standard deviations, from which it is worth another pass."""
 SLACK, LIMIT = 3.0, 25.0
 """Nats by which a step may worsen the likelihood; largest square that counts in it."""
-HARM = 2.0
-"""Nats that a shift may lose in the last part of a drive with constants from the first."""
+HARM, LASTING = 2.0, 0.05
+"""Nats that a shift may lose in the last part of a drive with constants from the first, and the share of all that it
+gains which must be gained there before."""
 STEPS = 3
 """Passes of Gauss–Newton after an acceptance, at most."""
 
@@ -226,13 +227,22 @@ def _pruned(
         values = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
         w = whitened(believed(found.record))
         alarm = retested(w, names, known, cause, values)
-        if alarm.p_value < THRESHOLD and alarm.credible and carried(w, names, known, cause, at) > -HARM:
+        if (
+            alarm.p_value < THRESHOLD
+            and alarm.credible
+            and _lasts(alarm, carried(w, names, known, cause, at))
+        ):
             continue
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
         kept = {n: v for n, v in found.hypothesis.values.items() if n not in own}
         found = refined(drive, examine(drive, replace(found.hypothesis, values=kept)), known)
     return found, accepted, known
+
+
+def _lasts(alarm: Scored, late: float) -> bool:
+    """Whether a shift gains in the last part of a drive, too."""
+    return late > LASTING * alarm.gain - HARM
 
 
 def _estimated(found: Pass, accepted: list[Accepted], known: tuple[str, ...]) -> list[Accepted]:

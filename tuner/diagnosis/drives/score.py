@@ -110,6 +110,15 @@ class Fit:
     covariance: FloatArray
 
 
+@dataclass(frozen=True)
+class Wandering:
+    """How fast a constant changes, unit/s, its sd, and the chance of so much if it does not."""
+
+    rate: float
+    sd: float
+    p_value: float
+
+
 def columns_of(cause: str, parameters: Sequence[str]) -> tuple[int, ...]:
     """Return the columns of a cause."""
     return tuple(i for i, name in enumerate(parameters) if name.partition(".")[0] == cause)
@@ -205,6 +214,30 @@ def inseparable(
         if float(fitted @ fitted) > ALIKE**2 * float(path @ path):
             names.append(other)
     return tuple(names)
+
+
+def wandering(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], name: str) -> Wandering:
+    """Test whether a constant that is compensated changes steadily with time, accepted ones fitted beside it.
+
+    Parameters
+    ----------
+    w : Whitened
+        The rows.
+    parameters, accepted : sequences of str
+        Constants of the record; causes that are accepted.
+    name : str
+        The constant.
+    """
+    residual, _ = _without(w, _columns(accepted, parameters))
+    column = w.slope[:, parameters.index(name)] * (w.t - w.t.mean())
+    known = w.slope[:, list(_columns(accepted, parameters))]
+    s = (column - known @ np.linalg.lstsq(known, column, rcond=None)[0])[:, None]
+    information = float(s[:, 0] @ s[:, 0])
+    if information <= 0.0:
+        return Wandering(0.0, np.inf, 1.0)
+    rate = float(s[:, 0] @ residual) / information
+    sd = float(np.sqrt(_colour(w.t, residual - s[:, 0] * rate, s) / information))
+    return Wandering(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
 
 
 def _columns(causes: Sequence[str], parameters: Sequence[str]) -> tuple[int, ...]:
