@@ -6,8 +6,9 @@ record B, else its first 60 %. With all parameters frozen, B is scored before an
     ln p(B) = Σ_j ln h(e_j) − ½ Σ_k ln E_k
 
 with E the spectrum of the model, e its residuals on B and h their law (normal, Student's, contaminated normal). A line
-may choose its phase anew, for one nat. What is an event of A (a step, a burst) is not in B: where it cannot be
-found again its gain is that in sample, less the price of its parameters.
+may choose its phase anew, for one nat; two levels count by what a switching filter gains on the Gaussian one. What is
+an event of A (a step, a burst) is not in B: where it cannot be found again its gain is that in sample, less the price of
+its parameters.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from tuner.diagnosis.causes.telegraph import Telegraph
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import inverse, transform
 from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.hops import block_noise
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.panel import retest
 from tuner.diagnosis.residual import Residual, gain_of, power_of, residual
@@ -143,6 +145,9 @@ def _score(found: Residual, test: _Test) -> float:
             z = 2.0 / n * complex(np.sum((y - y.mean()) * np.exp(-1j * phase)))
             y = y - np.real(z * np.exp(1j * phase))
             charge += 1.0
+        if isinstance(extension, Telegraph):
+            step = test.channel.block * dt
+            charge -= extension.lead(test.channel.block_mean(y), step, block_noise(found.fit.terms(), step))
     power = _power(found, n)
     a = transform(y, dt)[1:]
     ramp = transform(np.arange(n) / n - 0.5, dt)[1:]

@@ -45,7 +45,21 @@ DOUBT = 3.0
 
 @dataclass(frozen=True)
 class Telegraph(Extension):
-    """A path on the blocks, shape (M,), in scales."""
+    """A path on the blocks, shape (M,), in scales.
+
+    Attributes
+    ----------
+    path : tuple of float
+        Mean level so far.
+    sd, time_constant : float
+        Of the Gauss–Markov process of the same autocovariance, scales and s.
+    size : float
+        Upper level less the lower one, scales; 0 where there are more.
+    dwells : tuple of float
+        Mean times at the lower and the upper level, s.
+    besides : tuple of Term
+        Slow noise beside the path.
+    """
 
     cause: ClassVar[str] = "telegraph"
     meaning: ClassVar[str] = "the bias switches between two levels (popcorn noise)"
@@ -55,6 +69,19 @@ class Telegraph(Extension):
     path: tuple[float, ...]
     sd: float
     time_constant: float
+    size: float = 0.0
+    dwells: tuple[float, float] = (1.0, 1.0)
+    besides: tuple[Term, ...] = ()
+
+    def lead(self, y: FloatArray, step: float, r: float) -> float:
+        """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
+
+        `step` is the length of a block, s, and `r` the variance of the white part of its mean.
+        """
+        up, down = (float(-np.expm1(-step / dwell)) for dwell in self.dwells)
+        gaussian = Slow.of((*self.besides, GaussMarkov(self.sd, self.time_constant)), step)
+        two = likelihood(y, Chain.two(self.size, up, down), Slow.of(self.besides, step), r)
+        return two - likelihood(y, STILL, gaussian, r) if self.size else 0.0
 
     def repair(self, channel: Channel) -> Channel:
         """Take the path out."""
@@ -127,14 +154,14 @@ def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tupl
     The noise besides is a Gauss–Markov process, or flicker of level sd: a ladder of one rung a decade, T unused.
     """
     p01, p10 = (-np.expm1(-step / np.exp(x[4:]))).tolist()
-    return Chain.two(float(x[3]), p01, p10), _besides(x, step, span, besides)
+    return Chain.two(float(x[3]), p01, p10), Slow.of(_besides(x, step, span, besides), step)
 
 
-def _besides(x: FloatArray, step: float, span: float, besides: type[Term]) -> Slow:
+def _besides(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Term, ...]:
     amplitude, constant, density = np.exp(x[:3]).tolist()
     markov = (GaussMarkov(amplitude, constant),)
     rungs = markov if besides is GaussMarkov else ladder(amplitude, 0.5 * step, 2.0 * span, 1)
-    return Slow.of([*rungs, RandomWalk(density)], step)
+    return (*rungs, RandomWalk(density))
 
 
 def _bounds(step: float, span: float) -> tuple[FloatArray, FloatArray]:
@@ -244,7 +271,10 @@ def _extension(
         "dwell_high": Value.log(high, float(spread[5]), "s"),
     }
     sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
-    found = Telegraph(tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), values=values)
+    found = Telegraph(
+        tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), float(result.x[3]),
+        tuple(np.exp(result.x[4:]).tolist()), _besides(result.x, step, span, besides), values=values,
+    )  # fmt: skip
     return found, switches, result.x, -float(result.fun)
 
 
@@ -262,7 +292,7 @@ def _three_levels(
     def cost(x: FloatArray) -> float:
         if not np.log(1.5 * step) < x[5] < np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
             return 1e12
-        return -likelihood(y, chain(x), _besides(x, step, span, besides), r)
+        return -likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r)
 
     dwell, size = 0.5 * (two[4] + two[5]), two[3]
     places = ((0.5 * size, size), (size, 2.0 * size), (-size, size))
@@ -272,6 +302,6 @@ def _three_levels(
     options = {"maxiter": 500, "fatol": 0.02, "xatol": 1e-3, "initial_simplex": simplex}
     x = minimize(cost, start, method="Nelder-Mead", options=options).x
     path, dwell = np.empty(len(y)), float(np.exp(x[5]))
-    value = likelihood(y, chain(x), _besides(x, step, span, besides), r, path)
+    value = likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
     sd = float(np.std([0.0, x[3], x[4]]))
     return ManyLevels(tuple(path.tolist()), sd, dwell / 1.5), value
