@@ -51,7 +51,7 @@ def command(
         if holdout is not None:
             msg = f"--holdout {holdout}: expected with a static log; of a drive the last 40 % are held out"
             raise DataError(msg)
-        return _drive(log, config, gnss, wheels, strict, seed, output, messages)
+        return _drive(log, config, gnss, wheels, strict, output, messages)
     if config is not None or gnss is not None or wheels:
         given = "--config" if config is not None else "--gnss" if gnss is not None else "--wheels"
         msg = f"{given}: expected with a drive, but {Path(log).name} has no fixes"
@@ -77,7 +77,6 @@ def _drive(
     gnss: str | None,
     wheels: bool,
     strict: bool,
-    seed: int,
     output: Output,
     messages: Messages,
 ) -> int:
@@ -95,7 +94,7 @@ def _drive(
         messages.say(believed.notes[0])
     else:
         believed = load_filter(config, receiver)
-    found = examined_drive(measured, believed, seed, messages, wheels=wheels).diagnosis
+    found = examined_drive(measured, believed, messages, wheels=wheels).diagnosis
     if config is None:
         found = replace(found, notes=(believed.notes[0], *found.notes))
     if output.tables:

@@ -143,7 +143,7 @@ def load_drive(source: str) -> Drive:
 
 
 def examined_drive(
-    drive: Drive, config: FilterConfig, seed: int, messages: Messages, *, wheels: bool = False
+    drive: Drive, config: FilterConfig, messages: Messages, *, wheels: bool = False
 ) -> Examined:
     """Criticise the filter of a configuration on a drive, and explain what the drive asks of its noise settings."""
     from dataclasses import replace
@@ -153,7 +153,7 @@ def examined_drive(
     from tuner.standing import standing
 
     messages.say("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
-    examined = examine_drive(drive, config, wheels=wheels, seed=seed, progress=messages.say)
+    examined = examine_drive(drive, config, wheels=wheels, progress=messages.say)
     messages.say("explaining what the drive asks of each noise setting")
     asked = demands(examined, standing(drive).vibration)
     return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked))

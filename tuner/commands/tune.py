@@ -170,7 +170,7 @@ def command(
         config = with_calibration(config, calibration)
     examined = None
     if measured is not None:
-        examined = examined_drive(measured, config, seed, messages)
+        examined = examined_drive(measured, config, messages)
         config = driven_config(examined)
     texts = {
         "noise.yaml": native.dumps(config),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.drives.bias import beyond_prior
-from tuner.diagnosis.drives.clocks import coarse_clocks, suspicious
+from tuner.diagnosis.drives.clocks import coarse_clocks, drifting, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
 from tuner.diagnosis.drives.gain import gain_of
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
@@ -34,11 +34,10 @@ def diagnose_drive(
     config: FilterConfig,
     *,
     wheels: bool = False,
-    seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> DriveDiagnosis:
     """Find what the navigation simulation gets wrong on a drive, and why; see `examine_drive`."""
-    return examine_drive(drive, config, wheels=wheels, seed=seed, progress=progress).diagnosis
+    return examine_drive(drive, config, wheels=wheels, progress=progress).diagnosis
 
 
 def examine_drive(
@@ -46,7 +45,6 @@ def examine_drive(
     config: FilterConfig,
     *,
     wheels: bool = False,
-    seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Examined:
     """Find what the navigation simulation gets wrong on a drive, and why.
@@ -59,8 +57,6 @@ def examine_drive(
         What the filter believes of the sensor and of the receiver; where the receiver reports sds, those count.
     wheels : bool
         Whether the vehicle's wheels do not slip: then the stated mounting of the unit is tested.
-    seed : int
-        Seed of the bootstrap of gains.
     progress : callable, optional
         Called with what is being done.
 
@@ -70,7 +66,7 @@ def examine_drive(
         Where the drive cannot be aligned, the configuration lacks an axis, or its covariances are lost in rounding.
     """
     try:
-        return _examined(drive, config, wheels, seed, progress)
+        return _examined(drive, config, wheels, progress)
     except np.linalg.LinAlgError as error:
         msg = (
             f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
@@ -80,7 +76,7 @@ def examine_drive(
 
 
 def _examined(
-    drive: Drive, config: FilterConfig, wheels: bool, seed: int, progress: Callable[[str], None] | None
+    drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
 ) -> Examined:
     sensor, every = thinned(in_sensor_axes(drive))
     base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
@@ -89,7 +85,7 @@ def _examined(
     notes = (*base.notes, *notes)
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
-    gain = gain_of(sensor, outcome, seed=seed)
+    gain = gain_of(sensor, outcome)
     return Examined(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
 
 
@@ -138,6 +134,7 @@ def _diagnosis(
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
     )
+    left = (*left, *drifting(outcome.final, outcome.shifts, THRESHOLD))
     told = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
     untold = not_told(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
