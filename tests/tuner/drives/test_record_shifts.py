@@ -1,0 +1,71 @@
+"""Mean parameters of a record: held while noise is fitted, drifting with time; runs of wrong fixes beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tuner.diagnosis.drives.fitting import maximise
+from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate, held
+from tuner.diagnosis.drives.outliers import mask
+from tuner.diagnosis.drives.record import LinearRecord
+from tuner.diagnosis.drives.replicas import Source
+from tuner.diagnosis.drives.scales import factors
+from tuner.diagnosis.drives.score import wandering
+from tuner.diagnosis.drives.sensitivity import whitened
+
+DELAY = "time_offset.delay"
+
+
+def drawn(record: LinearRecord, seed: int) -> LinearRecord:
+    return Source.of(believed(record)).draw(np.random.default_rng(seed))
+
+
+def late(record: LinearRecord, delay: np.ndarray) -> LinearRecord:
+    """Let fixes come late by a delay (k,) that changes slowly."""
+    seen = record.seen[:, :, :1] * delay[:, None, None]
+    pushed = replace(record, seen=-seen, drive=0.0 * record.drive[:, :, :1], parameters=(DELAY,))
+    return replace(record, innovation=record.innovation - pushed.seen[:, :, 0])
+
+
+def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearRecord) -> None:
+    free = replace(believed(drawn(short_drive, 0)), columns=tuple(range(7)))
+    assert evaluate(held(free)).value == pytest.approx(evaluate(free).value, abs=1e-6)
+    assert held(free).columns == ()
+
+
+def test_noise_is_fitted_beside_free_means(short_drive: LinearRecord) -> None:
+    """The fit with means held in turn is a maximum of the likelihood with the means profiled out."""
+    wrong = replace(short_drive, sd=short_drive.sd * 2.0)
+    data = replace(drawn(wrong, 1), sd=short_drive.sd)
+    free = replace(believed(data), columns=(0, 1, 2, 3))
+    fit = maximise(free, factors(("position_horizontal", "velocity_horizontal")))
+
+    def profile(x: np.ndarray) -> float:
+        return evaluate(replace(fit.scales.change(free, x), columns=free.columns)).value
+
+    top = profile(fit.estimate)
+    assert top == pytest.approx(fit.log_likelihood, abs=0.1)
+    for step in 0.05 * np.vstack([np.eye(2), -np.eye(2)]):
+        assert profile(fit.estimate + step) < top + 0.02
+
+
+def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearRecord) -> None:
+    record, rate = drawn(city_drive, 2), 2e-4
+    for true in (0.0, rate):
+        moved = late(record, 0.02 + true * (record.t - record.t.mean()))
+        told = wandering(whitened(believed(moved)), moved.parameters, ("time_offset",), DELAY)
+        assert abs(told.rate - true) < 5.0 * told.sd
+        assert (told.p_value < 1e-6) == (true > 0.0)
+
+
+def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearRecord) -> None:
+    record = drawn(city_drive, 3)
+    off = np.zeros((len(record.t), 6))
+    off[300:340, :2] = 60.0 + 5.0 * np.random.default_rng(4).standard_normal((40, 2))
+    belief: Belief = believed(replace(record, innovation=record.innovation + off))
+    out = mask(belief).out[:, 0]
+    assert out[300:340].all()
+    assert np.count_nonzero(out) <= 42
