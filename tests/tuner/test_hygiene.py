@@ -205,6 +205,27 @@ def test_a_few_equal_spikes_are_no_rail():
     assert rails([y], 0.0)[1].p_value == 1.0
 
 
+@pytest.mark.parametrize(("step", "beyond"), [(0.0, 4), (0.05, 12)])
+def test_a_rail_that_is_reached_a_few_times_is_found(step, beyond):
+    """Ties of that many outermost samples have a chance of 1e-10 and 1e-6 without it."""
+    y = np.random.default_rng(16).standard_normal(200_000)
+    y = np.minimum(step * np.round(y / step) if step else y, np.sort(y)[-beyond])
+    y = step * np.round(y / step) if step else y
+    low, high = rails([y], step)
+    assert high.p_value < 1e-4
+    assert low.p_value > 1e-3
+
+
+def test_a_rail_is_found_beside_spikes_and_by_them():
+    """Ten spikes, half of them end at the rail: the others show that the level is no glitch of one size."""
+    rng = np.random.default_rng(17)
+    y = rng.standard_normal(100_000)
+    y[rng.choice(len(y), 12, replace=False)] = np.linspace(6.0, 40.0, 12)
+    assert min(rail.p_value for rail in rails([y], 0.0)) > 1e-3
+    assert rails([np.minimum(y, 25.0)], 0.0)[1].p_value < 1e-4
+    assert rails([np.minimum(y, 3.9)], 0.0)[1].p_value < 1e-4
+
+
 # ---- codes
 
 

@@ -10,6 +10,18 @@ noise whose tails are lighter than normal. At a rail all that should have exceed
 the lattice is fine enough to show it, the count there is also held against the tail inside it, continued as a
 parabola in the logarithm. Both chances must be small. On a coarse lattice noise with hard ends of its own,
 such as a uniform one, looks clipped.
+
+Where values are fine, what is tied at the end tells enough by itself: the c outermost samples of a tail that falls
+by the rate λ lie within a step δ of each other with the chance [1]_ ::
+
+    p = (1 − exp(−λδ))^(c − 1)
+
+if the rail is one that noise, or spikes of other sizes, should have crossed: equal glitches are no rail.
+
+References
+----------
+.. [1] A. Rényi, On the theory of order statistics, Acta Math. Hung. 4 (1953): gaps between the largest of exponential
+   samples are independent, the k-th one of mean 1/(λk).
 """
 
 from __future__ import annotations
@@ -23,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.special import ndtr
-from scipy.stats import nbinom
+from scipy.stats import nbinom, poisson
 
 from tuner.diagnosis.codes import FLOOR, fast_part
 
@@ -39,6 +51,14 @@ COARSE = 1.2
 """Step ÷ σ above which a prediction from rounded samples is too far from normal."""
 FINE = 0.15
 """Largest step ÷ sd at which what is piled up at a rail shows in its count."""
+FAR = 5.0
+"""Deviations beyond which samples are spikes."""
+UNLIKELY = 1e-3
+"""Chance below which samples at an end are more than the noise brings there."""
+DIGITS = 1e6
+"""Values in the range of data without a lattice, at least."""
+STEEPER = 2.0
+"""Factor by which a tail may fall faster than that of a Gaussian."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +128,31 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     p_value = math.exp(-crossings * lightness**2)
     if step <= FINE * spread:
         p_value = max(p_value, _pile(count, beyond[1] - count, beyond[2] - beyond[1], step, width, spread))
+        if _reachable(pieces, level, slack, count, crossings, spread):
+            p_value = min(p_value, _tie(pieces, level, step, spread))
     return Rail(level, count, crossings, min(1.0, 2.0 * p_value))
+
+
+def _reachable(
+    pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
+) -> bool:
+    """Tell whether the noise reaches the end, or explains all samples there, or whether as many others are far off."""
+    if crossings > 1.0 or poisson.sf(count - 1, crossings) > UNLIKELY:
+        return True
+    y = np.concatenate(pieces)
+    away = np.abs(y - np.median(y))
+    far = away > FAR * spread
+    return bool(np.count_nonzero(far & (y < level - slack)) >= count)
+
+
+def _tie(pieces: Sequence[FloatArray], level: float, step: float, spread: float) -> float:
+    """Return the chance that the outermost samples, one a visit, are as close to each other as they are."""
+    y = np.concatenate(pieces)
+    at = y > level - 0.5 * step if step > 0 else y == level
+    visits = int(np.count_nonzero(np.diff(at.astype(np.int8), prepend=np.int8(0)) > 0))
+    grain = max(step, float(np.ptp(y)) / DIGITS)
+    rate = max(level - float(np.median(y)), spread) / spread**2
+    return float(-math.expm1(-STEEPER * rate * grain)) ** max(visits - 1, 0)
 
 
 def _ties(pieces: Sequence[FloatArray], level: float) -> int:
