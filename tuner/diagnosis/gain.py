@@ -7,8 +7,8 @@ record B, else its first 60 %. With all parameters frozen, B is scored before an
 
 with E the spectrum of the model, e its residuals on B and h their law (normal, Student's, contaminated normal). A line
 may choose its phase anew, for one nat; two levels count by what a switching filter gains on the Gaussian one. What is
-an event of A (a step, a burst) is not in B: where it cannot be found again its gain is that in sample, less the price of
-its parameters.
+an event of A (a step, a burst) is not in B: where it cannot be found again its gain is that in sample, less the price
+of its parameters.
 """
 
 from __future__ import annotations

@@ -52,14 +52,14 @@ class Slow:
     initial: FloatArray
 
     @classmethod
-    def of(cls, terms: Sequence[Term], step: float) -> Slow:
-        """Return the states of noise terms for blocks of `step` s; the others have none."""
+    def of(cls, terms: Sequence[Term], step: float, offset: float = 1e6) -> Slow:
+        """Return the states of noise terms for blocks of `step` s; `offset` is the first variance of a random walk."""
         phi, q, initial = [], [], []
         for term in terms:
             if isinstance(term, RandomWalk):
                 phi.append(1.0)
                 q.append(term.density**2 * step)
-                initial.append(1e6)
+                initial.append(offset)
             elif isinstance(term, GaussMarkov):
                 decay = float(np.exp(-step / term.time_constant))
                 ratio = step / term.time_constant

@@ -39,6 +39,8 @@ HUMP = 5.0
 """Nats that a further Gauss–Markov process must gain on flicker for two levels on flicker to be tried."""
 FEWEST = 4
 """Switches that make a path telegraph noise."""
+OFFSETS = 5
+"""Places of the lower level, within a size, that are tried on held-out data."""
 DOUBT = 3.0
 """Nats by which three levels must be likelier than two, for the same number of parameters, to be believed instead."""
 
@@ -76,12 +78,20 @@ class Telegraph(Extension):
     def lead(self, y: FloatArray, step: float, r: float) -> float:
         """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
 
-        `step` is the length of a block, s, and `r` the variance of the white part of its mean.
+        `step` is the length of a block, s, and `r` the variance of the white part of its mean. Where the lower level
+        lies is not known: within a size about the middle, as one of `OFFSETS` places or by a normal law.
         """
+        if self.size == 0.0:
+            return 0.0
         up, down = (float(-np.expm1(-step / dwell)) for dwell in self.dwells)
-        gaussian = Slow.of((*self.besides, GaussMarkov(self.sd, self.time_constant)), step)
-        two = likelihood(y, Chain.two(self.size, up, down), Slow.of(self.besides, step), r)
-        return two - likelihood(y, STILL, gaussian, r) if self.size else 0.0
+        width, chain = self.size / OFFSETS, Chain.two(self.size, up, down)
+        middle = y - y.mean() + 0.5 * self.size
+        places = width * (np.arange(OFFSETS) - 0.5 * (OFFSETS - 1))
+        near = Slow.of(self.besides, step, width**2 / 4.0)
+        two = [likelihood(middle - place, chain, near, r) for place in places]
+        gaussian = (*self.besides, GaussMarkov(self.sd, self.time_constant))
+        alone = likelihood(y - y.mean(), STILL, Slow.of(gaussian, step, self.size**2 / 4.0), r)
+        return float(np.logaddexp.reduce(two)) - float(np.log(OFFSETS)) - alone
 
     def repair(self, channel: Channel) -> Channel:
         """Take the path out."""
