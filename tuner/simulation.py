@@ -246,6 +246,7 @@ def _records(
     timing = {
         "gap_count": float(stamps.gaps),
         "jitter_sd": stamps.jitter,
+        "rounding": stamps.rounding,
         "clock_ratio": stamps.interval / block.interval,
     }
     records = []

@@ -5,7 +5,8 @@
     clipping      min(max(y, low), high)
     lattice       step · round(y/step);  0 where |y| < deadband
     duplicates    y_k = y_{k−1} with the chance `fraction`, in all channels at once
-    timing        gap_count stretches of samples lost; stamps t_0 + clock_ratio (t − t_0) + jitter_sd · e
+    timing        gap_count stretches of samples lost; stamps t_0 + clock_ratio (t − t_0) + jitter_sd · e,
+                  rounded to whole multiples of `rounding`
 """
 
 from __future__ import annotations
@@ -146,6 +147,8 @@ class Timing(Effect):
         Interval that the stamps show ÷ nominal interval.
     gap_samples : int
         Samples lost in each gap.
+    rounding : float
+        Unit that stamps are rounded to, s; 0 for none.
     """
 
     name: ClassVar[str] = "timing"
@@ -154,9 +157,10 @@ class Timing(Effect):
     jitter_sd: float = 0.0
     clock_ratio: float = 1.0
     gap_samples: int = 5
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
-        require_not_negative(gap_count=self.gap_count, jitter_sd=self.jitter_sd)
+        require_not_negative(gap_count=self.gap_count, jitter_sd=self.jitter_sd, rounding=self.rounding)
         require_positive(clock_ratio=self.clock_ratio, gap_samples=self.gap_samples)
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
@@ -164,6 +168,8 @@ class Timing(Effect):
         kept = self._kept(len(block.t), rng)
         t = block.t[0] + self.clock_ratio * (block.t - block.t[0])
         t = np.sort(t[kept] + self.jitter_sd * rng.standard_normal(len(kept)))
+        if self.rounding > 0.0:
+            t = self.rounding * np.round(t / self.rounding)
         piece = np.isin(np.arange(len(block.t)), block.breaks).cumsum()[kept]
         after = np.flatnonzero((np.diff(kept) > 1) | (np.diff(piece) > 0)) + 1
         return Samples(

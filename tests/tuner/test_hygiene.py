@@ -315,6 +315,24 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
             assert low * (1 - 0.1) <= value <= high * (1 + 0.1)
 
 
+@pytest.mark.parametrize("rate", [130.0, 400.0, 100.0 / 1.00003])
+def test_rounded_stamps_are_told_with_their_unit_and_are_no_jitter(rate):
+    clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
+    (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=1e-3"])
+    test = hygiene(gyro)[0]
+    assert test.note
+    assert test.parameters["rounding"].value == pytest.approx(1e-3, rel=1e-6)
+    assert "jitter_sd" not in test.parameters
+    (gyro,), _ = simulate(
+        clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=2e-4,jitter_sd=5e-4"]
+    )
+    test = hygiene(gyro)[0]
+    assert test.p_value == 0.0
+    assert not test.note
+    assert test.parameters["rounding"].value == pytest.approx(2e-4, rel=1e-6)
+    assert test.parameters["jitter_sd"].value == pytest.approx(5e-4, rel=0.05)
+
+
 def test_held_readings_do_not_make_other_findings():
     for seed in range(5):
         assert alarms(hygiene(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]

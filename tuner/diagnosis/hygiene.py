@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 JITTER = 1e-3
 """Jitter of the stamps that is worth a word, share of the interval."""
+ROUNDED = 1.05
+"""Scatter of the stamps ÷ the largest that rounding makes, up to which it is nothing else."""
 CERTAIN = 1e-4
 """Chance below which a test decides how the others are made and what is said."""
 DRIFT = 1e-6
@@ -91,21 +93,35 @@ def hygiene(record: Record) -> tuple[HygieneTest, ...]:
 
 
 def timing(record: Record) -> HygieneTest:
-    """Judge what the time stamps said: gaps, jitter, the rate of the clock."""
+    """Judge what the time stamps said: gaps, jitter, the rate of the clock.
+
+    Stamps rounded to a unit u scatter by what is f (1 − f) u²/2 ≤ u²/8 in half the variance of their steps, f the
+    fraction of the interval beyond a whole number of units: that much is rounding, a note, and no jitter. The rate of
+    the clock is known to a unit in the whole record then.
+    """
     said = record.timing
-    gaps, jitter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0) / record.interval
+    gaps, scatter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0)
+    unit = said.get("rounding", 0.0)
+    rounded = 0.0 < scatter < ROUNDED * unit / math.sqrt(8.0)
+    jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - unit**2 / 12.0, 0.0)) / record.interval
     ratio = said.get("clock_ratio", 1.0)
-    bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT
+    coarse = unit / (len(record) * record.interval)
+    bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT + coarse
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
     text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval"
-    if "jitter_sd" in said:
-        sd, error = said["jitter_sd"], 1.96 / math.sqrt(2.0 * len(record))
+    if unit > 0.0:
+        parameters["rounding"] = Coefficient.known(unit, unit, unit, "s")
+        text += f", rounded to {unit:.6g} s"
+    if "jitter_sd" in said and not rounded:
+        sd, error = jitter * record.interval, 1.96 / math.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
     if "clock_ratio" in said:
-        spread = 1.96 * jitter * math.sqrt(12.0 / len(record) ** 3)
+        spread = 1.96 * scatter / record.interval * math.sqrt(12.0 / len(record) ** 3) + coarse
         parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
         text += f", clock ratio {ratio:.8g}"
-    return HygieneTest("timing", record.axes, gaps, 0.0 if bad else 1.0, parameters, text=text)
+    note = rounded and not bad
+    p_value = 0.0 if bad or rounded else 1.0
+    return HygieneTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
 
 
 def duplicates(record: Record, steps: Mapping[str, float]) -> tuple[HygieneTest, ...]:

@@ -254,6 +254,7 @@ def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
         "duplicates": float(base.duplicates),
         "disordered": float(base.disordered),
         "jitter_sd": base.jitter,
+        "rounding": base.rounding,
     }
     return timing if rate is None else timing | {"clock_ratio": rate * base.interval}
 

@@ -31,6 +31,10 @@ BRIDGED_SHARE = 0.01
 """Largest share of all samples that may come from bridges."""
 SHORTEST = 3
 """Samples that one Allan point needs; shorter segments are left out."""
+STEPS = 64
+"""Different steps of a clock of few digits, at most."""
+TICK = 1e-7
+"""Steps closer than this are one, s: floating point counts seconds since 1970 to 2e-7."""
 _STAMPS = 1 << 17
 
 
@@ -56,6 +60,8 @@ class Timebase:
         Sd of the stamping error between neighbours, s; rare late stamps left out.
     bias : (float, float)
         Bounds of the relative bias of white density N from bridges (lowest, highest).
+    rounding : float
+        Unit that the stamps are multiples of where that shows in their steps, s; 0 for none.
     wander : float
         Largest distance of a stamp from the even grid of its segment, s.
     left_out : int
@@ -73,6 +79,7 @@ class Timebase:
     missing: int = 0
     bridged: int = 0
     jitter: float = 0.0
+    rounding: float = 0.0
     bias: tuple[float, float] = (0.0, 0.0)
     wander: float = 0.0
     left_out: int = 0
@@ -179,6 +186,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
 
     some = _some(0, len(t) - 1)
     error = t[some + 1] - t[some] - interval * (number(some + 1) - number(some))
+    rounding = rounding_of(t[some + 1] - t[some])
     ends = at[~short] + 1
     grid: list[FloatArray] = []
     segments: list[tuple[int, int]] = []
@@ -216,6 +224,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         missing=int(size.sum()),
         bridged=bridged,
         jitter=_jitter(error, interval),
+        rounding=rounding,
         bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
         wander=wander,
         left_out=left_out,
@@ -225,6 +234,21 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
 def _some(start: int, stop: int) -> IntArray:
     """Return up to `_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
     return np.unique(np.linspace(start, stop - 1, min(stop - start, _STAMPS)).astype(np.int64))
+
+
+def rounding_of(steps: FloatArray) -> float:
+    """Return the unit, s, that steps of stamps are whole multiples of; 0 where they are all equal or have none.
+
+    A clock written with few digits has few steps, and these differ by its unit at least; the least difference is the
+    unit, since an interval between two multiples is written as both.
+    """
+    told = np.unique(np.round(steps / TICK).astype(np.int64))
+    if not 1 < len(told) <= STEPS:
+        return 0.0
+    unit = float(np.diff(told).min()) * TICK
+    unit *= float(np.sum(steps) / unit / np.sum(np.round(steps / unit)))
+    off = np.abs(steps / unit - np.round(steps / unit))
+    return unit if unit > 100.0 * TICK and float(off.max()) < 0.05 else 0.0
 
 
 def _jitter(error: FloatArray, interval: float) -> float:
