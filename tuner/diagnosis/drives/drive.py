@@ -12,6 +12,7 @@ from tuner.diagnosis.drives.clocks import coarse_clocks, drifting, suspicious
 from tuner.diagnosis.drives.findings import finding, told_apart
 from tuner.diagnosis.drives.gain import gain_of
 from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
+from tuner.diagnosis.drives.lattice import coarse_lattices
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import THRESHOLD, Criticism, criticise
 from tuner.diagnosis.drives.mounting import mounting, not_told
@@ -82,7 +83,7 @@ def _examined(
     base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
     coarse, notes = coarse_clocks(sensor, base.hypothesis) if suspicious(base) else ({}, ())
     outcome = criticise(sensor, base, coarse, progress)
-    notes = (*base.notes, *notes)
+    notes = (*base.notes, *notes, *coarse_lattices(sensor))
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     gain = gain_of(sensor, outcome)

@@ -1,0 +1,28 @@
+"""Coarse lattices are told, fine ones and none are not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tuner.diagnosis.drives.lattice import coarse_lattices
+from tuner.records import Drive, Gnss
+
+
+def rounded(step: float) -> Drive:
+    rng, t = np.random.default_rng(0), np.arange(6000) / 100.0
+    rates = rng.standard_normal((6000, 6)) * 3e-3
+    rates[:, :3] = np.round(rates[:, :3] / step) * step if step else rates[:, :3]
+    still = np.zeros((60, 3))
+    gnss = Gnss(np.arange(60.0), still, still, still + 1.0, still + 0.1)
+    return Drive("bench", t, rates, gnss)
+
+
+def test_a_lattice_above_the_noise_is_told() -> None:
+    (told,) = coarse_lattices(rounded(0.01))
+    assert told.startswith("gyro")
+    assert "0.01 rad/s" in told
+
+
+def test_a_fine_lattice_is_not() -> None:
+    assert not coarse_lattices(rounded(1e-3))
+    assert not coarse_lattices(rounded(0.0))
