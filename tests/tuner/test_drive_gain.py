@@ -40,7 +40,7 @@ HIDDEN = (
 
 @pytest.mark.slow
 def test_outages_do_not_grow_by_what_is_named(simulated, drive_config):
-    """Of 20 drives few are significantly worse, one-sided 2.5 % for each of two horizons: a bound that fails in 1e-4."""
+    """Of 20 drives few are significantly worse, one-sided 2.5 % for each of two horizons: it fails in 1e-4."""
     worse = 0
     for number in range(20):
         drive = simulated(40 + number, duration=900.0, **HIDDEN[number % len(HIDDEN)])

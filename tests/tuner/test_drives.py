@@ -1,4 +1,4 @@
-"""Measured drives: read in every form, repaired or refused, aligned, filtered; simulated ones have a truth."""
+"""Measured drives: aligned, filtered, scored; simulated ones have a truth."""
 
 from __future__ import annotations
 
@@ -12,13 +12,10 @@ import pytest
 
 from models import rotation
 from models.gnss import perfect_fixes
-from models.motion import imu_increments
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
-from tuner.commands.check import load_filter
 from tuner.drivescores import differences
 from tuner.driving import drive_filter, navigate_drive
-from tuner.exporters import export
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.drive import navigate, prepare
 from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
@@ -28,7 +25,6 @@ from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
 from tuner.readers.drives import read_drive
 from tuner.records import DataError, Gnss
 from tuner.synthesis import synthesize
-from tuner.synthesis.equivalents import equivalent_markov_sd
 
 INTERVAL = 0.02
 LEVER = (0.5, -0.3, -1.2)
@@ -39,69 +35,8 @@ STILL = 40.0
 MEASURED = os.environ.get("TUNER_DATA")
 
 
-def arrays(duration=400.0, *, seed=1, mounting=MOUNTING_RPY, delay=DELAY):
-    """A simulated drive as the arrays of a file: a city after standing still."""
-    rng = np.random.default_rng(seed)
-    motion = TRAJECTORIES["city"](duration)
-    moving = np.hstack(imu_increments(motion, INTERVAL)) / INTERVAL
-    still = np.tile(moving[0], (round(STILL / INTERVAL), 1))
-    rates = np.vstack([still, moving])
-    sensor = rotation.mat_from_rpy(np.radians(mounting))
-    rates = np.hstack([rates[:, :3] @ sensor.T, rates[:, 3:] @ sensor.T])
-    rates += np.concatenate([[2e-3, -1e-3, 1.5e-3], [0.05, -0.04, 0.06]])
-    density = np.repeat([1.2e-4, 3e-3], 3)
-    rates += rng.standard_normal(rates.shape) * density / np.sqrt(INTERVAL)
-    t = 1000.0 + INTERVAL * np.arange(1, len(rates) + 1)
-    gnss_t = 1000.0 + np.arange(1.0, STILL + duration - 1.0)
-    llh, vel = perfect_fixes(motion, (gnss_t - 1000.0 - STILL - delay).clip(0.0, duration), lever_arm=LEVER)
-    metres = np.array([6.37e6, 6.37e6 * np.cos(0.84), 1.0])
-    llh = llh + rng.standard_normal(llh.shape) * np.array([0.4, 0.4, 0.8]) / metres
-    vel = vel + 0.05 * rng.standard_normal(vel.shape)
-    truth_t = np.arange(0.0, duration, 0.1)
-    state = motion.evaluate(truth_t)
-    return {
-        "imu_t": t,
-        "gyro": rates[:, :3],
-        "accel": rates[:, 3:],
-        "gnss_t": gnss_t,
-        "gnss_llh": np.column_stack([np.degrees(llh[:, :2]), llh[:, 2]]),
-        "gnss_vned": vel,
-        "gnss_pstd": np.tile([0.4, 0.4, 0.8], (len(gnss_t), 1)),
-        "gnss_vstd": np.full((len(gnss_t), 3), 0.05),
-        "ref_t": 1000.0 + STILL + truth_t,
-        "ref_llh": np.column_stack([np.degrees(state.llh[:, :2]), state.llh[:, 2]]),
-        "ref_vned": state.vel_n,
-        "ref_rpy": np.degrees(state.rpy),
-    }
-
-
-def saved(path, data, **meta):
-    np.savez(path, meta=np.array(json.dumps(meta)), **data)
-    return path
-
-
-def configuration(receiver="dgnss"):
-    config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss(receiver))
-    return replace(config, gnss=replace(config.gnss, position_sd=(0.4, 0.4, 0.8), correlated=()))
-
-
 @pytest.fixture(scope="module")
-def data():
-    return arrays()
-
-
-@pytest.fixture(scope="module")
-def file(data, tmp_path_factory):
-    return saved(
-        tmp_path_factory.mktemp("drive") / "drive.npz",
-        data,
-        lever_arm_frd_m=LEVER,
-        mounting_rpy_deg=MOUNTING_RPY,
-    )
-
-
-@pytest.fixture(scope="module")
-def result(file):
+def result(configuration, file):
     return navigate_drive(read_drive(file), configuration())
 
 
@@ -129,7 +64,7 @@ def test_clock_offset_and_biases_are_found(result):
     np.testing.assert_allclose(sensor @ bias, [2e-3, -1e-3, 1.5e-3], atol=6e-4)
 
 
-def test_constraints_help_through_outages_and_are_counted(file, result):
+def test_constraints_help_through_outages_and_are_counted(configuration, file, result):
     drive = read_drive(file)
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(0.1, 0.05))
     counted = accounts(found.solutions)
@@ -148,7 +83,7 @@ def test_constraints_help_through_outages_and_are_counted(file, result):
     assert accounts(result.solutions) == {}
 
 
-def test_sensors_louder_than_believed_are_told(file):
+def test_sensors_louder_than_believed_are_told(configuration, file):
     quiet = replace(
         configuration(),
         channels={
@@ -169,7 +104,7 @@ def test_sensors_louder_than_believed_are_told(file):
     assert not any("louder" in note for note in navigate_drive(drive, loud).notes)
 
 
-def test_mounting_for_constraints_comes_from_motion(data, tmp_path):
+def test_mounting_for_constraints_comes_from_motion(configuration, saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "bare.npz", data))
     settings, _ = drive_filter(drive, configuration())
     stretches, _ = prepare(drive, settings)
@@ -178,7 +113,7 @@ def test_mounting_for_constraints_comes_from_motion(data, tmp_path):
     assert np.linalg.norm(off) < np.radians(2.0)
 
 
-def test_vehicle_that_never_stood_is_not_said_to_stand(data, tmp_path):
+def test_vehicle_that_never_stood_is_not_said_to_stand(configuration, saved, data, tmp_path):
     moving = {name: values for name, values in data.items() if name.split("_")[0] != "ref"}
     late = data["imu_t"] > 1000.0 + STILL + 60.0
     for name in ("imu_t", "gyro", "accel"):
@@ -189,7 +124,7 @@ def test_vehicle_that_never_stood_is_not_said_to_stand(data, tmp_path):
     assert any("never" in note for note in found.notes)
 
 
-def test_sds_of_the_reference_count(data, tmp_path):
+def test_sds_of_the_reference_count(configuration, saved, data, tmp_path):
     n = len(data["ref_t"])
     rng = np.random.default_rng(5)
     noisy = dict(data, ref_vned=data["ref_vned"] + 0.3 * rng.standard_normal((n, 3)))
@@ -215,7 +150,7 @@ def test_few_wrong_attitudes_of_the_reference_do_not_spoil_the_rest(result, file
     np.testing.assert_allclose(error[after, 6:], right[after, 6:], atol=2e-3)
 
 
-def test_mounting_may_be_unknown(data, tmp_path):
+def test_mounting_may_be_unknown(configuration, saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "bare.npz", data))
     assert drive.mounting is None
     found = navigate_drive(drive, configuration())
@@ -226,7 +161,7 @@ def test_mounting_may_be_unknown(data, tmp_path):
     np.testing.assert_allclose((sensor.T @ arm)[:2], LEVER[:2], atol=0.4)
 
 
-def test_without_reference_outages_are_scored_by_the_fixes(data, tmp_path):
+def test_without_reference_outages_are_scored_by_the_fixes(configuration, saved, data, tmp_path):
     bare = {name: values for name, values in data.items() if not name.startswith("ref")}
     found = navigate_drive(read_drive(saved(tmp_path / "bare.npz", bare, **PLACED)), configuration())
     # Instead of a reference there is the smoother, which the filter agrees with.
@@ -237,7 +172,7 @@ def test_without_reference_outages_are_scored_by_the_fixes(data, tmp_path):
     assert "position_innovation_rms_m" in found.consistency.errors
 
 
-def test_gap_starts_anew(data, tmp_path):
+def test_gap_starts_anew(configuration, saved, data, tmp_path):
     cut = dict(data)
     keep = (data["imu_t"] < 1200.0) | (data["imu_t"] > 1212.0)
     for name in ("imu_t", "gyro", "accel"):
@@ -248,7 +183,7 @@ def test_gap_starts_anew(data, tmp_path):
     assert not found.consistency.diverged
 
 
-def test_outliers_are_refused_and_counted(data, tmp_path):
+def test_outliers_are_refused_and_counted(configuration, saved, data, tmp_path):
     bad = dict(data)
     llh = data["gnss_llh"].copy()
     llh[200::17, 2] += 60.0
@@ -280,7 +215,7 @@ def test_fixes_that_contradict_their_neighbours_are_left_out():
     assert without_outliers(sparse)[1:] == (0, 0)  # too few neighbours to judge: the gate's business
 
 
-def test_diverging_filter_is_reported(data, tmp_path, capsys):
+def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
     lost = dict(data)
     llh = data["gnss_llh"].copy()
     rng = np.random.default_rng(3)
@@ -295,7 +230,7 @@ def test_diverging_filter_is_reported(data, tmp_path, capsys):
     assert "diverged" in capsys.readouterr().out
 
 
-def test_standing_and_lag(data, tmp_path):
+def test_standing_and_lag(saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "a.npz", data))
     assert standing_until(drive.gnss) == pytest.approx(STILL + 4.0, abs=4.0)
     assert receiver_lag(drive.gnss) == 0.0
@@ -319,7 +254,7 @@ def test_alignment_needs_motion(data):
         align(steps, still)
 
 
-def test_swapped_axes_are_named(data, tmp_path):
+def test_swapped_axes_are_named(saved, data, tmp_path):
     enu = dict(data)
     v = data["gnss_vned"]
     enu["gnss_vned"] = np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])
@@ -328,133 +263,6 @@ def test_swapped_axes_are_named(data, tmp_path):
     assert name == "east-north-up"
     np.testing.assert_allclose(mended.vel_n, v[: len(mended)], atol=1e-12)
     assert named_axes(mended)[1] is None
-
-
-def write_folder(path, data, *, truth=True):
-    path.mkdir()
-    header = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
-    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
-    np.savetxt(path / "imu.csv", imu, delimiter=",", header=header, comments="")
-    gnss = np.column_stack([data[f"gnss_{n}"] for n in ("t", "llh", "vned", "pstd", "vstd")])
-    names = "t,lat [deg],lon [deg],height [m],vn,ve,vd,sd_n,sd_e,sd_d,sd_vn,sd_ve,sd_vd"
-    np.savetxt(path / "gnss.csv", gnss, delimiter=",", header=names, comments="", fmt="%.12g")
-    if truth:
-        rows = np.column_stack([data[f"ref_{n}"] for n in ("t", "llh", "vned", "rpy")])
-        names = "t,lat,lon,height,vn,ve,vd,roll,pitch,yaw [deg]"
-        np.savetxt(path / "truth.csv", rows, delimiter=",", header=names, comments="", fmt="%.12g")
-    return path
-
-
-def test_folder_and_npz_are_one(data, file, tmp_path):
-    a, b = read_drive(file), read_drive(write_folder(tmp_path / "drive", data))
-    np.testing.assert_allclose(a.imu_t, b.imu_t, atol=1e-6)
-    np.testing.assert_allclose(a.rates, b.rates, atol=1e-9)
-    np.testing.assert_allclose(a.gnss.llh, b.gnss.llh, atol=1e-11)
-    np.testing.assert_allclose(a.gnss.t, b.gnss.t, atol=1e-6)
-    np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
-
-
-def test_kf_gins_files_are_read(data, file, tmp_path):
-    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
-    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
-    np.savetxt(
-        tmp_path / "gnss.txt",
-        np.column_stack([data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]),
-        fmt="%.12f",
-    )
-    yaml = tmp_path / "kf-gins.yaml"
-    yaml.write_text(
-        'imupath: "elsewhere/imu.txt"\ngnsspath: "gnss.txt"\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n',
-        encoding="utf-8",
-    )
-    a, b = read_drive(file), read_drive(yaml)
-    np.testing.assert_allclose(a.rates, b.rates, atol=1e-6)
-    assert b.lever_arm == LEVER
-    assert np.isnan(b.gnss.vel_n).all()
-    assert not navigate_drive(replace(b, mounting=None), configuration()).consistency.diverged
-
-
-def test_one_file_of_kf_gins_is_drive_and_configuration(data, tmp_path):
-    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
-    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
-    columns = [data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]
-    np.savetxt(tmp_path / "gnss.txt", np.column_stack(columns), fmt="%.12f")
-    config = configuration()
-    exported = export(config, "kf-gins")
-    settings = tmp_path / "kf-gins.yaml"
-    paths = "imupath: imu.txt\ngnsspath: gnss.txt\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n"
-    settings.write_text(paths + exported, encoding="utf-8")
-    theirs = load_filter(str(settings), None)
-    memory = 100.0  # over which the single state wanders as far as the states it stands for
-    for name, ours in config.channels.items():
-        channel = theirs.channels[name]
-        assert channel.white_density == pytest.approx(ours.white_density, rel=1e-9)
-        (state,) = channel.markov
-        assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
-        expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
-        assert state.sd == pytest.approx(expected, rel=1e-9)
-        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(ours.constant_sd, rel=1e-9)
-    found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
-    assert not found.consistency.diverged
-    assert found.consistency.gated < 0.01
-    assert "gyro_scale" in found.settings.model.layout
-    out = tmp_path / "out.json"
-    assert run(["navigate", str(settings), "--config", str(settings), "--quiet", "--json", str(out)]) == 0
-    broken = tmp_path / "broken.yaml"
-    broken.write_text(exported.replace("corrtime", "correlation"), encoding="utf-8")
-    with pytest.raises(DataError, match="corrtime"):
-        load_filter(str(broken), None)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"accel": 1e3}, "specific force"),
-        ({"accel": 1e-3}, "specific force"),
-        ({"gyro": 1e3}, "rad/s"),
-        ({"gnss_pstd": -1.0}, "negative"),
-        ({"gnss_llh": 1e7}, "degrees"),
-        ({"gnss_t": 10.0}, "same time"),
-    ],
-)
-def test_impossible_drives_are_refused_in_one_line(data, tmp_path, capsys, change, words):
-    wrong = {name: values * change.get(name, 1.0) for name, values in data.items()}
-    path = saved(tmp_path / "wrong.npz", wrong)
-    assert run(["navigate", str(path), "--config", "mpu9250", "--quiet"]) == 2
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert words in err
-
-
-def test_repairs_are_counted(data, tmp_path):
-    dirty = {name: values.copy() for name, values in data.items()}
-    dirty["gyro"][5] = np.nan
-    for name in ("imu_t", "gyro", "accel"):
-        dirty[name] = np.insert(dirty[name], 100, dirty[name][99], axis=0)
-        dirty[name][[200, 201]] = dirty[name][[201, 200]]
-    dirty["gnss_t"] = np.concatenate([[900.0], dirty["gnss_t"]])
-    for name in ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd"):
-        dirty[name] = np.concatenate([dirty[name][:1], dirty[name]])
-    drive = read_drive(saved(tmp_path / "dirty.npz", dirty))
-    said = "; ".join(drive.notes)
-    for words in (
-        "1 unreadable IMU",
-        "1 IMU rows out of order",
-        "1 IMU rows with a doubled",
-        "1 fixes outside",
-    ):
-        assert words in said
-    dirty["gyro"][: len(dirty["gyro"]) // 10] = np.nan
-    with pytest.raises(DataError, match="at most 1 %"):
-        read_drive(saved(tmp_path / "worse.npz", dirty))
-
-
-@pytest.mark.parametrize("name", ["nothing", "empty", "drive.txt"])
-def test_what_is_no_drive_is_refused(tmp_path, name):
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "drive.txt").write_text("1 2 3\n", encoding="utf-8")
-    with pytest.raises(DataError):
-        read_drive(tmp_path / name)
 
 
 def test_navigate_from_the_command_line(file, tmp_path, capsys):

@@ -1,0 +1,149 @@
+"""Files of drives: read in every form, repaired or refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tuner.cli import run
+from tuner.commands.check import load_filter
+from tuner.driving import navigate_drive
+from tuner.exporters import export, native
+from tuner.readers.drives import read_drive
+from tuner.records import DataError
+from tuner.synthesis.equivalents import equivalent_markov_sd
+
+LEVER = (0.5, -0.3, -1.2)
+MOUNTING_RPY = (180.0, 3.0, 100.0)
+
+
+def write_folder(path, data, *, truth=True):
+    path.mkdir()
+    header = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
+    np.savetxt(path / "imu.csv", imu, delimiter=",", header=header, comments="")
+    gnss = np.column_stack([data[f"gnss_{n}"] for n in ("t", "llh", "vned", "pstd", "vstd")])
+    names = "t,lat [deg],lon [deg],height [m],vn,ve,vd,sd_n,sd_e,sd_d,sd_vn,sd_ve,sd_vd"
+    np.savetxt(path / "gnss.csv", gnss, delimiter=",", header=names, comments="", fmt="%.12g")
+    if truth:
+        rows = np.column_stack([data[f"ref_{n}"] for n in ("t", "llh", "vned", "rpy")])
+        names = "t,lat,lon,height,vn,ve,vd,roll,pitch,yaw [deg]"
+        np.savetxt(path / "truth.csv", rows, delimiter=",", header=names, comments="", fmt="%.12g")
+    return path
+
+
+def test_folder_and_npz_are_one(data, file, tmp_path):
+    a, b = read_drive(file), read_drive(write_folder(tmp_path / "drive", data))
+    np.testing.assert_allclose(a.imu_t, b.imu_t, atol=1e-6)
+    np.testing.assert_allclose(a.rates, b.rates, atol=1e-9)
+    np.testing.assert_allclose(a.gnss.llh, b.gnss.llh, atol=1e-11)
+    np.testing.assert_allclose(a.gnss.t, b.gnss.t, atol=1e-6)
+    np.testing.assert_allclose(a.reference.rpy, b.reference.rpy, atol=1e-9)
+
+
+def test_kf_gins_files_are_read(configuration, data, file, tmp_path):
+    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
+    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
+    np.savetxt(
+        tmp_path / "gnss.txt",
+        np.column_stack([data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]),
+        fmt="%.12f",
+    )
+    yaml = tmp_path / "kf-gins.yaml"
+    yaml.write_text(
+        'imupath: "elsewhere/imu.txt"\ngnsspath: "gnss.txt"\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n',
+        encoding="utf-8",
+    )
+    a, b = read_drive(file), read_drive(yaml)
+    np.testing.assert_allclose(a.rates, b.rates, atol=1e-6)
+    assert b.lever_arm == LEVER
+    assert np.isnan(b.gnss.vel_n).all()
+    assert not navigate_drive(replace(b, mounting=None), configuration()).consistency.diverged
+
+
+def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp_path):
+    dt = np.diff(data["imu_t"], prepend=1000.0)[:, None]
+    np.savetxt(tmp_path / "imu.txt", np.column_stack([data["imu_t"], data["gyro"] * dt, data["accel"] * dt]))
+    columns = [data["gnss_t"], data["gnss_llh"], data["gnss_pstd"]]
+    np.savetxt(tmp_path / "gnss.txt", np.column_stack(columns), fmt="%.12f")
+    config = configuration()
+    exported = export(config, "kf-gins")
+    settings = tmp_path / "kf-gins.yaml"
+    paths = "imupath: imu.txt\ngnsspath: gnss.txt\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n"
+    settings.write_text(paths + exported, encoding="utf-8")
+    theirs = load_filter(str(settings), None)
+    memory = 100.0  # over which the single state wanders as far as the states it stands for
+    for name, ours in config.channels.items():
+        channel = theirs.channels[name]
+        assert channel.white_density == pytest.approx(ours.white_density, rel=1e-9)
+        (state,) = channel.markov
+        assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
+        expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
+        assert state.sd == pytest.approx(expected, rel=1e-9)
+        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(ours.constant_sd, rel=1e-9)
+    found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
+    assert not found.consistency.diverged
+    assert found.consistency.gated < 0.01
+    assert set(theirs.constants) == {"gyro_scale", "accel_scale"}
+    assert native.loads(native.dumps(theirs)).constants == theirs.constants
+    for name, sd in theirs.constants.items():
+        np.testing.assert_array_equal(found.settings.initial_sd[found.settings.model.layout[name]], sd)
+    out = tmp_path / "out.json"
+    assert run(["navigate", str(settings), "--config", str(settings), "--quiet", "--json", str(out)]) == 0
+    broken = tmp_path / "broken.yaml"
+    broken.write_text(exported.replace("corrtime", "correlation"), encoding="utf-8")
+    with pytest.raises(DataError, match="corrtime"):
+        load_filter(str(broken), None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"accel": 1e3}, "specific force"),
+        ({"accel": 1e-3}, "specific force"),
+        ({"gyro": 1e3}, "rad/s"),
+        ({"gnss_pstd": -1.0}, "negative"),
+        ({"gnss_llh": 1e7}, "degrees"),
+        ({"gnss_t": 10.0}, "same time"),
+    ],
+)
+def test_impossible_drives_are_refused_in_one_line(saved, data, tmp_path, capsys, change, words):
+    wrong = {name: values * change.get(name, 1.0) for name, values in data.items()}
+    path = saved(tmp_path / "wrong.npz", wrong)
+    assert run(["navigate", str(path), "--config", "mpu9250", "--quiet"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert words in err
+
+
+def test_repairs_are_counted(saved, data, tmp_path):
+    dirty = {name: values.copy() for name, values in data.items()}
+    dirty["gyro"][5] = np.nan
+    for name in ("imu_t", "gyro", "accel"):
+        dirty[name] = np.insert(dirty[name], 100, dirty[name][99], axis=0)
+        dirty[name][[200, 201]] = dirty[name][[201, 200]]
+    dirty["gnss_t"] = np.concatenate([[900.0], dirty["gnss_t"]])
+    for name in ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd"):
+        dirty[name] = np.concatenate([dirty[name][:1], dirty[name]])
+    drive = read_drive(saved(tmp_path / "dirty.npz", dirty))
+    said = "; ".join(drive.notes)
+    for words in (
+        "1 unreadable IMU",
+        "1 IMU rows out of order",
+        "1 IMU rows with a doubled",
+        "1 fixes outside",
+    ):
+        assert words in said
+    dirty["gyro"][: len(dirty["gyro"]) // 10] = np.nan
+    with pytest.raises(DataError, match="at most 1 %"):
+        read_drive(saved(tmp_path / "worse.npz", dirty))
+
+
+@pytest.mark.parametrize("name", ["nothing", "empty", "drive.txt"])
+def test_what_is_no_drive_is_refused(tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "drive.txt").write_text("1 2 3\n", encoding="utf-8")
+    with pytest.raises(DataError):
+        read_drive(tmp_path / name)
