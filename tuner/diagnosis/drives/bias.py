@@ -2,15 +2,24 @@
 
 After a drive the estimate of a turn-on constant with prior sd σ and posterior variance p is N(0, σ² − p) where the
 prior is right, plus what its random walk has added since. A gyro that feels gravity has the same bias, as long as the
-unit stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g.
+unit stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. Constants that are compensated
+and badly known, as a scale factor of the vertical accelerometer, leave what they are off by to the bias: the spread
+that this makes with the force at the start counts with the prior.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 
+from models import rotation
+from models.earth import gravity
 from tuner.diagnosis.drives.hypothesis import Pass
+from tuner.diagnosis.drives.likelihood import believed
+from tuner.diagnosis.drives.passage import columns
+from tuner.diagnosis.drives.score import fit
+from tuner.diagnosis.drives.sensitivity import whitened
 from tuner.diagnosis.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.results import Alternative, Coefficient, FilterConfig, Finding, Inflation
@@ -23,7 +32,9 @@ FELT = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
 """Causes that are the same on a level road."""
 
 
-def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[Finding, ...]:
+def beyond_prior(
+    found: Pass, config: FilterConfig, shifts: tuple[str, ...], threshold: float
+) -> tuple[Finding, ...]:
     """Return the biases that their priors do not explain, one finding for each sensor.
 
     Parameters
@@ -32,6 +43,8 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
         The last pass.
     config : FilterConfig
         The priors.
+    shifts : tuple of str
+        Causes whose constants are compensated.
     threshold : float
         Chance below which one is a finding, all axes together.
     """
@@ -39,12 +52,16 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
     solution, at = found.solutions[longest], found.settings.model.layout
     span = float(solution.t[-1] - found.solutions[0].t[0])
     sd = np.sqrt(np.diag(solution.final_covariance))
+    passed = _passed_on(found, shifts)
     findings = []
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
         told, inflations, least, most = {}, [], 1.0, 0.0
         for axis, j in zip(axes, range(at[f"{sensor}_bias"].start, at[f"{sensor}_bias"].stop), strict=True):
             noise = config.channels[axis]
-            prior = float(np.hypot(noise.constant_sd, noise.random_walk_density * np.sqrt(span)))
+            left = passed[(GYROS + ACCELS).index(axis)]
+            prior = float(
+                np.hypot(np.hypot(noise.constant_sd, left), noise.random_walk_density * np.sqrt(span))
+            )
             value, spread = float(solution.final_parameters[j]), float(sd[j])
             z = abs(value) / max(prior, 1e-300)
             p_value = min(1.0, 12.0 * float(norm.sf(z)))
@@ -76,3 +93,15 @@ def beyond_prior(found: Pass, config: FilterConfig, threshold: float) -> tuple[F
                 )
             )
     return tuple(findings)
+
+
+def _passed_on(found: Pass, shifts: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the sds of what compensated constants leave to the biases under the force at the start, (6,)."""
+    if not shifts:
+        return np.zeros(6)
+    start, names = found.solutions[0].state, found.record.parameters
+    now = fit(whitened(believed(found.record)), names, shifts, np.zeros(len(names)))
+    size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
+    force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
+    felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]
+    return np.asarray(np.sqrt(np.einsum("ia,ij,ja->a", felt, now.covariance, felt)))

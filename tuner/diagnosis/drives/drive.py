@@ -109,7 +109,7 @@ def _diagnosis(
     ]
     pairs = zip(outcome.accepted, own, strict=True)
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
-    biases = beyond_prior(outcome.final, config, THRESHOLD)
+    biases = beyond_prior(outcome.final, config, outcome.shifts, THRESHOLD)
     # A bias is what named causes leave: it comes last.
     turned = (
         mounting(outcome.final, drive.mounting, THRESHOLD) if wheels and drive.mounting is not None else None
