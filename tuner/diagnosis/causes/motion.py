@@ -45,6 +45,8 @@ NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
 """A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
 cut at so many deviations."""
 
+MOST_UNSEEN = 0.3
+"""Largest share of a motion that is not seen, at either end."""
 MARGIN = 0.1
 """Share of a stretch that is left out on either side: motion dies away."""
 
@@ -52,13 +54,15 @@ MARGIN = 0.1
 class Stretch(NamedTuple):
     """A stretch of motion: samples first … last − 1 are left out, from `begun` to `ended` it is beyond doubt.
 
-    What sways dies away under the noise: motion begins between `first` and `begun`, and ends likewise.
+    What sways dies away under the noise: motion begins at most `unseen` samples before `first`, at the latest at
+    `begun`, and ends likewise.
     """
 
     first: int
     last: int
     begun: int
     ended: int
+    unseen: int = 0
 
     def joined(self, other: Stretch) -> Stretch:
         """Return the stretch that holds both."""
@@ -67,6 +71,7 @@ class Stretch(NamedTuple):
             max(self.last, other.last),
             min(self.begun, other.begun),
             max(self.ended, other.ended),
+            max(self.unseen, other.unseen),
         )
 
 
@@ -167,10 +172,19 @@ def _groups(ratio: FloatArray, size: int, n: int) -> list[Stretch]:
             last = min(len(power), last + NEAR // 4)
         margin = EDGE + round(MARGIN * (last - first))
         begun, ended = (int(group[0]) + 2) * size, int(group[-1]) * size
-        found.append(
-            Stretch(max(0, (first - margin) * size), min(n, (last + 1 + margin) * size), begun, ended)
-        )
+        unseen = max(0, round(_foot(float(ratio[group].max())) * (last + 1 - first)) - margin) * size
+        outer = max(0, (first - margin) * size), min(n, (last + 1 + margin) * size)
+        found.append(Stretch(*outer, begun, ended, unseen))
     return found
+
+
+def _foot(peak: float) -> float:
+    """Return how much of a motion lies before the part of it that is seen ÷ that part, by its largest step.
+
+    Under a swell sin²(πx), x from 0 to 1, of which what exceeds `THRESHOLD` is seen.
+    """
+    x = min(float(np.arcsin(np.sqrt(THRESHOLD / peak))) / np.pi, MOST_UNSEEN)
+    return x / (1.0 - 2.0 * x)
 
 
 def _turned(channels: list[Channel]) -> list[Stretch]:
@@ -205,9 +219,10 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
 
 
 def extension(channel: Channel, stretch: Stretch) -> Motion:
-    """Return the stretch with its place: between what is left out and what is beyond doubt."""
+    """Return the stretch with its place: between what may have moved and what did beyond doubt."""
     dt, start = channel.interval, channel.start
-    first, last, begun, ended = (float(i) for i in stretch)
+    first, last = float(stretch.first - stretch.unseen), float(stretch.last + stretch.unseen)
+    begun, ended = float(stretch.begun), float(stretch.ended)
     outer, inner = last - first, max(ended - begun, 0.0)
     return Motion(
         stretch.first,
