@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,10 +60,23 @@ FREE = 4.0
 
 def arma_power(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> FloatArray:
     """Return |1 + Σ ma z⁻ʲ|² / |1 − Σ ar z⁻ⁱ|² at frequencies × interval."""
-    z = np.exp(-2j * np.pi * cycles)
-    above = np.polynomial.polynomial.polyval(z, [1.0, *ma])
-    below = np.polynomial.polynomial.polyval(z, [1.0, *(-a for a in ar)])
-    return np.asarray(np.abs(above / below) ** 2)
+    return np.asarray(_arma_power(np.array(ar, dtype=float), np.array(ma, dtype=float), cycles))
+
+
+@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+def _arma_power(ar: FloatArray, ma: FloatArray, cycles: FloatArray) -> FloatArray:
+    out = np.empty(cycles.size)
+    for at in range(cycles.size):
+        angle = 2.0 * np.pi * cycles[at]
+        z = complex(np.cos(angle), -np.sin(angle))
+        above, below = 0j, 0j
+        for j in range(ma.size - 1, -1, -1):
+            above = (above + ma[j]) * z
+        for i in range(ar.size - 1, -1, -1):
+            below = (below - ar[i]) * z
+        above, below = 1.0 + above, 1.0 + below
+        out[at] = (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+    return out
 
 
 def filter_arma(name: str, cutoff: float) -> Coefficients:
@@ -109,7 +123,7 @@ def colour_arma(name: str, x: FloatArray) -> Coefficients:
 
 def _autoregression(x: FloatArray) -> tuple[float, ...]:
     """Return the coefficients of a stationary autoregression with partial correlations tanh x."""
-    a = np.empty(0)
-    for partial in np.tanh(x):
-        a = np.append(a - partial * a[::-1], partial)
-    return tuple(a.tolist())
+    a: list[float] = []
+    for partial in np.tanh(x).tolist():
+        a = [*(before - partial * after for before, after in zip(a, a[::-1], strict=True)), partial]
+    return tuple(a)

@@ -23,7 +23,7 @@ from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
 from tuner.diagnosis.joint import upgrade
-from tuner.diagnosis.panel import panel, retest
+from tuner.diagnosis.panel import CERTAIN, panel, retest
 from tuner.diagnosis.profile import first_column
 from tuner.diagnosis.residual import Residual, relabelled, residual, without
 from tuner.results import Alternative, Gain
@@ -33,8 +33,6 @@ POLISHES = 2
 """Times that parameters are fitted again beside each other after a new extension, at most."""
 CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
-CERTAIN = 60.0
-"""Gain beyond which an extension is not put in question again, nats."""
 SHARE = 0.2
 """Share of the largest gain from which an alarm of another group is believed in the same pass."""
 ALONE = ("burst", "variance_drift")
@@ -204,7 +202,7 @@ def _still_quiet(alarms: tuple[Alarm, ...], threshold: float, new: list[Extensio
     """
     slow = tuple(alarm for alarm in alarms if alarm.cause in SLOW)
     touched = any(x.cause in (*SLOW, *BROAD) for x in new)
-    return () if touched or any(alarm.p_value < threshold for alarm in slow) else slow
+    return () if touched or _raised(slow, threshold) else slow
 
 
 def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension, ...] | None:

@@ -33,13 +33,15 @@ from tuner.diagnosis.causes import (
     yielding,
 )
 from tuner.diagnosis.residual import Residual
-from tuner.diagnosis.shape import shape_test
+from tuner.diagnosis.shape import few_shapes, many_shapes
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
 FAMILIES = 28
 """Families of tests a channel, those of hygiene and of several channels included."""
 
+CERTAIN = 60.0
+"""Gain beyond which an extension is not put in question again, nats."""
 SINGLE: Mapping[str, Callable[[Residual], Alarm | None]] = MappingProxyType(
     {
         "line": line.test,
@@ -94,7 +96,7 @@ def panel(found: Residual, known: tuple[Alarm, ...] = ()) -> tuple[Alarm, ...]:
     ]
     return (
         *(alarm for alarm in alarms if alarm is not None),
-        *spectrum(found),
+        *spectrum(found, whole=False),
         *leftovers(found),
         *modulation.test(found),
     )
@@ -109,13 +111,20 @@ def is_open(found: Residual, cause: str) -> bool:
     return found.found(*EXCLUSIVE.get(cause, (cause,))) < LIMITS.get(cause, 1)
 
 
-def spectrum(found: Residual) -> tuple[Alarm, ...]:
-    """Test the shape of the fast spectrum, and it for humps."""
-    tested = shape_test(found)
+def spectrum(found: Residual, *, whole: bool = True) -> tuple[Alarm, ...]:
+    """Test the shape of the fast spectrum, and it for humps.
+
+    Beside a narrow hump beyond doubt broad shapes are not asked for unless the `whole` is: it goes first.
+    """
+    tested = few_shapes(found)
     unnamed = Alarm("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)
     humps = (vibration.test(found, tested),) if is_open(found, "vibration") else ()
-    if found.found("lowpass", "colour"):
+    certain = any(hump.gain > CERTAIN for hump in humps)
+    if found.found("lowpass", "colour") or (certain and not whole):
         return (*humps, unnamed)
+    known, tested = tested, many_shapes(tested)
+    if humps and tested is not known:
+        humps = (vibration.test(found, tested),)
     wide = (vibration.wide(tested, found),) if humps else ()
     return (*humps, lowpass.test(tested), colour.test(tested), *wide, unnamed)
 
@@ -138,6 +147,6 @@ def retest(found: Residual, cause: str) -> Alarm | None:
     """Run the test of one cause."""
     alarms = [SINGLE[cause](found)] if cause in SINGLE else []
     if cause in ("lowpass", "colour", "vibration"):
-        alarms += [alarm for alarm in spectrum(found) if alarm.cause == cause]
+        alarms += [alarm for alarm in spectrum(found, whole=cause != "vibration") if alarm.cause == cause]
     known = [alarm for alarm in alarms if alarm is not None]
     return max(known, key=lambda alarm: (alarm.gain > 0, -alarm.p_value)) if known else None

@@ -15,7 +15,7 @@ all filters that explain the spectrum.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ HALFWAY = 0.12
 """Cutoff × interval from which a filter that folds has several likely cutoffs."""
 FREAK = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
+FIRST_ORDER = ("ar1", "ma1")
+"""Colours whose likelihood ratio is the statistic."""
 ALARM = 1e-3
 """Chance from which the many shapes are fitted."""
 
@@ -233,25 +235,36 @@ class ShapeTest:
 
 def shape_test(found: Residual) -> ShapeTest:
     """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm, none where one is known."""
+    return many_shapes(few_shapes(found))
+
+
+def few_shapes(found: Residual) -> ShapeTest:
+    """Fit the colours of first order and, where they or the bins alarm, the filters: what a background asks for."""
     data = bins(found)
     null = fit_white(data)
     if found.found("lowpass", "colour"):
         return ShapeTest(data, null, 1.0, misfit(data, null), (), (), None, 1.0)
-    first = {name: fit_colour(data, name) for name in ("ar1", "ma1")}
-    ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first.values()))
+    first = tuple(fit_colour(data, name) for name in FIRST_ORDER)
+    ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
     scatter = misfit(data, null)
-    hump_p_value, middle, width = hump_scan(data, null.expected)
+    hump_p_value = hump_scan(data, null.expected)[0]
     if min(p_value, scatter, hump_p_value) > ALARM:
         return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
+    return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, hump_p_value)
+
+
+def many_shapes(few: ShapeTest) -> ShapeTest:
+    """Fit all colours and a hump besides, where the few alarm."""
+    if not few.filters:
+        return few
+    data, first = few.data, {fitted.name: fitted for fitted in few.colours}
     colours = [
         _simpler(data, [fit_colour(data, name, False), first.get(name) or fit_colour(data, name)])
         for name in COLOURS
     ]
-    hump = hump_fit(data, middle, width)
-    return ShapeTest(
-        data, null, p_value, scatter, fit_filters(data), _ranked(data, colours), hump, hump_p_value
-    )
+    _, middle, width = hump_scan(data, few.null.expected)
+    return replace(few, colours=_ranked(data, colours), hump=hump_fit(data, middle, width))
 
 
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:

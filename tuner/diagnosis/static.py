@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from numba import config
 from numpy.typing import NDArray
 
 from tuner.diagnosis import sampling
@@ -79,7 +81,6 @@ def diagnose(
     limit = threshold(width)
     found: list[Finding] = []
     notes: list[str] = []
-    outcomes: dict[str, Criticism] = {}
     refused: list[str] = []
     ready: list[Channel] = []
     for record in sensors:
@@ -87,20 +88,25 @@ def diagnose(
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
         ready += _channels(record, tests, limit, seed, refused)
+    parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
     for group in _by_clock(ready):
         moved, kept = _motion(group)
         found += moved
-        for part, extensions in kept:
-            outcomes[part.axis] = criticise(part, limit, extensions)
-    if not outcomes:
+        parts += kept
+    if not parts:
         raise DataError(
             refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
         )
     others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
-    for axis, outcome in outcomes.items():
-        outcomes[axis] = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
-    if replicas:
-        outcomes = {axis: covered(outcome, replicas, seed) for axis, outcome in outcomes.items()}
+
+    def criticised(part: Channel, extensions: tuple[motion.Motion, ...]) -> Criticism:
+        outcome = criticise(part, limit, extensions)
+        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, part.axis, seed)))
+        return covered(outcome, replicas, seed) if replicas else outcome
+
+    with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
+        done = pool.map(criticised, *zip(*parts, strict=True))
+        outcomes = {part.axis: outcome for (part, _), outcome in zip(parts, done, strict=True)}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
     stretched = yielding.stretched(finals, limit)
     told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]

@@ -241,7 +241,10 @@ def rival(found: Residual, frequency: float, height: float) -> Alarm | None:
     if gain < height + float(np.log(n)) or not NARROW < fitted.quality < frequency * n * dt:
         return None
     name = "likelihood of a resonance in place of a line"
-    return Alarm("vibration", float(np.exp(-gain)) * n, gain, gain, name, lambda: (fitted,), local=True)
+    p_value = float(np.exp(-gain)) * n
+    if found.found("vibration") >= Vibration.repeats:
+        return Alarm("vibration", p_value, 0.0, gain, f"{name}, at {fitted.frequency:.4g} Hz")
+    return Alarm("vibration", p_value, gain, gain, name, lambda: (fitted,), local=True)
 
 
 def extension(
