@@ -251,6 +251,7 @@ def trace(
         plan.steps.dt,
         plan.steps.increments,
         plan.after,
+        plan.times,
         np.concatenate([llh, vel_n], axis=1),
         np.full(k, 1 + (settings.velocity_sd is not None), dtype=np.int64),
         withheld,

@@ -120,10 +120,44 @@ def borrowed_layout(lay: Layout) -> Layout:
     )
 
 
-class Workspace(NamedTuple):
-    """What the updates need to know of the calibration of one filter."""
+class Own(NamedTuple):
+    """One filter among eight, as the updates see it, and their scratch."""
 
+    P: FloatArray  # (n, n)
+    x: FloatArray  # (n,)
+    true: FloatArray  # (6,), calibrated rates and forces
     inverse: FloatArray  # (6, 6), of A
+    z: FloatArray  # (6,), innovations
+    H: FloatArray  # (6, n)
+    dx: FloatArray  # (n,), estimated errors
+    limits: FloatArray  # (2,), χ² limits of position and velocity
+    sensors: FloatArray  # (6, n), answer of rates and forces to the states
+    rows: FloatArray  # (6, n + 1), H P and what is made of it
+    block: FloatArray  # (6, 6), a part of S
+    root: FloatArray  # (6, 6), its factor
+    part: FloatArray  # (6, 1), a part of z
+    felt: FloatArray  # (6,), rates and forces without biases
+
+
+def own_of(n: int) -> Own:
+    """Return the memory of updates of n states."""
+    shapes = (
+        (n, n),
+        (n,),
+        (6,),
+        (6, 6),
+        (6,),
+        (6, n),
+        (n,),
+        (2,),
+        (6, n),
+        (6, n + 1),
+        (6, 6),
+        (6, 6),
+        (6, 1),
+        (6,),
+    )
+    return Own(*(np.zeros(shape) for shape in shapes))
 
 
 def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:

@@ -16,8 +16,8 @@ from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
 from tuner.navigation.arrays import memory
-from tuner.navigation.compiled import Layout, sensed_states
-from tuner.navigation.flight import Flight, Given, Kept, fly
+from tuner.navigation.compiled import Layout, own_of, sensed_states
+from tuner.navigation.flight import Flight, Given, fly, kept
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.measurements import Measurements, measurements, parted
@@ -130,38 +130,30 @@ def _fly(
         raise ValueError(msg)
     m.density[:] = np.stack([e.white for e in added], axis=-1)
     values = np.stack([own.values for own in rows])
-    given = Given(first.after, first.t, values, first.sd, first.available, first.withheld, first.trusted)
-    kept = Kept(
-        np.empty((w, k, 10)),
-        np.empty((w, k, n)),
-        np.empty((w, k, 15, 15)),
-        np.empty((w, k, 6)),
-        np.empty((w, k, 6, 6)),
-        np.empty((w, k, 2), dtype=np.int64),
+    slots = np.arange(k)
+    sds = np.stack([own.sd for own in rows])
+    given = Given(
+        first.after, first.t, values, sds, first.available, first.withheld, first.trusted, slots, False
     )
-    fly(
-        lay,
-        m,
-        Flight(
-            np.ascontiguousarray(steps.dt, dtype=float),
-            np.ascontiguousarray(steps.increments, dtype=float),
-            errors is not None,
-            np.stack([e.slow for e in added]),
-            added[0].every,
-            tuple(e.rng for e in added),
-        ),
-        given,
-        kept,
+    room = kept(w, k, n)
+    flight = Flight(
+        np.ascontiguousarray(steps.dt, dtype=float),
+        np.ascontiguousarray(steps.increments, dtype=float),
+        errors is not None,
+        np.stack([e.slow for e in added]),
+        added[0].every,
+        tuple(e.rng for e in added),
     )
+    fly(lay, m, own_of(n), flight, given, room)
     return tuple(
         Solution(
             first.t,
-            NavigationState(kept.state[j, :, :3], kept.state[j, :, 3:6], kept.state[j, :, 6:]),
-            kept.x[j],
-            kept.P[j],
-            kept.z[j],
-            kept.S[j],
-            kept.use[j],
+            NavigationState(room.state[j, :, :3], room.state[j, :, 3:6], room.state[j, :, 6:]),
+            room.x[j],
+            room.P[j],
+            room.z[j],
+            room.S[j],
+            room.use[j],
             NavigationState(m.state[:3, j], m.state[3:6, j], m.state[6:, j]),
             m.x[:, j],
             m.P[:n, :n, j],

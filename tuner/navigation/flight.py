@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation import arrays, compiler, covariance, lanes, updates
+from tuner.navigation import arrays, compiler, covariance, gains, lanes, updates
 from tuner.navigation import compiled as compiled_module
 from tuner.navigation import straight as straight_module
 from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
 from tuner.navigation.compiled import (
     NEVER,
     Layout,
-    Workspace,
+    Own,
     borrowed_layout,
     checksum,
     set_true,
@@ -39,8 +39,9 @@ from tuner.navigation.covariance import (
     summarise,
     unmixed,
 )
+from tuner.navigation.gains import gain, joseph, spread, update
 from tuner.navigation.lanes import borrowed
-from tuner.navigation.updates import correct, fix_model, update
+from tuner.navigation.updates import correct, fix_model
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -67,34 +68,30 @@ class Given(NamedTuple):
     after: IntArray  # (k,), steps done
     t: FloatArray  # (k,), s
     values: FloatArray  # (w, k, 6), latitude, longitude, height, velocity
-    sd: FloatArray  # (k, 6)
+    sd: FloatArray  # (w, k, 6)
     available: IntArray  # (k,), 1 position only, 2 with velocity
     withheld: NDArray[np.bool_]  # (k,)
     trusted: NDArray[np.bool_]  # (k,)
+    slot: IntArray  # (k,), where a fix is kept, −1 for nowhere
+    shared: bool  # whether all use the gain of the first, for their covariances alone
 
 
 class Kept(NamedTuple):
-    """What is kept of every fix, of w filters."""
+    """What is kept of e fixes, of w filters; where gains are shared P and S alone."""
 
-    state: FloatArray  # (w, k, 10)
-    x: FloatArray  # (w, k, n)
-    P: FloatArray  # (w, k, 15, 15)
-    z: FloatArray  # (w, k, 6)
-    S: FloatArray  # (w, k, 6, 6)
-    use: IntArray  # (w, k, 2)
+    state: FloatArray  # (w, e, 10)
+    x: FloatArray  # (w, e, n)
+    P: FloatArray  # (w, e, 15, 15)
+    z: FloatArray  # (w, e, 6)
+    S: FloatArray  # (w, e, 6, 6)
+    use: IntArray  # (w, e, 2)
+    aided: FloatArray  # (n, n), of the first filter after the last fix used, where gains are shared
 
 
-class Own(NamedTuple):
-    """One filter among eight, as the updates see it, and their scratch."""
-
-    P: FloatArray  # (n, n)
-    x: FloatArray  # (n,)
-    true: FloatArray  # (6,)
-    inverse: FloatArray  # (6, 6), of A
-    z: FloatArray  # (6,)
-    H: FloatArray  # (6, n)
-    dx: FloatArray  # (n,)
-    limits: FloatArray  # (2,)
+def kept(w: int, e: int, n: int) -> Kept:
+    """Return room for e fixes of w filters of n states."""
+    shapes = (w, e, 10), (w, e, n), (w, e, 15, 15), (w, e, 6), (w, e, 6, 6)
+    return Kept(*(np.empty(shape) for shape in shapes), np.empty((w, e, 2), dtype=np.int64), np.zeros((n, n)))
 
 
 @compiled
@@ -137,9 +134,9 @@ def invert(A: Any, out: Any) -> None:
 
 
 @called
-def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int, kept: Kept) -> None:
-    """Compare fix i with filter w, use it, and keep what came of it."""
-    state, refused, use, S = memory.state, memory.refused, kept.use[w, i], kept.S[w, i]
+def model_fix(lay: Layout, memory: Memory, own: Own, w: int, fix: FloatArray) -> None:
+    """Take filter w out of those of all, and set its z and H of a fix."""
+    state = memory.state
     copy_out(memory.P, w, own.P)
     for j in range(lay.size):
         own.x[j] = memory.x[j, w]
@@ -149,12 +146,44 @@ def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int,
             own.inverse[r, c] = memory.inverse[r, c, w]
     pos, vel = (state[0, w], state[1, w], state[2, w]), (state[3, w], state[4, w], state[5, w])
     quat = (state[6, w], state[7, w], state[8, w], state[9, w])
-    fix_model(lay, pos, vel, quat, own.x, own.true, fixes.values[w, i], Workspace(own.inverse), own.z, own.H)
+    fix_model(lay, pos, vel, quat, fix, own)
+
+
+@called
+def use_gain(lay: Layout, memory: Memory, own: Own, fixes: Given, i: int, kept: Kept) -> None:
+    """Use fix i with the gain of the first filter, for the covariances of all of them."""
+    m, row = 3 * fixes.available[i], fixes.slot[i]
+    model_fix(lay, memory, own, 0, fixes.values[0, i])
+    gain(own, fixes.sd[0, i], m, own.sensors)
+    for w in range(len(fixes.sd)):
+        copy_out(memory.P, w, own.P)
+        spread(own.P, own.H, fixes.sd[w, i], m, own.rows, own.block)
+        if row >= 0:
+            for a in range(m):
+                for b in range(m):
+                    kept.S[w, row, a, b] = own.block[a, b]
+        if not fixes.withheld[i]:
+            joseph(own.P, own.H, own.sensors, fixes.sd[w, i], m, own.rows)
+            copy_in(memory.P, w, own.P)
+            if w == 0:
+                copy_in(kept.aided.reshape(lay.size, lay.size, 1), 0, own.P)
+        if row >= 0:
+            summarise(lay, own.P, kept.P[w, row])
+
+
+@called
+def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int, kept: Kept) -> None:
+    """Compare fix i with filter w, use it, and keep what came of it."""
+    state, refused, row = memory.state, memory.refused, fixes.slot[i]
+    use, S = kept.use[w, row], kept.S[w, row]
+    model_fix(lay, memory, own, w, fixes.values[w, i])
     t, available = fixes.t[i], fixes.available[i]
     for g in range(2):
         gated = not fixes.trusted[i] and t - refused[g, w] < lay.patience
         own.limits[g] = lay.gate if gated else NEVER
-    if update(own.P, own.z, own.H, fixes.sd[i], available, fixes.withheld[i], own.limits, own.dx, S, use):
+    if update(own, fixes.sd[w, i], available, fixes.withheld[i], S, use):
+        pos, vel = (state[0, w], state[1, w], state[2, w]), (state[3, w], state[4, w], state[5, w])
+        quat = (state[6, w], state[7, w], state[8, w], state[9, w])
         pos, vel, quat = correct(pos, vel, quat, own.dx)
         copy_in(memory.P, w, own.P)
         for j in range(9, lay.size):
@@ -170,12 +199,12 @@ def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int,
         elif use[g] != 0:
             refused[g, w] = NEVER
     for c in range(10):
-        kept.state[w, i, c] = state[c, w]
+        kept.state[w, row, c] = state[c, w]
     for j in range(lay.size):
-        kept.x[w, i, j] = own.x[j]
+        kept.x[w, row, j] = own.x[j]
     for c in range(6):
-        kept.z[w, i, c] = own.z[c] if c < 3 * available else 0.0
-    summarise(lay, own.P, kept.P[w, i])
+        kept.z[w, row, c] = own.z[c] if c < 3 * available else 0.0
+    summarise(lay, own.P, kept.P[w, row])
 
 
 @compiled
@@ -188,24 +217,20 @@ def _draw(memory: Memory, slow: FloatArray, row: int, dt: float, rng: Any) -> No
             memory.drawn[c, w] = slow[w, row, c] * dt + white
 
 
-def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
+def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], None]:
     """Return the flight, kept on disk for as long as no source of it changes.
 
     Numba looks at the file of one function only, and at the closure of that function: so the checksum of all
     files goes there.
     """
 
-    def fly(lay: Layout, memory: Memory, flight: Flight, fixes: Given, kept: Kept) -> None:
+    def fly(lay: Layout, memory: Memory, own: Own, flight: Flight, fixes: Given, kept: Kept) -> None:
         """Filter a stretch of data with as many filters as `flight` has generators; changes `memory`."""
         if number == 0:
             return
         lay, work = borrowed_layout(lay), work_of(memory, flight.rng)
         dt, increments = borrowed(flight.dt), borrowed(flight.increments)
-        state, true, n, n_steps = work.state, work.true, lay.size, len(dt)
-        own = Own(
-            np.empty((n, n)), np.empty(n), np.empty(6), np.eye(6),
-            np.zeros(6), np.zeros((6, n)), np.zeros(n), np.empty(2),
-        )  # fmt: skip
+        state, true, n_steps = work.state, work.true, len(dt)
         calibrate(lay, work)
         pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])
         quat = (state[6], state[7], state[8], state[9])
@@ -264,8 +289,11 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
                 for c in range(4):
                     state[6 + c] = quat[c]
                 while i < len(fixes.after) and fixes.after[i] == k:
-                    for w in range(memory.x.shape[1]):
-                        use_fix(lay, memory, own, w, fixes, i, kept)
+                    if fixes.shared:
+                        use_gain(lay, memory, own, fixes, i, kept)
+                    else:
+                        for w in range(memory.x.shape[1]):
+                            use_fix(lay, memory, own, w, fixes, i, kept)
                     i += 1
                     calibrate(lay, work)
                 pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])
@@ -281,6 +309,6 @@ def _kept(number: int) -> Callable[[Layout, Memory, Flight, Given, Kept], None]:
 
 _SOURCES = (
     triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance,
-    updates, sys.modules[__name__],
+    updates, gains, sys.modules[__name__],
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

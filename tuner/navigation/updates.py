@@ -1,4 +1,4 @@
-"""Fixes and constraints in compiled code: innovation, Jacobian, gates and update, as in `tuner.navigation.filter`.
+"""Fixes and constraints in compiled code: innovations and their Jacobians, as in `tuner.navigation.filter`.
 
 A constraint is a row like that of a fix, `CONSTRAINT` as what it offers, and longer: behind the six numbers of a
 fix stand its kind (`KIND`), measured rates (`RATES`), the point that does not slip (`SLIP`), the mounting
@@ -17,12 +17,11 @@ from models.earth import earth_rate, radii
 from models.errorstate import coupling
 from models.strapdown import rates
 from models.triples import add, cross, exponential, matrix, product, scale, transform
-from tuner.navigation.compiled import Layout, Workspace, unmix
+from tuner.navigation.compiled import Layout, Own, unmix
 from tuner.navigation.compiler import called, compiled
 from tuner.navigation.straight import straight
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CONSTRAINT = 3
 KIND, RATES, SLIP, MOUNTING, STATE, LIMIT = 6, 7, 13, 16, 25, 26
@@ -67,18 +66,18 @@ def _metres(pos: Any) -> Any:
 
 
 @called
-def _delay_rows(
-    lay: Layout, pos: Any, vel: Any, force: Any, sensors: FloatArray, delay: float, H: FloatArray
-) -> None:
+def _delay_rows(lay: Layout, pos: Any, vel: Any, force: Any, delay: float, own: Own) -> None:
     """Add what a delayed receiver sees of velocity and acceleration errors."""
     _, f_vr, f_vv, _, _, _ = coupling(pos, vel)
-    F = np.zeros((3, lay.size))
+    F, H = own.rows, own.H
     for i in range(3):
         for j in range(3):
             F[i, j] = f_vr[i][j]
             F[i, 3 + j] = f_vv[i][j]
         for s in range(9, lay.size):
-            F[i, s] = sensors[3 + i, s]
+            F[i, s] = own.sensors[3 + i, s]
+        for j in range(6, 9):
+            F[i, j] = 0.0
     _skew_into(F, 0, 6, force, -1.0)
     if lay.gravity >= 0:
         F[2, lay.gravity] = 1.0
@@ -106,41 +105,38 @@ def constraint_model(
     pos: Any,
     vel: Any,
     quat: Any,
-    x: FloatArray,
     row: FloatArray,
-    work: Any,
-    z: FloatArray,
-    H: FloatArray,
+    own: Own,
 ) -> None:
     """Set z (6,) and H (6, n) of a constraint: `non_holonomic`, `zero_velocity`, `zero_rate` of `models.gnss`.
 
     The third component of the first is nothing measured: z = 0, H = 0.
     """
     n, kind = lay.size, int(row[KIND])
-    z[:], H[:] = 0.0, 0.0
+    z, H, x, sensors, felt, true = own.z, own.H, own.x, own.sensors, own.felt, own.true
+    z[:] = 0.0
+    H[:] = 0.0
     z[5] = row[LIMIT]
     if kind == 2:
         for i in range(3):
             H[i, 3 + i] = 1.0
             z[i] = -vel[i]
         return
-    felt, true = np.empty(6), np.zeros(6)
     for c in range(6):
         felt[c] = row[RATES + c]
     for s in range(9, n):
         if lay.row[s] >= 0 and lay.source[s] < 0:
             felt[lay.row[s]] -= x[s]
     for c in range(6):
-        if lay.ideal:
-            true[c] = felt[c]
-        else:
+        true[c] = felt[c]
+        if not lay.ideal:
+            true[c] = 0.0
             for s in range(6):
-                true[c] += work.inverse[c, s] * felt[s]
+                true[c] += own.inverse[c, s] * felt[s]
     mat = matrix(quat)
     of_earth = earth_rate(np.sin(pos[0]), np.cos(pos[0]))
     of_earth_b = _to_body(mat, of_earth)
-    sensors = np.empty((6, n))
-    _sensor_rows(lay, true, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), work.inverse, sensors)
+    _sensor_rows(lay, true, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), own.inverse, sensors)
     if kind == 3:
         for i in range(3):
             z[i] = true[i] - of_earth_b[i]
@@ -190,26 +186,14 @@ def _left_jacobian(m: Any, a: Any) -> Any:
 
 
 @called
-def fix_model(
-    lay: Layout,
-    pos: Any,
-    vel: Any,
-    quat: Any,
-    x: FloatArray,
-    true: FloatArray,
-    fix: FloatArray,
-    work: Workspace,
-    z: FloatArray,
-    H: FloatArray,
-) -> None:
+def fix_model(lay: Layout, pos: Any, vel: Any, quat: Any, fix: FloatArray, own: Own) -> None:
     """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.gnss.position_fix` and `velocity_fix`."""
     if len(fix) > 6 and fix[KIND] > 0.0:
-        constraint_model(lay, pos, vel, quat, x, fix, work, z, H)
+        constraint_model(lay, pos, vel, quat, fix, own)
         return
-    n = lay.size
+    n, x, true, z, H, sensors = lay.size, own.x, own.true, own.z, own.H, own.sensors
     mat = matrix(quat)
-    sensors = np.empty((6, n))
-    _sensor_rows(lay, true, mat, work.inverse, sensors)
+    _sensor_rows(lay, true, mat, own.inverse, sensors)
     arm = (lay.arm[0], lay.arm[1], lay.arm[2])
     if lay.lever >= 0:
         arm = add(arm, (x[lay.lever], x[lay.lever + 1], x[lay.lever + 2]))
@@ -252,7 +236,7 @@ def fix_model(
         if lay.gravity >= 0:
             acc = (acc[0], acc[1], acc[2] + x[lay.gravity])
         shift = add(scale(-delay, antenna), scale(0.5 * delay * delay, acc))
-        _delay_rows(lay, pos, vel, transform(mat, force_b), sensors, delay, H)
+        _delay_rows(lay, pos, vel, transform(mat, force_b), delay, own)
         for i in range(3):
             H[i, lay.delay] = delay * acc[i] - antenna[i]
             H[3 + i, lay.delay] = -acc[i]
@@ -274,118 +258,3 @@ def correct(pos: Any, vel: Any, quat: Any, dx: FloatArray) -> Any:
     new = (pos[0] + dx[0] / metres[0], pos[1] + dx[1] / metres[1], pos[2] + dx[2] / metres[2])
     turned = product(exponential((dx[6], dx[7], dx[8])), quat)
     return new, (vel[0] + dx[3], vel[1] + dx[4], vel[2] + dx[5]), turned
-
-
-@compiled
-def whiten(L: FloatArray, m: int, B: FloatArray) -> None:
-    """Replace the first m rows of B by L⁻¹ B."""
-    for a in range(m):
-        for j in range(B.shape[1]):
-            y = B[a, j]
-            for b in range(a):
-                y -= L[a, b] * B[b, j]
-            B[a, j] = y / L[a, a]
-
-
-@compiled
-def factor(S: FloatArray, m: int) -> FloatArray:
-    """Return L with S = L Lᵀ, the upper left (m, m)."""
-    L = np.zeros((m, m))
-    for a in range(m):
-        for b in range(a + 1):
-            y = S[a, b]
-            for c in range(b):
-                y -= L[a, c] * L[b, c]
-            L[a, b] = np.sqrt(y) if a == b else y / L[b, b]
-    return L
-
-
-@called
-def update(
-    P: FloatArray,
-    z: FloatArray,
-    H: FloatArray,
-    sd: FloatArray,
-    available: int,
-    withheld: bool,
-    limits: FloatArray,
-    dx: FloatArray,
-    S: FloatArray,
-    use: IntArray,
-) -> bool:
-    """Gate a fix and use it: sets dx, S (6, 6) and `use` (2,), changes P; returns whether dx is to be added.
-
-    With the whitened rows W = L⁻¹ H P of S = L Lᵀ:  P ← P − Wᵀ W,  dx = Wᵀ L⁻¹ z.
-
-    Parameters
-    ----------
-    P : ndarray, shape (n, n)
-        Covariance.
-    z, H, sd : ndarray, shapes (6,), (6, n), (6,)
-        The fix made linear.
-    available : int
-        1 position only, 2 with velocity; `CONSTRAINT`.
-    withheld : bool
-        Whether it is only compared.
-    limits : ndarray, shape (2,)
-        χ² limits of position and velocity.
-    dx : ndarray, shape (n,)
-        The estimated errors.
-    """
-    constrained = available == CONSTRAINT
-    groups = 1 if constrained else available
-    m, n = 3 * groups, P.shape[0]
-    rows = np.zeros((m, n + 1))  # H P, and z beside it
-    S[:] = 0.0
-    for a in range(m):
-        rows[a, n] = z[a]
-        for k in range(n):
-            if H[a, k] != 0.0:
-                for j in range(n):
-                    rows[a, j] += H[a, k] * P[k, j]
-        for b in range(m):
-            y = sd[a] * sd[a] if a == b else 0.0
-            for k in range(n):
-                y += rows[a, k] * H[b, k]
-            S[a, b] = y
-    count = 0
-    taken = np.empty(m, dtype=np.int64)
-    own, part = np.empty((3, 3)), np.empty((3, 1))
-    for g in range(2):
-        use[g] = 0
-        if g < groups:
-            for a in range(3):
-                part[a, 0] = z[3 * g + a]
-                for b in range(3):
-                    own[a, b] = S[3 * g + a, 3 * g + b]
-            whiten(factor(own, 3), 3, part)
-            distance = part[0, 0] ** 2 + part[1, 0] ** 2 + part[2, 0] ** 2
-            limit = z[5] if constrained else limits[g]
-            use[g] = 3 if withheld else 1 if distance <= limit else 2
-            if constrained:
-                z[3], z[4] = use[g], distance
-            if use[g] == 1:
-                for a in range(3):
-                    taken[count] = 3 * g + a
-                    count += 1
-    if constrained:
-        use[0] = 0
-    if count == 0:
-        return False
-    chosen = np.empty((count, count))
-    for a in range(count):
-        for b in range(count):
-            chosen[a, b] = S[taken[a], taken[b]]
-        for j in range(n + 1):
-            rows[a, j] = rows[taken[a], j]
-    whiten(factor(chosen, count), count, rows)
-    for i in range(n):
-        dx[i] = 0.0
-        for a in range(count):
-            dx[i] += rows[a, i] * rows[a, n]
-    for a in range(count):
-        for i in range(n):
-            w = rows[a, i]
-            for j in range(n):
-                P[i, j] -= w * rows[a, j]
-    return True
