@@ -89,7 +89,7 @@ def run_together(
     starts : sequence of NavigationState
         One for each filter.
     fixes : sequence of Fixes
-        One for each filter; times, sds and flags are those of the first.
+        One for each filter; times and flags are those of the first.
     errors : sequence of SensorErrors, optional
         What to add to the increments of each, which then are those of perfect sensors.
     """

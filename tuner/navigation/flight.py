@@ -1,7 +1,7 @@
 """A whole flight in compiled code: mechanisation, sensor errors drawn on the way, covariance, fixes.
 
 One filter, or eight that see the same steps and have their fixes at the same times. Between fixes the eight go
-through every instruction together; at a fix each goes its own way.
+through every instruction together; at a fix each goes its own way, or all share the gain of the first.
 """
 
 from __future__ import annotations
@@ -90,8 +90,15 @@ class Kept(NamedTuple):
 
 def kept(w: int, e: int, n: int) -> Kept:
     """Return room for e fixes of w filters of n states."""
-    shapes = (w, e, 10), (w, e, n), (w, e, 15, 15), (w, e, 6), (w, e, 6, 6)
-    return Kept(*(np.empty(shape) for shape in shapes), np.empty((w, e, 2), dtype=np.int64), np.zeros((n, n)))
+    return Kept(
+        np.empty((w, e, 10)),
+        np.empty((w, e, n)),
+        np.empty((w, e, 15, 15)),
+        np.empty((w, e, 6)),
+        np.empty((w, e, 6, 6)),
+        np.empty((w, e, 2), dtype=np.int64),
+        np.zeros((n, n)),
+    )
 
 
 @compiled
