@@ -4,7 +4,11 @@ Explanations (`tuner.explanations`) that take half of the misfit of the scores a
 of the whole whitened matrices behind the scores (`tuner.scatter`), of which every explanation predicts all elements
 as it predicts the scores. Two are told apart where the difference of their log-likelihoods, run by run, has a mean
 beyond twice its own scatter [1]_; else both are named. The interval of θ is where −2 ln p is within 4 of its least,
-times the ratio by which its slope scatters more over the runs than a likelihood's would.
+times the ratio by which its slope scatters more, over the runs and with a common level of all expectations, than a
+likelihood's would.
+
+A likelihood asks for much where too small a variance is expected, so that it compares only explanations that fit.
+Where none does, because several beliefs are far off, that of least misfit in the logarithms of the scores is named.
 
 Two words for one fault: a ladder whose time constants are a rung too long lacks its fastest state and has one too
 slow to be told from a constant. Where the runs do not tell the two apart, they are one cause.
@@ -31,12 +35,17 @@ from tuner.scatter import Scatter, deviance, scatters, spread
 
 FloatArray = NDArray[np.float64]
 
+Loss = Callable[[FloatArray], FloatArray]
+"""What expectations, shape (t, k), lose; (t, m)."""
+
 LEVEL_SCATTER = 0.05
 """Scatter of a score that linear covariance cannot explain (ladder for flicker, curvature)."""
 LIKELY = 4.0
 """−2 ln of the likelihood by which a size, or an explanation, may be worse than the best and still be likely."""
 APART = 2.0
 """Mean difference of −2 ln of two likelihoods over its scatter, from which on runs tell explanations apart."""
+FITTING = 3.0
+"""Misfit a score from which an explanation does not fit."""
 GRID = 41
 """Sizes at which a likelihood is looked at before its minimum is sought."""
 
@@ -68,13 +77,13 @@ class Cause:
 
 @dataclass(frozen=True)
 class Fit:
-    """An explanation at its likeliest size: ln θ, its interval, the misfit of scores and −2 ln p by run, (m,)."""
+    """An explanation at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,)."""
 
     rival: Explanation
     size: float
     interval: tuple[float, float]
     misfit: float
-    deviance: FloatArray
+    loss: FloatArray
 
 
 def attribute(found: Consistency, flown: Runs, response: Responses) -> tuple[Cause, ...]:
@@ -107,47 +116,52 @@ def best(
     scores: Sequence[Score], measured: Sequence[Scatter], rivals: Sequence[Explanation]
 ) -> tuple[Cause, ...]:
     """Return the rivals that explain scores and the scatter behind them, the likeliest first."""
-    ratios = np.array([score.mean / score.dof for score in scores])
+    count = len(scores)
+    logs = np.log([score.mean / score.dof for score in scores])
     scatter = np.sqrt(2.0 / np.array([score.effective for score in scores]) + LEVEL_SCATTER**2)
 
-    def misfit(expected: FloatArray | float) -> float:
-        return float(np.sum((np.log(ratios / np.maximum(expected, 1e-6)) / scatter) ** 2))
+    def misfits(expected: FloatArray) -> FloatArray:
+        off = (logs - np.log(np.maximum(expected[:, :count], 1e-6))) / scatter
+        return np.asarray(np.sum(off**2, axis=1, keepdims=True))
 
-    fits = []
-    for rival in rivals:
-        size, interval, by_run = _likeliest(rival, measured, len(ratios))
-        left = misfit(rival.expected(size)[: len(ratios)])
-        if left <= 0.5 * misfit(1.0):
-            fits.append(Fit(rival, size, interval, left, by_run))
-    fits.sort(key=lambda fit: float(fit.deviance.mean()))
-    return _named([fit for fit in fits if not _apart(fit.deviance - fits[0].deviance)])
+    def likelihoods(of: Sequence[Scatter]) -> Loss:
+        return lambda expected: deviance(of, expected[:, count:], model_scatter=LEVEL_SCATTER)
+
+    whole = likelihoods([replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured])
+    half = 0.5 * float(misfits(np.ones((1, count)))[0, 0])
+    fits = [_fitted(rival, likelihoods(measured), whole, misfits) for rival in rivals]
+    fits = [fit for fit in fits if fit.misfit <= min(half, FITTING * count)]
+    if not fits:
+        fits = [_fitted(rival, misfits, misfits, misfits) for rival in rivals]
+        fits = [fit for fit in fits if fit.misfit <= half]
+        least = min((fit.misfit for fit in fits), default=0.0)
+        fits = [replace(fit, loss=fit.loss * count / max(least, count)) for fit in fits]
+    fits.sort(key=lambda fit: float(fit.loss.mean()))
+    return _named([fit for fit in fits if not _apart(fit.loss - fits[0].loss)])
 
 
-def _likeliest(
-    rival: Explanation, measured: Sequence[Scatter], scores: int
-) -> tuple[float, tuple[float, float], FloatArray]:
-    """Return ln θ of the greatest likelihood, its interval and −2 ln p by run."""
+def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
+    """Return an explanation at the size of least loss: by run, (t, m), and of all runs together, (t, 1)."""
     from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
-    whole = [replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured]
-
-    def by_run(x: float | FloatArray, of: Sequence[Scatter]) -> FloatArray:
-        expected = np.array([rival.expected(float(value)) for value in np.atleast_1d(x)])
-        return deviance(of, expected[:, scores:], model_scatter=LEVEL_SCATTER)
+    def at(x: float | FloatArray) -> FloatArray:
+        return np.array([rival.expected(float(value)) for value in np.atleast_1d(x)])
 
     grid = np.linspace(*rival.bounds, GRID)
-    values, step = by_run(grid, whole)[:, 0], float(grid[1] - grid[0])
+    values, step = whole(at(grid))[:, 0], float(grid[1] - grid[0])
     start = float(grid[int(np.argmin(values))])
     near = (max(start - step, rival.bounds[0]), min(start + step, rival.bounds[1]))
-    size = float(minimize_scalar(lambda x: by_run(x, whole)[0, 0], bounds=near, method="bounded").x)
-    # The slope of a composite likelihood scatters more than its curvature says.
-    fine = size + 0.05 * np.array([-1.0, 0.0, 1.0])
-    below, here, above = by_run(fine, measured)
+    size = float(minimize_scalar(lambda x: whole(at(x))[0, 0], bounds=near, method="bounded").x)
+    # The slope scatters more than its curvature says: epochs depend on each other, and all levels may be off at once.
+    near_by = at(size + 0.05 * np.array([-1.0, 0.0, 1.0]))
+    below, here, above = loss(near_by)
     slope, curvature = (above - below) / 0.1, float((above + below - 2.0 * here).mean()) / 0.05**2
-    excess = _error(slope) ** 2 / (2.0 * curvature) if curvature > 0.0 else 1.0
+    lifted = whole((1.0 + LEVEL_SCATTER) * near_by)[:, 0]
+    tilt = (lifted[2] - lifted[0]) / 0.1 - slope.mean()
+    excess = (_error(slope) ** 2 + float(tilt) ** 2) / (2.0 * curvature) if curvature > 0.0 else 1.0
     limit = float(here.mean()) + LIKELY * max(excess, 1.0)
-    low, high = (_edge(lambda x: by_run(x, whole)[0, 0] - limit, size, end) for end in rival.bounds)
-    return size, (low, high), here
+    low, high = (_edge(lambda x: whole(at(x))[0, 0] - limit, size, end) for end in rival.bounds)
+    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here)
 
 
 def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
@@ -158,8 +172,8 @@ def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
 
 
 def _error(by_run: FloatArray) -> float:
-    """Return the standard error of a mean over runs."""
-    return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else math.inf
+    """Return the standard error of a mean over runs; of one value it is unknown, and nothing."""
+    return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else 0.0
 
 
 def _apart(difference: FloatArray) -> bool:

@@ -127,6 +127,19 @@ def test_nothing_is_named_where_nothing_fits():
     assert best(scores[:1], measured, explanations(drop(own), {}, {})[:1])[0].source == "gyro white noise"
 
 
+def test_least_misfit_is_named_where_several_beliefs_are_far_off():
+    """The likelihood alone would take what makes everything large enough, however much too large."""
+    y = np.random.default_rng(2).standard_normal((40, 50, 2)) * [30.0, 40.0**0.5]
+    scores = [score("x", list(y[..., i] ** 2), 1) for i in (0, 1)]
+    own = {
+        "gyro white noise": np.array([0.9, 0.0, 0.9, 0, 0, 0.0]),
+        "position fixes": np.array([0.1, 1.0, 0.1, 0, 0, 1.0]),
+    }
+    rivals = [one for one in explanations(own, {}, {}) if one.source in own]
+    causes = best(scores, [scattered(y, np.ones((40, 50), dtype=bool))], rivals)
+    assert causes[0].source == "gyro white noise"
+
+
 def drop(own):
     """Return patterns without their second score."""
     return {name: np.delete(values, 1) for name, values in own.items()}
