@@ -62,6 +62,8 @@ class ShapeFit:
         Expected power.
     rises : bool
         Whether quantization stands beside it: one number more.
+    least : float
+        Cost with quantization free.
     """
 
     name: str
@@ -69,6 +71,7 @@ class ShapeFit:
     cost: float
     expected: FloatArray
     rises: bool
+    least: float
 
     @property
     def falls(self) -> bool:
@@ -90,7 +93,7 @@ def _sized(data: Bins, shape: FloatArray | float, rises: bool = True) -> Sizes:
 def fit_white(data: Bins) -> ShapeFit:
     """Fit white noise, quantization and slow noise."""
     found = _sized(data, 1.0)
-    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0))
+    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0), found.cost)
 
 
 def fit_filter(data: Bins, name: str) -> ShapeFit:
@@ -109,7 +112,10 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
     x = float(min(tried, key=lambda result: result.fun).x)
     power = filter_power(name, float(np.exp(x)), data.cycles)
     fits = [(rises, _sized(data, power, rises)) for rises in (False, True)]
-    return _simpler(data, [ShapeFit(name, np.array([x]), f.cost, f.expected, rises) for rises, f in fits])
+    least = min(found.cost for _, found in fits)
+    return _simpler(
+        data, [ShapeFit(name, np.array([x]), f.cost, f.expected, rises, least) for rises, f in fits]
+    )
 
 
 def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
@@ -120,7 +126,7 @@ def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     """Fit a colour by name, quantization free beside it or none."""
     x, _ = minimum(_colour_cost(data, name, rises), COLOURS[name][2], scale=0.1, tolerance=0.01)
     found = _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises)
-    return ShapeFit(name, x, found.cost, found.expected, rises)
+    return ShapeFit(name, x, found.cost, found.expected, rises, found.cost)
 
 
 def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], float]:
@@ -222,6 +228,15 @@ class ShapeTest:
         """
         return self.null.cost - _price(self.data, fitted, self.null.rises)
 
+    @property
+    def filter_gain(self) -> float:
+        """Greatest gain of a filter: how much it folds decides nothing here."""
+        return max(self.gain(fitted) for fitted in self.filters)
+
+    def falls(self, fitted: ShapeFit) -> bool:
+        """Return whether the spectrum falls all the way, but for the resonances that are known."""
+        return bool(np.all(np.diff(fitted.expected - self.data.peaks) <= 0.0))
+
     def background(self, f: FloatArray) -> FloatArray:
         """Return the power of the best spectrum without hump or trough ÷ that of the residual at frequencies, Hz."""
         even = [fitted for fitted in (*self.filters, *self.colours) if fitted.even]
@@ -270,7 +285,7 @@ def many_shapes(few: ShapeTest) -> ShapeTest:
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
     """Return the fits of all filters, the best first."""
     fits = [fit_filter(data, name) for name in FILTERS]
-    return tuple(sorted(fits, key=lambda fitted: fitted.cost + (CLOSE if fitted.name == FREAK else 0.0)))
+    return tuple(sorted(fits, key=lambda fitted: fitted.least + (CLOSE if fitted.name == FREAK else 0.0)))
 
 
 def _price(data: Bins, fitted: ShapeFit | Hump, rises: bool) -> float:

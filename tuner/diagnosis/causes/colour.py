@@ -64,8 +64,8 @@ def test(tested: ShapeTest) -> Alarm:
     best = tested.colours[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     gain = tested.gain(best)
-    if best.falls and tested.gain(tested.filters[0]) > LIKE_A_FILTER * gain:
-        gain = min(gain, tested.gain(tested.filters[0]) - 1e-6)
+    if tested.falls(best) and tested.filter_gain > LIKE_A_FILTER * gain:
+        gain = min(gain, tested.filter_gain - 1e-6)
     return Alarm("colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),))
 
 

@@ -95,7 +95,7 @@ def test(tested: ShapeTest) -> Alarm:
     return Alarm(
         "lowpass",
         tested.any_p_value,
-        tested.gain(best),
+        tested.filter_gain,
         ratio,
         name,
         lambda: (extension(tested.data, tested.filters),),
