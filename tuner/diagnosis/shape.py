@@ -40,6 +40,8 @@ HALFWAY = 0.12
 """Cutoff × interval from which a filter that folds has several likely cutoffs."""
 FREAK = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
+STARTS = 2
+"""Searches for a colour: from its likeliest starting points."""
 FIRST_ORDER = ("ar1", "ma1")
 """Colours whose likelihood ratio is the statistic."""
 ALARM = 1e-3
@@ -124,7 +126,9 @@ def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
 
 def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     """Fit a colour by name, quantization free beside it or none."""
-    x, _ = minimum(_colour_cost(data, name, rises), COLOURS[name][2], scale=0.1, tolerance=0.01)
+    cost = _colour_cost(data, name, rises)
+    starts = sorted(COLOURS[name][2], key=lambda start: cost(np.array(start)))[:STARTS]
+    x, _ = minimum(cost, starts, scale=0.1, tolerance=0.01)
     found = _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises)
     return ShapeFit(name, x, found.cost, found.expected, rises, found.cost)
 
