@@ -110,11 +110,8 @@ def _curves(
 
 def _template_path(found: Residual) -> FloatArray:
     """Return what the templates make of the samples, shape (n,)."""
-    channel = found.channel
-    ramp = channel.block_time / channel.span - 0.5
-    columns = np.concatenate([ramp[:, None], *(x.columns(channel) for x in found.extensions)], axis=1)
-    centre = (np.arange(channel.blocks) + 0.5) * channel.block
-    return np.interp(np.arange(len(channel)), centre, columns @ found.fit.beta)
+    centre = (np.arange(found.channel.blocks) + 0.5) * found.channel.block
+    return np.interp(np.arange(len(found.channel)), centre, found.path)
 
 
 def _model_allan(found: Residual, clusters: NDArray[np.int64]) -> FloatArray:

@@ -20,7 +20,7 @@ from scipy.fft import next_fast_len, rfft
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.diagnosis.channel import Channel
-from tuner.diagnosis.cosine import block_transform, grid, inverse, transform
+from tuner.diagnosis.cosine import block_transform, bridged, grid, inverse, transform
 from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.statistics import SHRINK
 from tuner.diagnosis.track import BASES, Fit, Kinds, Track
@@ -136,6 +136,13 @@ class Residual:
         """Residuals, shape (n,), scaled to a robust unit variance."""
         return self.scaled[0]
 
+    @cached_property
+    def path(self) -> FloatArray:
+        """What the templates as fitted make of the block means, shape (M,): straight where nothing was measured."""
+        return np.asarray(
+            bridged(_columns(self.channel, self.extensions), self.repaired.empty) @ self.fit.beta
+        )
+
     @property
     def spread(self) -> float:
         """Robust standard deviation of the residuals before that scaling: 1 where the fit is right."""
@@ -189,6 +196,12 @@ class Residual:
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
         frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
         return frequency, power
+
+
+def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:
+    """Return a ramp and the templates of the extensions on the blocks, shape (M, p)."""
+    ramp = channel.block_time / channel.span - 0.5
+    return np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
 
 
 def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
@@ -264,11 +277,9 @@ def residual(
             repaired = extension.repair(repaired)
         a = transform(repaired.y, channel.interval)
         cells = grid(a, channel.interval, singles)
-    ramp = channel.block_time / channel.span - 0.5
-    blocks = np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
     track = Track(
         cells,
-        block_transform(blocks, repaired, singles),
+        block_transform(_columns(channel, extensions), repaired, singles),
         gain_of(extensions, cells.frequency, channel.interval),
         power_of(extensions, cells.frequency, channel.interval),
     )

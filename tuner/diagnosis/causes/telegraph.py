@@ -115,8 +115,7 @@ def test(found: Residual) -> Alarm:
     """Compare two levels with Gaussian noise on the block means."""
     channel = found.channel
     step = channel.block * channel.interval
-    y = found.repaired.block_mean(found.repaired.y)
-    y = y - _templates(found) @ found.fit.beta
+    y = found.repaired.block_mean(found.repaired.y) - found.path
     y = y - y.mean()
     name = "log likelihood of two levels less that of Gaussian noise"
     more = found.fits if found.found("gauss_markov") else found.with_markov
@@ -150,12 +149,6 @@ def test(found: Residual) -> Alarm:
     if switches < FEWEST or not size.lower * size.upper > 0.0:  # levels that are not told apart have no name
         return Alarm("telegraph", p_value, -9.0, lead, name)
     return Alarm("telegraph", p_value, gain, lead, name, lambda: (extension,))
-
-
-def _templates(found: Residual) -> FloatArray:
-    channel = found.channel
-    ramp = channel.block_time / channel.span - 0.5
-    return np.concatenate([ramp[:, None], *(x.columns(channel) for x in found.extensions)], axis=1)
 
 
 def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
