@@ -53,6 +53,22 @@ def test_line_and_burst_are_no_sweep():
     assert sweep.test(residual(channel(record(y), "gyro_x"))).p_value > 1e-4
 
 
+@pytest.mark.parametrize(("quality", "drift"), [(20.0, 0.0), (20.0, 0.04), (100.0, 0.04)])
+def test_a_resonance_is_no_tone_nor_where_it_drifts(quality, drift):
+    # a pole beside white noise, whose frequency falls by up to a fifth: its tracks lie side by side
+    rng = np.random.default_rng(5)
+    middle = 0.2 - drift * np.arange(N) / N
+    drive = rng.standard_normal(N) + 1j * rng.standard_normal(N)
+    decay = np.exp(-np.pi * 0.2 / quality)
+    pole, state = np.empty(N), 0.0j
+    for i, turn in enumerate(decay * np.exp(2j * np.pi * middle)):
+        state = turn * state + drive[i]
+        pole[i] = state.real
+    y = rng.standard_normal(N) + np.sqrt(2.0) * (1.0 - decay) * pole
+    alarm = sweep.test(residual(channel(record(y), "gyro_x")))
+    assert alarm.p_value > 1e-4
+
+
 def test_sums_run_along_straight_tracks():
     power = np.zeros((8, 40), dtype=np.float32)
     for k in range(8):

@@ -6,7 +6,9 @@ ordinates I are exponential numbers, independent from part to part, and on every
 
     Σ_k I[k, f + d k/(K − 1)]   is Gamma distributed with K,    d = −(K − 1) … K − 1 half bins
 
-All tracks cost K F log K additions by halves of halves. Chance: that of the greatest sum times the number of tracks
+All tracks cost K F log K additions by halves of halves. A resonance that wanders fills many tracks side by side, a tone
+one: each drift is looked for in the fewest, longest parts in which it is slow, and where the mean of the tracks beside
+exceeds its expectation, sums are divided by that excess. Chance: that of the greatest sum times the number of tracks
 and of lengths of parts (many parts for fast sweeps, few for slow ones). No cause of the catalogue sweeps: it is told
 as what it is. Extension: the tone is taken out part by part, phase and size free.
 
@@ -23,6 +25,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import gamma
 
 from tuner.diagnosis.alarm import Alarm
@@ -39,6 +42,8 @@ SHORTEST = 16
 """Samples of a part at least."""
 SLOWEST = 4
 """Half bins by which a track must move: what does not is a line."""
+NEAR, FAR = 4, 10
+"""Half bins from a track at which the tracks beside it lie: a tone does not reach them, a resonance does."""
 LOWEST = 8
 """Half bins at the lower end that are left out: slow noise is not white within a part."""
 PIECES = 8
@@ -83,7 +88,9 @@ def test(found: Residual) -> Alarm:
     """Search the residuals for a tone that sweeps from one end of the record to the other."""
     e = np.clip(found.e, -CLIP, CLIP)
     tried = [parts for parts in PARTS if len(e) >= SHORTEST * parts]
-    tracks = [track for parts in tried if (track := _clearest(e.astype(np.float32), parts)) is not None]
+    slowest = {parts: parts // 4 if parts > min(tried) else SLOWEST for parts in tried}
+    single = e.astype(np.float32)
+    tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
     if not tracks:
         return Alarm(Sweep.cause, 1.0, -9.0, 0.0, Sweep.meaning)
     best = min(tracks, key=lambda track: track.chance)
@@ -99,8 +106,11 @@ def _turn(first: float, last: float, n: int) -> NDArray[np.complex128]:
     return np.asarray(np.exp(2j * np.pi * t * (first + 0.5 * (last - first) / n * t)))
 
 
-def _clearest(e: SingleArray, parts: int) -> _Track | None:
-    """Return the clearest track of residuals (n,) cut into a power of two of parts; None where nothing stands out."""
+def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
+    """Return the clearest track of residuals (n,) cut into a power of two of parts; None where nothing stands out.
+
+    It moves by `slowest` half bins at least.
+    """
     size = len(e) // parts
     spectrum = rfft(e[: parts * size].reshape(parts, size), 2 * size)[:, LOWEST:-1]
     power = spectrum.real**2 + spectrum.imag**2
@@ -109,9 +119,10 @@ def _clearest(e: SingleArray, parts: int) -> _Track | None:
     best = None
     width = power.shape[1]
     for mirrored in (False, True):
-        sums = _sums(power[:, ::-1] if mirrored else power)[SLOWEST:]
+        sums = _sums(power[:, ::-1] if mirrored else power)[slowest:]
+        sums = np.asarray(sums / np.maximum(_beside(sums) / parts, 1.0), dtype=np.float32)
         drift, at = np.unravel_index(int(np.argmax(sums)), sums.shape)
-        moved = np.array([at, min(at + drift + SLOWEST, width - 1)])
+        moved = np.array([at, min(at + drift + slowest, width - 1)])
         ends = (LOWEST + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
         most = float(sums[drift, at])
         chance = 2.0 * sums.size * float(gamma.sf(most, parts))
@@ -132,6 +143,13 @@ def _sums(power: SingleArray) -> SingleArray:
             if shift < width:
                 sums[:, d, : width - shift] += second[:, d // 2, shift:]
     return np.asarray(sums[0])
+
+
+def _beside(sums: SingleArray) -> SingleArray:
+    """Return the mean sum of the parallel tracks beside each, shape of `sums`."""
+    outer, inner = 2 * FAR + 1, 2 * NEAR - 1
+    wide, narrow = (uniform_filter1d(sums, size, axis=1, mode="nearest") for size in (outer, inner))
+    return np.asarray((outer * wide - inner * narrow) / (outer - inner))
 
 
 def _placed(e: FloatArray, tone: Sweep) -> Sweep:
