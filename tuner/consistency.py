@@ -160,6 +160,13 @@ class Consistency:
     verdicts: tuple[str, ...] = field(default=())
 
     @property
+    def shown(self) -> Consistency:
+        """What may be shown: of a filter that diverged nothing but that, and the share of fixes refused."""
+        if not self.diverged:
+            return self
+        return Consistency(None, (), (), None, (), {}, self.gated, self.diverged, self.verdicts)
+
+    @property
     def scores(self) -> tuple[Score, ...]:
         """All scores of mean squares."""
         first = () if self.nees is None else (self.nees,)

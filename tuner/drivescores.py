@@ -125,11 +125,15 @@ def errors(
     """Return rms differences to the reference, else rms innovations."""
     if reference is None:
         pairs = zip(solutions, scored, strict=True)
-        z = np.concatenate([s.innovation[rows][s.use[rows, 0] == USED] for s, rows in pairs])
-        rms = np.sqrt(np.mean(z**2, axis=0))
+        chosen = [(s.innovation[rows], s.use[rows]) for s, rows in pairs]
+        names = ("position_innovation_rms_m", "velocity_innovation_rms_m_s")
+        used = [
+            np.concatenate([z[use[:, j] == USED, 3 * j : 3 * j + 3] for z, use in chosen]) for j in (0, 1)
+        ]
         return {
-            "position_innovation_rms_m": tuple(rms[:3].tolist()),
-            "velocity_innovation_rms_m_s": tuple(rms[3:].tolist()),
+            name: tuple(np.sqrt(np.mean(z**2, axis=0)).tolist())
+            for name, z in zip(names, used, strict=True)
+            if len(z)
         }
     error = np.concatenate(
         [differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]

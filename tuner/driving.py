@@ -121,9 +121,7 @@ def navigate_drive(
     """
     drive = compensated(drive, config.compensation)
     gnss, positions, velocities = without_outliers(drive.gnss)
-    left_out = (
-        f"{positions} fixes and {velocities} velocities left out: they contradict those within a second"
-    )
+    left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
     if positions or velocities:
         drive = replace(drive, gnss=gnss, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:

@@ -14,7 +14,7 @@ from tuner.observability import Observability
 def consistency_json(
     found: Consistency, *, source: Mapping[str, Any], notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return scores, verdicts and errors.
+    """Return scores, verdicts and errors; of a filter that diverged the verdict only.
 
     Parameters
     ----------
@@ -25,6 +25,7 @@ def consistency_json(
     notes : sequence of str
         What had to be assumed or repaired.
     """
+    found = found.shown
     nis = {s.name: _score(s) for s in found.nis}
     white = found.whiteness
     return {

@@ -127,6 +127,12 @@ def test_check_from_the_command_line(tmp_path, capsys):
     assert "consistent" in capsys.readouterr().out
     assert run([*arguments, "--truth", "mpu9250", "--strict"]) == 1
     capsys.readouterr()
-    for bad in (["check", "nothing"], ["check", "stim300", "--trajectory", "moon"]):
+    for bad in (
+        ["check", "nothing"],
+        ["check", "stim300", "--trajectory", "moon"],
+        ["check", "stim300", "--duration", "nan"],
+        ["check", "stim300", "--duration", "inf"],
+        ["check", "stim300", "--seed", "-1"],
+    ):
         assert run(bad) == 2
         assert capsys.readouterr().err.count("\n") == 1

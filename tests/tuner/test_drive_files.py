@@ -106,7 +106,12 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
         ({"gyro": 1e3}, "rad/s"),
         ({"gnss_pstd": -1.0}, "negative"),
         ({"gnss_llh": 1e7}, "degrees"),
-        ({"gnss_t": 10.0}, "same time"),
+        ({"gnss_t": 10.0}, "one clock"),
+        ({"imu_t": 1e3, "gnss_t": 1e3}, "unit of time"),
+        ({"gyro": np.degrees(1.0)}, "gyros that turn"),
+        ({"gyro": 1e-3}, "gyros that turn"),
+        ({"gnss_vned": 1e3}, "velocities"),
+        ({"gnss_llh": np.array([1.0, 1.0, 1e4])}, "heights"),
     ],
 )
 def test_impossible_drives_are_refused_in_one_line(saved, data, tmp_path, capsys, change, words):
@@ -147,3 +152,24 @@ def test_what_is_no_drive_is_refused(tmp_path, name):
     (tmp_path / "drive.txt").write_text("1 2 3\n", encoding="utf-8")
     with pytest.raises(DataError):
         read_drive(tmp_path / name)
+
+
+def test_a_constant_axis_is_kept_and_told(data, tmp_path):
+    still = {**data, "gyro": data["gyro"] * [1.0, 0.0, 1.0]}
+    drive = read_drive(write_folder(tmp_path / "drive", still, truth=False))
+    assert not drive.rates[:, 1].any()
+    assert any("constant axes were kept: gyro_y" in note for note in drive.notes)
+
+
+@pytest.mark.parametrize(
+    "option", ["--non-holonomic", "--zero-velocity", "--lever-arm", "--mounting-rpy", "--state"]
+)
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_numbers_that_are_none_are_refused(file, capsys, option, value):
+    text = {"--state": f"lever_arm={value}"}.get(
+        option, f"{value},0,0" if "arm" in option or "rpy" in option else value
+    )
+    assert run(["navigate", str(file), "--config", "mpu9250", option, text]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert option in err

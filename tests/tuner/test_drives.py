@@ -213,6 +213,15 @@ def test_fixes_that_contradict_their_neighbours_are_left_out():
     assert not set(t[50:900:23].tolist()) & set(kept.t.tolist())
     sparse = Gnss(t[::10], bad[::10], vel[::10], sd[::10], sd[::10])
     assert without_outliers(sparse)[1:] == (0, 0)  # too few neighbours to judge: the gate's business
+    for i in (0, 1, 40, len(sparse) - 1):
+        far = sparse.llh.copy()
+        far[i, 0] += np.radians(1.0)
+        for velocities in (sparse.vel_n, np.full_like(far, np.nan)):
+            kept, positions, _ = without_outliers(
+                Gnss(sparse.t, far, velocities, sparse.position_sd, sparse.velocity_sd)
+            )
+            assert positions == 1
+            assert sparse.t[i] not in kept.t
 
 
 def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
@@ -226,8 +235,15 @@ def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
         + 30.0 * rng.standard_normal(data["gnss_vned"].shape) * (np.arange(len(llh)) > 110)[:, None],
     )
     path = saved(tmp_path / "lost.npz", lost, **PLACED)
-    assert run(["navigate", str(path), "--config", "mpu9250", "--gnss", "dgnss", "--strict", "--quiet"]) == 1
-    assert "diverged" in capsys.readouterr().out
+    call = ["navigate", str(path), "--config", "mpu9250", "--gnss", "dgnss", "--strict", "--quiet"]
+    assert run([*call, "--json", str(tmp_path / "lost.json")]) == 1
+    out = capsys.readouterr().out
+    assert "diverged" in out
+    assert "outage" not in out
+    told = json.loads((tmp_path / "lost.json").read_text(encoding="utf-8"))
+    assert told["diverged"]
+    assert told["nees"] is told["nis"] is told["whiteness"] is None
+    assert not any(told[name] for name in ("errors", "outage", "blocks", "nis_parts"))
 
 
 def test_standing_and_lag(saved, data, tmp_path):

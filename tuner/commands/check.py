@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tuner.commands.options import Output, common
+from tuner.commands.options import Finite, Output, common
 from tuner.commands.sources import is_file
 from tuner.progress import Messages
 from tuner.records import DataError
@@ -28,7 +28,7 @@ RECEIVER = "spp"
 @click.option("--trajectory", default="city", show_default=True, metavar="NAME", help="Built-in trajectory.")
 @click.option(
     "--duration",
-    type=click.FloatRange(min=60.0),
+    type=Finite(min=60.0),
     default=3600.0,
     show_default=True,
     metavar="S",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tuner.commands.options import Output, Reading, common, reading, term_list
+from tuner.commands.options import Finite, Output, Reading, common, reading, term_list
 from tuner.commands.sources import load_at_rest, load_identification, source_name
 from tuner.progress import Messages
 
@@ -44,7 +44,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 )
 @click.option(
     "--latitude",
-    type=click.FloatRange(-90, 90),
+    type=Finite(-90, 90),
     metavar="DEG",
     help="Take the Earth's rate out of the gyro means.",
 )

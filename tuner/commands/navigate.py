@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from tuner.commands.check import load_filter
-from tuner.commands.options import Output, common
+from tuner.commands.options import Finite, Output, common
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     "--non-holonomic",
     is_flag=False,
     flag_value=0.2,
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Finite(min=0.0, min_open=True),
     metavar="[SD]",
     help="Wheels do not slip: sideways and vertical velocity within SD m/s (0.2), once a second.",
 )
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     "--zero-velocity",
     is_flag=False,
     flag_value=0.05,
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Finite(min=0.0, min_open=True),
     metavar="[SD]",
     help="Where the unit is as calm as at the start it stands: velocity within SD m/s (0.05), no turn.",
 )
@@ -113,8 +114,10 @@ def _three(option: str, text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
+        x = y = z = math.nan
+    if not math.isfinite(x + y + z):
         msg = f"{option} {text}: expected three numbers with commas between"
-        raise DataError(msg) from None
+        raise DataError(msg)
     return x, y, z
 
 
@@ -126,7 +129,7 @@ def _state(text: str) -> tuple[str, float]:
         sd = float(value)
     except ValueError:
         sd = -1.0
-    if name not in OPTIONAL or not sd > 0.0:
+    if name not in OPTIONAL or not 0.0 < sd < math.inf:
         msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(OPTIONAL)} and a positive SD"
         raise DataError(msg)
     return name, sd

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +16,17 @@ from tuner.files import json_text, write_text
 from tuner.progress import Messages
 
 Command = Callable[..., Any]
+
+
+class Finite(click.FloatRange):
+    """A number in a range; neither NaN, which no range refuses, nor infinite."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, or refuse it."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
 
 
 @dataclass(frozen=True)
@@ -58,7 +70,13 @@ def common(command: Command) -> Command:
         callback=_json_file,
         help="Result as JSON (- for standard output).",
     )
-    @click.option("--seed", default=0, show_default=True, help="Seed of everything random.")
+    @click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Seed of everything random.",
+    )
     @click.option("--quiet", is_flag=True, help="No progress, no messages.")
     @functools.wraps(command)
     def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
@@ -72,7 +90,7 @@ def reading(command: Command) -> Command:
 
     @click.option(
         "--rate",
-        type=click.FloatRange(min=0, min_open=True),
+        type=Finite(min=0, min_open=True),
         metavar="HZ",
         help="Sampling rate where the log has no time.",
     )

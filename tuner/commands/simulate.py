@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tuner.commands.options import Output, common
+from tuner.commands.options import Finite, Output, common
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 )
 @click.option("--trajectory", metavar="NAME", help="A drive along a built-in trajectory, as NPZ.")
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver of a drive.")
-@click.option("--hours", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True)
+@click.option("--hours", type=Finite(min=0, min_open=True), default=1.0, show_default=True)
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     metavar="HZ",
     help="Default: the rate of the sensor.",
 )

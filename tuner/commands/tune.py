@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tuner.commands.options import Output, Reading, common, reading, term_list
+from tuner.commands.options import Finite, Output, Reading, common, reading, term_list
 from tuner.commands.sources import (
     examined_drive,
     is_log,
@@ -50,7 +50,7 @@ EXPORTED = ("kalibr", "kf-gins")
 )
 @click.option(
     "--horizon",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     default=1000.0,
     show_default=True,
     metavar="S",
@@ -64,7 +64,7 @@ EXPORTED = ("kalibr", "kf-gins")
 @click.option("--terms", callback=term_list, metavar="LIST", help="Fit exactly this sum of noise terms.")
 @click.option(
     "--latitude",
-    type=click.FloatRange(-90, 90),
+    type=Finite(-90, 90),
     metavar="DEG",
     help="Take the Earth's rate out of the gyro means.",
 )

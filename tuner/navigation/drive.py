@@ -22,6 +22,7 @@ from tuner.navigation import engine
 from tuner.navigation.initial import LONGEST_OFFSET, Alignment, align, named_axes, receiver_lag
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.lag import advanced, interpolated
+from tuner.navigation.scales import refuse_wrong_units
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
 
@@ -91,12 +92,13 @@ def prepare(
     Raises
     ------
     DataError
-        Where no stretch can be aligned.
+        Where no stretch can be aligned, or units contradict one another.
     """
     notes: list[str] = []
     gnss, axes = named_axes(drive.gnss)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
+    refuse_wrong_units(drive, gnss)
     lag = 0.0 if timed else receiver_lag(gnss)
     if lag:
         moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)

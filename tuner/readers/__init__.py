@@ -32,6 +32,7 @@ def read(
     gyro_scale: float | None = None,
     accel_scale: float | None = None,
     columns: Mapping[str, str] | None = None,
+    constant_axes: bool = False,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
     """Read a log of a gyroscope, an accelerometer or both.
@@ -50,6 +51,8 @@ def read(
     columns : mapping of str to str, optional
         Columns by name: ``{"gyro": "imu0[3:6]", "t": "stamp [ms]", "pressure": "baro"}``; see
         `parse_columns`.
+    constant_axes : bool
+        Whether an axis that never changes is kept beside others that do.
     progress : callable, optional
         Called with (bytes done, bytes in total) while a text file is parsed.
 
@@ -75,6 +78,7 @@ def read(
         unit={"gyro": gyro_unit, "accel": accel_unit},
         scale={"gyro": gyro_scale, "accel": accel_scale},
         columns=columns,
+        constant_axes=constant_axes,
     )
     return assemble_records(listing, digest(path), options)
 

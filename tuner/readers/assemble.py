@@ -95,7 +95,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     notes += check_units(
         str(listing.path), records, {name: unit for name, (unit, _, _) in units.items()}, stated=stated
     )
-    live = _without_constant_axes(records, notes)
+    live = _without_constant_axes(records, notes, keep=options.constant_axes)
     if not live:
         msg = (
             f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
@@ -259,14 +259,16 @@ def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
     return timing if rate is None else timing | {"clock_ratio": rate * base.interval}
 
 
-def _without_constant_axes(records: list[Record], notes: list[str]) -> list[Record]:
+def _without_constant_axes(records: list[Record], notes: list[str], *, keep: bool) -> list[Record]:
+    """Leave out constant axes, or keep them beside others that are not; a sensor of nothing else goes."""
     live = []
     for record in records:
         moving = [j for j in range(record.y.shape[1]) if np.ptp(record.y[:, j]) > 0]
         dead = [a for j, a in enumerate(record.axes) if j not in moving]
         if dead:
-            notes.append(f"{len(dead)} constant axes were left out: {', '.join(dead)}")
-        if len(moving) == len(record.axes):
+            fate = "kept" if keep and moving else "left out"
+            notes.append(f"{len(dead)} constant axes were {fate}: {', '.join(dead)}")
+        if len(moving) == len(record.axes) or (keep and moving):
             live.append(record)
         elif moving:
             live.append(replace(record, y=record.y[:, moving], axes=tuple(record.axes[j] for j in moving)))

@@ -35,6 +35,10 @@ FloatArray = NDArray[np.float64]
 
 UNREADABLE = 0.01
 """Share of unreadable rows from which a stream is refused."""
+SLOWEST = 0.5
+"""Longest interval of inertial samples that can be navigated with, s."""
+HIGHEST = 5e4
+"""Height beyond which no vehicle of ours is, m."""
 FRAMES: Mapping[str, tuple[float, float, float]] = {
     "FRD": (0.0, 0.0, 0.0),
     "FLU": (180.0, 0.0, 0.0),
@@ -137,9 +141,12 @@ def _npz(path: Path) -> Drive:
 
 
 def _folder(path: Path) -> Drive:
-    records = {record.name: record for record in read(_existing(path / "imu.csv"))}
-    if set(records) != {"gyro", "accel"}:
-        msg = f"{path / 'imu.csv'}: expected gyroscope and accelerometer, found {' '.join(records) or 'neither'}"
+    records = {r.name: r for r in read(_existing(path / "imu.csv"), constant_axes=True)}
+    found = [axis for record in records.values() for axis in record.axes]
+    if len(found) != 6:
+        msg = (
+            f"{path / 'imu.csv'}: expected three axes of gyroscope and accelerometer, found {' '.join(found)}"
+        )
         raise DataError(msg)
     gyro, accel = records["gyro"], records["accel"]
     imu = np.column_stack([gyro.t, gyro.y, accel.y])
@@ -195,8 +202,9 @@ def _drive(
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:
         msg = (
-            f"{path}: expected IMU and GNSS of the same time, got IMU {begin:.3f} … {end:.3f} s and "
-            f"GNSS {fixes[0, 0]:.3f} … {fixes[-1, 0]:.3f} s; put both on one clock"
+            f"{path}: expected two fixes or more of the time of the IMU, {begin:.3f} … {end:.3f} s, got "
+            f"{np.count_nonzero(inside)} of {len(fixes)}, {fixes[0, 0]:.3f} … {fixes[-1, 0]:.3f} s; "
+            "put both on one clock"
         )
         raise DataError(msg)
     if not inside.all():
@@ -247,6 +255,13 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
 
 def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
     """Refuse what cannot be a drive in these units."""
+    interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
+    if not interval <= SLOWEST:
+        msg = (
+            f"{path}: expected stamps of inertial samples in seconds, {SLOWEST:g} s apart at most, "
+            f"got {interval:.4g} in the median; check the unit of time"
+        )
+        raise DataError(msg)
     force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
     if not 5.0 < force < 20.0:
         msg = f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check the unit"
@@ -257,6 +272,9 @@ def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) 
         raise DataError(msg)
     if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
         msg = f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}"
+        raise DataError(msg)
+    if np.median(np.abs(fixes[:, 3])) > HIGHEST:
+        msg = f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
         raise DataError(msg)
     if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
         msg = (

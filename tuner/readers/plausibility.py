@@ -73,10 +73,12 @@ def _check_accel(source: str, record: Record, unit: str, *, stated: bool) -> lis
 
 
 def _check_gyro(source: str, record: Record, unit: str) -> None:
-    size, mean, noise = _sizes(record)
-    if size > _FASTEST or (mean > _EVEN and noise < mean):
+    size, _, noise = _sizes(record)
+    even = float(np.linalg.norm(np.median(record.y[:: max(1, len(record) // _SAMPLES)], axis=0)))
+    if size > _FASTEST or (even > _EVEN and noise < even):
         raw = size / _si(unit, record)
-        fitting = [u for u in UNITS["gyro"] if u not in INCREMENT_UNITS and raw * unit_value(u) < 1.0]
+        rates = [u for u in UNITS["gyro"] if u not in INCREMENT_UNITS and u != unit]
+        fitting = [u for u in rates if raw * unit_value(u) < 1.0]
         msg = (
             f"{source}: gyro reads {size:.3g} rad/s ({np.rad2deg(size):.3g} deg/s) in the median: the unit "
             "is wrong; "

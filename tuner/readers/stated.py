@@ -23,6 +23,7 @@ class Options:
     unit: Mapping[str, str | None]
     scale: Mapping[str, float | None]
     columns: Mapping[str, str] | None
+    constant_axes: bool = False
 
 
 def sensor_unit(

@@ -26,7 +26,8 @@ _TITLES = {
 
 
 def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Table | str]:
-    """Return the scores, the errors and the verdicts."""
+    """Return the scores, the errors and the verdicts; of a filter that diverged the verdict only."""
+    found = found.shown
     table = Table(title="true rms ÷ predicted sd (99 % over all scores, 10 % margin)")
     table.add_column("score")
     for name in ("ratio", "for the filter", "rms", "predicted", "windows", "verdict"):
@@ -54,7 +55,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
             "",
             "" if white.consistent else "correlated",
         )
-    answer: list[Table | str] = [table]
+    answer: list[Table | str] = [table] if found.scores else []
     answer += [f"  {name}: {', '.join(f'{v:.3g}' for v in values)}" for name, values in found.errors.items()]
     if found.gated:
         answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
