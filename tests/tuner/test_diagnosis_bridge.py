@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from tuner.diagnosis import diagnose
 from tuner.diagnosis.causes import telegraph
 from tuner.diagnosis.causes.motion import Motion
 from tuner.diagnosis.causes.warmup import Warmup
@@ -33,3 +36,34 @@ def test_a_transient_that_starts_in_a_motion_leaves_nothing_there():
     rest = even.block_mean(found.repaired.y) - found.path
     assert np.max(np.abs(rest - rest.mean())) * np.sqrt(even.block) < 6.0
     assert telegraph.test(found).gain < 0.0
+
+
+def test_a_change_of_pose_leaves_no_trace_beside_it():
+    # 300 sd of level over a motion: noise that is as loud beside it as elsewhere, 4 sd of a variance of 900 samples
+    n, first, last = 45 * BLOCKS, 60007, 61130
+    y = noise(n, 6) + 300.0 * (np.arange(n) > 60500)
+    y[first:last] += 40.0 * noise(last - first, 7)
+    found = residual(channel(y), (Motion(first, last),))
+    beside = np.concatenate((found.e[first - 450 : first], found.e[last : last + 450]))
+    assert abs(np.mean(beside**2) - 1.0) < 4.0 * np.sqrt(2.0 / 900.0)
+    assert np.all(np.abs(found.path - found.path.mean()) < 0.3)
+
+
+def test_slopes_do_not_depend_on_the_axes_beside():
+    # a move that all axes see; slopes to 2 %, intervals of 0.5 %
+    n = 10 * BLOCKS
+    t = np.arange(n) / RATE
+    celsius = 15.0 + 8.0 * np.sin(t / 5000.0) + 3.0 * np.cos(t / 900.0)
+    slopes = np.array([0.5, -0.3, 1.0])
+    y = np.stack([noise(n, seed) for seed in (1, 2, 3)], axis=1) + slopes * celsius[:, None]
+    y += np.array([120.0, -80.0, 300.0]) * (t > 25400.0)[:, None]
+    y[25100:25700] += 60.0 * np.repeat(noise(1800, 4).reshape(60, 30), 10, axis=0)[:, :3]
+    axes = ("gyro_x", "gyro_y", "gyro_z")
+    record = Record("gyro", t, y, axes, "rad/s", 1.0 / RATE, covariates={"temperature": celsius})
+    alone = [replace(record, y=record.column(a)[:, None], axes=(a,)) for a in axes]
+    for diagnosis in (diagnose(record), *(diagnose(one) for one in alone)):
+        assert {finding.cause for finding in diagnosis.findings} == {"motion", "temperature"}
+        for finding in diagnosis.findings:
+            for axis in finding.channels if finding.cause == "temperature" else ():
+                size = finding.by_channel[axis]["slope"].value
+                assert np.isclose(size, slopes[axes.index(axis)], rtol=0.02)

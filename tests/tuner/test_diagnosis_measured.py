@@ -51,20 +51,35 @@ def test_the_slow_resonance_of_the_accelerometers() -> None:
     assert any(0.53 < (finding.parameters["frequency"].value or 0.0) < 0.58 for finding in found)
 
 
+def lines(record: Record, axis: str, parts: tuple[tuple[float, float], ...]) -> list[float]:
+    """Return the slope over temperature of a straight line in each part, hours."""
+    hours, kelvin = (record.t - record.t[0]) / 3600.0, record.covariates["temperature"]
+    inside = [(hours > first) & (hours < last) for first, last in parts]
+    return [float(np.polyfit(kelvin[part], record.column(axis)[part], 1)[0]) for part in inside]
+
+
 def test_a_tag_in_a_refrigerator() -> None:
     """Slopes of two poses: gyro y 0.464 and 0.449 mrad/s/K, accel z 0.0239 and 0.0244 m/s²/K; moved at 38.4 h.
 
-    Those are of straight lines; within 15 %, as far as slopes of its still parts differ among themselves.
+    Those are of straight lines over all of a pose. Of its three still parts the lines differ, accel z from 0.0224 to
+    0.0301: what counts is a slope among them.
     """
-    diagnosis = diagnose(read(DATA / "cats_tag_temperature.npz"))
+    sensors = read(DATA / "cats_tag_temperature.npz")
+    diagnosis = diagnose(sensors)
     slopes = {
         axis: finding.by_channel[axis]["slope"]
         for finding in named(diagnosis.findings, "temperature", "thermal_lag")
         for axis in finding.channels
     }
-    for axis, published in (("gyro_y", (0.449e-3, 0.464e-3)), ("accel_z", (0.0239, 0.0244))):
+    still = ((0.2, 25.6), (26.1, 38.3), (38.5, 51.0))
+    for record, axis, published in (
+        (sensors[0], "gyro_y", (0.449e-3, 0.464e-3)),
+        (sensors[1], "accel_z", (0.0239, 0.0244)),
+    ):
+        among = lines(record, axis, still)
+        assert min(among) < np.mean(published) < max(among)
         assert slopes[axis].value is not None
-        assert slopes[axis].value == pytest.approx(np.mean(published), rel=0.15)
+        assert min(among) < slopes[axis].value < max(among)
     moves = [
         (finding.parameters["start"].value or 0.0) / 3600.0 for finding in named(diagnosis.findings, "motion")
     ]

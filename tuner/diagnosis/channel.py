@@ -30,6 +30,8 @@ FAST = 11
 """Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
 SHORTEST = 1024
 """Samples below which nothing is said."""
+BESIDE = 128
+"""Samples on either side of a gap that tell its levels."""
 LONGEST_GAP = 0.02
 """Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken."""
 
@@ -99,6 +101,10 @@ class Channel:
     def block_mean(self, x: FloatArray) -> FloatArray:
         """Return the means of n values over the blocks, shape (M,)."""
         return np.asarray(x.reshape(self.blocks, self.block).mean(axis=1), dtype=float)
+
+    def bridged(self, columns: FloatArray) -> FloatArray:
+        """Return templates on the blocks, shape (M, p), filled as the samples are in blocks that have none."""
+        return bridged(columns, self.empty, -(-BESIDE // self.block))
 
     def part(self, first: int, last: int) -> Channel | None:
         """Return samples first … last − 1 as a channel of their own, or None where they are too few."""
@@ -217,7 +223,7 @@ def difference_sd(x: FloatArray) -> float:
 
 
 def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator) -> FloatArray:
-    """Return samples whose missing ones are replaced by lines between the levels beside them, plus noise.
+    """Return samples whose missing ones are replaced by lines between the levels beside them (`bridged`), plus noise.
 
     Parameters
     ----------
@@ -232,22 +238,30 @@ def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator)
     """
     if not np.any(missing):
         return y
-    good = np.flatnonzero(~missing)
-    total = np.concatenate(([0.0], np.cumsum(y[good])))
-    lost = np.flatnonzero(missing)
+    out = bridged(y, missing, BESIDE)
+    out[missing] += sd * rng.standard_normal(int(missing.sum()))
+    return out
+
+
+def bridged(y: FloatArray, missing: BoolArray, width: int) -> FloatArray:
+    """Return values, shape (n,) or (n, p), whose missing ones are on lines between the means of `width` others beside.
+
+    Before the first and after the last of the others the lines are level.
+    """
+    good, lost = np.flatnonzero(~missing), np.flatnonzero(missing)
+    if not len(lost) or not len(good):
+        return y
+    total = np.concatenate((np.zeros_like(y[:1]), np.cumsum(y[good], axis=0)))
     right = np.searchsorted(good, lost)
-    width = 128
     before, after = np.maximum(right - width, 0), np.minimum(right + width, len(good))
-    left_mean = (total[right] - total[before]) / np.maximum(right - before, 1)
-    right_mean = (total[after] - total[right]) / np.maximum(after - right, 1)
-    left_mean = np.where(right > before, left_mean, right_mean)
-    right_mean = np.where(after > right, right_mean, left_mean)
-    left_end = good[np.maximum(right - 1, 0)]
-    right_end = good[np.minimum(right, len(good) - 1)]
-    share = (lost - left_end) / np.maximum(right_end - left_end, 1)
+    beyond = (lost - good[np.maximum(right - 1, 0)], good[np.minimum(right, len(good) - 1)] - lost)
+    share = beyond[0] / np.maximum(beyond[0] + beyond[1], 1)
+    share = np.where(right == 0, 1.0, np.where(right == len(good), 0.0, share))
+    weights = ((1.0 - share) / np.maximum(right - before, 1), share / np.maximum(after - right, 1))
+    shape = (len(lost), *(1,) * (y.ndim - 1))
+    left, other = (weight.reshape(shape) for weight in weights)
     out = y.copy()
-    out[lost] = left_mean + np.clip(share, 0.0, 1.0) * (right_mean - left_mean)
-    out[lost] += sd * rng.standard_normal(len(lost))
+    out[lost] = left * (total[right] - total[before]) + other * (total[after] - total[right])
     return out
 
 

@@ -21,7 +21,6 @@ from tuner.diagnosis.channel import Channel
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 CAP = 30.0
 """Largest square of a coefficient, in units of its neighbours', that the noise fit believes: lines stay out."""
@@ -44,25 +43,14 @@ def inverse(a: FloatArray, interval: float) -> FloatArray:
 def block_transform(columns: FloatArray, channel: Channel, singles: int) -> FloatArray:
     """Return coefficients 1 … K of templates given on the blocks: (M, p) to (K, p).
 
-    Where a channel has no samples it is filled with a straight line; so is every template there, or the line would
-    count as evidence against it.
+    Where a channel has no samples it is filled with a straight line; so is every template there, between means of
+    the same length, or the line would count as evidence against it.
     """
     n, m = len(channel), channel.blocks
-    columns = bridged(columns, channel.empty)
+    columns = channel.bridged(columns)
     k = np.arange(1, singles + 1)
     factor = np.sqrt(channel.interval * m / n) * np.sin(0.5 * np.pi * k / m) / np.sin(0.5 * np.pi * k / n)
     out: FloatArray = dct(columns, norm="ortho", axis=0)[1 : singles + 1] * factor[:, None]
-    return out
-
-
-def bridged(columns: FloatArray, empty: BoolArray) -> FloatArray:
-    """Return templates (M, p) with straight lines over the blocks that are `empty` (M,), level at the ends."""
-    if not empty.any() or empty.all():
-        return columns
-    place = np.arange(len(empty))
-    out = columns.copy()
-    for column in out.T:
-        column[empty] = np.interp(place[empty], place[~empty], column[~empty])
     return out
 
 

@@ -20,7 +20,7 @@ from scipy.fft import next_fast_len, rfft
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.diagnosis.channel import Channel
-from tuner.diagnosis.cosine import block_transform, bridged, grid, inverse, transform
+from tuner.diagnosis.cosine import block_transform, grid, inverse, transform
 from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.statistics import SHRINK
 from tuner.diagnosis.track import BASES, Fit, Kinds, Track
@@ -139,9 +139,7 @@ class Residual:
     @cached_property
     def path(self) -> FloatArray:
         """What the templates as fitted make of the block means, shape (M,): straight where nothing was measured."""
-        return np.asarray(
-            bridged(_columns(self.channel, self.extensions), self.repaired.empty) @ self.fit.beta
-        )
+        return np.asarray(self.repaired.bridged(_columns(self.channel, self.extensions)) @ self.fit.beta)
 
     @property
     def spread(self) -> float:

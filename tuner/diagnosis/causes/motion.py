@@ -6,7 +6,7 @@ is no motion, while a hand or a gust is slow against the samples. Several large 
 threshold is far beyond chance.
 Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
 deviations close together, after which the level is another one, or in gyros and accelerometers at once.
-Extension: the stretch is taken out and the level may differ before and after it.
+Extension: the stretch is taken out with the change of level over it, and the level may differ further.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.channel import Channel
+from tuner.diagnosis.channel import BESIDE, Channel
 from tuner.diagnosis.extension import Extension, Value
 
 FloatArray = NDArray[np.float64]
@@ -88,10 +88,17 @@ class Motion(Extension):
     last: int
 
     def repair(self, channel: Channel) -> Channel:
-        """Take the stretch out."""
+        """Take the stretch out, and the change of level over it as far as a few samples beside tell it.
+
+        The template is left with the rest: blocks are too coarse for a change of hundreds of deviations.
+        """
         missing = np.zeros(len(channel), dtype=bool)
         missing[self.first : self.last] = True
-        return channel.refilled(missing, np.random.default_rng(self.first))
+        y = channel.y.copy()
+        if self.first > 0 and self.last < len(channel):
+            before = np.median(y[max(0, self.first - BESIDE) : self.first])
+            y[self.last :] -= np.median(y[self.last : self.last + BESIDE]) - before
+        return replace(channel, y=y).refilled(missing, np.random.default_rng(self.first))
 
     def columns(self, channel: Channel) -> FloatArray:
         """Return the line that bridges it, from one level to the other: another pose has another level."""

@@ -7,7 +7,7 @@ a price of 1.5 ln M nats because the problem is not regular. A path with fewer t
 matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
 told.
 Where three levels with even hops, which have as many parameters, are likelier, the path is no telegraph noise: it is
-told as what it is, without a name.
+told as what it is, without a name. Each level must be come back to: one that is not is a matter of steps, too.
 Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
 
 References
@@ -140,8 +140,8 @@ def test(found: Residual) -> Alarm:
     if gain <= 0.0:
         return Alarm("telegraph", p_value, gain, lead, name)
     extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
-    many, three = _three_levels(y, step, channel.span, r, x, besides)
-    if three > two + DOUBT:
+    many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
+    if three > two + DOUBT and visits >= 2:
         return Alarm(
             "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
         )
@@ -283,8 +283,8 @@ def _extension(
 
 def _three_levels(
     y: FloatArray, step: float, span: float, r: float, two: FloatArray, besides: type[Term]
-) -> tuple[ManyLevels, float]:
-    """Return the path between three levels and its log likelihood, next to the free numbers of two levels.
+) -> tuple[ManyLevels, int, float]:
+    """Return the path between three levels next to the free numbers of two, the fewest visits to one, log likelihood.
 
     The third level lies between the two, or beyond one of them; from each a hop to either other is as likely.
     """
@@ -306,5 +306,8 @@ def _three_levels(
     x = minimize(cost, start, method="Nelder-Mead", options=options).x
     path, dwell = np.empty(len(y)), float(np.exp(x[5]))
     value = likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
-    sd = float(np.std([0.0, x[3], x[4]]))
-    return ManyLevels(tuple(path.tolist()), sd, dwell / 1.5), value
+    levels = np.array([0.0, x[3], x[4]])
+    at = np.argmin(np.abs(path[:, None] - levels), axis=1)
+    entered = at[np.flatnonzero(np.diff(at, prepend=-1))]
+    visits = int(np.bincount(entered, minlength=len(levels)).min())
+    return ManyLevels(tuple(path.tolist()), float(np.std(levels)), dwell / 1.5), visits, value
