@@ -1,4 +1,4 @@
-"""What the findings are worth on the last 40 % of a drive, with parameters from the first 60 %.
+"""What the findings are worth on the last 40 % of a drive, with parameters from the first 60 % of what is scored.
 
 Both filters, before and after, run over the whole drive with frozen parameters. Of the fixes that both took in the last
 part::
@@ -34,12 +34,12 @@ from tuner.results import Gain
 FloatArray = NDArray[np.float64]
 
 SHARE = 0.6
-"""Part of the drive that parameters are taken from."""
+"""Part of the scored time that parameters are taken from: of a vehicle that stands long nothing is scored at first."""
 HORIZONS = (30.0, 60.0)
 RECOVERY = 30.0
 """Outages and the time with fixes between them, s."""
-FEWEST = 100
-"""Fixes that a gain must be measured on."""
+FEWEST = 30
+"""Rows that a gain must be measured on."""
 
 
 def gain_of(drive: Drive, outcome: Criticism) -> Gain | None:
@@ -54,7 +54,10 @@ def gain_of(drive: Drive, outcome: Criticism) -> Gain | None:
     """
     if not outcome.accepted:
         return None
-    t = outcome.base.record.t
+    final = outcome.final.record
+    t = final.t[final.counted.any(axis=1)]
+    if not len(t):
+        return None
     cut = float(t[0] + SHARE * (t[-1] - t[0]))
     try:
         after = examine(drive, _frozen(drive, outcome, cut))
