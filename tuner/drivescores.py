@@ -16,7 +16,7 @@ from models import rotation
 from models.earth import ned_between
 from tuner.consistency import Score, score, squares
 from tuner.navigation import filter as readable
-from tuner.navigation.drive import SETTLING, Stretch, beginning
+from tuner.navigation.drive import SETTLING, Stretch, beginning, starting
 from tuner.navigation.inputs import USED, Solution
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
@@ -160,7 +160,7 @@ def against_smoother(
     for stretch, rows in zip(stretches, scored, strict=True):
         x, p = beginning(settings, stretch, before)
         before, passages = readable.run_with_passages(
-            settings, stretch.start, stretch.steps, stretch.fixes, parameters=x, covariance=p
+            settings, starting(settings, stretch, x), stretch.steps, stretch.fixes, parameters=x, covariance=p
         )
         apart = separation(smooth(before, passages))
         for _, own in blocks(before, rows[rows < len(apart)]):

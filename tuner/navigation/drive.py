@@ -4,6 +4,11 @@ The filter's body frame is that of the vehicle where the mounting is known, else
 from gravity and motion needs no mounting. Sampling gaps up to `BRIDGED` are bridged with the rates held; a
 longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried
 over.
+
+A stretch begins where its first fix says, so that the errors of the start are those of the fix, lever arm, clock
+and correlated error of the receiver included: with H of the fix, H_pv = I and the other states x_o::
+
+    δ(r, v) = n − H_o δx_o        P = T diag(R, P_o) Tᵀ        T = I − (H_o above, 0 below)
 """
 
 from __future__ import annotations
@@ -16,10 +21,20 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from models import rotation
+from models.calibration import calibration
 from models.earth import llh_displaced
+from models.errorstate import Linearization
+from models.gnss import position_fix, velocity_fix
 from models.strapdown import NavigationState
 from tuner.navigation import engine
-from tuner.navigation.initial import LONGEST_OFFSET, Alignment, align, named_axes, receiver_lag
+from tuner.navigation.initial import (
+    LONGEST_OFFSET,
+    Alignment,
+    align,
+    named_axes,
+    receiver_lag,
+    velocities,
+)
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.lag import advanced, interpolated
 from tuner.navigation.scales import refuse_wrong_units
@@ -34,6 +49,10 @@ SHORTEST = 20.0
 """Shortest stretch that is worth an alignment, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
 """Least sds of an alignment, rad."""
+AVERAGED = 0.5
+"""Time over which the rates at a start are averaged, s."""
+SLOPE = 2.0
+"""Error of a velocity that is the slope of two positions, m/s."""
 DELAY_STEP = 0.25
 """Spacing of the delays that are tried, s."""
 OUTLIER = 50.0
@@ -153,7 +172,7 @@ def navigate(
         def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
             return engine.run(
                 settings,
-                stretch.start,
+                starting(settings, stretch, x),
                 stretch.steps,
                 fixes,
                 parameters=x,
@@ -172,18 +191,53 @@ def beginning(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the other states (n,) and P (n, n) at the start of a stretch that follows a solution, or none."""
     if before is not None:
-        return before.final_parameters.copy(), _fresh(before.final_covariance, settings, stretch)
+        x = before.final_parameters.copy()
+        return x, _fresh(before.final_covariance, settings, stretch, x)
     a, at = stretch.alignment, settings.model.layout
-    x, p = np.zeros(settings.size), _fresh(np.diag(settings.initial_sd**2), settings, stretch)
+    x, p = np.zeros(settings.size), np.diag(settings.initial_sd**2)
     if a.still > 0.0:
         x[at["gyro_bias"]] = a.gyro_bias
         x[at["accel_bias"]] = a.accel_bias
         own = range(at["accel_bias"].start, at["accel_bias"].stop)
         p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
-    return x, p
+    return x, _fresh(p, settings, stretch, x)
 
 
-def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -> FloatArray:
+def starting(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
+    """Return the start of a stretch where lever arm, delay and other states (n,) are known already."""
+    start, z = stretch.start, _first_fix(settings, stretch, parameters)[0]
+    return NavigationState(llh_displaced(start.llh, z[:3]), start.vel_n + z[3:], start.quat_nb)
+
+
+def _first_fix(
+    settings: FilterSettings, stretch: Stretch, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far the start lies from where its fix says, (6,), and how the other states move that, (6, n)."""
+    model, start, steps = settings.model, stretch.start, stretch.steps
+    own = calibration(model, parameters)
+    rates = own.true_rates(_first_rates(steps))
+    mat_nb = rotation.mat_from_quat(start.quat_nb)
+    at = Linearization(start.llh, start.vel_n, mat_nb, rates[:3], rates[3:], own)
+    arm = np.array(settings.lever_arm)
+    llh = llh_displaced(start.llh, mat_nb @ arm)
+    position = position_fix(model, at, parameters, llh, lever_arm=arm)
+    of_antenna = start.vel_n + mat_nb @ np.cross(rates[:3], arm)
+    velocity = velocity_fix(model, at, parameters, of_antenna, lever_arm=arm)
+    velocity = velocity_fix(model, at, parameters, start.vel_n, lever_arm=arm)
+    h = np.vstack([position.H, velocity.H])
+    h[:, :6] = 0.0
+    return np.concatenate([position.z, velocity.z]), h
+
+
+def _first_rates(steps: Steps) -> FloatArray:
+    """Return the mean angular rate and specific force as measured at the beginning, (6,)."""
+    few = slice(0, max(1, int(np.searchsorted(np.cumsum(steps.dt), AVERAGED))))
+    return np.asarray(steps.increments[few].sum(axis=0) / steps.dt[few].sum())
+
+
+def _fresh(
+    covariance: FloatArray, settings: FilterSettings, stretch: Stretch, parameters: FloatArray
+) -> FloatArray:
     """Return P at the start of a stretch: navigation states anew, the others as they are."""
     p = covariance.copy()
     p[:9, :] = 0.0
@@ -191,11 +245,14 @@ def _fresh(covariance: FloatArray, settings: FilterSettings, stretch: Stretch) -
     at, a = settings.model.layout, stretch.alignment
     sd = stretch.fixes.sd[0]
     p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
-    p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2
+    unknown = 0.0 if np.isfinite(stretch.fixes.vel_n[0]).all() else SLOPE
+    p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2 + unknown**2
     tilt = max(a.tilt_sd, TILT_FLOOR, float(settings.initial_sd[at["attitude"]][0]))
     p[6, 6] = p[7, 7] = tilt**2
     p[8, 8] = max(2.0 * a.heading_sd, HEADING_FLOOR) ** 2
-    return p
+    among = np.eye(settings.size)
+    among[:6] -= _first_fix(settings, stretch, parameters)[1]
+    return among @ p @ among.T
 
 
 def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
@@ -243,18 +300,19 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> S
     t = own.t - a.delay
     keep = (t > ends[0]) & (t < ends[-1])
     own, t = own.rows(keep), t[keep]
-    first = int(np.argmin(np.abs(ends - t[0])))
+    first = max(0, int(np.searchsorted(ends, t[0], side="right")) - 1)
     # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
     quat = _carried(steps, a, first)
     steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
-    begin = t >= steps.start
-    own, t = own.rows(begin), t[begin]
     split, after = split_at(steps, t)
     settled = a.t + a.still + SETTLING
     fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
-    arm = rotation.mat_from_quat(quat) @ np.array(settings.lever_arm)
-    vel = own.vel_n[0] if np.isfinite(own.vel_n[0]).all() else np.zeros(3)
-    return Stretch(split, fixes, NavigationState(llh_displaced(own.llh[0], -arm), vel, quat), a)
+    mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
+    arm = np.array(settings.lever_arm)
+    vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)
+    there = llh_displaced(own.llh[0], -mat_nb @ arm - vel * (t[0] - steps.start))
+    start = NavigationState(there, vel, quat)
+    return Stretch(split, fixes, start, a)
 
 
 def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
