@@ -56,25 +56,25 @@ class Node:
             self.refuse("a mapping", repr(self.value))
         return self.value
 
-    def number(self, *, positive: bool = False) -> float:
+    def number(self, *, positive: bool = False, signed: bool = True) -> float:
         """Return the value as a finite number; YAML reads ``1e-5`` as text, which is accepted."""
-        expected = "a positive number" if positive else "a number"
+        expected = "a positive number" if positive else "a number" if signed else "a number not below 0"
         if isinstance(self.value, bool) or not isinstance(self.value, int | float | str):
             self.refuse(expected, repr(self.value))
         try:
             number = float(self.value)
         except ValueError:
             self.refuse(expected, repr(self.value))
-        if not math.isfinite(number) or (positive and number <= 0.0):
+        if not math.isfinite(number) or (positive and number <= 0.0) or (not signed and number < 0.0):
             self.refuse(expected, repr(self.value))
         return number
 
-    def numbers(self, count: int, *, positive: bool = False) -> tuple[float, ...]:
+    def numbers(self, count: int, *, positive: bool = False, signed: bool = True) -> tuple[float, ...]:
         """Return the value as so many numbers."""
         elements = self.elements()
         if len(elements) != count:
             self.refuse(f"{count} numbers", repr(self.value))
-        return tuple(element.number(positive=positive) for element in elements)
+        return tuple(element.number(positive=positive, signed=signed) for element in elements)
 
     def text(self) -> str:
         """Return the value as text."""

@@ -281,6 +281,20 @@ def test_swapped_axes_are_named(saved, data, tmp_path):
     assert named_axes(mended)[1] is None
 
 
+@pytest.mark.parametrize(("climb", "named"), [(0.4, "north-east-up"), (0.0, None)])
+def test_an_upward_speed_is_named_on_nearly_flat_ground(climb, named):
+    rng = np.random.default_rng(6)
+    t = np.arange(0.0, 600.0)
+    height = 100.0 + 20.0 * climb * np.sin(t / 20.0) + 0.02 * rng.standard_normal(len(t))
+    up = climb * np.cos(t / 20.0) + 0.05 * rng.standard_normal(len(t))
+    llh = np.column_stack([0.84 + 15.0 * t / 6.38e6, np.full_like(t, 0.16), height])
+    vel = np.column_stack([15.0 + rng.standard_normal(len(t)), rng.standard_normal(len(t)), up])
+    sd = np.full_like(llh, 0.05)
+    mended, name = named_axes(Gnss(t, llh, vel, sd, sd))
+    assert name == named
+    assert named_axes(mended)[1] is None
+
+
 def test_navigate_from_the_command_line(file, tmp_path, capsys):
     out = tmp_path / "out.json"
     arguments = [

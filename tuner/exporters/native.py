@@ -205,18 +205,18 @@ def _read_channel(axis: str, node: Node) -> ChannelNoise:
     return ChannelNoise(
         axis,
         node["unit"].text(),
-        settings["white_density"].number(),
+        settings["white_density"].number(signed=False),
         _list(settings, "markov", _read_markov),
-        settings["random_walk_density"].number(),
-        settings["constant_sd"].number(),
-        settings["ramp_sd"].number(),
+        settings["random_walk_density"].number(signed=False),
+        settings["constant_sd"].number(signed=False),
+        settings["ramp_sd"].number(signed=False),
         _list(node, "identified", _read_term),
         _mapping(node, "fates"),
     )
 
 
 def _read_markov(node: Node) -> MarkovState:
-    return MarkovState(node["sd"].number(), node["time_constant"].number(positive=True))
+    return MarkovState(node["sd"].number(signed=False), node["time_constant"].number(positive=True))
 
 
 def _read_term(node: Node) -> TermEstimate:
@@ -238,18 +238,18 @@ def _read_coefficient(node: Node) -> Coefficient:
 
 def _read_initial(node: Node) -> InitialUncertainty:
     return InitialUncertainty(
-        node["position"].number(),
-        node["velocity"].number(),
-        node["tilt"].number(),
-        node["heading"].number(),
+        node["position"].number(signed=False),
+        node["velocity"].number(signed=False),
+        node["tilt"].number(signed=False),
+        node["heading"].number(signed=False),
         _mapping(node, "reasons"),
     )
 
 
 def _read_gnss(node: Node) -> GnssNoise:
-    position = node["position_sd"].numbers(3)
+    position = node["position_sd"].numbers(3, signed=False)
     velocity = node.get("velocity_sd")
-    speeds = velocity.numbers(3) if velocity else None
+    speeds = velocity.numbers(3, signed=False) if velocity else None
     down = node.get("correlated_down")
     return GnssNoise(
         (position[0], position[1], position[2]),

@@ -101,20 +101,23 @@ def named_axes(gnss: Gnss) -> tuple[Gnss, str | None]:
     """Return the fixes with velocities north, east, down, and what they were where that was not so.
 
     Differences of positions are compared with the velocities in every order; another order counts where it
-    leaves less than a quarter of the misfit.
+    leaves less than a quarter of the misfit. On flat ground the vertical says little beside the others: its sign
+    alone counts where it leaves less than half of the misfit of the vertical.
     """
     finite = np.isfinite(gnss.vel_n).all(axis=1)
     if np.count_nonzero(finite) < 20:
         return gnss, None
     slope = np.gradient(_metres(gnss), gnss.t, axis=0)
 
-    def misfit(vel: FloatArray) -> float:
-        return float(np.mean(np.abs(vel - slope)[finite]))
+    def misfit(vel: FloatArray, parts: slice = slice(0, 3)) -> float:
+        return float(np.mean(np.abs(vel - slope)[finite, parts]))
 
     order = {name: gnss.vel_n[:, list(which)] * np.array(sign) for name, (which, sign) in AXES.items()}
     name = min(order, key=lambda key: misfit(order[key]))
     if misfit(order[name]) > 0.25 * misfit(gnss.vel_n):
-        return gnss, None
+        name, down = "north-east-up", slice(2, 3)
+        if misfit(order[name], down) > 0.5 * misfit(gnss.vel_n, down):
+            return gnss, None
     return replace(gnss, vel_n=order[name]), name
 
 
