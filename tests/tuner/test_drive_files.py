@@ -173,3 +173,29 @@ def test_numbers_that_are_none_are_refused(file, capsys, option, value):
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert option in err
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"gyro": np.zeros((5, 3))},
+        {"meta": "{not json"},
+        {"meta": '{"lever_arm_frd_m": [1, 2]}'},
+        {"meta": "[1, 2]"},
+        {"gnss_llh": np.full((3, 3), "x")},
+    ],
+)
+def test_malformed_arrays_are_refused_in_one_line(data, tmp_path, wrong):
+    np.savez(tmp_path / "wrong.npz", **{**data, **wrong})
+    with pytest.raises(DataError, match="wrong") as caught:
+        read_drive(tmp_path / "wrong.npz")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["imupath: [", "imupath: i.txt\ngnsspath: i.txt\nimudatarate: 0\n"])
+def test_malformed_settings_are_refused_in_one_line(tmp_path, text):
+    np.savetxt(tmp_path / "i.txt", np.ones((5, 7)))
+    (tmp_path / "wrong.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match="wrong") as caught:
+        read_drive(tmp_path / "wrong.yaml")
+    assert "\n" not in str(caught.value)

@@ -82,12 +82,26 @@ def read_drive(path: str | Path) -> Drive:
     if not path.is_file():
         msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         raise DataError(msg)
-    if path.suffix.lower() == ".npz":
-        return _npz(path)
-    if path.suffix.lower() in (".yaml", ".yml"):
-        return _kf_gins(path)
-    msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
-    raise DataError(msg)
+    readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
+    if path.suffix.lower() not in readers:
+        msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
+        raise DataError(msg)
+    try:
+        return readers[path.suffix.lower()](path)
+    except DataError:
+        raise
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        OSError,
+        TypeError,
+        ValueError,
+        yaml.YAMLError,
+    ) as error:
+        reason = " ".join(str(error).split())
+        msg = f"{path}: expected arrays and settings of a drive, one row a sample or fix, got {reason}"
+        raise DataError(msg) from None
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
