@@ -26,6 +26,7 @@ from tuner.results import (
 from tuner.synthesis import synthesize
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
+sizes = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)
 positive = st.floats(min_value=1e-300, max_value=1e300)
 texts = st.text(max_size=30)
 plain = st.recursive(
@@ -33,7 +34,7 @@ plain = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
     max_leaves=8,
 )
-markov = st.lists(st.builds(MarkovState, numbers, positive), max_size=3).map(tuple)
+markov = st.lists(st.builds(MarkovState, sizes, positive), max_size=3).map(tuple)
 coefficients = st.builds(
     Coefficient,
     st.none() | numbers,
@@ -57,11 +58,11 @@ def channels(draw: st.DrawFn) -> dict[str, ChannelNoise]:
         axis: ChannelNoise(
             axis,
             "rad/s" if axis.startswith("gyro") else "m/s^2",
-            draw(numbers),
+            draw(sizes),
             draw(markov),
-            draw(numbers),
-            draw(numbers),
-            draw(numbers),
+            draw(sizes),
+            draw(sizes),
+            draw(sizes),
             tuple(draw(st.lists(terms, max_size=2))),
             draw(reasons),
         )
@@ -69,13 +70,13 @@ def channels(draw: st.DrawFn) -> dict[str, ChannelNoise]:
     }
 
 
-triples = st.tuples(numbers, numbers, numbers)
+triples = st.tuples(sizes, sizes, sizes)
 configs = st.builds(
     FilterConfig,
     texts,
     positive,
     channels(),
-    st.builds(InitialUncertainty, numbers, numbers, numbers, numbers, reasons),
+    st.builds(InitialUncertainty, sizes, sizes, sizes, sizes, reasons),
     st.none() | st.builds(GnssNoise, triples, st.none() | triples, positive, positive, markov, texts),
     st.lists(st.builds(Inflation, texts, numbers, texts), max_size=2).map(tuple),
     mappings,
