@@ -29,6 +29,10 @@ MOST = 1500
 """Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
 
 
+SAME = 1e-3
+"""Relative difference of values that no filter notices."""
+
+
 @dataclass(frozen=True)
 class Jump:
     """A bias of a sensor, ``gyro`` or ``accel``, that jumped: time, s, and change, shape (3,)."""
@@ -71,6 +75,20 @@ class Hypothesis:
     def with_values(self, values: Mapping[str, float]) -> Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
         return replace(self, values={**self.values, **values})
+
+    def is_like(self, other: Hypothesis) -> bool:
+        """Whether a filter would hardly notice the difference."""
+        names = self.values.keys() | other.values.keys()
+        return (
+            self.config is other.config
+            and len(self.jumps) == len(other.jumps)
+            and np.array_equal(self.position_out, other.position_out)
+            and np.array_equal(self.velocity_out, other.velocity_out)
+            and all(
+                np.isclose(self.values.get(n, 0.0), other.values.get(n, 0.0), rtol=SAME, atol=0.0)
+                for n in names
+            )
+        )
 
     def with_all_fixes(self) -> Hypothesis:
         """Return the hypothesis with no fix left out."""

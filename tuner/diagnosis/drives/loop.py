@@ -118,13 +118,14 @@ def criticise(
         found = refined(drive, examine(drive, base.hypothesis.with_values(coarse)), known)
     alarms: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
+    spent: set[str] = set()
     for _ in range(PASSES):
         w = whitened(believed(found.record))
         alarms = candidates(found, w, known, THRESHOLD)
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
-        raised = [a for a in alarms if a.raised(THRESHOLD) and a.credible]
+        raised = [a for a in alarms if a.raised(THRESHOLD) and a.credible and a.cause not in spent]
         if not raised:
             break
         chosen = max(raised, key=lambda a: a.alarm.gain)
@@ -142,12 +143,17 @@ def criticise(
             assert chosen.claim is not None
             # Factors on R and Q that were fitted together have one belief.
             together = [a for a in raised if a.claim is not None and a.claim.belief is chosen.claim.belief]
+            then = adopted(found, chosen.claim)
+            if then.is_like(found.hypothesis):
+                # What is asked for is at its bound: the filter can have no more of it.
+                spent |= {a.cause for a in together}
+                continue
             causes = {a.cause for a in together} - {"bias_jump"}
             accepted = [a for a in accepted if a.cause not in causes]
             for one in together:
                 assert one.claim is not None
                 accepted.append(Accepted(one, {} if one.cause in FACTORS else dict(one.claim.describe())))
-            found = refined(drive, examine(drive, adopted(found, chosen.claim)), known)
+            found = refined(drive, examine(drive, then), known)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = _rescaled(_estimated(found, accepted, known), base, found, known)
     accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]

@@ -45,6 +45,9 @@ CLOSE = 3.0
 """Nats by which a power must do better than classes, where there are some."""
 PROMISING = 6.0
 """Score statistic from which a fit is worth its time."""
+LEAST = 0.02
+"""Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
+a filter that believes that refuses every fix once it is off."""
 
 
 @dataclass(frozen=True)
@@ -159,9 +162,10 @@ def refitted(values: Mapping[str, float], fit: Fit) -> dict[str, float]:
     out = {}
     for name in fit.scales.names:
         key, more = f"{CAUSE}{name}", float(fit.estimate[fit.number(name)])
-        out[key] = (
-            values[key] + more if name.endswith(EXPONENT) else values.get(key, 1.0) * float(np.exp(more))
-        )
+        if name.endswith(EXPONENT):
+            out[key] = values[key] + more
+        else:
+            out[key] = max(LEAST, values.get(key, 1.0) * float(np.exp(more)))
     return out
 
 
