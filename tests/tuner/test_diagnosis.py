@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,6 +93,13 @@ def test_common_noise_of_axes():
     (finding,) = diagnose(records("cross_axis@gyro:correlation=0.1", axes=axes)).findings
     assert (finding.cause, finding.channels) == ("cross_axis", axes)
     assert abs(finding.parameters["correlation"].value - 0.1) < 6 / np.sqrt(SPAN * RATE)
+
+
+def test_axes_that_are_one_and_the_same_are_shared_noise():
+    (record,) = records(axes=("gyro_x", "gyro_y"))
+    (finding,) = diagnose((replace(record, y=record.y[:, [0, 0]]),)).findings
+    assert finding.cause == "cross_axis"
+    assert finding.parameters["correlation"].value == pytest.approx(1.0)
 
 
 def test_motion_is_left_out():

@@ -123,6 +123,22 @@ def test_impossible_drives_are_refused_in_one_line(saved, data, tmp_path, capsys
     assert words in err
 
 
+@pytest.mark.parametrize("name", ["imu_t", "gnss_t", "ref_t"])
+def test_a_clock_that_runs_backwards_is_refused(saved, data, tmp_path, name):
+    path = saved(tmp_path / "back.npz", {**data, name: data[name][::-1]})
+    with pytest.raises(DataError, match="runs backwards at row 2") as refused:
+        read_drive(path)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["imu", "gnss"])
+def test_an_empty_table_is_refused(saved, data, tmp_path, kind):
+    names = ("imu_t", "gyro", "accel") if kind == "imu" else [n for n in data if n.startswith("gnss_")]
+    path = saved(tmp_path / "empty.npz", {**data, **{name: data[name][:0] for name in names}})
+    with pytest.raises(DataError, match="no rows"):
+        read_drive(path)
+
+
 def test_repairs_are_counted(saved, data, tmp_path):
     dirty = {name: values.copy() for name, values in data.items()}
     dirty["gyro"][5] = np.nan

@@ -35,6 +35,8 @@ FloatArray = NDArray[np.float64]
 
 UNREADABLE = 0.01
 """Share of unreadable rows from which a stream is refused."""
+DISORDERED = 0.10
+"""Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
 SLOWEST = 0.5
 """Longest interval of inertial samples that can be navigated with, s."""
 HIGHEST = 5e4
@@ -249,6 +251,9 @@ def _drive(
 
 def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
     """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
+    if not len(rows):
+        msg = f"{path}: {name}: no rows"
+        raise DataError(msg)
     good = np.isfinite(needed).all(axis=1)
     bad = int(np.count_nonzero(~good))
     if bad > UNREADABLE * len(rows) or bad == len(rows):
@@ -257,9 +262,15 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
     if bad:
         said.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
-    steps = np.diff(rows[:, 0])
-    if np.any(steps < 0.0):
-        said.append(f"{np.count_nonzero(steps < 0.0)} {name} rows out of order sorted")
+    behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
+    if len(behind) > DISORDERED * len(rows):
+        msg = (
+            f"{path}: {name}: time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of "
+            f"{len(rows)} rows (a clock that was reset?): split the drive there"
+        )
+        raise DataError(msg)
+    if len(behind):
+        said.append(f"{len(behind)} {name} rows out of order sorted")
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
     fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
     if not fresh.all():

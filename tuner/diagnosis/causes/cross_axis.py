@@ -96,6 +96,7 @@ def _shared(group: set[str], found: Mapping[tuple[str, str], tuple[float, float,
         ", ".join(pair): Coefficient.known(r, r - 1.96 * s, r + 1.96 * s, "1")
         for pair, (r, s, _) in mine.items()
     }
-    best = float(np.max(np.abs(rho) / sd))
+    with np.errstate(divide="ignore"):  # axes that are one and the same have no sd
+        best = float(np.max(np.abs(rho) / sd))
     p_value = min(value[2] for value in mine.values())
     return Shared(axes, best, p_value, Coefficient.known(mean, mean - half, mean + half, "1"), each)
