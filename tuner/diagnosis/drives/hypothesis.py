@@ -29,8 +29,8 @@ MOST = 1500
 """Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
 
 
-SAME = 1e-3
-"""Relative difference of values that no filter notices."""
+SAME = 0.05
+"""Relative difference of values that a filter hardly notices."""
 
 
 @dataclass(frozen=True)
