@@ -35,6 +35,8 @@ from tuner.results import (
 
 MARKOV = ("gauss_markov", "telegraph")
 """Causes whose spectrum is that of a Gauss–Markov process."""
+IN_THE_NOISE = ("vibration", "lowpass", "colour", *MARKOV)
+"""Causes that the noise fitted together with them holds in its own terms."""
 SAME_TIME = 2.0
 """Ratio of two time constants up to which they are those of one process."""
 WORTH_SAYING = 1.02
@@ -170,15 +172,13 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Infl
 
 
 def findings_for_config(diagnosis: Diagnosis) -> tuple[Mapping[str, Any], ...]:
-    """Return the findings as plain values; an extension of the noise model with all terms of its channels."""
+    """Return the findings as plain values, each with the noise of its channels as fitted together with it."""
     carried = []
     for finding in diagnosis.findings:
         told = finding_json(finding)
         told.pop("inflations")
-        if told["extension"].get("joins") == "noise model" or finding.cause in MARKOV:
-            models = {
-                a: plain(diagnosis.models[a].as_dict()) for a in finding.channels if a in diagnosis.models
-            }
+        models = {a: plain(diagnosis.models[a].as_dict()) for a in finding.channels if a in diagnosis.models}
+        if models:
             told["extension"] = {**told["extension"], "models": models}
         carried.append(told)
     return tuple(carried)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tuner.commands.options import Finite, Output, common
+from tuner.commands.sources import is_file
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -55,21 +56,43 @@ def command(
 ) -> None:
     """Simulate SENSOR, a built-in grade: a static log, or a drive along a trajectory with a receiver.
 
-    What was hidden is written to FILE.key.json.
+    SENSOR may also be a noise.yaml of tune: its noise and its findings are made again, as a static log. What was
+    hidden is written to FILE.key.json.
     """
     from tuner.files import json_text, write_text
     from tuner.grades import grade_names, load_grade
     from tuner.simulation import simulate
     from tuner.writers import write_drive, write_log
 
-    if sensor not in grade_names():
-        msg = f"{sensor}: expected a built-in grade ({' '.join(grade_names())})"
+    again = sensor not in grade_names() and is_file(sensor)
+    if sensor not in grade_names() and not again:
+        msg = f"{sensor}: expected a built-in grade ({' '.join(grade_names())}) or a noise.yaml"
+        raise DataError(msg)
+    if again and trajectory is not None:
+        msg = f"--trajectory {trajectory}: expected with a built-in grade; {sensor} is made again at rest"
         raise DataError(msg)
     if gnss is not None and trajectory is None:
         msg = f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver"
         raise DataError(msg)
     key: dict[str, Any]
-    if trajectory is None:
+    if again:
+        from tuner.exporters import native
+        from tuner.remade import remade
+
+        config = native.load(Path(sensor))
+        path = output_file or Path(f"{config.name}.npz")
+        channels, findings, notes = remade(config)
+        for note in notes:
+            messages.say(note)
+        records, key = simulate(
+            channels,
+            duration=3600.0 * hours,
+            rate=rate or 1.0 / config.interval,
+            seed=seed,
+            hidden=(*findings, *hidden),
+        )
+        write_log(records, path)
+    elif trajectory is None:
         path = output_file or Path(f"{sensor}.npz")
         records, key = simulate(
             load_grade(sensor), duration=3600.0 * hours, rate=rate, seed=seed, hidden=hidden

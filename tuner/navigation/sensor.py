@@ -140,11 +140,12 @@ def sensor_of_config(config: FilterConfig) -> Sensor:
         if bare
         else ()
     )
-    noise = tuple(_model(channel) for channel in channels)
+    noise = tuple(noise_of_channel(channel) for channel in channels)
     return Sensor(config.name, noise, np.array([c.constant_sd for c in channels]), notes)
 
 
-def _model(channel: ChannelNoise) -> NoiseModel:
+def noise_of_channel(channel: ChannelNoise) -> NoiseModel:
+    """Return the identified terms of a channel, or its states where there are none."""
     if channel.identified:
         terms = [term for estimate in channel.identified if (term := _term(estimate)) is not None]
         if any(isinstance(term, White) for term in terms):

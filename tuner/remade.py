@@ -1,0 +1,89 @@
+"""A configuration made a simulation again: the noise that was identified, and the findings hidden in it.
+
+Where a finding carries the noise of its channels without it (`tuner.agreement.findings_for_config`), that noise is
+taken; elsewhere the identified terms. Causes whose spectrum is part of that noise are not hidden a second time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from models.effects import EFFECTS, parse
+from models.noise import NoiseModel
+from tuner.agreement import IN_THE_NOISE
+from tuner.hidden import Hidden
+from tuner.navigation.sensor import noise_of_channel
+from tuner.records import DataError
+from tuner.results import FilterConfig
+from tuner.simulation import Channel
+
+TOGETHER = ("attitude", "cross_axis", "timing")
+"""Causes that are one in all of their channels; the others are one in each."""
+
+
+def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
+    """Return what `tuner.simulation.simulate` needs to make a log like the one a configuration comes from.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Noise and findings.
+
+    Returns
+    -------
+    channels : dict of str to Channel
+        Noise and turn-on bias of every axis.
+    hidden : tuple of Hidden
+        Findings, as effects.
+    notes : tuple of str
+        Findings that no static log can be given from what the configuration tells.
+
+    Raises
+    ------
+    DataError
+        A finding of the configuration that cannot be read.
+    """
+    try:
+        without = {
+            axis: NoiseModel.from_dict(model)
+            for finding in config.findings
+            for axis, model in finding["extension"].get("models", {}).items()
+        }
+        noise = {axis: without.get(axis) or noise_of_channel(c) for axis, c in config.channels.items()}
+        hidden: list[Hidden] = []
+        notes = []
+        for finding in config.findings:
+            if finding["cause"] in IN_THE_NOISE and without.keys() >= set(finding["channels"]):
+                continue
+            again = [
+                Hidden(parse(f"{finding['cause']}:{_written(finding['cause'], values)}"), axes)
+                for axes, values in _parts(finding)
+                if set(axes) <= noise.keys()
+                and finding["cause"] in EFFECTS
+                and finding["cause"] != "clipping"
+            ]
+            hidden += again
+            if not again:
+                notes.append(f"{finding['cause']} in {', '.join(finding['channels'])} is left out")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        msg = f"{config.name}: expected findings as tune writes them, got {error}"
+        raise DataError(msg) from None
+    channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
+    return channels, tuple(hidden), tuple(notes)
+
+
+def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """Return the axes and parameters of each effect that a finding is."""
+    axes = tuple(finding["channels"])
+    if finding["cause"] in TOGETHER:
+        return [(axes, finding["parameters"])]
+    return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
+
+
+def _written(cause: str, values: Mapping[str, Any]) -> str:
+    """Return the parameters that the effect has, as text."""
+    known = {field.name for field in fields(EFFECTS[cause])}
+    told = {name: values[name]["value"] for name in values if name in known}
+    return ",".join(f"{name}={value!r}" for name, value in told.items() if value is not None)
