@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from models.effects import EFFECTS, parse
+from models.effects import EFFECTS, Effect, parse
 from models.noise import NoiseModel
 from tuner.agreement import IN_THE_NOISE
 from tuner.hidden import Hidden
@@ -21,6 +21,8 @@ from tuner.simulation import Channel
 
 TOGETHER = ("attitude", "cross_axis", "timing")
 """Causes that are one in all of their channels; the others are one in each."""
+UNPLACED = ("clipping",)
+"""Causes that lie at readings, and of the mean reading a configuration says nothing."""
 
 
 def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
@@ -57,16 +59,12 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
         for finding in config.findings:
             if finding["cause"] in IN_THE_NOISE and without.keys() >= set(finding["channels"]):
                 continue
-            again = [
-                Hidden(parse(f"{finding['cause']}:{_written(finding['cause'], values)}"), axes)
-                for axes, values in _parts(finding)
-                if set(axes) <= noise.keys()
-                and finding["cause"] in EFFECTS
-                and finding["cause"] != "clipping"
-            ]
-            hidden += again
-            if not again:
-                notes.append(f"{finding['cause']} in {', '.join(finding['channels'])} is left out")
+            for axes, values in _parts(finding):
+                effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None
+                if effect is None:
+                    notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
+                else:
+                    hidden.append(Hidden(effect, axes))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         msg = f"{config.name}: expected findings as tune writes them, got {error}"
         raise DataError(msg) from None
@@ -82,8 +80,14 @@ def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[st
     return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
 
 
-def _written(cause: str, values: Mapping[str, Any]) -> str:
-    """Return the parameters that the effect has, as text."""
+def _effect(cause: str, values: Mapping[str, Any]) -> Effect | None:
+    """Return a finding as an effect, None where there is none or its parameters are outside of its range."""
+    if cause not in EFFECTS or cause in UNPLACED:
+        return None
     known = {field.name for field in fields(EFFECTS[cause])}
-    told = {name: values[name]["value"] for name in values if name in known}
-    return ",".join(f"{name}={value!r}" for name, value in told.items() if value is not None)
+    told = {name: value["value"] for name, value in values.items() if name in known}
+    written = ",".join(f"{name}={value!r}" for name, value in told.items() if value is not None)
+    try:
+        return parse(f"{cause}:{written}")
+    except ValueError:
+        return None

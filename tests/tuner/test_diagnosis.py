@@ -124,6 +124,18 @@ def test_gain_on_a_second_record():
     assert gain.after > gain.before
 
 
+@pytest.mark.parametrize("lacks", ["axis", "rate", "temperature"])
+def test_a_second_log_that_lacks_what_the_first_has_is_refused(lacks):
+    first, second = records(), records(seed=4)
+    other = {
+        "axis": lambda: records(axes=("gyro_y",)),
+        "rate": lambda: simulate({"gyro_x": Channel(NOISE)}, duration=SPAN, rate=25.0, seed=4)[0],
+        "temperature": lambda: tuple(replace(r, covariates={}) for r in second),
+    }[lacks]()
+    with pytest.raises(DataError, match=f"second log.*{lacks}"):
+        diagnose(first, holdout=other)
+
+
 def test_replicas_cover_the_spectrum_only_after():
     gain = diagnose(records("lowpass:cutoff=8"), replicas=9).findings[0].gain
     before, after = gain.coverage["psd"]

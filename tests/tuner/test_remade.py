@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -53,6 +54,19 @@ def test_what_is_made_again_is_diagnosed_again(config, tmp_path):
     assert {"burst", "line", "lowpass"} <= {f["cause"] for f in findings}  # hundreds of nats each
     (line,) = [f for f in findings if f["cause"] == "line"]
     assert line["parameters"]["frequency"]["value"] == pytest.approx(7.3, abs=1e-3)
+
+
+def test_what_cannot_be_hidden_is_left_out_and_told(config):
+    told = {"value": 1.0, "interval": [1.0, 1.0], "upper": None, "unit": "1"}
+    more = [
+        {"cause": "cross_axis", "channels": ["gyro_x", "gyro_y"], "parameters": {"correlation": told}},
+        {"cause": "clipping", "channels": ["gyro_x"], "parameters": {"low": told}},
+        {"cause": "time_offset", "channels": ["gnss"], "parameters": {"delay": told}},
+    ]
+    found = tuple({**finding, "extension": {}} for finding in more)
+    _, hidden, notes = remade(replace(config, findings=found))
+    assert hidden == ()
+    assert [note.split()[0] for note in notes] == ["cross_axis", "clipping", "time_offset"]
 
 
 @pytest.mark.parametrize("arguments", [["--trajectory", "city"], ["--hide", "nonsense"]])

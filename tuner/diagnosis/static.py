@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis import sampling
 from tuner.diagnosis.causes import attitude, cross_axis, motion, yielding
+from tuner.diagnosis.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.channel import Channel, channel
 from tuner.diagnosis.coverage import covered
 from tuner.diagnosis.findings import findings, model_of, words
@@ -43,6 +44,8 @@ MEANINGS = {
 """What a cause of hygiene is, and what it asks of a filter."""
 MOSTLY = 0.4
 """Share of a record that may move before only its longest still part is analysed."""
+SAME_RATE = 0.01
+"""Relative difference of two sampling intervals up to which they are one."""
 HELD = 0.3
 """Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
 
@@ -74,9 +77,12 @@ def diagnose(
     Raises
     ------
     DataError
-        Where no channel can be analysed.
+        Where no channel can be analysed, or the second log lacks what the first one has.
     """
     sensors = [records] if isinstance(records, Record) else list(records)
+    others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
+    if others:
+        _comparable(sensors, others)
     width = sum(len(record.axes) for record in sensors)
     limit = threshold(width)
     found: list[Finding] = []
@@ -97,7 +103,6 @@ def diagnose(
         raise DataError(
             refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
         )
-    others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
 
     def criticised(part: Channel, extensions: tuple[motion.Motion, ...]) -> Criticism:
         outcome = criticise(part, limit, extensions)
@@ -123,6 +128,27 @@ def diagnose(
         {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
         {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
     )
+
+
+def _comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
+    """Refuse a second log on which the gain of what is found in the first one cannot be measured."""
+    pairs = [(one, other) for one in sensors for other in others if set(one.axes) & set(other.axes)]
+    if not pairs:
+        msg = (
+            f"second log: expected an axis of the first, {' '.join(a for r in sensors for a in r.axes)}, "
+            f"got {' '.join(a for r in others for a in r.axes)}"
+        )
+        raise DataError(msg)
+    for one, other in pairs:
+        if abs(other.interval - one.interval) > SAME_RATE * one.interval:
+            msg = (
+                f"second log: expected the rate of the first, {1.0 / one.interval:.6g} Hz, "
+                f"got {1.0 / other.interval:.6g} Hz"
+            )
+            raise DataError(msg)
+        if TEMPERATURE in one.covariates and TEMPERATURE not in other.covariates:
+            msg = f"second log: expected the column '{TEMPERATURE}' that the first one has, found none"
+            raise DataError(msg)
 
 
 def _second(records: Sequence[Record], axis: str, seed: int) -> Channel | None:
