@@ -1,7 +1,8 @@
 """A configuration made a simulation again: the noise that was identified, and the findings hidden in it.
 
 Where a finding carries the noise of its channels without it (`tuner.agreement.findings_for_config`), that noise is
-taken; elsewhere the identified terms. Causes whose spectrum is part of that noise are not hidden a second time.
+taken; elsewhere the identified terms (`tuner.agreement.agreed`). Causes whose spectrum is part of that noise are not
+hidden a second time.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 from models.effects import EFFECTS, Effect, parse
 from models.noise import NoiseModel
-from tuner.agreement import IN_THE_NOISE
+from tuner.agreement import IN_THE_NOISE, MARKOV
 from tuner.hidden import Hidden
 from tuner.navigation.sensor import noise_of_channel
 from tuner.records import DataError
@@ -57,7 +58,8 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
         hidden: list[Hidden] = []
         notes = []
         for finding in config.findings:
-            if finding["cause"] in IN_THE_NOISE and without.keys() >= set(finding["channels"]):
+            known = without.keys() >= set(finding["channels"])
+            if finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV)):
                 continue
             for axes, values in _parts(finding):
                 effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None

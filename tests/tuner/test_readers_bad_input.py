@@ -55,6 +55,14 @@ def test_nothing_readable(tmp_path: Path, content: bytes) -> None:
     refused(path, r"log\.csv: .*expected")
 
 
+@pytest.mark.parametrize(("gyro", "accel"), [(1e9, 0.0), (0.0, -1e12)])
+def test_a_reading_that_no_sensor_has(tmp_path: Path, gyro: float, accel: float) -> None:
+    y, f = GYRO.copy(), ACCEL.copy()
+    y[700, 1] += gyro
+    f[700, 1] += accel
+    refused(write(tmp_path / "log.csv", rows(gyro=y, accel=f)), "in sample 701, which no sensor does")
+
+
 @pytest.mark.parametrize("name", ["log.npz", "log.mat", "log.h5", "log.parquet", "log.csv.gz"])
 def test_damaged_binary(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -56,6 +56,13 @@ def test_what_is_made_again_is_diagnosed_again(config, tmp_path):
     assert line["parameters"]["frequency"]["value"] == pytest.approx(7.3, abs=1e-3)
 
 
+def test_without_the_noise_of_the_findings_the_identified_terms_hold_the_line(config):
+    bare = tuple({**finding, "extension": {}} for finding in config.findings)
+    channels, hidden, _ = remade(replace(config, findings=bare))
+    assert "sinusoid" in channels["gyro_x"].model.as_dict()
+    assert "line" not in [h.effect.name for h in hidden]
+
+
 def test_what_cannot_be_hidden_is_left_out_and_told(config):
     told = {"value": 1.0, "interval": [1.0, 1.0], "upper": None, "unit": "1"}
     more = [

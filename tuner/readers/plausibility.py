@@ -3,12 +3,14 @@
 An accelerometer triad at rest reads g = 9.80665 m/s² whatever its attitude; a mean reading off by more than
 100× has another unit than was believed. A mean reading far below g is not refused where it drowns in the
 noise: then gravity was taken out, or the log is simulated noise. A gyroscope that reads more than 35 rad/s
-(2000 deg/s) in the median, or turns evenly at more than 5 rad/s, reads another unit.
+(2000 deg/s) in the median, or turns evenly at more than 5 rad/s, reads another unit. A single reading beyond
+`IMPOSSIBLE` is a broken row of the file, no spike of a sensor.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from tuner.records import DataError, Record
 
 FACTOR = 100.0
 """Units wrong by more than this are refused."""
+IMPOSSIBLE: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
+"""Readings that no sensor has, rad/s and m/s²."""
 _FASTEST = 35.0
 _EVEN = 5.0
 _SAMPLES = 200_000
@@ -34,17 +38,28 @@ def check_units(
     Raises
     ------
     DataError
-        A unit off by more than 100×, with the probable one.
+        A unit off by more than 100×, with the probable one; a reading that no sensor has.
     """
     notes = []
     for record in records:
-        if record.y.shape[1] != 3:
-            continue
-        if record.name == "accel":
+        if record.y.shape[1] == 3 and record.name == "accel":
             notes += _check_accel(source, record, units["accel"], stated="accel" in stated)
-        else:
+        elif record.y.shape[1] == 3:
             _check_gyro(source, record, units["gyro"])
+        _check_range(source, record)
     return notes
+
+
+def _check_range(source: str, record: Record) -> None:
+    """Refuse a record with single readings that no sensor has; where all are, they are counts."""
+    limit = IMPOSSIBLE.get(record.name, np.inf)
+    if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:_SAMPLES])):
+        first = int(np.argmax(np.abs(record.y).max(axis=1)))
+        msg = (
+            f"{source}: {record.name} reads {np.abs(record.y[first]).max():.3g} {record.unit} in sample {first + 1}, "
+            "which no sensor does: a broken row; take it out or write NaN"
+        )
+        raise DataError(msg)
 
 
 def _sizes(record: Record) -> tuple[float, float, float]:
