@@ -124,6 +124,16 @@ def test_gain_on_a_second_record():
     assert gain.after > gain.before
 
 
+def test_a_log_without_a_still_part_is_refused_with_the_reason():
+    rng = np.random.default_rng(1)
+    stand, turn = 3000, 250
+    poses = [rng.normal(level, 2e-3, (stand, 3)) for level in 9.8 * rng.uniform(-1.0, 1.0, (6, 3))]
+    y = np.concatenate([part for pose in poses for part in (pose, rng.normal(0.0, 3.0, (turn, 3)))][:-1])
+    axes = ("accel_x", "accel_y", "accel_z")
+    with pytest.raises(DataError, match="the sensor moved"):
+        diagnose(Record("accel", np.arange(len(y)) / RATE, y, axes, "m/s^2", 1.0 / RATE))
+
+
 @pytest.mark.parametrize("lacks", ["axis", "rate", "temperature"])
 def test_a_second_log_that_lacks_what_the_first_has_is_refused(lacks):
     first, second = records(), records(seed=4)

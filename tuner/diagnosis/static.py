@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis import sampling
 from tuner.diagnosis.causes import attitude, cross_axis, motion, yielding
 from tuner.diagnosis.causes.temperature import COVARIATE as TEMPERATURE
-from tuner.diagnosis.channel import Channel, channel
+from tuner.diagnosis.channel import SHORTEST, Channel, channel
 from tuner.diagnosis.coverage import covered
 from tuner.diagnosis.findings import findings, model_of, words
 from tuner.diagnosis.gain import with_gains
@@ -100,9 +100,7 @@ def diagnose(
         found += moved
         parts += kept
     if not parts:
-        raise DataError(
-            refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
-        )
+        raise DataError(_nothing_left(refused, found))
 
     def criticised(part: Channel, extensions: tuple[motion.Motion, ...]) -> Criticism:
         outcome = criticise(part, limit, extensions)
@@ -127,6 +125,17 @@ def diagnose(
         (*notes, *refused, *sampling.notes(finals)),
         {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
         {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
+    )
+
+
+def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
+    """Return why no channel can be analysed, in one line."""
+    moved = next((f for f in found if f.cause == "motion"), None)
+    if refused or moved is None:
+        return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
+    return (
+        f"the sensor moved in so much of the record that no part of {SHORTEST} samples or more is known to be still; "
+        "give a log of one stand-still"
     )
 
 
