@@ -48,16 +48,21 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
     DataError
         A finding of the configuration that cannot be read.
     """
+    static = [finding for finding in config.findings if "channels" in finding]
+    notes = [
+        f"{finding.get('cause')} of the drive is left out"
+        for finding in config.findings
+        if finding not in static
+    ]
     try:
         without = {
             axis: NoiseModel.from_dict(model)
-            for finding in config.findings
-            for axis, model in finding["extension"].get("models", {}).items()
+            for finding in static
+            for axis, model in finding.get("extension", {}).get("models", {}).items()
         }
         noise = {axis: without.get(axis) or noise_of_channel(c) for axis, c in config.channels.items()}
         hidden: list[Hidden] = []
-        notes = []
-        for finding in config.findings:
+        for finding in static:
             known = without.keys() >= set(finding["channels"])
             if finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV)):
                 continue

@@ -68,12 +68,12 @@ def test_what_cannot_be_hidden_is_left_out_and_told(config):
     more = [
         {"cause": "cross_axis", "channels": ["gyro_x", "gyro_y"], "parameters": {"correlation": told}},
         {"cause": "clipping", "channels": ["gyro_x"], "parameters": {"low": told}},
-        {"cause": "time_offset", "channels": ["gnss"], "parameters": {"delay": told}},
     ]
     found = tuple({**finding, "extension": {}} for finding in more)
+    found += ({"cause": "time_offset", "joins": "preprocessing", "parameters": {"delay": 0.1}},)  # of a drive
     _, hidden, notes = remade(replace(config, findings=found))
     assert hidden == ()
-    assert [note.split()[0] for note in notes] == ["cross_axis", "clipping", "time_offset"]
+    assert [note.split()[0] for note in notes] == ["time_offset", "cross_axis", "clipping"]
 
 
 @pytest.mark.parametrize("arguments", [["--trajectory", "city"], ["--hide", "nonsense"]])
@@ -87,6 +87,6 @@ def test_refusals_are_one_line(config, tmp_path, capsys, arguments):
 
 def test_malformed_findings_are_one_line(config, tmp_path, capsys):
     path = tmp_path / "noise.yaml"
-    path.write_text(native.dumps(config).replace("channels:", "axes:"), encoding="utf-8")
+    path.write_text(native.dumps(config).replace("extension:", "extension: 3 #"), encoding="utf-8")
     assert run(["simulate", str(path), "-o", str(tmp_path / "x.npz"), "--quiet"]) == 2
     assert capsys.readouterr().err.count("\n") == 1

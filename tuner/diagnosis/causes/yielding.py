@@ -130,7 +130,8 @@ def test(found: Residual) -> Alarm | None:
         at = int(np.argmax(square))
         best = max(best, (float(square[at]), at, at + duration))
         norm = np.sqrt(courses.product(p, p + duration, 0))
-        beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
+        with np.errstate(divide="ignore", invalid="ignore"):  # courses within a stretch of motion are nothing
+            beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
         crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
     if best[0] < PROMISING:
         return Alarm("attitude", 1.0, -9.0, best[0], NAME)
