@@ -66,3 +66,17 @@ def test_clean_noise_alarms_as_often_as_it_says(family):
     values = [modulation(residual(channel(record(50 + k), "gyro_x")))[family].p_value for k in range(12)]
     assert min(values) > 1e-5  # chance 1.2e-4 were the p-values even; the scan is paid for more than once
     assert np.mean(values) > 0.2  # mean of 12 even numbers: 0.5 ± 0.083
+
+
+@pytest.mark.parametrize("with_heat", [False, True])
+def test_a_variance_that_drifts_on_gains_what_it_foretells(with_heat):
+    """½ Σ (r − 1 − ln r) over the last 40 %, r the variance over that of the first 60 %; ± 4 sd of the sum."""
+    drift = 0.4 * (np.arange(60_000) / 60_000 - 0.5)
+    made = louder(drift)
+    diagnosis = diagnose(made if with_heat else without_temperature(made))
+    gain = next(f for f in diagnosis.findings if f.cause == "variance_drift").gain
+    assert gain is not None
+    ratio = np.exp(drift[36_000:]) / np.mean(np.exp(drift[:36_000]))
+    expected = 0.5 * float(np.sum(ratio - 1.0 - np.log(ratio)))
+    assert gain.split == "60/40"
+    assert gain.nats == pytest.approx(expected, abs=4.0 * np.sqrt(2.0 * expected))

@@ -6,9 +6,9 @@ record B, else its first 60 %. With all parameters frozen, B is scored before an
     ln p(B) = Σ_j ln h(e_j) − ½ Σ_k ln E_k
 
 with E the spectrum of the model, e its residuals on B and h their law (normal, Student's, contaminated normal). A line
-may choose its phase anew, for one nat; two levels count by what a switching filter gains on the Gaussian one. What is
-an event of A (a step, a burst) is not in B: where it cannot be found again its gain is that in sample, less the price
-of its parameters.
+may choose its phase anew, for one nat; a variance that drifts goes on as it did; two levels count by what a switching
+filter gains on the Gaussian one. What is an event of A (a step, a burst) is not in B: where it cannot be found again
+its gain is that in sample, less the price of its parameters.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from tuner.diagnosis.causes.line import Line
 from tuner.diagnosis.causes.motion import Motion
 from tuner.diagnosis.causes.spikes import Spikes
 from tuner.diagnosis.causes.telegraph import Telegraph
+from tuner.diagnosis.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.cosine import inverse, transform
 from tuner.diagnosis.extension import Extension
@@ -153,8 +154,13 @@ def _score(found: Residual, test: _Test) -> float:
     ramp = transform(np.arange(n) / n - 0.5, dt)[1:]
     a = a - ramp * float((a * ramp / power).sum() / (ramp * ramp / power).sum())
     whitened = np.concatenate(([0.0], a / np.sqrt(power)))
-    e = inverse(whitened, 1.0)[test.channel.valid]
-    return float(_law(found)(e).sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
+    spread = np.zeros(n)
+    for extension in found.extensions:
+        if isinstance(extension, VarianceDrift):
+            spread += extension.foretold(found.channel, test.context)[test.first : test.first + n]
+    valid = test.channel.valid
+    e, spread = (inverse(whitened, 1.0) * np.exp(-0.5 * spread))[valid], spread[valid]
+    return float(_law(found)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
 
 
 def _power(found: Residual, n: int) -> FloatArray:

@@ -51,6 +51,17 @@ class VarianceDrift(Extension):
         place = (np.arange(len(e)) + 0.5) / len(e) * BLOCKS - 0.5
         return np.asarray(e * np.exp(-0.5 * np.interp(place, np.arange(BLOCKS), self.course)))
 
+    def foretold(self, fitted: Channel, other: Channel) -> FloatArray:
+        """Return the log of the variance in another channel of the same unit, or a longer one, shape (n,)."""
+        x, there = self._follows(fitted), self._follows(other)
+        own = np.interp(middles() * len(fitted), np.arange(len(fitted)), x)
+        change = own - own.mean()
+        return np.asarray((there - own.mean()) * float(change @ np.array(self.course) / (change @ change)))
+
+    def _follows(self, channel: Channel) -> FloatArray:
+        """Return what the log of the variance is proportional to: the time, shape (n,)."""
+        return np.arange(len(channel)) * channel.interval
+
     @property
     def inflation(self) -> float:
         """Largest over usual standard deviation of the noise."""
@@ -65,6 +76,11 @@ class VarianceByHeat(VarianceDrift):
     consequence: ClassVar[str] = (
         "one white density does not serve all temperatures: take the larger end, or make it follow"
     )
+
+    def _follows(self, channel: Channel) -> FloatArray:
+        """Return the temperature of the samples, shape (n,)."""
+        at = (np.arange(channel.blocks) + 0.5) * channel.block
+        return np.interp(np.arange(len(channel)), at, channel.covariates[COVARIATE])
 
 
 def test(found: Residual) -> Alarm:
