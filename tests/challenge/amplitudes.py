@@ -167,7 +167,7 @@ PROMISES = (
     Promise("burst", "variance + 11 % in 5 % of the record", burst(0.11)),
     Promise("spikes", "2 of 6 … 20 σ", spikes),
     Promise("duplicates", "0.5 %, lattice σ/2", duplicates(0.005), 0.5),
-    Promise("duplicates", "0.05 %, lattice σ/30", duplicates(0.0005), 1.0 / 30.0),
+    Promise("duplicates", "0.05 %, lattice σ/3000", duplicates(0.0005), 1.0 / 3000.0),
     Promise("vibration", "0.06 σ, quality 30", vibration(0.06)),
 )
 
