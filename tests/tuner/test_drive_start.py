@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models import rotation
 from models.trajectories import TRAJECTORIES
 from tuner.commands.check import load_filter
 from tuner.drives import simulate_drive
 from tuner.drivescores import differences
 from tuner.driving import navigate_drive
 from tuner.grades import load_gnss, load_grade
+from tuner.navigation.initial import align
+from tuner.navigation.inputs import Steps
 
 ARM = (1.0, 0.5, -1.2)
 GAP = (100.0, 160.0)
@@ -73,3 +76,19 @@ def test_after_a_gap_the_start_knows_the_clock(drive, believed):
         position, attitude = _nees(drive, solution)
         assert position < 5.0
         assert attitude < 5.0
+
+
+@pytest.mark.parametrize("interval", [1.5, 3.0])
+def test_fixes_some_seconds_apart_tell_the_heading(interval):
+    """Windows follow the interval of the fixes; error of the heading within 5 of its sds, of 2° at least."""
+    receiver = replace(load_gnss("rtk"), interval=interval)
+    driven, _ = simulate_drive(
+        load_grade("stim300"), TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=6, lever_arm=ARM
+    )
+    t = driven.imu_t
+    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
+    found = align(steps, driven.gnss, offset=0.0)
+    heading = rotation.rpy_from_quat(found.quat_nb)[2]
+    at = int(np.argmin(np.abs(driven.reference.t - found.t)))
+    off = (heading - driven.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    assert abs(off) < 5.0 * max(found.heading_sd, np.radians(2.0))

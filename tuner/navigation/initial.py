@@ -182,7 +182,8 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
     moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
     while True:
         found = _align(steps, gnss, moving, offset)
-        if found.heading_sd < GOOD_HEADING or (moving >= length and found.heading_sd < POOR_HEADING):
+        enough = POOR_HEADING if moving >= length else GOOD_HEADING
+        if found is not None and found.heading_sd < enough:
             return found
         if moving >= length:
             msg = "the vehicle hardly changes its speed: its heading cannot be found from its motion"
@@ -190,8 +191,8 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
         moving *= 2.0
 
 
-def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
-    """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s."""
+def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment | None:
+    """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s; None without fixes."""
     ends = steps.ends()
     still_end = standing_until(gnss)
     begin = max(float(gnss.t[0]), still_end - ROCKING)
@@ -213,7 +214,10 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     by_position = _positions_are_better(gnss)
     measured = _metres(gnss)[inside] if by_position else velocities(gnss)[inside]
     integral = way if by_position else velocity
-    windows = _windows(fix_t, 3 if by_position else 2)
+    length = _length(fix_t)
+    windows = _windows(fix_t, 3 if by_position else 2, length)
+    if not len(windows):
+        return None
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     beta[:, 2] -= down * span
@@ -238,7 +242,7 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
     level = np.sum(beta[:, :2] ** 2, axis=1)
     standing = fix_t[windows[:, -1]] <= max(still_end, begin)
     noise = float(np.mean(level[standing])) if np.count_nonzero(standing) > 3 else 0.0
-    change = float(np.sum(level - noise)) * float(np.median(np.diff(fix_t))) / WINDOW
+    change = float(np.sum(level - noise)) * float(np.median(np.diff(fix_t))) / length
     heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
     k = int(np.argmin(np.abs(t - fix_t[0])))
     quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
@@ -250,7 +254,7 @@ def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment:
         float(t[k]),
         quat,
         heading_sd,
-        misfit / (9.8 * WINDOW),
+        misfit / (9.8 * length),
         bias,
         delay,
         still_end - begin,
@@ -279,15 +283,21 @@ def _metres(gnss: Gnss) -> FloatArray:
     return np.asarray((gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0]))
 
 
-def _windows(t: FloatArray, points: int) -> NDArray[np.intp]:
-    """Return the fixes at the ends (and between) of neighbouring windows of `WINDOW`, without gaps."""
+def _length(t: FloatArray) -> float:
+    """Return the length of windows: as many intervals of the fixes as come nearest to `WINDOW`, one at least, s."""
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else WINDOW
+    return interval * max(1, round(WINDOW / interval))
+
+
+def _windows(t: FloatArray, points: int, length: float) -> NDArray[np.intp]:
+    """Return the fixes at the ends (and between) of neighbouring windows of a length, s, without gaps."""
     rows = [np.arange(len(t))]
     for i in range(1, points):
-        rows.append(np.searchsorted(t, t + i * WINDOW - 1e-6))
+        rows.append(np.searchsorted(t, t + i * length - 1e-6))
     windows = np.stack(rows, axis=-1)
     windows = windows[windows[:, -1] < len(t)]
     lengths = np.diff(t[windows], axis=1)
-    return windows[np.all(np.abs(lengths - WINDOW) < 0.25 * WINDOW, axis=1)]
+    return windows[np.all(np.abs(lengths - length) < 0.25 * length, axis=1)]
 
 
 def _change(y: FloatArray, windows: NDArray[np.intp], span: FloatArray) -> FloatArray:

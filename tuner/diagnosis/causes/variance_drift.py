@@ -60,7 +60,7 @@ class VarianceDrift(Extension):
 
     def _follows(self, channel: Channel) -> FloatArray:
         """Return what the log of the variance is proportional to: the time, shape (n,)."""
-        return np.arange(len(channel)) * channel.interval
+        return np.arange(float(len(channel))) * channel.interval
 
     @property
     def inflation(self) -> float:
