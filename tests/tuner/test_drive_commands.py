@@ -29,10 +29,13 @@ SETTINGS = ["gyro_white", "accel_white", "gyro_bias", "accel_bias", "position", 
 
 @pytest.fixture(scope="module")
 def drive():
-    """Five minutes of city with late fixes: the delay shows by some tens of standard deviations."""
+    """Minutes of city with late fixes: the delay shows by tens of standard deviations.
+
+    Of five minutes alone it cannot be told whether biases or velocities look worse by it.
+    """
     made, _ = simulate_drive(
         load_grade("mpu9250"),
-        TRAJECTORIES["city"](300.0),
+        TRAJECTORIES["city"](450.0),
         load_gnss("spp"),
         rate=25.0,
         seed=3,
