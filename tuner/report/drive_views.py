@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from tuner.diagnosis.drives.hypothesis import Pass
-from tuner.diagnosis.drives.likelihood import believed
-from tuner.diagnosis.drives.sensitivity import whitened
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, Pass, str], None]
@@ -49,7 +47,7 @@ def draw_effect(panel: Axes, found: Pass, title: str, values: Mapping[str, float
 
     Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
     """
-    w = whitened(believed(found.record))
+    w = found.whitened
     own = [found.record.parameters.index(name) for name in values]
     effect = w.slope[:, own] @ np.array(list(values.values()))
     order = np.argsort(effect)

@@ -16,10 +16,8 @@ from scipy.stats import norm
 from models import rotation
 from models.earth import gravity
 from tuner.diagnosis.drives.hypothesis import Pass
-from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.passage import columns
 from tuner.diagnosis.drives.score import fit
-from tuner.diagnosis.drives.sensitivity import whitened
 from tuner.diagnosis.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.results import Alternative, Coefficient, FilterConfig, Finding, Inflation
@@ -100,7 +98,7 @@ def _passed_on(found: Pass, shifts: tuple[str, ...]) -> NDArray[np.float64]:
     if not shifts:
         return np.zeros(6)
     start, names = found.solutions[0].state, found.record.parameters
-    now = fit(whitened(believed(found.record)), names, shifts, np.zeros(len(names)))
+    now = fit(found.whitened, names, shifts, np.zeros(len(names)))
     size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
     force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
     felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]

@@ -24,7 +24,7 @@ from tuner.diagnosis.drives.noise import gnss_noise, imu_noise, joint_noise, sco
 from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
 from tuner.diagnosis.drives.prior import static_prior
 from tuner.diagnosis.drives.record import GROUPS
-from tuner.diagnosis.drives.reported import LEAST, has_law, reported_noise
+from tuner.diagnosis.drives.reported import has_law, reported_noise, scaled
 from tuner.diagnosis.drives.scales import BLOCKS, ROWS
 from tuner.diagnosis.drives.score import Scored, families
 from tuner.diagnosis.drives.sensitivity import Whitened
@@ -154,9 +154,7 @@ def adopted(found: Pass, claim: Claim) -> Hypothesis:
         f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)])) for name, rows in ROWS.items()
     }
     factor = tuple(f"gnss_noise_scale.{name}" for name in ROWS)
-    values = {
-        name: max(LEAST, v * was.values.get(name, 1.0)) if name in factor else v for name, v in told.items()
-    }
+    values = {name: scaled(was.values, name, v) if name in factor else v for name, v in told.items()}
     config = _denser(was.config, dict(zip(GROUPS, belief.drive.tolist(), strict=True)))
     if np.any(belief.markov_sd > 0.0) and config.gnss is not None:
         level, down = float(np.sqrt(np.mean(belief.markov_sd[:2] ** 2))), float(belief.markov_sd[2])

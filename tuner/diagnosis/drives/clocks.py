@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tuner.diagnosis.drives.hypothesis import Hypothesis, Pass, settings_of
-from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.score import wandering
-from tuner.diagnosis.drives.sensitivity import whitened
 from tuner.navigation.compensation import compensated
 from tuner.navigation.drive import prepare
 from tuner.navigation.initial import standing_until
@@ -59,7 +57,7 @@ def drifting(found: Pass, accepted: tuple[str, ...], threshold: float) -> tuple[
     if DELAY.partition(".")[0] not in accepted:
         return ()
     names = found.record.parameters
-    told = wandering(whitened(believed(found.record)), names, accepted, DELAY)
+    told = wandering(found.whitened, names, accepted, DELAY)
     if told.p_value >= threshold:
         return ()
     low, high = (1e3 * (told.rate + side * 1.96 * told.sd) for side in (-1.0, 1.0))

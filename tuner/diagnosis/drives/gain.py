@@ -26,6 +26,7 @@ from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import Criticism, refined
 from tuner.diagnosis.drives.reported import names_in, refitted, said_by
 from tuner.diagnosis.drives.scales import factors, present
+from tuner.diagnosis.drives.score import SHARE
 from tuner.navigation.drive import navigate
 from tuner.navigation.inputs import WITHHELD
 from tuner.records import DataError, Drive
@@ -33,8 +34,6 @@ from tuner.results import Gain
 
 FloatArray = NDArray[np.float64]
 
-SHARE = 0.6
-"""Part of the scored time that parameters are taken from: of a vehicle that stands long nothing is scored at first."""
 HORIZONS = (30.0, 60.0)
 RECOVERY = 30.0
 """Outages and the time with fixes between them, s."""

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.passage import linear_record
 from tuner.diagnosis.drives.record import LinearRecord
+from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import Stretch, beginning, navigate, prepare, told_sds
 from tuner.navigation.inputs import Solution
@@ -123,6 +126,11 @@ class Pass:
     record: LinearRecord
     index: NDArray[np.intp]
     notes: tuple[str, ...]
+
+    @cached_property
+    def whitened(self) -> Whitened:
+        """Innovations and sensitivities by their sds, as the filter believed."""
+        return whitened(believed(self.record))
 
 
 def in_sensor_axes(drive: Drive) -> Drive:

@@ -7,11 +7,9 @@ while the unit rests, and the error of rounding follows the motion instead of be
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tuner.diagnosis.codes import lattice_step
 from tuner.records import Drive
-
-FloatArray = NDArray[np.float64]
 
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}
 CALM = 0.25
@@ -25,7 +23,7 @@ def coarse_lattices(drive: Drive) -> tuple[str, ...]:
     if not count:
         return ()
     sd = np.quantile(drive.rates[: count * size].reshape(count, size, 6).std(axis=1), CALM, axis=0)
-    steps = np.array([_step(column) for column in drive.rates.T])
+    steps = np.array([lattice_step([column]) for column in drive.rates.T])
     notes = []
     for sensor, (at, unit) in SENSORS.items():
         step, usual = float(steps[at].max()), float(np.sqrt(np.mean(sd[at] ** 2)))
@@ -35,9 +33,3 @@ def coarse_lattices(drive: Drive) -> tuple[str, ...]:
                 f"{usual:.2g}: biases below half a step do not show at rest, and rounding is no white noise"
             )
     return tuple(notes)
-
-
-def _step(column: FloatArray) -> float:
-    """Return the spacing of the values of an axis, 0 where nearly none comes twice."""
-    levels = np.unique(column)
-    return float(np.median(np.diff(levels))) if 1 < len(levels) < len(column) / 4 else 0.0

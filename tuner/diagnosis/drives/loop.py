@@ -30,7 +30,6 @@ from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.reported import coefficient, edges_told, factor_in, names_in, said_by
 from tuner.diagnosis.drives.scales import factors, present
 from tuner.diagnosis.drives.score import PRIORS, Fit, Scored, carried, fit, inseparable, retested
-from tuner.diagnosis.drives.sensitivity import Whitened, whitened
 from tuner.records import Drive
 from tuner.results import Alternative, Coefficient
 
@@ -120,7 +119,7 @@ def criticise(
     previous: tuple[Candidate, ...] = ()
     spent: set[str] = set()
     for _ in range(PASSES):
-        w = whitened(believed(found.record))
+        w = found.whitened
         alarms = candidates(found, w, known, THRESHOLD)
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
@@ -162,10 +161,10 @@ def criticise(
     return Criticism(base, found, tuple(accepted), left, known)
 
 
-def _fit(found: Pass, w: Whitened, known: tuple[str, ...]) -> Fit:
+def _fit(found: Pass, known: tuple[str, ...]) -> Fit:
     names = found.record.parameters
     at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-    return fit(w, names, known, at)
+    return fit(found.whitened, names, known, at)
 
 
 def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
@@ -183,7 +182,7 @@ def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
     if not known:
         return found
     for _ in range(STEPS):
-        now = _fit(found, whitened(believed(found.record)), known)
+        now = _fit(found, known)
         names = [found.record.parameters[i] for i in now.columns]
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
         if np.all(np.abs(now.shrunk - at) < MOVED * np.sqrt(np.diag(now.covariance))):
@@ -231,7 +230,7 @@ def _pruned(
         own = [name for name in names if name.partition(".")[0] == cause]
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
         values = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
-        w = whitened(believed(found.record))
+        w = found.whitened
         alarm = retested(w, names, known, cause, values)
         if (
             alarm.p_value < THRESHOLD
@@ -255,8 +254,8 @@ def _estimated(found: Pass, accepted: list[Accepted], known: tuple[str, ...]) ->
     """Return what was accepted with the estimates of the last pass, coarse findings first."""
     if not known:
         return accepted
-    w = whitened(believed(found.record))
-    now, names = _fit(found, w, known), found.record.parameters
+    w = found.whitened
+    now, names = _fit(found, known), found.record.parameters
     by_cause = {a.cause: a for a in accepted}
     done = [a for a in accepted if a.cause not in known]
     for cause in known:

@@ -18,9 +18,7 @@ from scipy.stats import chi2
 
 from models import rotation
 from tuner.diagnosis.drives.hypothesis import Pass
-from tuner.diagnosis.drives.likelihood import believed
 from tuner.diagnosis.drives.score import PRIORS, columns_of
-from tuner.diagnosis.drives.sensitivity import whitened
 from tuner.diagnosis.findings import words
 from tuner.navigation.vehicle import DRIVING, STRAIGHT
 from tuner.results import Coefficient, Finding, Inseparable
@@ -121,7 +119,7 @@ def not_told(
         )
         lines.append(Inseparable((CAUSE,), f"not tested on this drive: {CAUSE} of the unit, {lacking}"))
     if "gravity" not in accepted:
-        w = whitened(believed(final.record))
+        w = final.whitened
         column = w.slope[:, columns_of("gravity", final.record.parameters)[0]]
         least = SEEN / max(float(np.linalg.norm(column)), 1e-12)
         if least > PRIORS["gravity"]:

@@ -162,11 +162,13 @@ def refitted(values: Mapping[str, float], fit: Fit) -> dict[str, float]:
     out = {}
     for name in fit.scales.names:
         key, more = f"{CAUSE}{name}", float(fit.estimate[fit.number(name)])
-        if name.endswith(EXPONENT):
-            out[key] = values[key] + more
-        else:
-            out[key] = max(LEAST, values.get(key, 1.0) * float(np.exp(more)))
+        out[key] = values[key] + more if name.endswith(EXPONENT) else scaled(values, key, float(np.exp(more)))
     return out
+
+
+def scaled(values: Mapping[str, float], key: str, more: float) -> float:
+    """Return a factor of a compensation times another one, `LEAST` at least."""
+    return max(LEAST, values.get(key, 1.0) * more)
 
 
 def reported_law(belief: Belief, block: str) -> ReportedLaw | None:

@@ -56,7 +56,7 @@ LARGEST: Mapping[str, float] = {
 BLOCK = 30.0
 """Length of the blocks whose sums are compared, s."""
 SHARE = 0.6
-"""Part of a drive that constants are taken from where the rest is to judge them."""
+"""Part of the scored time that constants are taken from where the rest is to judge them."""
 ALIKE = 0.97
 """Correlation from which two causes count as one on a drive."""
 
