@@ -17,7 +17,7 @@ from tuner.cli import run
 from tuner.drivescores import differences
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.drive import navigate, prepare
+from tuner.navigation.drive import navigate, prepare, starting
 from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
 from tuner.navigation.inputs import Steps
 from tuner.navigation.outliers import without_outliers
@@ -122,6 +122,21 @@ def test_vehicle_that_never_stood_is_not_said_to_stand(configuration, saved, dat
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(None, 0.05))
     assert accounts(found.solutions) == {}
     assert any("never" in note for note in found.notes)
+
+
+def test_start_in_a_turn_knows_the_lever_arm_once(configuration, saved, data, tmp_path):
+    """Where the other states are zero, the start is where its fix says: nothing is left to move it by."""
+    moving = {name: values for name, values in data.items() if name.split("_")[0] != "ref"}
+    turning = np.abs(data["gyro"][:, 2]) > 0.1
+    late = data["imu_t"] > data["imu_t"][int(np.argmax(turning & (data["imu_t"] > 1000.0 + STILL)))]
+    for name in ("imu_t", "gyro", "accel"):
+        moving[name] = data[name][late]
+    drive = read_drive(saved(tmp_path / "turning.npz", moving, **PLACED))
+    settings, _ = drive_filter(drive, configuration())
+    stretch = prepare(drive, replace(settings, lever_arm=(1.0, -0.5, 0.2)))[0][0]
+    begun = starting(replace(settings, lever_arm=(1.0, -0.5, 0.2)), stretch, np.zeros(settings.size))
+    assert np.linalg.norm(stretch.start.vel_n - begun.vel_n) < 1e-3  # the Earth turns the arm by 1e-4
+    assert np.allclose(begun.llh, stretch.start.llh, rtol=0.0, atol=1e-14)
 
 
 def test_sds_of_the_reference_count(configuration, saved, data, tmp_path):

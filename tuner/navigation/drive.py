@@ -223,7 +223,6 @@ def _first_fix(
     position = position_fix(model, at, parameters, llh, lever_arm=arm)
     of_antenna = start.vel_n + mat_nb @ np.cross(rates[:3], arm)
     velocity = velocity_fix(model, at, parameters, of_antenna, lever_arm=arm)
-    velocity = velocity_fix(model, at, parameters, start.vel_n, lever_arm=arm)
     h = np.vstack([position.H, velocity.H])
     h[:, :6] = 0.0
     return np.concatenate([position.z, velocity.z]), h
