@@ -25,13 +25,22 @@ from tuner.consistency import (
     whiteness,
 )
 from tuner.drivescores import against_reference, against_smoother, blocks, errors, reference_at, settled
+from tuner.navigation.axes import inertial_axes
 from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
 from tuner.navigation.inputs import GATED, WITHHELD, Solution
 from tuner.navigation.outliers import without_outliers
 from tuner.navigation.sensor import sensor_of_config
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
-from tuner.navigation.vehicle import MOUNTING_SD, Vehicle, accounts, constrained, standing_noise, told
+from tuner.navigation.vehicle import (
+    MOUNTING_SD,
+    Vehicle,
+    accounts,
+    constrained,
+    standing_noise,
+    told,
+    turned_from,
+)
 from tuner.records import Drive, Reference
 from tuner.results import FilterConfig
 from tuner.verdicts import verdicts
@@ -130,9 +139,10 @@ def navigate_drive(
     stretches, notes = prepare(drive, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     notes = (*notes, *_louder(stretches[0], config))
+    contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
     if not vehicle.free:
         stretches, more = constrained(
-            stretches, solutions, settings, vehicle, mounted=drive.mounting is not None
+            stretches, solutions, settings, vehicle, mounted=drive.mounting is not None and not contradicted
         )
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
         notes = (*notes, *more, *told(accounts(solutions), vehicle))
@@ -165,6 +175,9 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
+    wrong = inertial_axes(drive) if found.diverged else contradicted
+    if wrong:
+        notes = (*notes, wrong)
     if drive.reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
     return DriveResult(

@@ -17,8 +17,9 @@ from tuner.cli import run
 from tuner.drivescores import differences
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation.axes import inertial_axes, named_axes
 from tuner.navigation.drive import navigate, prepare, starting
-from tuner.navigation.initial import align, named_axes, receiver_lag, standing_until
+from tuner.navigation.initial import align, receiver_lag, standing_until
 from tuner.navigation.inputs import Steps
 from tuner.navigation.outliers import without_outliers
 from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
@@ -294,6 +295,47 @@ def test_swapped_axes_are_named(saved, data, tmp_path):
     assert name == "east-north-up"
     np.testing.assert_allclose(mended.vel_n, v[: len(mended)], atol=1e-12)
     assert named_axes(mended)[1] is None
+
+
+GYROS_READ = {"(−x, −y, −z)": ((0, 1, 2), -1.0), "(z, x, y)": ((1, 2, 0), 1.0)}
+ACCELS_READ = {"(x, −y, z)": (1.0, -1.0, 1.0), "(−x, −y, −z)": (-1.0, -1.0, -1.0)}
+
+
+@pytest.mark.parametrize("read", GYROS_READ)
+def test_gyros_in_other_axes_are_named(saved, data, tmp_path, read):
+    order, sign = GYROS_READ[read]
+    wrong = dict(data, gyro=sign * data["gyro"][:, list(order)])
+    assert f"the gyros read as {read}" in inertial_axes(read_drive(saved(tmp_path / "wrong.npz", wrong)))
+
+
+@pytest.mark.parametrize("read", ACCELS_READ)
+def test_accelerometers_in_other_axes_are_named_when_the_filter_diverges(
+    saved, data, tmp_path, configuration, read
+):
+    wrong = dict(data, accel=data["accel"] * np.array(ACCELS_READ[read]))
+    found = navigate_drive(read_drive(saved(tmp_path / "wrong.npz", wrong)), configuration())
+    assert found.consistency.diverged
+    assert any(f"the accelerometers read as {read}" in note for note in found.notes)
+
+
+def test_axes_as_they_are_are_not_named(file):
+    assert inertial_axes(read_drive(file)) is None
+
+
+def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
+    wrong = dict(data, gnss_llh=data["gnss_llh"][:, [1, 0, 2]])
+    with pytest.raises(DataError, match="latitude and longitude exchanged"):
+        named_axes(read_drive(saved(tmp_path / "wrong.npz", wrong)).gnss)
+
+
+def test_a_stated_frame_that_the_motion_contradicts_is_told(saved, data, tmp_path, configuration):
+    """The unit stands on its head in the frame that is said to be forward-right-down."""
+    upside = rotation.mat_from_rpy(np.radians((180.0, 0.0, 0.0)))
+    turned = rotation.mat_from_rpy(np.radians(MOUNTING_RPY)).T @ upside  # vehicle axes, then on its head
+    wrong = dict(data, gyro=data["gyro"] @ turned.T, accel=data["accel"] @ turned.T)
+    found = navigate_drive(read_drive(saved(tmp_path / "wrong.npz", wrong, imu_frame="FRD")), configuration())
+    assert not found.consistency.diverged
+    assert any("from those stated" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("climb", "named"), [(0.4, "north-east-up"), (0.0, None)])

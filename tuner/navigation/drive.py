@@ -27,11 +27,11 @@ from models.errorstate import Linearization
 from models.gnss import position_fix, velocity_fix
 from models.strapdown import NavigationState
 from tuner.navigation import engine
+from tuner.navigation.axes import inertial_axes, named_axes
 from tuner.navigation.initial import (
     LONGEST_OFFSET,
     Alignment,
     align,
-    named_axes,
     receiver_lag,
     velocities,
 )
@@ -114,7 +114,7 @@ def prepare(
         Where no stretch can be aligned, or units contradict one another.
     """
     notes: list[str] = []
-    gnss, axes = named_axes(drive.gnss)
+    gnss, axes = named_axes(drive.gnss, drive.source)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     refuse_wrong_units(drive, gnss)
@@ -155,7 +155,8 @@ def prepare(
             f"fixes {a.delay:+.3f} s late"
         )
     if not stretches:
-        msg = f"{drive.source}: no stretch of the drive could be aligned: {failure or 'all are too short'}"
+        wrong = inertial_axes(drive) if failure else None
+        msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or 'all are too short'}"
         raise DataError(msg)
     return tuple(stretches), tuple(notes)
 

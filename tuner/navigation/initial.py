@@ -20,7 +20,7 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,38 +89,6 @@ def velocities(gnss: Gnss) -> FloatArray:
     return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
 
 
-AXES = {
-    "north-east-up": ((0, 1, 2), (1.0, 1.0, -1.0)),
-    "east-north-up": ((1, 0, 2), (1.0, 1.0, -1.0)),
-    "east-north-down": ((1, 0, 2), (1.0, 1.0, 1.0)),
-}
-"""Ways in which velocities may be given instead of north, east, down: order and signs that mend them."""
-
-
-def named_axes(gnss: Gnss) -> tuple[Gnss, str | None]:
-    """Return the fixes with velocities north, east, down, and what they were where that was not so.
-
-    Differences of positions are compared with the velocities in every order; another order counts where it
-    leaves less than a quarter of the misfit. On flat ground the vertical says little beside the others: its sign
-    alone counts where it leaves less than half of the misfit of the vertical.
-    """
-    finite = np.isfinite(gnss.vel_n).all(axis=1)
-    if np.count_nonzero(finite) < 20:
-        return gnss, None
-    slope = np.gradient(_metres(gnss), gnss.t, axis=0)
-
-    def misfit(vel: FloatArray, parts: slice = slice(0, 3)) -> float:
-        return float(np.mean(np.abs(vel - slope)[finite, parts]))
-
-    order = {name: gnss.vel_n[:, list(which)] * np.array(sign) for name, (which, sign) in AXES.items()}
-    name = min(order, key=lambda key: misfit(order[key]))
-    if misfit(order[name]) > 0.25 * misfit(gnss.vel_n):
-        name, down = "north-east-up", slice(2, 3)
-        if misfit(order[name], down) > 0.5 * misfit(gnss.vel_n, down):
-            return gnss, None
-    return replace(gnss, vel_n=order[name]), name
-
-
 def receiver_lag(gnss: Gnss) -> float:
     """Return how much later the receiver's velocities are than its positions, s; 0 where that is not clear.
 
@@ -181,7 +149,7 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
     """
     moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
     while True:
-        found = _align(steps, gnss, moving, offset)
+        found = align_once(steps, gnss, moving, offset)
         enough = POOR_HEADING if moving >= length else GOOD_HEADING
         if found is not None and found.heading_sd < enough:
             return found
@@ -191,7 +159,7 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
         moving *= 2.0
 
 
-def _align(steps: Steps, gnss: Gnss, moving: float, offset: float) -> Alignment | None:
+def align_once(steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_OFFSET) -> Alignment | None:
     """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s; None without fixes."""
     ends = steps.ends()
     still_end = standing_until(gnss)

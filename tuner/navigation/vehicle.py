@@ -45,6 +45,8 @@ STRAIGHT = np.radians(3.0)
 """Turn rate from which sideways velocity is not constrained, rad/s."""
 DRIVING = 3.0
 """Speed from which the direction of motion tells the mounting, m/s."""
+CONTRADICTED = np.radians(45.0)
+"""Angle between the axes of the motion and those stated from which the statement is not believed, rad."""
 MOUNTING_SD = np.radians(10.0)
 """Prior of the mounting angles, rad."""
 
@@ -94,6 +96,18 @@ def forward_axes(solution: Solution) -> FloatArray | None:
     down -= (down @ ahead) * ahead
     down /= np.linalg.norm(down)
     return np.stack([ahead, np.cross(down, ahead), down], axis=-1)
+
+
+def turned_from(solution: Solution) -> str | None:
+    """Return a note where the vehicle moves in other axes than those stated for it; None where it does not."""
+    axes = forward_axes(solution)
+    if axes is None or np.linalg.norm(rotation.rotvec_from_mat(axes)) < CONTRADICTED:
+        return None
+    angles = ", ".join(f"{value:.0f}" for value in np.round(np.degrees(rotation.rpy_from_mat(axes))) + 0.0)
+    return (
+        f"the vehicle moves as if its axes were turned by {angles}° (roll, pitch, yaw) from those stated: check "
+        "the frame of the unit, the mounting and the lever arm; constraints use the axes of the motion"
+    )
 
 
 def constraints(
