@@ -10,6 +10,7 @@ import pytest
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.hops import STILL, Chain, Slow, likelihood
+from tuner.diagnosis.switching import paired, still, switching
 from tuner.records import Record
 from tuner.simulation import Channel, simulate
 
@@ -63,3 +64,30 @@ def test_two_levels_with_even_chances_are_one_chain():
     ]
     assert np.isclose(*values)
     assert np.allclose(two, even)
+
+
+@pytest.mark.parametrize("levels", [(0.0, 2.0), (0.0, 2.0, 4.0), (0.0, 30.0)])
+def test_the_filter_for_two_slow_states_is_the_general_one(levels):
+    rng = np.random.default_rng(len(levels))
+    path = np.array(levels)[np.cumsum(rng.random(1000) < 0.02) % len(levels)]
+    y = path + 0.1 * np.cumsum(rng.standard_normal(1000)) + 0.5 * rng.standard_normal(1000)
+    chain, slow = (
+        Chain.even(levels, 0.02),
+        Slow(np.array([1.0, 0.9]), np.array([0.01, 0.05]), np.array([1.0, 0.3])),
+    )
+    means = np.empty(1000), np.empty(1000)
+    values = [
+        run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, 0.25, mean)
+        for run, mean in zip((switching, paired), means, strict=True)
+    ]
+    assert values[0] == pytest.approx(values[1], rel=1e-12)
+    assert means[0] == pytest.approx(means[1], abs=1e-9)
+
+
+def test_the_filter_for_one_level_is_the_general_one():
+    y = np.cumsum(np.random.default_rng(0).standard_normal(1000))
+    slow = Slow(np.array([1.0, 0.9, 0.99]), np.array([0.5, 0.05, 0.1]), np.array([1e6, 0.3, 2.0]))
+    general = switching(
+        y, STILL.levels, STILL.first, STILL.chances, slow.phi, slow.q, slow.initial, 0.25, np.empty(0)
+    )
+    assert still(y, slow.phi, slow.q, slow.initial, 0.25) == pytest.approx(general, rel=1e-9)

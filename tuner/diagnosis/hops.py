@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
-from tuner.diagnosis.switching import switching
+from tuner.diagnosis.switching import paired, still, switching
 
 FloatArray = NDArray[np.float64]
 
@@ -96,7 +96,9 @@ def block_noise(terms: Sequence[Term], step: float) -> float:
 
 def likelihood(y: FloatArray, chain: Chain, slow: Slow, r: float, path: FloatArray = NOTHING) -> float:
     """Return the log likelihood of block means, shape (M,), by `switching`; r is the variance of their white part."""
-    value = switching(
-        y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, path
-    )  # fmt: skip
+    if chain is STILL:
+        value = still(y, slow.phi, slow.q, slow.initial, r)
+    else:
+        run = paired if len(slow.phi) == 2 else switching
+        value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, path)
     return float(value) if np.isfinite(value) else -1e12
