@@ -5,22 +5,24 @@ s are equal with the probability ::
 
     g(s) = E max(0, 1 − |d|/D) = erf(D/(s√2)) − (2s/(D√(2π))) (1 − exp(−D²/(2s²)))
 
-A held sample equals its neighbour but not the one before that, so equality at lag 1 is tested against
-equality at lag 2. Coloured noise has other differences at lag 2 than at lag 1: the expectation is scaled by
-R = g(s₁)/g(s₂), with a margin in proportion to that correction, and by no less than 1. Only differences that
-are not zero tell s, so that holding does not change R. Counts and scales are taken in blocks: a change of the
-noise along the record does no harm, and their scatter gives the test, a Student t over blocks, or the exact
+A held sample equals its neighbour but not the ones before that, so equality at lag 1 is tested against
+equality at lags 2 … 9, which tell chance together; where the noise is coloured such that their differences are not
+of the size of those at lag 2, against equality there only. Coloured noise has other differences at lag 1 too: the
+expectation is scaled by R = g(s₁)/g(s_k), with a margin in proportion to that correction, and by no less than 1. Only
+differences that are not zero tell s, so that holding does not change R. Counts and scales are taken in blocks: a change
+of the noise along the record does no harm, and their scatter gives the test, a Student t over blocks, or the exact
 binomial where equalities are few. Where the step exceeds about 4 s₁ equalities cannot tell holding from the
 lattice.
 
-On a fine lattice (s₁ of two steps and more) the counts n(k) of neighbours that differ by k steps tell chance without
-the noise: their logarithm is a parabola in k near 0, and its value there, from k = ±1 … ±K, is what noise gives. What
-the codes themselves do to n(0) they do at lag 2 as well::
+On a fine lattice (s₁ of two steps and more) the counts n(j) of neighbours that differ by j steps tell chance without
+the noise: their logarithm is a parabola in j near 0, and its value there, from j = ±1 … ±s₁/D (half as far where the
+noise is coloured), is what noise gives. What the codes themselves do to n(0) they do at the other lags as well: the
+excess e₁ = n₁(0) − n̂₁(0) stands against the excesses e_k, scaled by R = n̂₁(0)/n̂_k(0).
 
-    f n = n₁(0) − n̂₁(0) − (n̂₁(0)/n̂₂(0)) (n₂(0) − n̂₂(0) − f² n),    f n ≤ n₁(0) − n̂₁(0)
+With a share f of held samples, equality at lag k is that at lag k − 1 for these, and chance for the others. Hence,
+with the shares e of equal pairs, or of their excesses, e₀ = 1, and the mean over the lags k::
 
-Elsewhere, with a share f of held samples, the shares of equal pairs are n₁ = f + (1 − f) P₁ and
-n₂ = f n₁ + (1 − f) P₂, where P₁ = R P₂ is chance; hence f = (n₁ − R n₂)/(1 − R n₁), and never more than n₁.
+    f = (e₁ − mean R_k e_k) / (1 − mean R_k e_(k−1)),    f ≤ e₁
 """
 
 from __future__ import annotations
@@ -31,9 +33,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 from scipy.stats import binom, norm, t
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 BLOCKS = 200
 """Blocks that a record is cut into."""
@@ -41,10 +45,20 @@ LEAST_BLOCK = 100
 """Least length of a block, samples."""
 FEW = 400
 """Equalities below which the binomial test stands in for the scatter of the blocks."""
+FINE = 2.0
+"""Least sd of the differences on a fine lattice, steps."""
 WIDEST = 8
 """Largest difference that tells how many are 0 by chance, steps."""
+COLOURED = 0.5
+"""Largest difference of coloured noise, sd of the differences: further out its law may be another at lag 1."""
+LAGS = 9
+"""Largest lag at which equalities tell chance."""
+ALIKE = 0.02
+"""Relative difference of R between two lags up to which one tells chance as well as the other."""
 COARSE = 0.2
 """Mean square of neighbours' differences, step², below which a lattice hides what is held."""
+ITERATIONS = 200
+"""Steps at most to the noise that moves as much as the codes do."""
 SHAPE = 0.6
 """Share of the correction for colour that is left to the shape of the noise."""
 
@@ -71,10 +85,10 @@ class Held:
     interval: tuple[float, float]
 
 
-def chance_equality(s: float, step: float) -> float:
+def chance_equality(s: FloatArray | float, step: float) -> FloatArray:
     """Return g(s) for differences of sd `s` on a lattice of that step."""
-    u = step / s
-    return math.erf(u / math.sqrt(2.0)) + 2.0 / (u * math.sqrt(2.0 * math.pi)) * math.expm1(-0.5 * u * u)
+    u = step / np.asarray(s, dtype=float)
+    return np.asarray(erf(u / math.sqrt(2.0)) + 2.0 / (u * math.sqrt(2.0 * math.pi)) * np.expm1(-0.5 * u * u))
 
 
 def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
@@ -96,71 +110,101 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
 
 
 def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
-    """Return the test of equalities at lag 1 by those at lag 2."""
+    """Return the test of equalities at lag 1 by those at the other lags."""
     block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
-    rows = [_counts(p[i : i + block + 2], steps) for p in pieces for i in range(0, len(p) - 2, block)]
-    rows = [row for row in rows if row[3] >= LEAST_BLOCK // 2]
+    rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > LAGS + LEAST_BLOCK // 2]
     if not rows or any(_hides(pieces, j, step) for j, step in enumerate(steps)):
         return Held(0.0, 1.0, 0.0, (0.0, 1.0))
-    equal1, equal2, ratio, pairs = np.array(rows).T
-    n1, n2, n = float(equal1.sum()), float(equal2.sum()), float(pairs.sum())
-    colour = float(np.mean(ratio))
-    margin = max(1.0 + SHAPE * abs(colour - 1.0), 1.0 / colour)
-    excess = equal1 - equal2 * ratio * margin
-    scatter = math.sqrt(len(rows)) * float(np.std(excess, ddof=1)) if len(rows) > 1 else n
-    sd = max(scatter, math.sqrt(n1), 1.0)
+    equal, ratio, pairs = (np.concatenate(part) for part in zip(*rows, strict=True))
+    telling = np.all(np.isfinite(ratio), axis=1)
+    if not telling.any():
+        return Held(0.0, 1.0, 0.0, (0.0, 1.0))
+    equal, ratio, pairs = equal[telling], ratio[telling], pairs[telling]
+    colour = ratio.mean(axis=0)
+    lags = _alike(colour)
+    colour = colour[lags - 1]
+    scaled = equal[:, lags] * ratio[:, lags - 1]
+    margin = np.maximum(1.0 + SHAPE * np.abs(colour - 1.0), 1.0 / colour)
+    excess = equal[:, 0] - np.mean(scaled * margin, axis=1)
+    first, later, n = float(equal[:, 0].sum()), float(equal[:, lags].sum()), float(pairs.sum())
+    scatter = math.sqrt(len(excess)) * float(np.std(excess, ddof=1)) if len(excess) > 1 else n
+    sd = max(scatter, math.sqrt(first), 1.0)
     statistic = float(excess.sum()) / sd
-    r = float(equal2 @ ratio) / n2 if n2 else colour
-    if n1 + n2 < FEW:
-        p_value = float(binom.sf(n1 - 1, n1 + n2, r * margin / (1.0 + r * margin)))
+    if first + later < FEW:
+        odds = float(np.sum(scaled * margin)) / later if later else float(np.mean(colour * margin))
+        p_value = float(binom.sf(first - 1, first + later, odds / (odds + len(lags))))
     else:
-        p_value = float(t.sf(statistic, max(len(rows) - 1, 1)))
-    free = max(1.0 - r * n1 / n, 1e-3)
-    fraction = min(max((n1 - r * n2) / n / free, 0.0), n1 / n)
-    half = float(norm.ppf(0.975)) * sd / n / free
-    return Held(statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0)))
+        p_value = float(t.sf(statistic, max(len(excess) - 1, 1)))
+    shares = np.concatenate(([1.0], equal.sum(axis=0) / n))
+    scale = np.array([scaled[:, i].sum() / max(equal[:, k].sum(), 1.0) for i, k in enumerate(lags)])
+    return _held(statistic, p_value, shares, np.where(scale > 0.0, scale, colour), lags, sd / n)
 
 
 def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held | None:
     """Return the test of one channel by the counts of small differences; None where the lattice is not fine."""
     if len(steps) > 1 or steps[0] <= 0.0:
         return None
-    square = np.mean(np.concatenate([np.diff(p[:, 0]) ** 2 for p in pieces]))
-    reach = int(min(0.5 * float(np.sqrt(square)) / steps[0], WIDEST))
-    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
-    if reach < 1:
-        return None
-    reach = max(reach, 2)
-    rows = np.array(
-        [
-            [_differences(p[i : i + block + 2, 0], lag, steps[0], reach) for lag in (1, 2)]
-            for p in pieces
-            for i in range(0, len(p) - block - 1, block)
-        ],
-        dtype=float,
+    near, far = (
+        float(np.sqrt(np.mean(np.concatenate([(p[lag:, 0] - p[:-lag, 0]) ** 2 for p in pieces]))))
+        for lag in (1, 2)
     )
-    if len(rows) < 2 or rows.sum(axis=0).min() < FEW:
+    spread = near / steps[0]
+    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
+    if spread < FINE:
         return None
-    k = np.arange(1.0, reach + 1.0)
-    weight = np.linalg.pinv(np.stack((np.ones(reach), k * k), axis=1))[0]
+    white = abs(far / near - 1.0) < ALIKE
+    reach = max(round(min(spread if white else COLOURED * spread, WIDEST)), 2)
+    long = [piece[:, 0] for piece in pieces if len(piece) >= block + LAGS]
+    if not long:
+        return None
+    rows = np.concatenate([_differences(y, steps[0], reach, block) for y in long]).astype(float)
     counts = rows.sum(axis=0)
+    if len(rows) < 2 or counts.min() < FEW:
+        return None
+    j = np.arange(1.0, reach + 1.0)
+    weight = np.linalg.pinv(np.stack((np.ones(reach), j * j), axis=1))[0]
     chance = np.exp(np.log(0.5 * counts[:, 1:]) @ weight)
     excess = rows[:, :, 0] - (rows[:, :, 1:] * (weight / counts[:, 1:])).sum(axis=2) * chance
-    ratio, n = float(chance[0] / chance[1]), len(rows) * block
-    held = excess[:, 0] - ratio * excess[:, 1]
+    lags = _alike(chance[0] / chance[1:])
+    ratio, n = chance[0] / chance[lags], len(rows) * block
+    held = excess[:, 0] - np.mean(ratio * excess[:, lags], axis=1)
     total, sd = float(held.sum()), math.sqrt(len(held)) * float(np.std(held, ddof=1))
-    most, fraction = max(float(excess[:, 0].sum()) / n, 0.0), 0.0
-    for _ in range(100):
-        fraction = min(max(total / n + ratio * fraction**2, 0.0), most)
-    half = float(norm.ppf(0.975)) * sd / n / max(1.0 - 2.0 * ratio * fraction, 0.2)
-    interval = (max(fraction - half, 0.0), min(fraction + half, 1.0))
-    return Held(total / sd, float(t.sf(total / sd, len(held) - 1)), fraction, interval)
+    shares = np.concatenate(([1.0], excess.sum(axis=0) / n))
+    return _held(total / sd, float(t.sf(total / sd, len(held) - 1)), shares, ratio, lags, sd / n)
 
 
-def _differences(y: FloatArray, lag: int, step: float, reach: int) -> NDArray[np.int64]:
-    """Return how many samples differ by 0, ±1 … ±reach steps from the one `lag` before."""
-    size = np.abs(np.round((y[2:] - y[2 - lag : len(y) - lag]) / step)).astype(np.int64)
-    return np.bincount(np.minimum(size, reach + 1), minlength=reach + 2)[: reach + 1]
+def _held(
+    statistic: float, p_value: float, shares: FloatArray, ratio: FloatArray, lags: IntArray, sd: float
+) -> Held:
+    """Return the test with the share of held samples, from the shares of equal pairs at lags 0, 1 and on."""
+    free = max(1.0 - float(np.mean(ratio * shares[lags])), 1e-3)
+    most = max(float(shares[1]), 0.0)
+    fraction = min(max((shares[1] - float(np.mean(ratio * shares[lags + 1]))) / free, 0.0), most)
+    half = float(norm.ppf(0.975)) * sd / free
+    return Held(statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0)))
+
+
+def _alike(ratio: FloatArray) -> IntArray:
+    """Return the lags, less 1, that tell chance as lag 2 does, by R of the lags from 2 on."""
+    return 1 + np.flatnonzero(np.abs(ratio / ratio[0] - 1.0) < ALIKE)
+
+
+def _edges(n: int, block: int) -> IntArray:
+    """Return where the blocks of n pairs begin: about `block` in each."""
+    return np.linspace(0, n, max(1, n // block) + 1)[:-1].astype(int)
+
+
+def _differences(y: FloatArray, step: float, reach: int, block: int) -> IntArray:
+    """Return how many samples of each block differ by 0, ±1 … ±reach steps from those 1 … `LAGS` before."""
+    number = (len(y) - LAGS) // block
+    last = LAGS + number * block
+    start = (reach + 2) * np.repeat(np.arange(number), block)
+    rows = np.empty((number, LAGS, reach + 1), dtype=np.int64)
+    for lag in range(1, LAGS + 1):
+        size = np.minimum(np.abs(np.round((y[LAGS:last] - y[LAGS - lag : last - lag]) / step)), reach + 1)
+        counts = np.bincount(start + size.astype(np.int64), minlength=number * (reach + 2))
+        rows[:, lag - 1] = counts.reshape(number, reach + 2)[:, : reach + 1]
+    return rows
 
 
 def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
@@ -169,30 +213,34 @@ def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
     return bool(np.mean(squares) < COARSE * step**2)
 
 
-def _counts(y: FloatArray, steps: Sequence[float]) -> tuple[float, float, float, float]:
-    """Return equalities at lags 1 and 2, R, and the number of pairs of a block (0 where it cannot tell)."""
-    lags = y[2:] - y[1:-1], y[2:] - y[:-2]
-    ratio = 1.0
-    for j, step in enumerate(steps):
-        moving = [d[d[:, j] != 0.0, j] for d in lags]
-        if not all(map(len, moving)):
-            return 0.0, 0.0, 1.0, 0.0
-        square1, square2 = (float(np.mean(d**2)) for d in moving)
-        if step > 0:
-            ratio *= _chance(square1, step) / _chance(square2, step)
-        else:
-            ratio *= math.sqrt(square2 / square1)
-    equal1, equal2 = (float(np.count_nonzero(np.all(d == 0.0, axis=1))) for d in lags)
-    return equal1, equal2, ratio, float(len(y) - 2)
+def _counts(y: FloatArray, steps: Sequence[float], block: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return equalities at lags 1 … `LAGS`, (blocks, lags), R of lags 2 …, (blocks, lags − 1), and numbers of pairs.
+
+    R is not finite where a block cannot tell.
+    """
+    edges = _edges(len(y) - LAGS, block)
+    pairs = np.diff(edges, append=len(y) - LAGS).astype(float)
+    equal, chance = np.empty((len(edges), LAGS)), np.ones((len(edges), LAGS))
+    for lag in range(1, LAGS + 1):
+        moved = y[LAGS:] - y[LAGS - lag : len(y) - lag]
+        equal[:, lag - 1] = np.add.reduceat(np.all(moved == 0.0, axis=1), edges, dtype=float)
+        for j, step in enumerate(steps):
+            moving = np.add.reduceat(moved[:, j] != 0.0, edges, dtype=float)
+            square = np.add.reduceat(moved[:, j] ** 2, edges) / np.where(moving > 0.0, moving, np.nan)
+            chance[:, lag - 1] *= _chance(square, step) if step > 0 else 1.0 / np.sqrt(square)
+    return equal, chance[:, :1] / chance[:, 1:], pairs
 
 
-def _chance(square: float, step: float) -> float:
-    """Return g of the noise whose differences that are not zero have this mean square.
+def _chance(square: FloatArray, step: float) -> FloatArray:
+    """Return g of the noise whose differences that are not zero have these mean squares.
 
     The mean square of all differences is s² + D²/6 = (1 − g(s)) · square, solved by iteration.
     """
-    g, last = 0.0, 1.0
-    while abs(g - last) > 1e-9:
+    g = np.zeros_like(square)
+    for _ in range(ITERATIONS):
         last = g
-        g = chance_equality(math.sqrt(max((1.0 - g) * square - step**2 / 6.0, 0.01 * step**2)), step)
+        variance = np.maximum((1.0 - g) * square - step**2 / 6.0, 0.01 * step**2)
+        g = chance_equality(np.sqrt(variance), step)
+        if not np.any(np.abs(g - last) > 1e-9):
+            break
     return g
