@@ -14,6 +14,7 @@ from models import rotation
 from models.gnss import perfect_fixes
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
+from tuner.diagnosis.drives import diagnose_drive
 from tuner.drivescores import differences
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
@@ -316,6 +317,12 @@ def test_accelerometers_in_other_axes_are_named_when_the_filter_diverges(
     found = navigate_drive(read_drive(saved(tmp_path / "wrong.npz", wrong)), configuration())
     assert found.consistency.diverged
     assert any(f"the accelerometers read as {read}" in note for note in found.notes)
+
+
+def test_diagnosis_refuses_wrong_axes(saved, data, tmp_path, configuration):
+    wrong = read_drive(saved(tmp_path / "wrong.npz", dict(data, gyro=data["gyro"][:, [1, 2, 0]])))
+    with pytest.raises(DataError, match="gyros read as"):
+        diagnose_drive(wrong, configuration())
 
 
 def test_axes_as_they_are_are_not_named(file):

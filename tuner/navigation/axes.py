@@ -105,6 +105,20 @@ def inertial_axes(drive: Drive) -> str | None:
     )
 
 
+def refuse_wrong_axes(drive: Drive) -> None:
+    """Refuse a drive whose fixes are met only with its sensors read otherwise.
+
+    Raises
+    ------
+    DataError
+        With the order and the signs.
+    """
+    wrong = inertial_axes(drive)
+    if wrong is not None:
+        msg = f"{drive.source or drive.name}: {wrong}"
+        raise DataError(msg)
+
+
 def _ways() -> list[tuple[FloatArray, FloatArray]]:
     """Return matrices for gyros and accelerometers that differ by more than a common rotation; 96 pairs."""
     return [(gyro, accel) for accel in (np.eye(3), np.diag([1.0, 1.0, -1.0])) for gyro in _signed()]

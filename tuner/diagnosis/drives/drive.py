@@ -16,7 +16,8 @@ from tuner.diagnosis.drives.lattice import coarse_lattices
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.loop import THRESHOLD, Criticism, criticise
 from tuner.diagnosis.drives.mounting import mounting, not_told
-from tuner.files import plain
+from tuner.jsondiagnosis import carried
+from tuner.navigation.axes import refuse_wrong_axes
 from tuner.records import DataError, Drive
 from tuner.results import DriveDiagnosis, FilterConfig, Gain, Unexplained
 
@@ -64,7 +65,8 @@ def examine_drive(
     Raises
     ------
     DataError
-        Where the drive cannot be aligned, the configuration lacks an axis, or its covariances are lost in rounding.
+        Where the drive cannot be aligned, its sensors are read in wrong axes, the configuration lacks an
+        axis, or its covariances are lost in rounding.
     """
     try:
         return _examined(drive, config, wheels, progress)
@@ -81,7 +83,10 @@ def _examined(
 ) -> Examined:
     sensor, every = thinned(in_sensor_axes(drive))
     base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
-    coarse, notes = coarse_clocks(sensor, base.hypothesis) if suspicious(base) else ({}, ())
+    doubtful = suspicious(base)
+    if doubtful:
+        refuse_wrong_axes(drive)
+    coarse, notes = coarse_clocks(sensor, base.hypothesis) if doubtful else ({}, ())
     outcome = criticise(sensor, base, coarse, progress)
     notes = (*base.notes, *notes, *coarse_lattices(sensor))
     if every > 1:
@@ -130,7 +135,7 @@ def _diagnosis(
         final.config,
         channels=channels,
         compensation=taken_out,
-        findings=(*config.findings, *(plain(dict(f.extension)) for f in findings)),
+        findings=(*config.findings, *map(carried, findings)),
     )
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
