@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drives.passes import NAVIGATION, Places, backward, forward
+from tuner.diagnosis.drives.passes import Places, backward, forward, unaided
 from tuner.diagnosis.drives.record import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
@@ -193,12 +193,8 @@ def held(belief: Belief) -> Belief:
     record, columns = belief.record, list(belief.columns)
     theta = evaluate(belief).theta
     push, offset = record.drive[:, :, columns] @ theta, record.seen[:, :, columns] @ theta
-    error = np.zeros((len(record.t), record.transition.shape[1]))
-    now = error[:1].ravel()
-    for i, phi in enumerate(record.transition):
-        if record.starts[i]:
-            now = np.concatenate([np.zeros(NAVIGATION), now[NAVIGATION:]])
-        error[i] = now = phi @ now + push[i]
+    error = np.empty_like(push)
+    unaided(_packed(record)[0], push, record.starts, error)
     seen = (record.H @ error[:, :, None])[:, :, 0] + offset
     return replace(belief, record=replace(record, innovation=record.innovation - seen), columns=())
 

@@ -27,13 +27,7 @@ from scipy.stats import beta, chi2, poisson
 
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.drives.claim import Claim, silent
-from tuner.diagnosis.drives.likelihood import (
-    Belief,
-    Likelihood,
-    evaluate,
-    evaluate_with_gradient,
-    held,
-)
+from tuner.diagnosis.drives.likelihood import Belief, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.results import Coefficient
 
@@ -61,12 +55,15 @@ class Mask:
     ----------
     out : ndarray of bool, shape (k, 2)
         Position and velocity blocks that are left out.
-    found : Likelihood
-        Of the record without them.
+    off : ndarray, shape (k, 6)
+        What every row is off given all that are left, by its sd.
+    left : Belief
+        Without the blocks that are left out.
     """
 
     out: BoolArray
-    found: Likelihood
+    off: FloatArray
+    left: Belief
 
     def rows(self, belief: Belief) -> BoolArray:
         """Return the rows that are left, shape (k, 6)."""
@@ -85,8 +82,8 @@ def mask(belief: Belief) -> Mask:
     if alone[:, :3].any():
         off = _deleted(replace(whole, rows=alone))
         out[:, 1] = log_chances(off, tried, 1, scaled=False) < limit
+    off = _deleted(_without(whole, out))
     for n in range(ROUNDS):
-        off = _deleted(replace(whole, rows=whole.rows & ~np.repeat(out, 3, axis=1)))
         chance = np.stack([log_chances(off, tried, block) for block in range(2)], axis=1)
         again = chance < limit
         if n:
@@ -95,12 +92,18 @@ def mask(belief: Belief) -> Mask:
         if np.array_equal(again, out):
             break
         out = again
-    return Mask(out, evaluate(replace(belief, rows=(belief.rows | tried) & ~np.repeat(out, 3, axis=1))))
+        off = _deleted(_without(whole, out))
+    return Mask(out, off, _without(replace(belief, rows=belief.rows | tried), out))
+
+
+def _without(belief: Belief, out: BoolArray) -> Belief:
+    """Return a belief without blocks (k, 2)."""
+    return replace(belief, rows=belief.rows & ~np.repeat(out, 3, axis=1))
 
 
 def _deleted(belief: Belief) -> FloatArray:
     """Return what every row is off given all others, by its sd, shape (k, 6)."""
-    return evaluate_with_gradient(held(belief))[1].deleted
+    return evaluate_with_gradient(belief)[1].deleted
 
 
 def _settled(record: LinearRecord) -> LinearRecord:
@@ -155,10 +158,12 @@ def outliers(belief: Belief, masked: Mask, cause: str) -> Claim:
     n = int(np.count_nonzero(tried[:, 3 * block]))
     if not n:
         return silent(cause, belief, 1.0, 1.0, title)
-    others = np.zeros_like(masked.out)
-    others[:, 1 - block] = masked.out[:, 1 - block]
-    kept = (belief.rows | tried) & ~np.repeat(others, 3, axis=1)
-    off = _deleted(replace(belief, rows=kept, record=_settled(belief.record)))
+    off = masked.off
+    if masked.out[:, block].any():
+        others = masked.out.copy()
+        others[:, block] = False
+        whole = replace(belief, rows=belief.rows | tried, record=_settled(belief.record))
+        off = _deleted(_without(whole, others))
     chance = np.exp(log_chances(off, tried, block))
     least = float(chance.min())
     count = int(np.count_nonzero(chance < TAIL))
@@ -203,7 +208,7 @@ def _described(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:
     fraction = Coefficient.known(m / n, low, high, "1")
     runs = int(np.count_nonzero(np.diff(out.astype(int), prepend=0) == 1))
     length = Coefficient(m / max(runs, 1), None, None, "1", "fixes in a row")
-    off = masked.found.innovation[out, KINDS[cause]]
+    off = evaluate(masked.left).innovation[out, KINDS[cause]]
     rms = float(np.sqrt(np.mean(np.sum(np.nan_to_num(off) ** 2, axis=1)))) if m else 0.0
     spread = np.sqrt(3.0 * m / chi2.ppf((0.975, 0.025), max(3 * m, 1)))
     size = Coefficient.known(rms, rms * float(spread[0]), rms * float(spread[1]), UNITS[cause])

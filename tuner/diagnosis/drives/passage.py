@@ -20,8 +20,9 @@ from models import rotation
 from models.earth import earth_rate, gravity, transport_rate
 from models.errorstate import navigation_error
 from models.strapdown import NavigationState
+from tuner.diagnosis.drives.propagation import Columns
 from tuner.diagnosis.drives.record import LinearRecord
-from tuner.diagnosis.drives.tracing import Columns, Trace, kept_trace
+from tuner.diagnosis.drives.tracing import Trace, kept_trace
 from tuner.navigation import engine
 from tuner.navigation.drive import SETTLING, Stretch
 from tuner.navigation.inputs import ABSENT, USED, Solution
@@ -90,13 +91,13 @@ def linear_record(
     ]
 
     def joined(name: str) -> FloatArray:
-        return np.concatenate([np.asarray(getattr(part, name)) for part in parts])
+        return _joined([np.asarray(getattr(part, name)) for part in parts])
 
     groups = parts[0].noise
     return LinearRecord(
         joined("t"),
         joined("transition"),
-        {g: np.concatenate([part.noise[g] for part in parts]) for g in groups},
+        {g: _joined([part.noise[g] for part in parts]) for g in groups},
         joined("H"),
         joined("innovation"),
         joined("sd"),
@@ -113,6 +114,11 @@ def linear_record(
     )
 
 
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    """Return what parts of a record are together, without a copy where there is one."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
 def _part(
     settings: FilterSettings,
     stretch: Stretch,
@@ -127,8 +133,8 @@ def _part(
     own = columns()
     out = Trace(
         np.empty((k, n, n)),
-        np.empty((k, 2, 9, 9)),
-        np.empty((k, 3, n, n)),
+        np.empty((2, k, 9, 9)),
+        np.empty((3, k, n, n)),
         np.empty((k, 9, p)),
         np.empty((k, 10)),
         np.empty((k, n)),
@@ -150,15 +156,15 @@ def _part(
         out,
     )
     white = np.zeros((2, k, n, n))
-    white[:, :, :9, :9] = np.swapaxes(out.white, 0, 1)
+    white[:, :, :9, :9] = out.white
     noise = {
         "gyro_white": white[0],
         "accel_white": white[1],
-        "gyro_bias": out.slow[:, 0],
-        "accel_bias": out.slow[:, 1],
+        "gyro_bias": out.slow[0],
+        "accel_bias": out.slow[1],
     }
     if "gnss_position" in settings.model.layout:
-        noise["gnss_position"] = out.slow[:, 2]
+        noise["gnss_position"] = out.slow[2]
     drive = np.zeros((k, n, p))
     drive[:, :9] = out.pull
     if first:

@@ -382,3 +382,19 @@ def backward(
         by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
     for g in range(4):
         by_drive[g] *= factor[g]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def unaided(phi: Places, push: FloatArray, starts: BoolArray, error: FloatArray) -> None:
+    """Set the error (k, n) that pushes (k, n) leave at every fix where no filter takes any of it back."""
+    start, column, transition = phi
+    now = np.zeros(push.shape[1])
+    for i in range(len(push)):
+        if starts[i]:
+            now[:NAVIGATION] = 0.0
+        for m in range(len(start) - 1):
+            total = push[i, m]
+            for e in range(start[m], start[m + 1]):
+                total += transition[i, e] * now[column[e]]
+            error[i, m] = total
+        now[:] = error[i]
