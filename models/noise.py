@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.arma import Arma
-from models.statespace import StateSpace, block_sum, flicker_ladder
+from models.statespace import StateSpace, block_sum
 from models.terms.base import FloatArray, Term
 from models.terms.basic import Quantization, Ramp, RandomWalk, White, quantize_increments
-from models.terms.flicker import BiasInstability
+from models.terms.flicker import BiasInstability, flicker_ladder
 from models.terms.markov import GaussMarkov, LowPassWhite
 from models.terms.sinusoid import Sinusoid
 

@@ -1,4 +1,4 @@
-"""Linear systems driven by white noise: exact discretisation, block sums, the flicker ladder.
+"""Linear systems driven by white noise: exact discretisation, block sums, spectra.
 
 ::
 
@@ -22,14 +22,10 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag, expm
-
-if TYPE_CHECKING:
-    from models.noise import GaussMarkov
 
 FloatArray = NDArray[np.float64]
 
@@ -153,40 +149,3 @@ def spectrum(system: StateSpace, f: ArrayLike) -> FloatArray:
     shift = 2j * np.pi * np.atleast_1d(np.asarray(f, dtype=float))[:, None, None] * np.eye(system.size)
     gain = system.H @ np.linalg.solve(shift - system.F, system.G.astype(complex))
     return np.real(gain @ system.Q @ gain.conj().swapaxes(1, 2))[:, 0, 0]
-
-
-def flicker_ladder(
-    level: float, shortest: float, longest: float, *, per_decade: float = 1.0
-) -> tuple[GaussMarkov, ...]:
-    """Return Gauss–Markov terms whose sum stands for flicker noise between two time constants.
-
-    Time constants in geometric ratio r, all with sd = B √(ln r / π). The ripple of the Allan variance
-    between the ends is ±2 % at one a decade and ±0.02 % at two.
-
-    Parameters
-    ----------
-    level : float
-        B of S = B²/(2πf).
-    shortest, longest : float
-        First and last time constant, s.
-    per_decade : float, optional
-        Smallest number of terms a decade.
-
-    Returns
-    -------
-    tuple of GaussMarkov
-        In the order of rising time constant.
-    """
-    from models.noise import GaussMarkov  # the terms import this module
-
-    if not 0.0 < shortest <= longest < np.inf:
-        msg = f"time constants must satisfy 0 < shortest <= longest, got {shortest} and {longest}"
-        raise ValueError(msg)
-    if not per_decade > 0.0:
-        msg = f"'per_decade' must be positive, got {per_decade}"
-        raise ValueError(msg)
-    decades = np.log10(longest / shortest)
-    steps = int(np.ceil(decades * per_decade - 1e-9))
-    log_ratio = np.log(10.0) * (decades / steps if steps > 0 else 1.0 / per_decade)
-    sd = float(level * np.sqrt(log_ratio / np.pi))
-    return tuple(GaussMarkov(sd, float(t)) for t in np.geomspace(shortest, longest, steps + 1))

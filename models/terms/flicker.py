@@ -1,4 +1,4 @@
-"""Bias instability: flicker noise, continuous and as the discrete process of Hosking and Kasdin.
+"""Bias instability: flicker noise, continuous, as the discrete process of Hosking and Kasdin, and as a ladder.
 
 ::
 
@@ -28,6 +28,7 @@ from scipy import fft
 from scipy.special import digamma
 
 from models.terms.base import FloatArray, Term, as_array
+from models.terms.markov import GaussMarkov
 
 ALLAN_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
 """Allan deviation of flicker ÷ B, 0.664."""
@@ -79,7 +80,7 @@ class BiasInstability(Term):
 
     def state_space(self) -> NoReturn:
         """Raise ValueError: only a ladder of Gauss–Markov states comes close."""
-        msg = "flicker noise has no finite state space: replace it by models.statespace.flicker_ladder"
+        msg = "flicker noise has no finite state space: replace it by models.terms.flicker.flicker_ladder"
         raise ValueError(msg)
 
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
@@ -115,3 +116,38 @@ def _amplitudes(half: int) -> FloatArray:
 def _odd_harmonic(m: FloatArray) -> FloatArray:
     """Return 1 + 1/3 + … + 1/(2m − 1)."""
     return as_array(0.5 * (digamma(m + 0.5) + np.euler_gamma) + np.log(2.0))
+
+
+def flicker_ladder(
+    level: float, shortest: float, longest: float, *, per_decade: float = 1.0
+) -> tuple[GaussMarkov, ...]:
+    """Return Gauss–Markov terms whose sum stands for flicker noise between two time constants.
+
+    Time constants in geometric ratio r, all with sd = B √(ln r / π). The ripple of the Allan variance
+    between the ends is ±2 % at one a decade and ±0.02 % at two.
+
+    Parameters
+    ----------
+    level : float
+        B of S = B²/(2πf).
+    shortest, longest : float
+        First and last time constant, s.
+    per_decade : float, optional
+        Smallest number of terms a decade.
+
+    Returns
+    -------
+    tuple of GaussMarkov
+        In the order of rising time constant.
+    """
+    if not 0.0 < shortest <= longest < np.inf:
+        msg = f"time constants must satisfy 0 < shortest <= longest, got {shortest} and {longest}"
+        raise ValueError(msg)
+    if not per_decade > 0.0:
+        msg = f"'per_decade' must be positive, got {per_decade}"
+        raise ValueError(msg)
+    decades = np.log10(longest / shortest)
+    steps = int(np.ceil(decades * per_decade - 1e-9))
+    log_ratio = np.log(10.0) * (decades / steps if steps > 0 else 1.0 / per_decade)
+    sd = float(level * np.sqrt(log_ratio / np.pi))
+    return tuple(GaussMarkov(sd, float(t)) for t in np.geomspace(shortest, longest, steps + 1))

@@ -24,7 +24,7 @@ from scipy.optimize import minimize_scalar
 
 from models.arma import Arma
 from models.noise import BiasInstability, GaussMarkov, LowPassWhite, Quantization, RandomWalk, Sinusoid, White
-from models.statespace import flicker_ladder
+from models.terms.flicker import flicker_ladder
 from models.units import ARCSEC, DEG_PER_HOUR, DEG_PER_HOUR_PER_SQRT_HZ
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability
-from models.statespace import flicker_ladder
+from models.terms.flicker import flicker_ladder
 from models.trajectories import TRAJECTORIES
 from tuner.attribution import attribute, best
 from tuner.budget import error_budget

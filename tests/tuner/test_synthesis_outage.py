@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 
 from models.arma import Arma
-from models.statespace import flicker_ladder
+from models.terms.flicker import flicker_ladder
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
 from tuner.results import ChannelNoise, MarkovState
 from tuner.synthesis import RULES

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 from models.arma import Arma
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from models.statespace import flicker_ladder
+from models.terms.flicker import flicker_ladder
 from models.trajectories import figure_eight
 from models.units import DEG
 from tuner.grades import grade_identification, load_gnss, load_grade

@@ -36,8 +36,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from models.statespace import flicker_ladder
-from models.terms.flicker import ALLAN_FLOOR
+from models.terms.flicker import ALLAN_FLOOR, flicker_ladder
 from tuner.results import MarkovState
 
 PEAK_TIME = 1.89262
