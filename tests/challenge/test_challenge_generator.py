@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from challenge.generator.effect import Place
 from challenge.generator.files import log
-from challenge.generator.items import CATALOGUE, KINDS, item
+from challenge.generator.items import CATALOGUE, KINDS, _hide, item
 from challenge.generator.laws import HeavyTails, above_normal
 from challenge.generator.means import Line, Step
 from challenge.generator.noise import Noise
 from challenge.generator.oracle import Oracle
+from challenge.generator.sampling import Lattice
 from challenge.generator.scene import Scene
 from challenge.generator.spectra import LowPass, Vibration
 from challenge.seal import generate, opened
@@ -222,3 +223,16 @@ def test_points_reward_the_name_and_punish_invention():
     assert right > family > nothing
     assert right > both
     assert judge(truth, answer("warmup")).parameters[0].inside
+
+
+def test_what_stands_beside_a_coarse_lattice_is_sized_in_its_noise():
+    """A line of amplitude a in white noise and rounding errors: d = n a²/(4 (1 + D²/12)), but for the slow noise."""
+    rng = np.random.default_rng(5)
+    where, hidden = _hide(rng, 5, (Line, Lattice), lambda: 100.0, 100_000, 1)
+    made = {h.effect.cause: h.effect for h in hidden}
+    line, lattice = made["line"], made["lattice"]
+    (noise,) = where.axes.values()
+    assert noise.step == pytest.approx(lattice.step * noise.white)
+    spread = noise.quantum**2 / noise.white**2 * 4.0 * np.sin(np.pi * line.frequency * where.interval) ** 2
+    sized = 0.25 * where.samples * line.size**2 / (1.0 + lattice.step**2 / 12.0 + spread)
+    assert sized == pytest.approx(line.nats, rel=0.1)

@@ -176,15 +176,23 @@ def _hide(
         where = replace(where, profile=str(rng.choice(["warming", "diurnal", "chamber"])))
     if twin in ("temperature", "warmup"):
         where = replace(where, profile="warming")
-    if any(effect.cause == "lattice" for effect in effects):
-        where = replace(where, axes={name: replace(noise, step=0.0) for name, noise in where.axes.items()})
+    if Lattice in effects:
+        where = _on_lattice(where, 0.0, tuple(where.axes))
     felt = where.felt(np.random.default_rng([seed, 0, 0]))
     hidden = []
-    for effect in effects:
+    for effect in sorted(effects, key=lambda effect: effect is not Lattice):
         axis = "accel_y" if effect.needs == "accel" else str(rng.choice(list(where.axes)))
         made = effect.hide(Place(where, axis, felt, rng), target())
         hidden.append(Hidden(made, _axes(rng, effect, axis, where)))
+        if isinstance(made, Lattice):
+            where = _on_lattice(where, made.step, hidden[-1].axes)
     return where, tuple(hidden)
+
+
+def _on_lattice(where: Scene, step: float, axes: tuple[str, ...]) -> Scene:
+    """Return the scene with a lattice of so many white sd: what is hidden beside it is sized in its noise."""
+    coarse = {name: replace(where.axes[name], step=step * where.axes[name].white) for name in axes}
+    return replace(where, axes={**where.axes, **coarse})
 
 
 def _axes(rng: np.random.Generator, effect: type[Effect], axis: str, where: Scene) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ class Telegraph(Effect):
             msg = "too few switches"
             raise UnreachableError(msg)
         f = np.array([0.5 / min(self.dwell)])
-        slow = float(noise.power(f, scene.interval)[0]) / size
+        slow = float(noise.power(f, scene.interval)[0] + noise.step**2 / 12.0) / size
         draw = rng.standard_normal(blocks)
 
         def nats(a: float) -> float:
