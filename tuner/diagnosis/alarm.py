@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tuner.diagnosis.extension import Extension
 
@@ -37,3 +37,8 @@ class Alarm:
     name: str
     propose: Callable[[], tuple[Extension, ...]] | None = None
     local: bool = False
+
+    @property
+    def told(self) -> Alarm:
+        """The alarm for the record: what makes extensions holds the whole residual."""
+        return replace(self, propose=None)

@@ -98,8 +98,11 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
     known = tuple(x for x in found.extensions if x is not without)
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
     rounding = found.channel.lattice**2 / 12.0 * dt
-    f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
-    peaks = power_of(known, f, dt).reshape(BINS, width).mean(axis=1)
+    peaks = found.peaks[inside]
+    if without is not None:
+        f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
+        peaks = peaks - without.power(f, dt)
+    peaks = peaks.reshape(BINS, width).mean(axis=1)
     told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
     rest = total - told - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
     return Bins(

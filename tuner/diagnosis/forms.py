@@ -63,7 +63,7 @@ def arma_power(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> 
     return np.asarray(_arma_power(np.array(ar, dtype=float), np.array(ma, dtype=float), cycles))
 
 
-@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def _arma_power(ar: FloatArray, ma: FloatArray, cycles: FloatArray) -> FloatArray:
     out = np.empty(cycles.size)
     for at in range(cycles.size):

@@ -7,7 +7,7 @@ extension is taken out in turn and stays out unless its own test then alarms.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -88,15 +88,12 @@ class Criticism:
         In the order of `final.extensions`.
     unexplained : tuple of Alarm
         What still alarms and has no cause.
-    panels : tuple of tuple of Alarm
-        Every panel, first to last.
     """
 
     base: Residual
     final: Residual
     accepted: tuple[Accepted, ...]
     unexplained: tuple[Alarm, ...]
-    panels: tuple[tuple[Alarm, ...], ...] = field(default=(), repr=False)
 
 
 def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> Criticism:
@@ -122,17 +119,15 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         given = (*given, *alarm.propose())
         base = found = residual(channel, given)
     accepted: list[Accepted] = []
-    panels: list[tuple[Alarm, ...]] = []
     alarms: tuple[Alarm, ...] = ()
     fresh = 0
     quiet: tuple[Alarm, ...] = ()
     for _ in range(PASSES):
-        alarms = panel(found, quiet)
+        before, alarms = alarms, panel(found, quiet)
         if quiet and not any(_raised(alarms, threshold)):
             alarms = panel(found)
-        panels.append(alarms)
         if fresh:
-            known = [_with_rivals(one, panels[-2], alarms, threshold) for one in accepted[-fresh:]]
+            known = [_with_rivals(one, before, alarms, threshold) for one in accepted[-fresh:]]
             accepted = [*accepted[:-fresh], *known]
         raised = _raised(alarms, threshold)
         if not raised:
@@ -167,7 +162,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         for alarm in chosen:
             assert alarm.propose is not None
             proposed = alarm.propose()
-            accepted += [Accepted(extension, alarm) for extension in proposed]
+            accepted += [Accepted(extension, alarm.told) for extension in proposed]
             new += proposed
         fresh = len(new)
         quiet = _still_quiet(alarms, threshold, new)
@@ -186,8 +181,12 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     refined = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
     nameless = [a.alarm for a in accepted if not a.extension.named]
-    left = (*swept, *nameless, *(a for a in alarms if a.p_value < threshold and a.propose is None))
-    return Criticism(base, found, tuple(accepted), left, tuple(panels))
+    left = (
+        *(alarm.told for alarm in swept),
+        *nameless,
+        *(a for a in alarms if a.p_value < threshold and a.propose is None),
+    )
+    return Criticism(relabelled(base, base.extensions), found, tuple(accepted), left)
 
 
 def _raised(alarms: tuple[Alarm, ...], threshold: float) -> list[Alarm]:

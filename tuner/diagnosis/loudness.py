@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.residual import CLIP, Residual, once
 from tuner.diagnosis.rounding import cell_moments
 from tuner.diagnosis.statistics import variance_deviate
 
@@ -56,6 +56,7 @@ class Loudness:
         return np.where(deviate < 0.0, np.maximum(deviate, (mean - 1.0) * np.sqrt(0.5 * freedom)), deviate)
 
 
+@once
 def loudness(found: Residual) -> Loudness:
     """Return how loud every sample is."""
     e = np.clip(found.e, -CLIP, CLIP)
@@ -77,6 +78,7 @@ def loudness(found: Residual) -> Loudness:
     return Loudness(square, scatter, kappa, cell is not None)
 
 
+@once
 def block_loudness(found: Residual) -> tuple[FloatArray, FloatArray, float]:
     """Return the mean squares of `BLOCKS` even parts, their weights, shapes (`BLOCKS`,), and κ.
 

@@ -11,8 +11,9 @@ with the whole spectrum E of the model. Zero-phase whitening leaves a spike a sp
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from tuner.diagnosis.statistics import SHRINK
 from tuner.diagnosis.track import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 
 KNOTS = 8192
 """Frequencies, even and in even ratios, between which the shape of the broad noise is a straight line."""
@@ -51,6 +53,8 @@ class Residual:
         Fits of the kinds of slow noise, the best first.
     coefficients : ndarray, shape (n,)
         Cosine coefficients of the repaired samples.
+    known : dict
+        What functions that are computed `once` have made of it.
     """
 
     channel: Channel
@@ -59,6 +63,7 @@ class Residual:
     track: Track
     fits: tuple[Fit, ...]
     coefficients: FloatArray
+    known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
     def fit(self) -> Fit:
@@ -128,8 +133,13 @@ class Residual:
         knots = np.sort(few) if len(few) < len(order) else order
         f = knots / (2.0 * n * dt)
         smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
-        peaked = power_of(self.extensions, order / (2.0 * n * dt), dt)
-        return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + peaked))
+        return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + self.peaks[low:]))
+
+    @cached_property
+    def peaks(self) -> FloatArray:
+        """Power that the extensions add to each coefficient 1 … n-1."""
+        n, dt = len(self.repaired), self.channel.interval
+        return power_of(self.extensions, np.arange(1.0, n) / (2.0 * n * dt), dt)
 
     @property
     def e(self) -> FloatArray:
@@ -194,6 +204,19 @@ class Residual:
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
         frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
         return frequency, power
+
+
+def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
+    """Return the function, which keeps what it makes of a residual with that residual: it is asked by several tests."""
+
+    @wraps(make)
+    def kept(found: Residual) -> T:
+        if make not in found.known:
+            found.known[make] = make(found)
+        value: T = found.known[make]
+        return value
+
+    return kept
 
 
 def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:

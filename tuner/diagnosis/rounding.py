@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
@@ -64,8 +65,26 @@ class Moments:
         """Return v and κ where the codes have these means, shapes of `mean`."""
         beyond = np.abs(mean) > self.reach
         folded = np.where(beyond, np.copysign(self.reach + np.abs(mean) % 1.0, mean), mean)
-        place = np.interp(folded, self.mean, self.place)
-        return np.interp(place, self.place, self.variance), np.interp(place, self.place, self.scatter)
+        variance, scatter = _between(folded, self.mean, self.variance, self.scatter)
+        return variance, scatter
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _between(
+    x: FloatArray, knots: FloatArray, first: FloatArray, second: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return values given at rising knots (p,) on straight lines between them, `x` (n,) moving little by little."""
+    one, other = np.empty(x.size), np.empty(x.size)
+    at = 0
+    for i in range(x.size):
+        while at < knots.size - 2 and x[i] > knots[at + 1]:
+            at += 1
+        while at > 0 and x[i] < knots[at]:
+            at -= 1
+        share = min(max((x[i] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
+        one[i] = first[at] + share * (first[at + 1] - first[at])
+        other[i] = second[at] + share * (second[at + 1] - second[at])
+    return one, other
 
 
 def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
@@ -111,7 +130,7 @@ def cell_moments(found: Residual) -> tuple[FloatArray, FloatArray] | None:
     code = channel.y[int(np.argmax(channel.valid))]
     zero = float(np.round((code + channel.level / channel.scale) / step)) if channel.deadband > 0.0 else 0.0
     place = (slow - code) / step + zero
-    sparse = place[::SPARSE]
+    sparse = np.sort(place[::SPARSE])
     dead, vague = channel.deadband / step, float(np.sqrt(unsure)) / step
     low, high = LEAST, MOST
     for _ in range(20):

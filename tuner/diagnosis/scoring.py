@@ -28,7 +28,7 @@ RIDGE = 1e-10
 """Share added to the diagonal of the normal equations, whose diagonal is 1."""
 
 
-@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def sizes(
     power: FloatArray, count: FloatArray, shapes: FloatArray, known: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -74,7 +74,7 @@ def sizes(
     return best, best_level, best_cost
 
 
-@numba.njit(cache=True)  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
     """Return the solution of normal equations (k, k), the most negative sizes set to zero one by one."""
     number = target.size

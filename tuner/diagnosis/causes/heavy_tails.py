@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
@@ -48,19 +49,26 @@ class HeavyTails(Extension):
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Map Student's law to the normal one."""
-        size = np.abs(e)
-        table = self._deviate(CELL * np.arange(CELLS + 1))
-        place = np.minimum(size / CELL, CELLS - 1e-6)
-        cell = place.astype(np.intp)
-        deviate = table[cell] + (place - cell) * np.diff(table)[cell]
-        far = size > CELL * CELLS
-        deviate[far] = self._deviate(size[far])
-        return np.copysign(deviate, e)
+        mapped = np.asarray(_looked_up(e, self._deviate(CELL * np.arange(CELLS + 1))))
+        far = np.flatnonzero(np.abs(e) > CELL * CELLS)
+        mapped[far] = np.copysign(self._deviate(np.abs(e[far])), e[far])
+        return mapped
 
     def _deviate(self, size: NDArray[np.floating[Any]]) -> FloatArray:
         """Return the normal deviates of sizes of the law."""
         scale = np.sqrt((self.nu - 2.0) / self.nu)
         return np.asarray(-ndtri(np.maximum(t.sf(size / scale, self.nu), 1e-300)))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
+    """Return deviates, shape (n,), between those of a table, shape (`CELLS` + 1,), with the signs of `e`."""
+    out = np.empty(e.size)
+    for i in range(e.size):
+        place = min(abs(e[i]) / CELL, CELLS - 1e-6)
+        cell = int(place)
+        out[i] = np.copysign(table[cell] + (place - cell) * (table[cell + 1] - table[cell]), e[i])
+    return out
 
 
 def rounded_kurtosis(step: float) -> float:
