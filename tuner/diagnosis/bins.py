@@ -125,6 +125,14 @@ def rise(cycles: FloatArray) -> FloatArray:
 
 
 def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Sizes:
-    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding, the peaks and more power."""
+    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding, the peaks and more power.
+
+    The second shape is the slow noise, 1 as fitted: lower frequencies do not allow more of it here.
+    """
     fixed = np.broadcast_to(np.asarray(data.rounding + data.peaks + more, dtype=float), data.power.shape)
-    return Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), np.ascontiguousarray(fixed)))
+    found = Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), np.ascontiguousarray(fixed)))
+    if found.size[1] <= 1.0:
+        return found
+    rest = np.ascontiguousarray(np.delete(shapes, 1, axis=0))
+    size, expected, cost = sizes(data.power, data.count, rest, fixed + shapes[1])
+    return Sizes(np.insert(size, 1, 1.0), expected, cost)

@@ -61,7 +61,7 @@ def hump_scan(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
 
 def hump_fit(data: Bins, middle: float, width: float) -> Hump:
     """Fit a hump next to a frequency, cycles."""
-    background = np.stack((data.white, rise(data.cycles), data.rest))
+    background = np.stack((data.white, data.rest, rise(data.cycles)))
 
     def fitted(x: FloatArray) -> Sizes:
         return sized(data, np.vstack((background, _power(x, data))))

@@ -23,7 +23,7 @@ from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.joint import test as pair_test
 from tuner.diagnosis.joint import upgrade
-from tuner.diagnosis.panel import CERTAIN, panel, retest
+from tuner.diagnosis.panel import CERTAIN, believed, panel, retest
 from tuner.diagnosis.profile import first_column
 from tuner.diagnosis.residual import Residual, relabelled, residual, without
 from tuner.results import Alternative, Gain
@@ -104,7 +104,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     channel : Channel
         Samples of one axis.
     threshold : float
-        Chance below which a family alarms.
+        Chance below which a family with one share of the budget alarms.
     given : tuple of Extension
         What is known beforehand, such as stretches of motion.
 
@@ -113,7 +113,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     Criticism
     """
     base = found = residual(channel, given)
-    swept = [alarm for alarm in (sweep.test(base),) if alarm.p_value < threshold]
+    swept = [alarm for alarm in (sweep.test(base),) if believed(alarm, threshold)]
     for alarm in swept:
         assert alarm.propose is not None
         given = (*given, *alarm.propose())
@@ -132,7 +132,7 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         raised = _raised(alarms, threshold)
         if not raised:
             masked = pair_test(found)
-            raised = [masked] if masked and masked.p_value < threshold and masked.gain > 0 else []
+            raised = [masked] if masked and believed(masked, threshold) and masked.gain > 0 else []
         better = None if raised else upgrade(found, threshold)
         if better is not None:
             found = without(found, better[0])
@@ -184,14 +184,14 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     left = (
         *(alarm.told for alarm in swept),
         *nameless,
-        *(a for a in alarms if a.p_value < threshold and a.propose is None),
+        *(a for a in alarms if believed(a, threshold) and a.propose is None),
     )
     return Criticism(relabelled(base, base.extensions), found, tuple(accepted), left)
 
 
 def _raised(alarms: tuple[Alarm, ...], threshold: float) -> list[Alarm]:
     """Return the alarms that ask for an extension."""
-    return [a for a in alarms if a.p_value < threshold and a.gain > 0 and a.propose is not None]
+    return [a for a in alarms if believed(a, threshold) and a.gain > 0 and a.propose is not None]
 
 
 def _still_quiet(alarms: tuple[Alarm, ...], threshold: float, new: list[Extension]) -> tuple[Alarm, ...]:
@@ -239,7 +239,7 @@ def _with_rivals(
 ) -> Accepted:
     """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
     group = next((g for g in GROUPS if one.alarm.cause in g), ())
-    silent = {a.cause for a in before} - {a.cause for a in after if a.p_value < threshold and a.gain > 0}
+    silent = {a.cause for a in before} - {a.cause for a in after if believed(a, threshold) and a.gain > 0}
     rivals = {
         a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
         for a in before
@@ -250,7 +250,7 @@ def _with_rivals(
         and a.cause in silent
         and a.cause in group
         and a.cause != one.alarm.cause
-        and a.p_value < threshold
+        and believed(a, threshold)
         and a.gain > max(one.alarm.gain - CLOSE, 0.0)
     }
     if one.alarm.cause == "gauss_markov":
@@ -276,7 +276,7 @@ def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple
             continue
         fewer = without(found, given + at)
         alarm = retest(fewer, accepted[at].extension.cause)
-        if alarm is not None and not (alarm.p_value < threshold and alarm.gain > 0):
+        if alarm is not None and not (believed(alarm, threshold) and alarm.gain > 0):
             found = fewer
             accepted = [a for i, a in enumerate(accepted) if i != at]
         else:

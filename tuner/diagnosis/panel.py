@@ -1,7 +1,12 @@
 """The panel: every family of tests on one residual.
 
-Families of one channel share the budget of false alarms evenly, `BUDGET` for a whole data set: each gets
-budget ÷ (`FAMILIES` × channels).
+Families of one channel share the budget of false alarms, `BUDGET` for a whole data set: each gets budget ÷ (`SHARES` ×
+channels), and those that search hundreds of thousands of frequencies several such shares [1]_: the least amplitude that
+is found falls there, and hardly rises elsewhere.
+
+References
+----------
+.. [1] C. R. Genovese, K. Roeder, L. Wasserman, False discovery control with p-value weighting, Biometrika 93 (2006).
 """
 
 from __future__ import annotations
@@ -37,8 +42,11 @@ from tuner.diagnosis.shape import few_shapes, many_shapes
 
 BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
-FAMILIES = 28
-"""Families of tests a channel, those of hygiene and of several channels included."""
+SEVERAL: Mapping[str, int] = MappingProxyType({"line": 15, "vibration": 3, "lowpass": 3, "colour": 3})
+"""Shares of a family that has more than one; the last two are one family, which a wide hump belongs to as well."""
+SHARES = 46
+"""Shares of the budget a channel: 15 for lines, 3 for narrow humps, 3 for the shape of the fast spectrum, and one
+for each of 25 more families, those of hygiene and of several channels included."""
 
 CERTAIN = 60.0
 """Gain beyond which an extension is not put in question again, nats."""
@@ -82,8 +90,13 @@ HIDDEN_BY_DEADBAND = ("heavy_tails", "spikes")
 
 
 def threshold(channels: int) -> float:
-    """Return the chance below which a family of one channel alarms, for a data set of so many channels."""
-    return BUDGET / (FAMILIES * channels)
+    """Return the chance below which a family with one share alarms, for a data set of so many channels."""
+    return BUDGET / (SHARES * channels)
+
+
+def believed(alarm: Alarm, threshold: float) -> bool:
+    """Return whether an alarm is less likely than the shares of its family allow; one share allows the threshold."""
+    return alarm.p_value < SEVERAL.get(alarm.cause, 1) * threshold
 
 
 def panel(found: Residual, known: tuple[Alarm, ...] = ()) -> tuple[Alarm, ...]:

@@ -4,9 +4,10 @@
 
     E(f) = w g(f; shape) + q · 4 sin²(πfΔ) + s · slow(f)
 
-in the bins of `tuner.diagnosis.bins`, with the slow part as fitted up to its size s ≥ 0, w ≥ 0 the white noise and
-q ≥ 0 quantization (the base has it: a rise that differenced white noise explains is no finding). The shapes of
-`tuner.diagnosis.forms` and a hump compete by likelihood and number of parameters.
+in the bins of `tuner.diagnosis.bins`, with the slow part as fitted up to its size s, w ≥ 0 the white noise and
+q ≥ 0 quantization (the base has it: a rise that differenced white noise explains is no finding). The fit may have
+taken colour for slow noise, never slow noise for white: 0 ≤ s ≤ 1. The shapes of `tuner.diagnosis.forms` and a hump
+compete by likelihood and number of parameters.
 
 A cutoff is known as far as the order and the kind of its filter are: its interval is that of the likelihood over
 all filters that explain the spectrum.

@@ -1,7 +1,9 @@
 """Line: a sinusoid, such as mains, a fan or a dither.
 
-Statistic: largest ordinate of the periodogram of the residuals on a grid of half bins, over the level x̄ of its
-neighbours. With a level from m of them the chance of an ordinate above x is (1 + x/m)^−m; there are n cells.
+Statistic: largest value x of the periodogram of the residuals at any frequency, over the level of its neighbours: the
+largest ordinates on a grid of half bins, which lose up to a fifth of a line between two, are followed to their peaks.
+With a level from m ordinates the chance of one above x is exp(−y), y = m ln(1 + x/m); the periodogram of n
+samples crosses that level upwards n/2 · √(πy/3) exp(−y) times [2]_.
 Extension: the sinusoid is taken out; frequency and amplitude by least squares, intervals by the bounds of
 Rife and Boorstyn, var f = 6σ²/(π² A² n T²), var A = 2σ²/n.
 
@@ -9,6 +11,7 @@ References
 ----------
 .. [1] D. C. Rife, R. R. Boorstyn, Single-tone parameter estimation from discrete-time observations,
    IEEE Trans. Inform. Theory 20 (1974).
+.. [2] R. V. Baluev, Assessing the statistical significance of periodogram peaks, MNRAS 385 (2008): Rice's formula.
 """
 
 from __future__ import annotations
@@ -26,7 +29,6 @@ from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.level import FIRST, local_level
 from tuner.diagnosis.residual import CLIP, Residual
-from tuner.diagnosis.statistics import any_of
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +36,10 @@ NEIGHBOURS = 1024
 """Ordinates from whose median the level is taken."""
 EFFECTIVE = 490
 """Independent ordinates that would give the level as well as that median."""
+BETWEEN = 0.8
+"""Least share of a peak that the nearest half bin shows."""
+PROMISING = 1e-2
+"""Chance from which ordinates are followed to their peaks."""
 
 
 @dataclass(frozen=True)
@@ -65,32 +71,72 @@ class Line(Extension):
 def test(found: Residual) -> Alarm:
     """Search the spectrum of the residuals for a line."""
     n = len(found.e)
+    name = "peak of the spectrum ÷ its neighbourhood"
     frequency, power = found.spectrum
     level = local_level(power, 2 * NEIGHBOURS)
     ratio = power / level
-    first = int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))
-    if first >= len(ratio):
-        return Alarm("line", 1.0, -9.0, 0.0, "peak of the spectrum")
-    best = first + int(np.argmax(ratio[first:]))
+    ratio[: int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))] = 0.0
+    best = int(np.argmax(ratio))
     height, f = float(ratio[best]), float(frequency[best])
-    nats = EFFECTIVE * float(np.log1p(height / EFFECTIVE))
+    if _chance(height / BETWEEN, n) < PROMISING:
+        near = np.flatnonzero(ratio >= BETWEEN * height)
+        tops = [near[0], *near[1:][np.diff(near) > 2]]
+        height, f = max(_peak(found, float(frequency[i]), float(level[i])) for i in tops)
+    nats = _nats(height)
     if nats > 2.0 * np.log(n):
         wider = vibration.rival(found, f, height)
         if wider is not None:
             return wider
     return Alarm(
         "line",
-        any_of(float(np.exp(-nats)), n),
+        _chance(height, n),
         height - 1.5 * float(np.log(n)),
         height,
-        "peak of the spectrum ÷ its neighbourhood",
+        name,
         lambda: (extension(found, f),),
         local=True,
     )
 
 
+def _nats(height: float) -> float:
+    """Return minus the log of the chance of one ordinate above a height."""
+    return EFFECTIVE * float(np.log1p(height / EFFECTIVE))
+
+
+def _chance(height: float, n: int) -> float:
+    """Return the chance that the periodogram of n samples rises above a height."""
+    nats = _nats(height)
+    return float(min(1.0, 0.5 * n * np.sqrt(np.pi * nats / 3.0) * np.exp(-nats)))
+
+
+def _peak(found: Residual, near: float, level: float) -> tuple[float, float]:
+    """Return the height of the peak next to a frequency over a level, and its frequency, Hz."""
+    n, e = len(found.e), np.clip(found.e, -CLIP, CLIP)
+    f, amplitude = _tone(found, near)
+    return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e)) * level), f
+
+
 def extension(found: Residual, near: float) -> Line:
     """Return the line next to a frequency, Hz."""
+    n, dt = len(found.e), found.channel.interval
+    f, z = _tone(found, near)
+    white = found.spread * float(np.sqrt(found.power_at(f) / dt))
+    amplitude = abs(z)
+    cosine, sine = z.real * white, -z.imag * white
+    sd = float(np.sqrt(6.0 / n)) / (np.pi * amplitude * n * dt)
+    return Line(
+        f,
+        cosine,
+        sine,
+        values={
+            "frequency": Value.of(f, sd, "Hz"),
+            "amplitude": Value.of(amplitude * white, float(np.sqrt(2.0 / n)) * white, "{u}"),
+        },
+    )
+
+
+def _tone(found: Residual, near: float) -> tuple[float, complex]:
+    """Return the frequency, Hz, next to a given one at which the clipped residuals have most power, and c − i s."""
     n, dt = len(found.e), found.channel.interval
     e = np.clip(found.e, -CLIP, CLIP)
     span = n * dt
@@ -109,18 +155,4 @@ def extension(found: Residual, near: float) -> Line:
         method="bounded",
         options={"xatol": 1e-4 / span},
     )
-    f = float(peak.x)
-    z = project(f)
-    white = found.spread * float(np.sqrt(found.power_at(f) / dt))
-    amplitude = abs(z)
-    cosine, sine = z.real * white, -z.imag * white
-    sd = float(np.sqrt(6.0 / n)) / (np.pi * amplitude * span)
-    return Line(
-        f,
-        cosine,
-        sine,
-        values={
-            "frequency": Value.of(f, sd, "Hz"),
-            "amplitude": Value.of(amplitude * white, float(np.sqrt(2.0 / n)) * white, "{u}"),
-        },
-    )
+    return float(peak.x), project(float(peak.x))

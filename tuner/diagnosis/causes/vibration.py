@@ -67,21 +67,26 @@ class Vibration(Extension):
         rho = first / (1.0 - second)
         return Arma((first, second), (), self.sd**2 * (1.0 - second**2) * (1.0 - rho**2), interval)
 
+    def pole(self, interval: float) -> tuple[float, float]:
+        """Return the radius and the angle of the poles."""
+        angle = 2.0 * np.pi * self.frequency * interval
+        return float(np.exp(-0.5 * angle / self.quality)), angle
+
     def recursion(self, interval: float) -> tuple[float, float]:
         """Return φ₁, φ₂ (`models.effects.spectral.Vibration`)."""
-        angle = 2.0 * np.pi * self.frequency * interval
-        r = float(np.exp(-0.5 * angle / self.quality))
+        r, angle = self.pole(interval)
         return 2.0 * r * float(np.cos(angle)), -r * r
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return its spectrum, c/(1 + φ₁² + φ₂² − 2φ₁(1 − φ₂) cos x − 2φ₂ cos 2x) with x = 2πfΔ."""
+        """Return its spectrum, c/(|1 − r exp i(θ − x)|² |1 − r exp i(θ + x)|²) with poles r exp ±iθ, x = 2πfΔ."""
         first, second = self.recursion(interval)
+        r, angle = self.pole(interval)
         variance = self.sd**2 * (1.0 - second**2) * (1.0 - (first / (1.0 - second)) ** 2)
-        cosine = np.cos(2.0 * np.pi * interval * f)
-        below = (
-            (1.0 + second) ** 2 + first**2 - cosine * (2.0 * first * (1.0 - second) + 4.0 * second * cosine)
+        half = np.pi * interval * f
+        near, far = (
+            (1.0 - r) ** 2 + 4.0 * r * np.sin(0.5 * angle + sign * half) ** 2 for sign in (-1.0, 1.0)
         )
-        return np.asarray(interval * variance / below)
+        return np.asarray(interval * variance / (near * far))
 
     def overlaps(self, found: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
