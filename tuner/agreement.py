@@ -21,7 +21,7 @@ from typing import Any
 from tuner.files import plain
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
-from tuner.jsondiagnosis import finding_json
+from tuner.jsondiagnosis import carried
 from tuner.records import IdentificationError, Record
 from tuner.results import (
     ChannelIdentification,
@@ -173,15 +173,14 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Infl
 
 def findings_for_config(diagnosis: Diagnosis) -> tuple[Mapping[str, Any], ...]:
     """Return the findings as plain values, each with the noise of its channels as fitted together with it."""
-    carried = []
+    findings = []
     for finding in diagnosis.findings:
-        told = finding_json(finding)
-        told.pop("inflations")
+        told = carried(finding)
         models = {a: plain(diagnosis.models[a].as_dict()) for a in finding.channels if a in diagnosis.models}
         if models:
             told["extension"] = {**told["extension"], "models": models}
-        carried.append(told)
-    return tuple(carried)
+        findings.append(told)
+    return tuple(findings)
 
 
 def judge_hidden(key: Mapping[str, Any], diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ the errors of the receiver are added, then the effects, in the order of their st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,38 +15,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.effects import Samples
+from models.effects import hide as hide_at_rest
 from models.effects.drive import DriveEffect, DriveSamples
 from models.effects.navigation import Course, course_of_fixes, draw, hide, parse
 from models.effects.receiver import CorrelatedGnss
 from models.gnss import perfect_fixes
 from models.motion import Motion, imu_increments
-from models.sensors import SensorGrade
+from models.sensors import KINDS, SensorGrade
+from tuner.hidden import Hidden, within_record
 from tuner.records import DataError, Drive, Gnss, Reference
 from tuner.results import GnssNoise
-from tuner.simulation import grade_channels, sample_noise
+from tuner.simulation import Channel, grade_channels, sample_noise
 
 FloatArray = NDArray[np.float64]
 
 REFERENCE_INTERVAL = 0.1
 """Spacing of the reference of a simulated drive, s."""
+AXES = tuple(f"{kind}_{axis}" for kind in KINDS for axis in "xyz")
+"""The axes of a unit, in the order of the samples of a drive."""
+CELSIUS = 25.0
+"""Temperature of the unit of a simulated drive."""
 
 
 def simulate_drive(
-    grade: SensorGrade,
+    sensor: SensorGrade | Mapping[str, Channel],
     motion: Motion,
     receiver: GnssNoise,
     *,
     rate: float | None = None,
     seed: int,
     hidden: Sequence[str | DriveEffect] = (),
+    at_rest: Sequence[Hidden] = (),
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    name: str = "simulated",
 ) -> tuple[Drive, dict[str, Any]]:
     """Simulate a drive.
 
     Parameters
     ----------
-    grade : SensorGrade
-        The sensor, mounted forward, right, down.
+    sensor : SensorGrade or mapping of str to Channel
+        The sensor, mounted forward, right, down: a grade, or its six axes one by one.
     motion : Motion
         The truth, which becomes the reference.
     receiver : GnssNoise
@@ -57,8 +66,12 @@ def simulate_drive(
         Seed of all randomness.
     hidden : sequence of str or DriveEffect
         Effects; a text is ``CODE[:NAME=VALUE,…]``, drawn at random without parameters.
+    at_rest : sequence of Hidden
+        Effects that also a static log shows, in axes of the unit; the unit stays at its temperature.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, m.
+    name : str
+        Of axes that were given one by one.
 
     Returns
     -------
@@ -72,18 +85,26 @@ def simulate_drive(
     DataError
         A rate or an effect that cannot be, in one line.
     """
-    rate = grade.rate.value if rate is None else rate
-    if not motion.duration * rate >= 2.0:
+    name = sensor.key if isinstance(sensor, SensorGrade) else name
+    rate = sensor.rate.value if rate is None and isinstance(sensor, SensorGrade) else rate
+    if not rate or not motion.duration * rate >= 2.0:
         msg = f"'rate' must give two samples or more in {motion.duration} s, got {rate} Hz"
         raise DataError(msg)
-    noise, biases, fixes, effects = np.random.default_rng(seed).spawn(4)
+    noise, biases, fixes, effects, unit = np.random.default_rng(seed).spawn(5)
     increments = np.hstack(imu_increments(motion, 1.0 / rate))
     first = motion.evaluate(np.zeros(1))
     perfect = np.vstack([np.hstack([first.omega_ib_b, first.f_b]), increments * rate])
-    channels = grade_channels(grade)
+    given = grade_channels(sensor) if isinstance(sensor, SensorGrade) else sensor
+    if missing := [axis for axis in AXES if axis not in given]:
+        msg = f"{name}: expected the noise of six axes for a drive, {', '.join(missing)} missing"
+        raise DataError(msg)
+    channels = {axis: given[axis] for axis in AXES}
     constant = {axis: c.bias_sd * float(biases.standard_normal()) for axis, c in channels.items()}
     errors, white = sample_noise(channels, constant, len(perfect), 1.0 / rate, noise)
     t, course = np.arange(len(perfect)) / rate, _true_course(motion)
+    errors, white = _at_rest(
+        Samples(t, perfect + errors, 1.0 / rate, np.full(len(t), CELSIUS), white), perfect, at_rest, unit
+    )
     at, llh, vel, sd = _fixes(motion, receiver, lever_arm)
     samples = DriveSamples(
         t, perfect + errors, at, llh, vel, sd[:, :3], sd[:, 3:], course, lever_arm, None, errors, white
@@ -91,24 +112,30 @@ def simulate_drive(
     samples = _erring(samples, receiver, fixes)
     changed, told = _hidden(samples, hidden, effects)
     drive = Drive(
-        f"{grade.key}-{motion.name}",
+        f"{name}-{motion.name}",
         t,
         changed.rates,
         _gnss(changed),
         Reference(course.t, course.llh, course.vel_n, rotation.rpy_from_quat(course.quat_nb)),
         lever_arm=lever_arm,
         mounting=np.eye(3),
-        source=grade.key,
+        source=name,
     )
     key = {
         "schema": "tuner.key/1",
-        "source": grade.key,
+        "source": name,
         "trajectory": motion.name,
         "seed": seed,
         "rate_hz": rate,
         "duration_s": motion.duration,
         "receiver": {"position_sd": receiver.position_sd, "velocity_sd": receiver.velocity_sd},
-        "hidden": told,
+        "hidden": [
+            *told,
+            *(
+                {"cause": h.effect.name, "channels": list(h.axes), "parameters": h.effect.parameters()}
+                for h in at_rest
+            ),
+        ],
         "channels": {a: {"constant": constant[a], "terms": c.model.as_dict()} for a, c in channels.items()},
     }
     return drive, key
@@ -156,6 +183,17 @@ def hide_in_drive(
     return replace(drive, rates=changed.rates, gnss=_gnss(changed)), told
 
 
+def _at_rest(
+    block: Samples, perfect: FloatArray, effects: Sequence[Hidden], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the errors of the unit, and their white part, with effects in them that a static log shows, too."""
+    for one in effects:
+        within_record(one.effect, block.t[0], block.t[-1])
+    changed = hide_at_rest(block, [(e.effect, [AXES.index(a) for a in e.axes]) for e in effects], rng)
+    assert changed.white is not None
+    return changed.y - perfect, changed.white
+
+
 def _true_course(motion: Motion) -> Course:
     t = np.append(np.arange(0.0, motion.duration, REFERENCE_INTERVAL), motion.duration)
     state = motion.evaluate(t)
@@ -193,6 +231,8 @@ def _hidden(
             else draw(item, stream, samples)
             for item, stream in zip(hidden, draws.spawn(len(hidden)), strict=True)
         ]  # fmt: skip
+        for effect in effects:
+            within_record(effect, samples.t[0], samples.t[-1])
         changed = hide(samples, effects, rest)
     except ValueError as error:
         msg = f"effect: {error}"

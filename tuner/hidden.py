@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from models.effects import Effect, draw, parse
+from models.effects.text import Written
 from models.noise import NoiseModel
 from tuner.records import DataError
 
@@ -69,6 +70,32 @@ def read_hidden(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
 def sensor_of(axis: str) -> str:
     """Return the sensor that an axis belongs to, such as ``gyro``."""
     return axis.partition("_")[0]
+
+
+def within_record(effect: Written, begin: float, end: float) -> None:
+    """Refuse an effect that comes when the record is over.
+
+    Parameters
+    ----------
+    effect : Written
+        An effect; those with a ``time`` or ``start`` come then.
+    begin, end : float
+        First and last stamp of the record, s.
+
+    Raises
+    ------
+    DataError
+        Nothing of the effect would be in the record.
+    """
+    values = vars(effect)
+    name = next((name for name in ("time", "start") if name in values), None)
+    if name is None or (begin <= values[name] + values.get("duration", 0.0) and values[name] < end):
+        return
+    msg = (
+        f"effect '{effect.name}': expected '{name}' within the record, {begin:g} … {end:g} s, got {values[name]:g} s; "
+        "give an earlier time or a longer record"
+    )
+    raise DataError(msg)
 
 
 def noise_scale(model: NoiseModel, interval: float, span: float) -> tuple[float, float]:

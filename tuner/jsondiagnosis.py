@@ -81,6 +81,13 @@ def finding_json(finding: Finding) -> dict[str, Any]:
     }
 
 
+def carried(finding: Finding) -> dict[str, Any]:
+    """Return one finding as a configuration carries it: its inflations stand there by themselves."""
+    told = finding_json(finding)
+    told.pop("inflations")
+    return told
+
+
 def gain_json(gain: Gain) -> dict[str, Any]:
     """Return a gain."""
     return {

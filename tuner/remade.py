@@ -1,5 +1,7 @@
 """A configuration made a simulation again: the noise that was identified, and the findings hidden in it.
 
+`remade` makes a static log, `remade_drive` adds what a drive showed.
+
 Where a finding carries the noise of its channels without it (`tuner.agreement.findings_for_config`), that noise is
 taken; elsewhere the identified terms (`tuner.agreement.agreed`). Causes whose spectrum is part of that noise are not
 hidden a second time.
@@ -9,9 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Any
 
-from models.effects import EFFECTS, Effect, parse
+from models.effects import EFFECTS, Effect, navigation, text
+from models.effects.base import STAMP
+from models.effects.drive import DriveEffect
+from models.effects.text import Kind
 from models.noise import NoiseModel
 from tuner.agreement import IN_THE_NOISE, MARKOV
 from tuner.hidden import Hidden
@@ -22,17 +28,25 @@ from tuner.simulation import Channel
 
 TOGETHER = ("attitude", "cross_axis", "timing")
 """Causes that are one in all of their channels; the others are one in each."""
+DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
+"""Channels of what a drive shows."""
+BIAS, CORRELATED = "sensor_bias", "correlated_gnss"
+"""Causes of a drive that a configuration holds in its noise."""
 UNPLACED = ("clipping",)
 """Causes that lie at readings, and of the mean reading a configuration says nothing."""
 
 
-def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
+def remade(
+    config: FilterConfig, *, drive: bool = False
+) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
     """Return what `tuner.simulation.simulate` needs to make a log like the one a configuration comes from.
 
     Parameters
     ----------
     config : FilterConfig
         Noise and findings.
+    drive : bool
+        Whether a drive is made: without causes that lie in stamps, and with those of `remade_drive` besides.
 
     Returns
     -------
@@ -48,12 +62,9 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
     DataError
         A finding of the configuration that cannot be read.
     """
-    static = [finding for finding in config.findings if "channels" in finding]
-    notes = [
-        f"{finding.get('cause')} of the drive is left out"
-        for finding in config.findings
-        if finding not in static
-    ]
+    static = [finding for finding in config.findings if not of_drive(finding)]
+    others = [] if drive else [finding for finding in config.findings if of_drive(finding)]
+    notes = [f"{finding.get('cause')} of the drive is left out" for finding in others]
     try:
         without = {
             axis: NoiseModel.from_dict(model)
@@ -68,7 +79,7 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
                 continue
             for axes, values in _parts(finding):
                 effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None
-                if effect is None:
+                if effect is None or (drive and effect.stage == STAMP):
                     notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
                 else:
                     hidden.append(Hidden(effect, axes))
@@ -77,6 +88,49 @@ def remade(config: FilterConfig) -> tuple[dict[str, Channel], tuple[Hidden, ...]
         raise DataError(msg) from None
     channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
     return channels, tuple(hidden), tuple(notes)
+
+
+def of_drive(finding: Mapping[str, Any]) -> bool:
+    """Whether a finding is that of a drive: its channels are no axes, or it is a bias beyond its prior."""
+    return finding.get("cause") == BIAS or set(finding.get("channels", ())) <= DRIVE
+
+
+def remade_drive(config: FilterConfig, *, receiver: bool) -> tuple[tuple[DriveEffect, ...], tuple[str, ...]]:
+    """Return what a drive showed, as effects of a simulated one, and notes on what is none.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Noise and findings.
+    receiver : bool
+        Whether the receiver is that of the configuration: what its noise holds is not hidden a second time.
+
+    Raises
+    ------
+    DataError
+        A finding of the configuration that cannot be read.
+    """
+    effects, notes = [], []
+    for finding in filter(of_drive, config.findings):
+        cause = str(finding.get("cause"))
+        if cause == BIAS or (cause == CORRELATED and receiver):
+            # The prior of the turn-on constants, and the noise of the receiver, hold it.
+            continue
+        try:
+            values = finding["parameters"]
+            sensor = {"sensor": _sensor(values)} if cause == "bias_jump" else {}
+            effects.append(_made(cause, values, navigation.EFFECTS, sensor))
+        except ValueError as error:
+            notes.append(f"{cause} of the drive is left out: {error}")
+        except (KeyError, TypeError, AttributeError) as error:
+            msg = f"{config.name}: expected findings as tune writes them, got {cause} without {error}"
+            raise DataError(msg) from None
+    return tuple(effects), tuple(notes)
+
+
+def _sensor(values: Mapping[str, Any]) -> str:
+    """Return the sensor whose bias jumped by the unit of the jump."""
+    return "gyro" if values["x"]["unit"] == "rad/s" else "accel"
 
 
 def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[str, Any]]]:
@@ -89,12 +143,25 @@ def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[st
 
 def _effect(cause: str, values: Mapping[str, Any]) -> Effect | None:
     """Return a finding as an effect, None where there is none or its parameters are outside of its range."""
-    if cause not in EFFECTS or cause in UNPLACED:
+    if cause in UNPLACED:
         return None
-    known = {field.name for field in fields(EFFECTS[cause])}
-    told = {name: value["value"] for name, value in values.items() if name in known}
-    written = ",".join(f"{name}={value!r}" for name, value in told.items() if value is not None)
     try:
-        return parse(f"{cause}:{written}")
+        return _made(cause, values, EFFECTS)
     except ValueError:
         return None
+
+
+def _made(
+    cause: str,
+    values: Mapping[str, Any],
+    kinds: Mapping[str, type[Kind]],
+    more: Mapping[str, str] = MappingProxyType({}),
+) -> Kind:
+    """Return a finding as an effect; ValueError where there is none or its parameters are outside of its range."""
+    known = {field.name for field in fields(text.kind(cause, kinds))}
+    told = {name: value["value"] for name, value in values.items() if name in known}
+    parts = [f"{name}={value!r}" for name, value in told.items() if value is not None]
+    if values and not parts:
+        msg = f"no effect has {', '.join(values)}"
+        raise ValueError(msg)
+    return text.parse(f"{cause}:{','.join((*parts, *(f'{k}={v}' for k, v in more.items())))}", kinds)

@@ -29,7 +29,7 @@ from models.effects.tails import Burst, HeavyTails
 from models.effects.thermal import TemperatureSlope, Warmup
 from models.noise import NoiseModel, White
 from models.sensors import KINDS, SensorGrade
-from tuner.hidden import Hidden, noise_scale, resolve, sensor_of
+from tuner.hidden import Hidden, noise_scale, resolve, sensor_of, within_record
 from tuner.readers.timebase import stamped_timebase
 from tuner.records import DataError, Record
 
@@ -123,6 +123,8 @@ def simulate(
         resolve(item, models, interval=1.0 / rate, span=duration, constant=constant, rng=stream)
         for item, stream in zip(hidden, draws.spawn(len(hidden)), strict=True)
     ]
+    for one in chosen:
+        within_record(one.effect, t[0], t[-1])
     axes = tuple(channels)
     try:
         block = hide(block, [(h.effect, [axes.index(a) for a in h.axes]) for h in chosen], effects)

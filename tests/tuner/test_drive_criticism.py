@@ -89,7 +89,13 @@ def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
         half = 0.5 * (told.interval[1] - told.interval[0])
         assert abs(told.value - value) < 2.6 * half
     assert found.gain.nats > 0.0
-    assert native.loads(native.dumps(found.after)) == found.after
+    again = native.loads(native.dumps(found.after))
+    assert again == found.after
+    (carried,) = again.findings
+    assert carried["channels"] == list(finding.channels)
+    for name, told in finding.parameters.items():
+        assert carried["parameters"][name]["interval"] == pytest.approx(told.interval)
+        assert carried["parameters"][name]["unit"] == told.unit
 
 
 def test_large_delay_and_wrong_sds(simulated, drive_config):

@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, White
+from models.trajectories import city
 from tuner.agreement import agreed, findings_for_config
 from tuner.cli import run
 from tuner.diagnosis import diagnose
+from tuner.drives import simulate_drive
 from tuner.exporters import native
+from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.identification import identify
-from tuner.remade import remade
+from tuner.readers.drives import read_drive
+from tuner.records import DataError
+from tuner.remade import remade, remade_drive
 from tuner.simulation import Channel, simulate
 from tuner.synthesis import synthesize
 
@@ -76,7 +82,15 @@ def test_what_cannot_be_hidden_is_left_out_and_told(config):
     assert [note.split()[0] for note in notes] == ["time_offset", "cross_axis", "clipping"]
 
 
-@pytest.mark.parametrize("arguments", [["--trajectory", "city"], ["--hide", "nonsense"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--trajectory", "moon"],
+        ["--trajectory", "city"],
+        ["--hide", "nonsense"],
+        ["--hide", "step:time=1e9,size=1"],
+    ],
+)
 def test_refusals_are_one_line(config, tmp_path, capsys, arguments):
     path = tmp_path / "noise.yaml"
     native.dump(config, path)
@@ -90,3 +104,93 @@ def test_malformed_findings_are_one_line(config, tmp_path, capsys):
     path.write_text(native.dumps(config).replace("extension:", "extension: 3 #"), encoding="utf-8")
     assert run(["simulate", str(path), "-o", str(tmp_path / "x.npz"), "--quiet"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def coefficient(value, unit="1"):
+    return {"value": value, "interval": [0.9 * value, 1.1 * value], "upper": None, "unit": unit}
+
+
+DRIVEN = (
+    {"cause": "time_offset", "channels": ["gnss"], "parameters": {"delay": coefficient(0.2, "s")}},
+    {"cause": "bias_jump", "channels": ["imu"], "parameters": {
+        "time": coefficient(40.0, "s"), **{a: coefficient(0.5, "m/s^2") for a in "xyz"}}},
+    {"cause": "correlated_gnss", "channels": ["gnss"], "parameters": {
+        "sd": coefficient(1.0, "m"), "time_constant": coefficient(50.0, "s")}},
+    {"cause": "sensor_bias", "channels": ["gyro_x"], "parameters": {"gyro_x": coefficient(1e-3)}},
+    {"cause": "line", "channels": ["gyro_x"], "parameters": {
+        "frequency": coefficient(7.3), "amplitude": coefficient(1e-2)},
+     "extension": {"models": {"gyro_x": NoiseModel((White(1e-4),)).as_dict()}}},
+    {"cause": "timing", "channels": ["gyro_x", "accel_z"], "parameters": {"jitter": coefficient(1e-4)}},
+)  # fmt: skip
+"""Findings of a drive, and of a static log, as a configuration carries them."""
+
+
+@pytest.fixture(scope="module")
+def six():
+    """Return a configuration of six quiet axes with findings."""
+    told = synthesize(
+        grade_identification(load_grade("stim300")), gnss=replace(load_gnss("rtk"), correlated=())
+    )
+    return replace(told, interval=0.02, findings=DRIVEN)
+
+
+def test_a_drive_is_made_of_a_configuration(six, tmp_path):
+    path, out = tmp_path / "noise.yaml", tmp_path / "d.npz"
+    native.dump(six, path)
+    command = ["simulate", str(path), "--trajectory", "city", "--hours", "0.03", "-o", str(out), "--quiet"]
+    assert run([*command, "--hide", "lever_arm:x=1,y=0,z=0"]) == 0
+    key = json.loads((tmp_path / "d.key.json").read_text())
+    assert [one["cause"] for one in key["hidden"]] == ["time_offset", "bias_jump", "lever_arm", "line"]
+    assert key["hidden"][1]["parameters"]["sensor"] == "accel"
+    drive = read_drive(out)
+    assert drive.gnss.t[0] == pytest.approx(0.02 + six.gnss.interval + 0.2, abs=0.05)
+    assert 1.0 / np.median(np.diff(drive.imu_t)) == pytest.approx(50.0)
+    # The line alone is far above the noise of a unit that stands.
+    still = drive.rates[:500, 0]
+    assert np.std(still) == pytest.approx(1e-2 / np.sqrt(2.0), rel=0.2)
+
+
+def test_a_grade_and_its_configuration_make_like_drives(six):
+    motion, receiver = city(60.0), load_gnss("rtk")
+    ours = {axis: Channel(NoiseModel((White(1e-3),)), 0.0) for axis in six.channels}
+    drive, key = simulate_drive(ours, motion, receiver, rate=50.0, seed=1, name="unit")
+    truth, _ = simulate_drive(load_grade("stim300"), motion, receiver, rate=50.0, seed=2)
+    sd = np.std(np.diff(drive.rates - truth.rates, axis=0), axis=0) / np.sqrt(2.0)
+    np.testing.assert_allclose(sd[:3], 1e-3 * np.sqrt(50.0), rtol=0.15)  # 6 sigma of 3000 samples: 8 %
+    assert key["source"] == "unit"
+    with pytest.raises(DataError, match="accel_z missing"):
+        simulate_drive({a: c for a, c in ours.items() if a != "accel_z"}, motion, receiver, rate=50.0, seed=1)
+
+
+def test_findings_of_a_drive_are_told_where_they_cannot_be_made(six):
+    effects, notes = remade_drive(six, receiver=False)
+    assert [e.name for e in effects] == ["time_offset", "bias_jump", "correlated_gnss"]
+    assert notes == ()
+    classes = {
+        "cause": "gnss_noise_scale",
+        "channels": ["gnss"],
+        "parameters": {"position_edge_1": coefficient(2.0)},
+    }
+    _, notes = remade_drive(replace(six, findings=(classes,)), receiver=True)
+    assert [note.split()[0] for note in notes] == ["gnss_noise_scale"]
+    with pytest.raises(DataError, match="as tune writes them"):
+        remade_drive(replace(six, findings=({"cause": "lever_arm", "channels": ["gnss"]},)), receiver=True)
+    _, hidden, notes = remade(six, drive=True)
+    assert [h.effect.name for h in hidden] == ["line"]
+    assert [note.split()[0] for note in notes] == ["timing"]
+
+
+@pytest.mark.parametrize("effect", ["step:time=70,size=1e-3", "burst:start=60,duration=5,variance_ratio=3"])
+def test_an_effect_after_the_end_is_refused(effect, tmp_path, capsys):
+    out = tmp_path / "x.npz"
+    assert (
+        run(["simulate", "stim300", "--hours", str(1 / 60), "--hide", effect, "-o", str(out), "--quiet"]) == 2
+    )
+    told = capsys.readouterr().err
+    assert "within the record, 0 … 59.9" in told
+    assert told.count("\n") == 1
+    assert not out.exists()
+    drive = ["simulate", "stim300", "--trajectory", "city", "--hours", "0.03", "-o", str(out), "--quiet"]
+    assert run([*drive, "--hide", "bias_jump:time=2000,x=1"]) == 2
+    assert "within the record" in capsys.readouterr().err
+    assert not out.exists()

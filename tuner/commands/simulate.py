@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tuner.commands.options import Finite, Output, common
-from tuner.commands.sources import is_file
+from tuner.commands.sources import is_file, source_name
 from tuner.progress import Messages
 from tuner.records import DataError
 
@@ -56,8 +56,8 @@ def command(
 ) -> None:
     """Simulate SENSOR, a built-in grade: a static log, or a drive along a trajectory with a receiver.
 
-    SENSOR may also be a noise.yaml of tune: its noise and its findings are made again, as a static log. What was
-    hidden is written to FILE.key.json.
+    SENSOR may also be a noise.yaml of tune: its noise and its findings are made again, those of a drive with
+    --trajectory. What was hidden is written to FILE.key.json.
     """
     from tuner.files import json_text, write_text
     from tuner.grades import grade_names, load_grade
@@ -68,14 +68,15 @@ def command(
     if sensor not in grade_names() and not again:
         msg = f"{sensor}: expected a built-in grade ({' '.join(grade_names())}) or a noise.yaml"
         raise DataError(msg)
-    if again and trajectory is not None:
-        msg = f"--trajectory {trajectory}: expected with a built-in grade; {sensor} is made again at rest"
-        raise DataError(msg)
     if gnss is not None and trajectory is None:
         msg = f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver"
         raise DataError(msg)
     key: dict[str, Any]
-    if again:
+    if trajectory is not None:
+        path = output_file or Path(f"{source_name(sensor)}-{trajectory}.npz")
+        drive, key = _drive(sensor, trajectory, gnss, 3600.0 * hours, rate, seed, hidden, messages)
+        write_drive(drive, path)
+    elif again:
         from tuner.exporters import native
         from tuner.remade import remade
 
@@ -92,16 +93,12 @@ def command(
             hidden=(*findings, *hidden),
         )
         write_log(records, path)
-    elif trajectory is None:
+    else:
         path = output_file or Path(f"{sensor}.npz")
         records, key = simulate(
             load_grade(sensor), duration=3600.0 * hours, rate=rate, seed=seed, hidden=hidden
         )
         write_log(records, path)
-    else:
-        path = output_file or Path(f"{sensor}-{trajectory}.npz")
-        drive, key = _drive(sensor, trajectory, gnss, 3600.0 * hours, rate, seed, hidden)
-        write_drive(drive, path)
     key_path = path.with_name(path.name.split(".")[0] + ".key.json")
     write_text(key_path, json_text(key))
     messages.say(f"wrote {path} and its key {key_path}")
@@ -116,20 +113,36 @@ def _drive(
     rate: float | None,
     seed: int,
     hidden: tuple[str, ...],
+    messages: Messages,
 ) -> tuple[Drive, dict[str, Any]]:
+    """Simulate a drive of a built-in grade, or of a configuration with its findings."""
     from models.trajectories import TRAJECTORIES
     from tuner.commands.check import RECEIVER
     from tuner.drives import simulate_drive
-    from tuner.grades import load_gnss, load_grade
+    from tuner.exporters import native
+    from tuner.grades import grade_names, load_gnss, load_grade
+    from tuner.remade import remade, remade_drive
 
     if trajectory not in TRAJECTORIES:
         msg = f"--trajectory {trajectory}: expected one of {' '.join(TRAJECTORIES)}"
         raise DataError(msg)
+    motion = TRAJECTORIES[trajectory](duration)
+    if sensor in grade_names():
+        receiver = load_gnss(gnss or RECEIVER)
+        return simulate_drive(load_grade(sensor), motion, receiver, rate=rate, seed=seed, hidden=hidden)
+    config = native.load(Path(sensor))
+    own = config.gnss if gnss is None else None
+    channels, at_rest, notes = remade(config, drive=True)
+    effects, more = remade_drive(config, receiver=own is not None)
+    for note in (*notes, *more):
+        messages.say(note)
     return simulate_drive(
-        load_grade(sensor),
-        TRAJECTORIES[trajectory](duration),
-        load_gnss(gnss or RECEIVER),
-        rate=rate,
+        channels,
+        motion,
+        own or load_gnss(gnss or RECEIVER),
+        rate=rate or 1.0 / config.interval,
         seed=seed,
-        hidden=hidden,
+        hidden=(*effects, *hidden),
+        at_rest=at_rest,
+        name=config.name,
     )
