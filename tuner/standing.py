@@ -32,6 +32,10 @@ SLOW = 0.3
 """Speed below which a vehicle stands, m/s."""
 CALM = 2.0
 """Variance of a second over that of the calmer quarter, geometric mean over a triad, up to which it counts."""
+FAR = 4.0
+"""Time between positions that stand for a speed, in units of their scatter ÷ `SLOW`."""
+NORMAL_MAD = 0.6745
+"""Median absolute value of a standard normal number."""
 BAND = 5.0
 """Frequency above which no vehicle manoeuvres, Hz."""
 CONSERVATIVE = "mpu9250"
@@ -151,16 +155,26 @@ def nearest_grade(white: Mapping[str, float]) -> str:
 
 
 def _speed(drive: Drive, t: FloatArray) -> FloatArray:
-    """Return the speed of the fixes at times, m/s; where they have no velocities, from positions 2 s apart."""
+    """Return the speed of the fixes at times, m/s; where they have no velocities, from positions some time apart.
+
+    These are so far apart that their scatter s, from second differences, makes √2 s/T ≪ `SLOW`.
+    """
     gnss = drive.gnss
     speed = np.linalg.norm(gnss.vel_n, axis=1)
     known = np.isfinite(speed)
     if np.count_nonzero(known) > 2:
         return np.asarray(np.interp(t, gnss.t[known], speed[known], left=np.inf, right=np.inf))
-    later = np.minimum(np.searchsorted(gnss.t, gnss.t + 2.0), len(gnss) - 1)
-    apart = np.maximum(gnss.t[later] - gnss.t, 1e-3)
-    speed = np.linalg.norm(ned_between(gnss.llh[later], gnss.llh), axis=1) / apart
-    speed[later == len(gnss) - 1] = np.inf
+    metres = ned_between(gnss.llh, gnss.llh[:1])[:, :2]
+    bends = np.abs(metres[2:] - 2.0 * metres[1:-1] + metres[:-2])
+    scatter = float(np.median(bends)) / (NORMAL_MAD * np.sqrt(6.0)) if len(bends) else 0.0
+    apart = max(2.0, FAR * scatter / SLOW)
+    begin = np.clip(gnss.t - 0.5 * apart, gnss.t[0], max(gnss.t[0], gnss.t[-1] - apart))
+    first = np.searchsorted(gnss.t, begin)
+    last = np.minimum(np.searchsorted(gnss.t, begin + apart), len(gnss) - 1)
+    speed = np.linalg.norm(metres[last] - metres[first], axis=1) / np.maximum(
+        gnss.t[last] - gnss.t[first], 1e-3
+    )
+    speed[gnss.t[last] - gnss.t[first] < 0.5 * apart] = np.inf
     return np.asarray(np.interp(t, gnss.t, speed, left=np.inf, right=np.inf))
 
 

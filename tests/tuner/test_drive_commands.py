@@ -164,6 +164,15 @@ def test_white_noise_is_read_where_the_vehicle_stands(drive):
     assert "of standing" in config.notes[0]
 
 
+def test_without_velocities_positions_tell_where_the_vehicle_stands(drive):
+    blind = replace(drive, gnss=replace(drive.gnss, vel_n=np.full_like(drive.gnss.vel_n, np.nan)))
+    with_velocities, without = standing(drive), standing(blind)
+    # Stops shorter than the positions have to be apart are not seen.
+    assert 0.25 * with_velocities.seconds < without.seconds <= 1.1 * with_velocities.seconds
+    for sensor, white in with_velocities.white.items():
+        assert without.white[sensor] == pytest.approx(white, rel=0.25)
+
+
 def test_vibration_of_the_moving_unit_is_seen(drive):
     rng = np.random.default_rng(5)
     moving = np.interp(drive.imu_t, drive.gnss.t, np.linalg.norm(drive.gnss.vel_n, axis=1)) > 1.0

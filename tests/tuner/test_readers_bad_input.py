@@ -191,6 +191,13 @@ def test_lengths_that_differ(tmp_path: Path) -> None:
     refused(tmp_path / "log.npz", "columns must have one length")
 
 
+def test_a_temperature_of_another_length(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", gyro=GYRO, t=T, temperature=T[:-1])
+    refused(
+        tmp_path / "log.npz", f"temperature: expected a value for each of {len(T)} samples, got {len(T) - 1}"
+    )
+
+
 def test_counts_without_scale(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", gyro_counts=np.rint(GYRO * 1e4).astype(np.int16), t=T)
     refused(tmp_path / "log.npz", "holds counts: pass --gyro-scale")

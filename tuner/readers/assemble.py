@@ -129,8 +129,14 @@ def _load(
     covariates = {
         name: np.asarray(column[:, 0], float)
         for name, column in zip(layout.covariates, loaded[count:], strict=False)
-        if len(column) == len(blocks[0])
     }
+    for name, column in covariates.items():
+        if len(column) != len(blocks[0]):
+            msg = (
+                f"{listing.path}: {name}: expected a value for each of {len(blocks[0])} samples, got {len(column)}; "
+                f"give it at every sample, choose another with --columns {name}=NAME or take it out of the file"
+            )
+            raise DataError(msg)
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 

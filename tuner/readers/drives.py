@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from tuner.readers import read
+from tuner.readers.driven import check_drive
 from tuner.readers.listing import digest
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.records import DataError, Drive, Gnss, Reference
@@ -37,10 +38,6 @@ UNREADABLE = 0.01
 """Share of unreadable rows from which a stream is refused."""
 DISORDERED = 0.10
 """Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
-SLOWEST = 0.5
-"""Longest interval of inertial samples that can be navigated with, s."""
-HIGHEST = 5e4
-"""Height beyond which no vehicle of ours is, m."""
 FRAMES: Mapping[str, tuple[float, float, float]] = {
     "FRD": (0.0, 0.0, 0.0),
     "FLU": (180.0, 0.0, 0.0),
@@ -226,7 +223,7 @@ def _drive(
     if not inside.all():
         said.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
-    _plausible(path, imu, fixes, said)
+    check_drive(path, imu, fixes, said)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
         said.append(
@@ -276,39 +273,6 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
     if not fresh.all():
         said.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
     return np.asarray(rows[fresh])
-
-
-def _plausible(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
-    """Refuse what cannot be a drive in these units."""
-    interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
-    if not interval <= SLOWEST:
-        msg = (
-            f"{path}: expected stamps of inertial samples in seconds, {SLOWEST:g} s apart at most, "
-            f"got {interval:.4g} in the median; check the unit of time"
-        )
-        raise DataError(msg)
-    force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
-    if not 5.0 < force < 20.0:
-        msg = f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check the unit"
-        raise DataError(msg)
-    turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
-    if turn > 35.0:
-        msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
-        raise DataError(msg)
-    if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
-        msg = f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}"
-        raise DataError(msg)
-    if np.median(np.abs(fixes[:, 3])) > HIGHEST:
-        msg = f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
-        raise DataError(msg)
-    if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
-        msg = (
-            f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}"
-        )
-        raise DataError(msg)
-    zero = int(np.count_nonzero(np.any(fixes[:, 7:10] == 0.0, axis=1)))
-    if zero:
-        said.append(f"{zero} fixes report a standard deviation of 0")
 
 
 def _reference(path: Path, rows: FloatArray, begin: float, said: list[str]) -> Reference:
