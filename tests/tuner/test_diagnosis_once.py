@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from models.noise import NoiseModel, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.heavy_tails import HeavyTails
+from tuner.diagnosis.causes.vibration import Vibration
 from tuner.diagnosis.channel import channel
 from tuner.diagnosis.loudness import block_loudness, loudness
 from tuner.diagnosis.residual import relabelled, residual
@@ -42,3 +44,34 @@ def test_tails_are_mapped_evenly_and_in_order():
 
 def test_what_is_told_holds_no_residual():
     assert Alarm("line", 0.1, 1.0, 2.0, "peak", tuple).told.propose is None
+
+
+def test_shapes_are_kept_from_pass_to_pass():
+    record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
+        0
+    ]
+    hump, other = Vibration(20.0, 30.0, 0.3), Vibration(30.0, 10.0, 0.1)
+    first = residual(channel(record, "gyro_x"), (hump,))
+    assert first.peaks is not None
+    second = residual(first.channel, (hump, other), near=first)
+    assert second.shapes[hump] is first.shapes[hump]
+    np.testing.assert_allclose(second.peaks, residual(first.channel, (hump, other)).peaks)
+    f = np.arange(1.0, len(first.coefficients)) / (2.0 * first.channel.span)
+    np.testing.assert_allclose(second.peaks, hump.power(f, 0.01) + other.power(f, 0.01))
+    np.testing.assert_allclose(second.power_at(f), second.power)
+    assert second.power_at(0.0) == second.power[0]
+
+
+def test_the_periodogram_is_every_second_ordinate_of_the_finer_spectrum():
+    record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
+        0
+    ]
+    found = residual(channel(record, "gyro_x"))
+    e = np.clip(found.e, -5.0, 5.0)
+    np.testing.assert_allclose(found.periodogram, np.abs(np.fft.rfft(e)[1:]) ** 2 / np.sum(e * e), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("frequency", "quality"), [(20.0, 30.0), (0.3, 5.0), (48.0, 100.0)])
+def test_a_resonance_has_the_spectrum_of_its_recursion(frequency, quality):
+    hump, f = Vibration(frequency, quality, 0.3), np.linspace(0.01, 49.9, 5000)
+    np.testing.assert_allclose(hump.power(f, 0.01), hump.arma(0.01).psd(f, interval=0.01), rtol=1e-9)

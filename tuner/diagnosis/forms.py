@@ -21,7 +21,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numba
 import numpy as np
@@ -88,20 +88,32 @@ def filter_arma(name: str, cutoff: float) -> Coefficients:
     s = np.tan(np.pi * cutoff / times) * np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
     a = np.asarray(np.poly(((1.0 + s) / (1.0 - s)) ** times).real, dtype=float)
     even = np.arange(8) / 8.0
-    passed = _folded(order, times, cutoff, even) / arma_power(tuple((-a[1:]).tolist()), (), even)
+    end = float(np.tan(np.pi * cutoff / times))
+    passed = _folded(order, _tangents(times, even), end) / arma_power(tuple((-a[1:]).tolist()), (), even)
     covariance = np.fft.ifft(passed).real[: order + 1]
     zeros = np.roots(np.concatenate((covariance[::-1], covariance[1:])))
     inside = zeros[np.argsort(np.abs(zeros))][:order]
     return tuple((-a[1:]).tolist()), tuple(np.poly(inside)[1:].real.tolist())
 
 
+def filter_powers(name: str, cycles: FloatArray) -> Callable[[float], FloatArray]:
+    """Return the squared response of a filter, 1 at frequency 0, as a function of the cutoff × interval."""
+    order, times = filter_kind(name)
+    tangents, middle = _tangents(times, cycles), _tangents(times, np.zeros(1))
+
+    def power(cutoff: float) -> FloatArray:
+        if times:
+            end = float(np.tan(np.pi * cutoff / times))
+            return np.asarray(_folded(order, tangents, end) / _folded(order, middle, end))
+        ar, ma = filter_arma(name, cutoff)
+        return arma_power(ar, ma, cycles) * (1.0 - sum(ar)) ** 2
+
+    return power
+
+
 def filter_power(name: str, cutoff: float, cycles: FloatArray) -> FloatArray:
     """Return the squared response of a filter, 1 at frequency 0."""
-    order, times = filter_kind(name)
-    if times:
-        return _folded(order, times, cutoff, cycles) / _folded(order, times, cutoff, np.zeros(1))
-    ar, ma = filter_arma(name, cutoff)
-    return arma_power(ar, ma, cycles) * (1.0 - sum(ar)) ** 2
+    return filter_powers(name, cycles)(cutoff)
 
 
 def filter_kind(name: str) -> tuple[int, int]:
@@ -110,9 +122,20 @@ def filter_kind(name: str) -> tuple[int, int]:
     return int(kind[-1]), int(times or 0)
 
 
-def _folded(order: int, times: int, cutoff: float, cycles: FloatArray) -> FloatArray:
-    tangent = np.tan(np.pi * (cycles + np.arange(times)[:, None]) / times) / np.tan(np.pi * cutoff / times)
-    return np.asarray(np.sum(1.0 / (1.0 + tangent ** (2 * order)), axis=0))
+def _tangents(times: int, cycles: FloatArray) -> FloatArray:
+    """Return tan(π(f + k)/m), shape (m, b)."""
+    return np.asarray(np.tan(np.pi * (cycles + np.arange(times)[:, None]) / max(times, 1)))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _folded(order: int, tangents: FloatArray, end: float) -> FloatArray:
+    """Return the folded power, shape (b,), of tangents, shape (m, b), and that of the cutoff."""
+    out = np.zeros(tangents.shape[1])
+    for k in range(tangents.shape[0]):
+        for at in range(out.size):
+            square = (tangents[k, at] / end) ** 2
+            out[at] += 1.0 / (1.0 + square**order)
+    return out
 
 
 def colour_arma(name: str, x: FloatArray) -> Coefficients:

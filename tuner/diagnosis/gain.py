@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ from tuner.diagnosis.extension import Extension
 from tuner.diagnosis.hops import block_noise
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.panel import retest
-from tuner.diagnosis.residual import Residual, gain_of, power_of, residual
+from tuner.diagnosis.residual import Residual, gain_of, once, power_of, residual
 from tuner.results import Gain
 
 FloatArray = NDArray[np.float64]
@@ -51,6 +52,12 @@ class _Test:
     channel: Channel
     context: Channel
     first: int
+
+    @cached_property
+    def ramp(self) -> FloatArray:
+        """Cosine coefficients 1 … n − 1 of an even slope."""
+        n = len(self.channel)
+        return transform(np.arange(n) / n - 0.5, self.channel.interval)[1:]
 
 
 def with_gains(outcome: Criticism, second: Channel | None) -> tuple[Accepted, ...]:
@@ -108,9 +115,15 @@ def _still(outcome: Criticism) -> Channel:
     return replace(outcome.base.repaired, y=y)
 
 
+@once
+def _own(found: Residual) -> float:
+    """Return the score of a model on its own samples."""
+    return _score(found, _Test(found.repaired, found.channel, 0))
+
+
 def _in_sample(outcome: Criticism, accepted: Accepted) -> Gain:
     n = len(outcome.base.channel)
-    before = _score(outcome.base, _Test(outcome.base.repaired, outcome.base.channel, 0)) / n
+    before = _own(outcome.base) / n
     return Gain("in sample", before, before + accepted.alarm.gain / n, accepted.alarm.gain)
 
 
@@ -151,8 +164,8 @@ def _score(found: Residual, test: _Test) -> float:
             charge -= extension.lead(test.channel.block_mean(y), step, block_noise(found.fit.terms(), step))
     power = _power(found, n)
     a = transform(y, dt)[1:]
-    ramp = transform(np.arange(n) / n - 0.5, dt)[1:]
-    a = a - ramp * float((a * ramp / power).sum() / (ramp * ramp / power).sum())
+    weighted = test.ramp / power
+    a = a - test.ramp * float((a @ weighted) / (test.ramp @ weighted))
     whitened = np.concatenate(([0.0], a / np.sqrt(power)))
     spread = np.zeros(n)
     for extension in found.extensions:

@@ -53,6 +53,8 @@ class Residual:
         Fits of the kinds of slow noise, the best first.
     coefficients : ndarray, shape (n,)
         Cosine coefficients of the repaired samples.
+    shapes : dict
+        Power of each extension at coefficients 1 … n-1, shape (n − 1,), where it is known.
     known : dict
         What functions that are computed `once` have made of it.
     """
@@ -63,6 +65,7 @@ class Residual:
     track: Track
     fits: tuple[Fit, ...]
     coefficients: FloatArray
+    shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
     known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
@@ -139,7 +142,13 @@ class Residual:
     def peaks(self) -> FloatArray:
         """Power that the extensions add to each coefficient 1 … n-1."""
         n, dt = len(self.repaired), self.channel.interval
-        return power_of(self.extensions, np.arange(1.0, n) / (2.0 * n * dt), dt)
+        total, f = np.zeros(n - 1), np.arange(1.0, n) / (2.0 * n * dt)
+        for extension in self.extensions:
+            if type(extension).power is not Extension.power:
+                if extension not in self.shapes:
+                    self.shapes[extension] = np.asarray(extension.power(f, dt))
+                total += self.shapes[extension]
+        return total
 
     @property
     def e(self) -> FloatArray:
@@ -188,13 +197,16 @@ class Residual:
     def periodogram(self) -> FloatArray:
         """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
         e = np.clip(self.e, -CLIP, CLIP)
+        if next_fast_len(2 * len(e), real=True) == 2 * len(e):
+            return np.ascontiguousarray(self.spectrum[1][1::2])
         return np.asarray(np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e))))
 
     def power_at(self, f: FloatArray | float) -> FloatArray:
         """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
         n = len(self.repaired)
-        place = np.arange(1.0, n) / (2.0 * n * self.channel.interval)
-        return np.asarray(np.interp(f, place, self.power))
+        place = np.clip(np.asarray(f) * (2.0 * n * self.channel.interval) - 1.0, 0.0, n - 2.0)
+        below = np.minimum(place.astype(np.intp), n - 3)
+        return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
 
     @cached_property
     def spectrum(self) -> tuple[FloatArray, FloatArray]:
@@ -308,7 +320,9 @@ def residual(
     kinds: list[Kinds] = [(*base, *more) for base in BASES]
     known = starts or {}
     fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
-    return Residual(channel, repaired, extensions, track, tuple(fits), a)
+    shapes = near.shapes if near is not None and near.channel is channel else {}
+    same = {extension: shapes[extension] for extension in extensions if extension in shapes}
+    return Residual(channel, repaired, extensions, track, tuple(fits), a, same)
 
 
 def without(found: Residual, index: int) -> Residual:
@@ -324,4 +338,5 @@ def extended(found: Residual, extension: Extension) -> Residual:
 
 def relabelled(found: Residual, extensions: tuple[Extension, ...]) -> Residual:
     """Return the same residual whose extensions carry other values."""
-    return replace(found, extensions=extensions)
+    same = {extension: found.shapes[extension] for extension in extensions if extension in found.shapes}
+    return replace(found, extensions=extensions, shapes=same)

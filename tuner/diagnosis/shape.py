@@ -24,7 +24,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from tuner.diagnosis.bins import Bins, Sizes, bins, rise, sized
-from tuner.diagnosis.forms import COLOURS, FILTERS, FREE, arma_power, colour_arma, filter_power
+from tuner.diagnosis.forms import COLOURS, FILTERS, FREE, arma_power, colour_arma, filter_power, filter_powers
 from tuner.diagnosis.hump import Hump, hump_fit, hump_scan
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.statistics import maximum, minimum
@@ -122,7 +122,8 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
 
 
 def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
-    return lambda x: _sized(data, filter_power(name, float(np.exp(x)), data.cycles)).cost
+    power = filter_powers(name, data.cycles)
+    return lambda x: _sized(data, power(float(np.exp(x)))).cost
 
 
 def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:

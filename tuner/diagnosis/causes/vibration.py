@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, betaln
@@ -79,14 +80,7 @@ class Vibration(Extension):
 
     def power(self, f: FloatArray, interval: float) -> FloatArray:
         """Return its spectrum, c/(|1 − r exp i(θ − x)|² |1 − r exp i(θ + x)|²) with poles r exp ±iθ, x = 2πfΔ."""
-        first, second = self.recursion(interval)
-        r, angle = self.pole(interval)
-        variance = self.sd**2 * (1.0 - second**2) * (1.0 - (first / (1.0 - second)) ** 2)
-        half = np.pi * interval * f
-        near, far = (
-            (1.0 - r) ** 2 + 4.0 * r * np.sin(0.5 * angle + sign * half) ** 2 for sign in (-1.0, 1.0)
-        )
-        return np.asarray(interval * variance / (near * far))
+        return np.asarray(resonance(f, interval, *self.pole(interval), self.sd))
 
     def overlaps(self, found: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
@@ -138,6 +132,31 @@ class Vibration(Extension):
     def terms(self, interval: float) -> tuple[Term, ...]:
         """Return the process as a noise term."""
         return (self.arma(interval),)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def resonance(f: FloatArray, interval: float, r: float, angle: float, sd: float) -> FloatArray:
+    """Return the spectrum of a resonance of poles r exp ±i angle and standard deviation `sd`, shape of `f`."""
+    out = np.empty(f.size)
+    rho = 2.0 * r * np.cos(angle) / (1.0 + r * r)
+    size = interval * sd * sd * (1.0 - r**4) * (1.0 - rho * rho)
+    least, sine, cosine = (1.0 - r) ** 2, np.sin(0.5 * angle), np.cos(0.5 * angle)
+    for at in range(f.size):
+        s = np.sin(np.pi * interval * f[at])
+        c = np.sqrt(max(1.0 - s * s, 0.0))
+        near, far = sine * c - cosine * s, sine * c + cosine * s
+        out[at] = size / ((least + 4.0 * r * near * near) * (least + 4.0 * r * far * far))
+    return out
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray, hump: FloatArray) -> float:
+    """Return Σ ln E + P/E of ordinates P, shape (b,), with E = exp(level) (1 + slope · place) (1 + hump)."""
+    total, scale = 0.0, np.exp(level)
+    for at in range(mean.size):
+        expected = scale * (1.0 + slope * place[at]) * (1.0 + hump[at])
+        total += np.log(expected) + mean[at] / expected
+    return total
 
 
 def test(found: Residual, tested: ShapeTest) -> Alarm:
@@ -259,19 +278,20 @@ def extension(
 
     `background` is the power beside it ÷ that of the residual at the Fourier frequencies.
     """
-    dt, power = found.channel.interval, found.periodogram / background
+    dt, n = found.channel.interval, len(found.periodogram)
     df = 1.0 / (len(found.e) * dt)
     reach = max(12.0 * half, 100.0 * df)
-    first, last = max(FIRST, int((middle - reach) / df)), min(len(power), int((middle + reach) / df))
+    first, last = max(FIRST, int((middle - reach) / df)), min(n, int((middle + reach) / df))
     size = max(1, (last - first) // 500)
     number = (last - first) // size
-    mean = _lines_cut(power, cap)[first : first + number * size].reshape(number, size).mean(axis=1)
+    around = slice(max(first // NEAR - 1, 0) * NEAR, (last // NEAR + 2) * NEAR)
+    power = _lines_cut(found.periodogram[around] / background[around], cap)
+    mean = power[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
     f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)
-    white = found.spread**2 * found.power_at(f) * np.interp(f, df * np.arange(1, len(power) + 1), background)
-    place = (f - middle) / reach
-
-    def likelihood(level: FloatArray) -> float:
-        return float(size * np.sum(np.log(level) + mean / level))
+    beside = background[around]
+    there = np.interp(f, df * np.arange(around.start + 1.0, around.start + 1.0 + len(beside)), beside)
+    white = found.spread**2 * found.power_at(f) * there
+    place, none = (f - middle) / reach, np.zeros(number)
 
     def cost(x: FloatArray) -> float:
         frequency, quality, sd = np.exp(x[:3])
@@ -282,11 +302,11 @@ def extension(
             and abs(x[4]) < 0.9
         ):
             return 1e12
-        hump = 1.0 + Vibration(frequency, quality, sd).power(f, dt) / white
-        return likelihood(np.exp(x[3]) * (1.0 + x[4] * place) * hump)
+        hump = resonance(f, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
+        return size * float(_level_cost(mean, x[3], x[4], place, hump))
 
     def flat(x: FloatArray) -> float:
-        return likelihood(np.exp(x[0]) * (1.0 + x[1] * place)) if abs(x[1]) < 0.9 else 1e12
+        return size * float(_level_cost(mean, x[0], x[1], place, none)) if abs(x[1]) < 0.9 else 1e12
 
     excess = max(float(np.mean(np.maximum(mean - np.median(mean), 0.0))), 1e-3)
     sd = np.sqrt(2.0 * (last - first) * df * excess * float(np.mean(white)))
