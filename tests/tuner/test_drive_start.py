@@ -10,6 +10,7 @@ import pytest
 from models import rotation
 from models.trajectories import TRAJECTORIES
 from tuner.commands.check import load_filter
+from tuner.diagnosis.drives import diagnose_drive
 from tuner.drives import simulate_drive
 from tuner.drivescores import differences
 from tuner.driving import navigate_drive
@@ -17,6 +18,7 @@ from tuner.grades import load_gnss, load_grade
 from tuner.navigation.initial import align
 from tuner.navigation.inputs import Steps
 
+AXES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 ARM = (1.0, 0.5, -1.2)
 GAP = (100.0, 160.0)
 
@@ -92,3 +94,35 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
     at = int(np.argmin(np.abs(driven.reference.t - found.t)))
     off = (heading - driven.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
     assert abs(off) < 5.0 * max(found.heading_sd, np.radians(2.0))
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    """A sensor with gyro biases of 3°/s, a receiver of 2.5 m, and what a filter believes of both."""
+    return load_grade("adis16405"), load_gnss("spp"), load_filter("adis16405", load_gnss("spp"))
+
+
+@pytest.mark.parametrize("trajectory", ["city", "s_turns", "straight"])
+def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
+    """Within 5 sds where alignment alone, turned by biases of degrees a second, was off by tens of degrees."""
+    grade, receiver, config = coarse
+    driven, key = simulate_drive(grade, TRAJECTORIES[trajectory](120.0), receiver, rate=50.0, seed=5)
+    t = driven.imu_t
+    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
+    channels = [config.channels[axis] for axis in AXES]
+    found = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
+    true = np.array([key["channels"][axis]["constant"] for axis in AXES])
+    at = int(np.argmin(np.abs(driven.reference.t - found.t)))
+    off = rotation.rpy_from_quat(found.quat_nb) - driven.reference.rpy[at]
+    off = (off + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.abs(off[:2]).max() < 5.0 * found.tilt_sd
+    assert abs(off[2]) < 5.0 * max(found.heading_sd, np.radians(1.0))
+    assert found.heading_sd < np.radians(5.0)
+    assert np.abs(found.gyro_bias - true[:3]).max() < np.radians(0.2)
+
+
+def test_a_clean_drive_that_stood_three_seconds_is_quiet(coarse):
+    """Where the start was 40° off, a jump of a bias was found with a chance of 1e-33."""
+    grade, receiver, config = coarse
+    driven, _ = simulate_drive(grade, TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=5)
+    assert diagnose_drive(driven, config).quiet

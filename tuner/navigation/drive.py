@@ -196,11 +196,10 @@ def beginning(
         return x, _fresh(before.final_covariance, settings, stretch, x)
     a, at = stretch.alignment, settings.model.layout
     x, p = np.zeros(settings.size), np.diag(settings.initial_sd**2)
-    if a.still > 0.0:
-        x[at["gyro_bias"]] = a.gyro_bias
-        x[at["accel_bias"]] = a.accel_bias
-        own = range(at["accel_bias"].start, at["accel_bias"].stop)
-        p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
+    x[at["gyro_bias"]] = a.gyro_bias
+    x[at["accel_bias"]] = a.accel_bias
+    own = range(at["accel_bias"].start, at["accel_bias"].stop)
+    p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
     return x, _fresh(p, settings, stretch, x)
 
 
@@ -263,10 +262,12 @@ def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | 
     if len(own) < 10:
         msg = f"{len(own)} fixes"
         raise DataError(msg)
+    at = settings.model.layout
+    bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
     if delay is not None:
-        a = align(steps, _shifted(own, delay), offset=0.0)
+        a = align(steps, _shifted(own, delay), offset=0.0, bias_sd=bias_sd)
         return _timed(steps, own, replace(a, delay=delay), settings)
-    a = align(steps, own)
+    a = align(steps, own, bias_sd=bias_sd)
 
     def misfit(value: float) -> float:
         return _misfit(_timed(steps, own, replace(a, delay=value), settings), settings)
@@ -275,7 +276,7 @@ def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | 
     best = min(grid, key=misfit)
     span = (best - DELAY_STEP, best + DELAY_STEP)
     found = minimize_scalar(misfit, bounds=span, method="bounded", options={"xatol": 0.01})
-    sharp = align(steps, _shifted(own, float(found.x)), offset=0.0)
+    sharp = align(steps, _shifted(own, float(found.x)), offset=0.0, bias_sd=bias_sd)
     return _timed(steps, own, replace(sharp, delay=float(found.x)), settings)
 
 

@@ -28,8 +28,8 @@ from scipy.optimize import minimize_scalar
 
 from models import rotation
 from models.earth import earth_rate, gravity, metres_per_radian
-from models.triples import exponential, product
 from tuner.navigation.inputs import Steps
+from tuner.navigation.turning import Biased, Turned, moved_biases, turned, wahba
 from tuner.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,8 @@ MARGIN = 2.0
 """Time cut from the end of a stand-still, s."""
 WINDOW = 2.0
 """Length of the windows, s."""
+SHORTEST_REST, LONG_REST = 1.0, 2.0 * WINDOW
+"""Time of standing from which it tells the bias of the gyros somewhat, and alone, s."""
 MOVING = 60.0
 """Time in motion that the alignment uses, s."""
 GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
@@ -48,6 +50,10 @@ ROCKING = 120.0
 """Longest part of a stand-still that is used, s."""
 LONGEST_OFFSET = 3.0
 """Clocks are searched to both sides of equality up to this, s."""
+
+
+KNOWN = np.zeros(6)
+"""Sds of biases that are known."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +136,9 @@ def standing_until(gnss: Gnss) -> float:
     return float(max(gnss.t[0], gnss.t[first] - MARGIN))
 
 
-def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignment:
+def align(
+    steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+) -> Alignment:
     """Find the start from as much motion as it takes: one, two, four, … minutes.
 
     Parameters
@@ -141,6 +149,8 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
         Fixes on the same clock, within the steps.
     offset : float
         Clocks are searched to both sides up to this, s; 0 believes the stamps.
+    bias_sd : ndarray, shape (6,)
+        Prior sds of the biases of gyros and accelerometers: where the vehicle hardly stands, motion tells them.
 
     Raises
     ------
@@ -149,7 +159,7 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
     """
     moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
     while True:
-        found = align_once(steps, gnss, moving, offset)
+        found = align_once(steps, gnss, moving, offset, bias_sd)
         enough = POOR_HEADING if moving >= length else GOOD_HEADING
         if found is not None and found.heading_sd < enough:
             return found
@@ -159,29 +169,33 @@ def align(steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET) -> Alignm
         moving *= 2.0
 
 
-def align_once(steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_OFFSET) -> Alignment | None:
+def align_once(
+    steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+) -> Alignment | None:
     """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s; None without fixes."""
     ends = steps.ends()
     still_end = standing_until(gnss)
     begin = max(float(gnss.t[0]), still_end - ROCKING)
     stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
-    bias, excess = np.zeros(3), np.zeros(3)
+    bias, excess, unknown = np.zeros(6), np.zeros(3), bias_sd
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
-    if still_end - begin > 2.0 * WINDOW:
+    rest = still_end - begin
+    if rest >= SHORTEST_REST:
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
-        bias, force = means[:3], float(np.linalg.norm(means[3:]))
-        excess = means[3:] * (1.0 - down / force)
+        bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
+        if rest > LONG_REST:
+            excess, unknown = means[3:] * (1.0 - down / force), KNOWN
+        else:  # noise counts as one value a second: what shakes a unit at rest is not white
+            scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
+            unknown = np.concatenate([np.minimum(bias_sd[:3], scatter / np.sqrt(rest)), bias_sd[3:]])
     back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
     window = slice(back, min(int(last), len(steps.dt)))
-    t, velocity, way = _turned(steps, window, bias)
-    quats = _attitudes(steps, window, bias)
     inside = (gnss.t >= begin) & (gnss.t <= stop)
     fix_t = gnss.t[inside]
     by_position = _positions_are_better(gnss)
     measured = _metres(gnss)[inside] if by_position else velocities(gnss)[inside]
-    integral = way if by_position else velocity
     length = _length(fix_t)
     windows = _windows(fix_t, 3 if by_position else 2, length)
     if not len(windows):
@@ -189,11 +203,25 @@ def align_once(steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     beta[:, 2] -= down * span
+    share, told = float(np.median(np.diff(fix_t))) / length, _told(gnss, by_position, length)
+
+    def changes(seen: Turned, delay: float, *, pull: bool = False) -> FloatArray:
+        return _change(seen.at(fix_t - delay, way=by_position, pull=pull), windows, span)
+
+    def biased(delay: float) -> Biased:
+        def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
+            seen = turned(steps, window, bias)
+            return changes(seen, delay), changes(seen, delay, pull=True)
+
+        times = fix_t[windows[:, -1]] - fix_t[0]
+        return moved_biases(felt, beta, times, bias, unknown, share, told)
+
+    found = biased(0.0) if unknown.any() else Biased(bias, np.zeros((9, 9)))
+    seen = turned(steps, window, found.bias)
 
     def solve(delay: float) -> tuple[FloatArray, float]:
-        at = np.stack([np.interp(fix_t - delay, t, v) for v in integral.T], axis=-1)
-        alpha = _change(at, windows, span)
-        mat = _wahba(alpha, beta)
+        alpha = changes(seen, delay)
+        mat = wahba(alpha, beta)
         off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
         return mat, float(np.mean(np.minimum(off, 25.0 * np.median(off) + 1e-12)))
 
@@ -204,36 +232,34 @@ def align_once(steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_
         best = int(np.argmin(costs))
         low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
         delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
+        if unknown.any():
+            found = biased(delay)
+            seen = turned(steps, window, found.bias)
     mat, cost = solve(delay)
     # Speed changes tell the heading: what windows of standing show is the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
     level = np.sum(beta[:, :2] ** 2, axis=1)
     standing = fix_t[windows[:, -1]] <= max(still_end, begin)
     noise = float(np.mean(level[standing])) if np.count_nonzero(standing) > 3 else 0.0
-    change = float(np.sum(level - noise)) * float(np.median(np.diff(fix_t))) / length
+    change = float(np.sum(level - noise)) * share
     heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
-    k = int(np.argmin(np.abs(t - fix_t[0])))
-    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), quats[k])
-    if bias.any():  # standing, the gyros feel the Earth turn
+    k = int(np.argmin(np.abs(seen.t - fix_t[0])))
+    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), seen.quat[k])
+    bias = found.bias[:3]
+    if bias.any():  # the gyros feel the Earth turn
         lat = float(gnss.llh[0, 0])
         bias = bias - rotation.mat_from_quat(quat).T @ np.array(earth_rate(np.sin(lat), np.cos(lat)))
     misfit = float(np.sqrt(cost / 3.0))
     return Alignment(
-        float(t[k]),
+        float(seen.t[k]),
         quat,
-        heading_sd,
-        misfit / (9.8 * length),
+        max(heading_sd, float(np.sqrt(found.covariance[2, 2]))),
+        max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),
         bias,
         delay,
-        still_end - begin,
-        excess,
+        rest,
+        excess + found.bias[3:],
     )
-
-
-def _wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
-    """Return the rotation that takes vectors α (n, 3) to β (n, 3) with the least squared misfit."""
-    u, _, vt = np.linalg.svd(beta.T @ alpha)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt)
 
 
 def _positions_are_better(gnss: Gnss) -> bool:
@@ -245,6 +271,12 @@ def _positions_are_better(gnss: Gnss) -> bool:
     if not np.isfinite(gnss.vel_n).any():
         return True
     return bool(np.sqrt(6.0) * position / WINDOW < np.sqrt(2.0) * velocity)
+
+
+def _told(gnss: Gnss, by_position: bool, length: float) -> float:
+    """Return the variance of a change of velocity by what the receiver says, 0 where it says nothing."""
+    sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
+    return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
 
 
 def _metres(gnss: Gnss) -> FloatArray:
@@ -273,25 +305,3 @@ def _change(y: FloatArray, windows: NDArray[np.intp], span: FloatArray) -> Float
     if windows.shape[1] == 2:
         return np.asarray(y[windows[:, 1]] - y[windows[:, 0]])
     return np.asarray((y[windows[:, 2]] - 2.0 * y[windows[:, 1]] + y[windows[:, 0]]) / span[:, None])
-
-
-def _attitudes(steps: Steps, window: slice, bias: FloatArray) -> FloatArray:
-    """Return the attitude of b in b₀ at the ends of steps; shape (n + 1, 4)."""
-    angles = (steps.increments[window, :3] - bias * steps.dt[window, None]).tolist()
-    quat = (1.0, 0.0, 0.0, 0.0)
-    quats = [quat]
-    for angle in angles:
-        quat = product(quat, exponential(tuple(angle)))
-        quats.append(quat)
-    return np.array(quats)
-
-
-def _turned(steps: Steps, window: slice, bias: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the ends of steps, s, and the first and second integral of the force in b₀ there, (n + 1, 3)."""
-    mats = rotation.mat_from_quat(_attitudes(steps, window, bias))
-    mean = 0.5 * (mats[1:] + mats[:-1])
-    pieces = (mean @ steps.increments[window, 3:, None])[..., 0]
-    once = np.concatenate([np.zeros((1, 3)), np.cumsum(pieces, axis=0)])
-    halves = 0.5 * (once[1:] + once[:-1]) * steps.dt[window, None]
-    twice = np.concatenate([np.zeros((1, 3)), np.cumsum(halves, axis=0)])
-    return steps.ends()[window.start : window.start + len(once)], once, twice
