@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from models.noise import NoiseModel, White
 from tuner.diagnosis.alarm import Alarm
@@ -13,6 +14,7 @@ from tuner.diagnosis.channel import channel
 from tuner.diagnosis.loudness import block_loudness, loudness
 from tuner.diagnosis.residual import relabelled, residual
 from tuner.diagnosis.rounding import moments
+from tuner.diagnosis.statistics import minimum
 from tuner.simulation import Channel, simulate
 
 
@@ -75,3 +77,16 @@ def test_the_periodogram_is_every_second_ordinate_of_the_finer_spectrum():
 def test_a_resonance_has_the_spectrum_of_its_recursion(frequency, quality):
     hump, f = Vibration(frequency, quality, 0.3), np.linspace(0.01, 49.9, 5000)
     np.testing.assert_allclose(hump.power(f, 0.01), hump.arma(0.01).psd(f, interval=0.01), rtol=1e-9)
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0, 0.0], [3.0, -2.0, 1.0]])
+def test_the_simplex_walks_as_that_of_scipy(start):
+    def cost(x):
+        return float((1.0 - x[0]) ** 2 + 5.0 * (x[1] - x[0] ** 2) ** 2 + (x[2] - x[1]) ** 2 + 0.1 * abs(x[2]))
+
+    simplex = np.vstack([start, start + 0.3 * np.eye(3)])
+    options = {"xatol": 1e-5, "fatol": 1e-5, "initial_simplex": simplex}
+    known = minimize(cost, start, method="Nelder-Mead", options=options)
+    x, value = minimum(cost, [start])
+    np.testing.assert_allclose(x, known.x, atol=1e-9)
+    assert value == pytest.approx(known.fun, abs=1e-12)

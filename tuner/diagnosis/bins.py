@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,11 @@ class Bins:
     peaks: FloatArray
     rounding: float
     model: FloatArray
+
+    @cached_property
+    def fixed(self) -> FloatArray:
+        """Power of the rounding and of the peaks, shape (b,)."""
+        return np.asarray(self.rounding + self.peaks, dtype=float)
 
     @property
     def rounding_sd(self) -> float:
@@ -129,8 +135,8 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
 
     The second shape is the slow noise, 1 as fitted: lower frequencies do not allow more of it here.
     """
-    fixed = np.broadcast_to(np.asarray(data.rounding + data.peaks + more, dtype=float), data.power.shape)
-    found = Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), np.ascontiguousarray(fixed)))
+    fixed = data.fixed + more
+    found = Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), fixed))
     if found.size[1] <= 1.0:
         return found
     rest = np.ascontiguousarray(np.delete(shapes, 1, axis=0))

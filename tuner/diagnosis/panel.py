@@ -136,7 +136,7 @@ def spectrum(found: Residual, *, whole: bool = True) -> tuple[Alarm, ...]:
     if found.found("lowpass", "colour") or (certain and not whole):
         return (*humps, unnamed)
     known, tested = tested, many_shapes(tested)
-    if humps and tested is not known:
+    if humps and tested.smooth is not known.smooth:
         humps = (vibration.test(found, tested),)
     wide = (vibration.wide(tested, found),) if humps else ()
     return (*humps, lowpass.test(tested), colour.test(tested), *wide, unnamed)
@@ -159,7 +159,9 @@ def leftovers(found: Residual) -> tuple[Alarm, ...]:
 def retest(found: Residual, cause: str) -> Alarm | None:
     """Run the test of one cause."""
     alarms = [SINGLE[cause](found)] if cause in SINGLE else []
-    if cause in ("lowpass", "colour", "vibration"):
+    if cause == "lowpass" and not found.found("lowpass", "colour"):
+        alarms.append(lowpass.test(few_shapes(found)))
+    elif cause in ("lowpass", "colour", "vibration"):
         alarms += [alarm for alarm in spectrum(found, whole=cause != "vibration") if alarm.cause == cause]
     known = [alarm for alarm in alarms if alarm is not None]
     return max(known, key=lambda alarm: (alarm.gain > 0, -alarm.p_value)) if known else None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
@@ -275,10 +276,18 @@ def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) 
 def robust_sd(e: FloatArray) -> float:
     """Return the standard deviation with squares capped at five deviations."""
     cap = CLIP * float(np.std(e))
-    square = e * e
     for _ in range(5):
-        cap = CLIP * float(np.sqrt(np.mean(np.minimum(square, cap * cap))))
+        cap = CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
     return cap / CLIP
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _capped_square(e: FloatArray, cap: float) -> float:
+    """Return the sum of the squares, none above `cap`."""
+    total = 0.0
+    for i in range(e.size):
+        total += min(e[i] * e[i], cap)
+    return total
 
 
 def residual(

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,13 +246,16 @@ class ShapeTest:
 
     def background(self, f: FloatArray) -> FloatArray:
         """Return the power of the best spectrum without hump or trough ÷ that of the residual at frequencies, Hz."""
-        even = [fitted for fitted in (*self.filters, *self.colours) if fitted.even]
-        if not even:
+        if self.smooth is None:
             return np.ones_like(f)
-        best = min(even, key=lambda fitted: fitted.cost)
-        return np.asarray(
-            np.interp(f * self.data.interval, self.data.cycles, best.expected / self.data.model)
-        )
+        ratio = self.smooth.expected / self.data.model
+        return np.asarray(np.interp(f * self.data.interval, self.data.cycles, ratio))
+
+    @cached_property
+    def smooth(self) -> ShapeFit | None:
+        """The best spectrum without hump or trough; None where there is none."""
+        even = [fitted for fitted in (*self.filters, *self.colours) if fitted.even]
+        return min(even, key=lambda fitted: fitted.cost, default=None)
 
 
 def shape_test(found: Residual) -> ShapeTest:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 
 import numpy as np
@@ -102,14 +102,14 @@ def diagnose(
     if not parts:
         raise DataError(_nothing_left(refused, found))
 
-    def criticised(part: Channel, extensions: tuple[motion.Motion, ...]) -> Criticism:
-        outcome = criticise(part, limit, extensions)
-        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, part.axis, seed)))
+    def measured(axis: str, outcome: Criticism) -> Criticism:
+        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
         return covered(outcome, replicas, seed) if replicas else outcome
 
     with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
-        done = pool.map(criticised, *zip(*parts, strict=True))
-        outcomes = {part.axis: outcome for (part, _), outcome in zip(parts, done, strict=True)}
+        loops = {pool.submit(criticise, part, limit, moves): part.axis for part, moves in parts}
+        ends = {loops[end]: pool.submit(measured, loops[end], end.result()) for end in as_completed(loops)}
+        outcomes = {part.axis: ends[part.axis].result() for part, _ in parts}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
     stretched = yielding.stretched(finals, limit)
     told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]

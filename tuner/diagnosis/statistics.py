@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.stats import chi2
 
 FloatArray = NDArray[np.float64]
@@ -79,21 +78,51 @@ def minimum(
     x, value
         Minimum (p,) and its value.
     """
-    best = None
+    ends = []
     for start in starts:
         x0 = np.asarray(start, dtype=float)
-        simplex = np.vstack([x0, x0 + scale * np.eye(len(x0))])
-        options = {
-            "xatol": tolerance,
-            "fatol": tolerance,
-            "maxiter": 200 * len(x0),
-            "initial_simplex": simplex,
-        }
-        found = minimize(cost, x0, method="Nelder-Mead", options=options)
-        if best is None or found.fun < best.fun:
-            best = found
-    assert best is not None
-    return best.x, float(best.fun)
+        ends.append(_descend(cost, np.vstack([x0, x0 + scale * np.eye(len(x0))]), tolerance))
+    value, x = min(ends, key=lambda end: end[0])
+    return x, value
+
+
+def _descend(
+    cost: Callable[[FloatArray], float], simplex: FloatArray, tolerance: float
+) -> tuple[float, FloatArray]:
+    """Return the minimum that a simplex, shape (p + 1, p), walks to, and its place (Nelder and Mead)."""
+    corners = sorted(((float(cost(x)), x) for x in simplex), key=_height)
+    p = len(simplex) - 1
+    for _ in range(200 * p):
+        least, best = corners[0]
+        worst, x = corners[-1]
+        if worst - least <= tolerance and all(
+            float(np.abs(x - best).max()) <= tolerance for _, x in corners[1:]
+        ):
+            break
+        middle = sum((x for _, x in corners[1:-1]), best) / p
+        away = middle - x
+        tried = middle + away
+        value = float(cost(tried))
+        if value < least:
+            further = middle + 2.0 * away
+            if (beyond := float(cost(further))) < value:
+                value, tried = beyond, further
+        elif value >= corners[-2][0]:
+            inner = middle + (0.5 if value < worst else -0.5) * away
+            within = float(cost(inner))
+            if not (within <= value if value < worst else within < worst):
+                shrunk = [best + 0.5 * (x - best) for _, x in corners[1:]]
+                corners = sorted([corners[0], *((float(cost(x)), x) for x in shrunk)], key=_height)
+                continue
+            value, tried = within, inner
+        corners[-1] = (value, tried)
+        corners.sort(key=_height)
+    return corners[0]
+
+
+def _height(corner: tuple[float, FloatArray]) -> float:
+    """Return the cost at a corner."""
+    return corner[0]
 
 
 def maximum(
