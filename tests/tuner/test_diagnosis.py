@@ -73,6 +73,19 @@ def test_clean_record_is_quiet(seed):  # budget 0.3 % a record: 2e-2 for one of 
     assert np.isclose(diagnosis.models["gyro_x"].white_density(), 1e-3, rtol=6 / np.sqrt(2 * SPAN * RATE))
 
 
+@pytest.mark.parametrize("size", [1e3, -1e5])
+def test_gross_glitches_are_spikes_and_nothing_else(size):
+    """One of them is more than all the noise put together: at the very start and side by side."""
+    (clean,) = records()
+    y = clean.y.copy()
+    places = [0, 5000, 5001, 80_000]
+    y[places] += size
+    (only,) = diagnose(replace(clean, y=y)).findings
+    assert only.cause == "spikes"
+    assert only.parameters["rate"].value == pytest.approx(len(places) / SPAN, rel=1e-3)
+    assert only.parameters["size"].value == pytest.approx(abs(size), rel=1e-3)
+
+
 def test_scale_and_sign_do_not_matter():
     record = records("step:time=800,size=5e-3")[0]
     mirrored = Record(record.name, record.t + 100.0, -1e4 * record.y, record.axes, "deg/s", record.interval)

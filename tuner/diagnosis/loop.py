@@ -13,6 +13,7 @@ import numpy as np
 
 from tuner.diagnosis import sweep
 from tuner.diagnosis.alarm import Alarm
+from tuner.diagnosis.causes import spikes
 from tuner.diagnosis.causes.ageing import UNNAMED
 from tuner.diagnosis.causes.burst import Burst
 from tuner.diagnosis.causes.motion import Motion
@@ -112,13 +113,17 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     -------
     Criticism
     """
-    base = found = residual(channel, given)
-    swept = [alarm for alarm in (sweep.test(base),) if believed(alarm, threshold)]
+    gross = spikes.gross(channel)
+    accepted = [Accepted(x, gross.told) for x in gross.propose()] if gross and gross.propose else []
+    off = tuple(one.extension for one in accepted)
+    base = residual(channel, given)
+    found = residual(channel, (*given, *off)) if off else base
+    swept = [alarm for alarm in (sweep.test(found),) if believed(alarm, threshold)]
     for alarm in swept:
         assert alarm.propose is not None
         given = (*given, *alarm.propose())
-        base = found = residual(channel, given)
-    accepted: list[Accepted] = []
+        base = residual(channel, given)
+        found = residual(channel, (*given, *off)) if off else base
     alarms: tuple[Alarm, ...] = ()
     fresh = 0
     quiet: tuple[Alarm, ...] = ()

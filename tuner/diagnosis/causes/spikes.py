@@ -2,13 +2,14 @@
 
 Statistic: the number of residuals beyond five deviations against a Poisson law, and the largest one against the
 normal law; the smaller chance, doubled. Gain: likelihood of a contaminated normal law.
-Extension: the flagged samples are taken out, as a gate in front of a filter would do.
+Extension: the flagged samples are taken out, as a gate in front of a filter would do. Gross ones, hundreds of white
+deviations from the samples beside them, go before any noise is fitted: one of them is more than all the noise.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,15 @@ from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.statistics import any_of, maximum
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger[Any]]
 
 THRESHOLD = 5.0
 GATE = 4.8
 """Deviations beyond which a sample counts as a spike once there are spikes."""
+GROSS = 300.0
+"""White deviations beyond which a sample is no noise of any kind."""
+BESIDE = 4
+"""Samples on either side whose median a gross spike is far from."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +88,33 @@ def mixture_gain(bins: Histogram) -> float:
     return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
 
 
+def gross(channel: Channel) -> Alarm | None:
+    """Return the alarm of samples that are far from those beside them; None where there are none."""
+    far = np.flatnonzero((np.abs(channel.y) > GROSS) & channel.valid)
+    middle = np.clip(far, BESIDE, len(channel) - 1 - BESIDE)
+    beside = middle[:, None] + np.arange(-BESIDE, BESIDE + 1)
+    sizes = np.abs(channel.y[far] - np.median(channel.y[beside], axis=1))
+    far, sizes = far[sizes > GROSS], sizes[sizes > GROSS]
+    if not len(far):
+        return None
+    found = _taken_out(far, sizes, channel.span, 1.0, 0.0)
+    name = "largest distance from the samples beside"
+    return Alarm("spikes", 0.0, float(sizes.max()), float(sizes.max()), name, lambda: (found,))
+
+
 def extension(found: Residual) -> Spikes:
     """Return the samples to be taken out, with the rate and the typical size."""
     e, dt = found.e, found.channel.interval
     places = np.flatnonzero((np.abs(e) > GATE) & found.valid)
     by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
-    count = len(places)
-    span = len(e) * dt
-    low, high = (0.5 * chi2_law.ppf([0.025, 0.975], [2 * count, 2 * count + 2])).tolist()
     white = found.spread * float(np.sqrt(found.power[-max(1, len(found.power) // 2) :].mean() / dt))
-    sizes = np.abs(e[places]) * white
+    return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
+
+
+def _taken_out(places: IntArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
+    """Return spikes at these places, of these sizes in noise of a white sd; so many are there by chance."""
+    count = len(places)
+    low, high = (0.5 * chi2_law.ppf([0.025, 0.975], [2 * count, 2 * count + 2])).tolist()
     middle = float(np.median(sizes))
     spread = (1.2533 * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
     return Spikes(
