@@ -59,6 +59,8 @@ class Hypothesis:
         Fixes of the drive whose position (and velocity), or velocity alone, is left out.
     jumps : tuple of Jump
         Jumps of biases, on the clock of the inertial unit.
+    leaning : ndarray, shape (p,), optional
+        What noise by itself makes of the constants of a record, see `leaning`.
     """
 
     config: FilterConfig
@@ -66,6 +68,7 @@ class Hypothesis:
     position_out: BoolArray
     velocity_out: BoolArray
     jumps: tuple[Jump, ...] = ()
+    leaning: FloatArray | None = None
 
     @classmethod
     def first(
@@ -129,8 +132,9 @@ class Pass:
 
     @cached_property
     def whitened(self) -> Whitened:
-        """Innovations and sensitivities by their sds, as the filter believed."""
-        return whitened(believed(self.record))
+        """Innovations and sensitivities by their sds, as the filter believed, less what noise makes of constants."""
+        w, leaning = whitened(believed(self.record)), self.hypothesis.leaning
+        return w if leaning is None else replace(w, residual=w.residual - w.slope @ leaning)
 
 
 def in_sensor_axes(drive: Drive) -> Drive:

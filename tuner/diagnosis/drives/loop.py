@@ -23,6 +23,7 @@ from tuner.diagnosis.drives.candidates import (
 )
 from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.hypothesis import Pass, examine
+from tuner.diagnosis.drives.leaning import leaning
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.noise import SHORT
 from tuner.diagnosis.drives.outliers import KINDS
@@ -119,8 +120,11 @@ def criticise(
     previous: tuple[Candidate, ...] = ()
     spent: set[str] = set()
     for _ in range(PASSES):
-        w = found.whitened
-        alarms = candidates(found, w, known, THRESHOLD)
+        alarms = candidates(found, found.whitened, known, THRESHOLD)
+        shifts = [a for a in alarms if a.scored is not None and a.raised(THRESHOLD)]
+        if shifts and found.hypothesis.leaning is None:
+            found = _upright(drive, found)
+            alarms = candidates(found, found.whitened, known, THRESHOLD)
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
@@ -130,7 +134,7 @@ def criticise(
         chosen = max(raised, key=lambda a: a.alarm.gain)
         say(f"{chosen.cause}: {chosen.alarm.gain:.0f} nats")
         if chosen.scored is not None:
-            alike = inseparable(w, found.record.parameters, chosen.cause, (*known, chosen.cause))
+            alike = inseparable(found.whitened, found.record.parameters, chosen.cause, (*known, chosen.cause))
             known = (*known, chosen.cause)
             # Fixes that a shift made look wrong are asked again.
             accepted = [a for a in accepted if a.cause not in KINDS]
@@ -152,7 +156,9 @@ def criticise(
             for one in together:
                 assert one.claim is not None
                 accepted.append(Accepted(one, {} if one.cause in FACTORS else dict(one.claim.describe())))
-            found = refined(drive, examine(drive, then), known)
+            found = refined(drive, examine(drive, replace(then, leaning=None)), known)
+    if known:
+        found = _upright(drive, found)
     found, accepted, known = _pruned(drive, found, accepted, known)
     accepted = _rescaled(_estimated(found, accepted, known), base, found, known)
     accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]
@@ -193,6 +199,13 @@ def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
             break
         found = then
     return found
+
+
+def _upright(drive: Drive, found: Pass) -> Pass:
+    """Return a pass with what noise makes of constants taken out."""
+    if found.hypothesis.leaning is not None:
+        return found
+    return replace(found, hypothesis=replace(found.hypothesis, leaning=leaning(drive, found)))
 
 
 def _likelihood(found: Pass) -> float:

@@ -1,0 +1,62 @@
+"""Errors in variables: what noise makes of constants by itself, told by adding it once more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.trajectories import TRAJECTORIES
+from tuner.commands.check import load_filter
+from tuner.diagnosis.drives import diagnose_drive
+from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes
+from tuner.diagnosis.drives.leaning import leaning, noisier
+from tuner.drives import simulate_drive
+from tuner.grades import load_gnss, load_grade
+
+RECEIVER = replace(load_gnss("spp"), interval=2.4)
+
+
+@pytest.fixture(scope="module")
+def hour():
+    """An hour of gentle slopes with gyros of 2°/√h: slopes say little of constants, noise says more."""
+    drive, _ = simulate_drive(
+        load_grade("adis16405"), TRAJECTORIES["city"](3600.0), RECEIVER, rate=25.0, seed=5
+    )
+    drive, config = in_sensor_axes(drive), load_filter("adis16405", RECEIVER)
+    return drive, config, examine(drive, Hypothesis.first(drive, config))
+
+
+def test_noise_leans_on_constants_and_is_told(hour):
+    """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
+    drive, _, found = hour
+    lean, names = leaning(drive, found), found.record.parameters
+    w = found.whitened
+    upright = replace(found, hypothesis=replace(found.hypothesis, leaning=lean)).whitened
+    s = w.slope[:, names.index("gravity.offset")]
+    before, after = (float(s @ each.residual / np.sqrt(s @ s)) for each in (w, upright))
+    assert after - before > 2.0
+    assert abs(after) < 5.0
+
+
+def test_a_clean_hour_is_quiet(hour):
+    """Where sensitivities were taken for exact, scale factors of the gyros were found with a chance of 8e-5."""
+    drive, config, _ = hour
+    assert diagnose_drive(drive, config).quiet
+
+
+def test_the_noise_that_is_added_is_the_one_believed(hour):
+    drive, config, found = hour
+    more = noisier(drive, found, np.random.default_rng(3))
+    step = float(np.median(np.diff(drive.imu_t)))
+    white = np.diff(more.rates - drive.rates, axis=0).std(axis=0) * np.sqrt(0.5 * step)
+    densities = [
+        config.channels[f"{sensor}_{axis}"].white_density for sensor in ("gyro", "accel") for axis in "xyz"
+    ]
+    np.testing.assert_allclose(white, densities, rtol=0.02)
+    np.testing.assert_allclose(
+        (more.gnss.vel_n - drive.gnss.vel_n).std(axis=0),
+        RECEIVER.velocity_sd,
+        rtol=5.0 / np.sqrt(2.0 * len(drive.gnss)),
+    )
