@@ -153,3 +153,20 @@ def test_pieces_too_short_are_left_out() -> None:
 def test_too_little_is_refused(stamps: list[float]) -> None:
     with pytest.raises(DataError):
         stamped_timebase(np.array(stamps))
+
+
+def test_rows_without_a_number_are_no_gap_of_the_clock() -> None:
+    """Lost rows are; also where the rows of another sensor, which have no number here, stand between."""
+    t = 0.01 * np.arange(1000.0)
+    numbered = np.ones(1000, dtype=bool)
+    numbered[[300, 600, 601]] = False
+    told = stamped_timebase(t, valid=numbered)
+    assert (told.gaps, told.unread, told.rounding) == (2, 2, 0.0)
+    lost = stamped_timebase(np.delete(t, [300, 600, 601]))
+    assert (lost.gaps, lost.unread) == (2, 0)
+    both = np.stack((t, t + 0.005), axis=1).ravel()
+    mine = np.tile([True, False], 1000)
+    kept = np.delete(np.arange(2000), 800)
+    assert stamped_timebase(both[kept], valid=mine[kept]).unread == 0
+    mine[800] = False
+    assert stamped_timebase(both, valid=mine).unread == 1

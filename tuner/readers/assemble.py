@@ -254,7 +254,7 @@ def _regridded(base: Timebase, block: NDArray[Any], offset: float, factor: float
 
 def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
     timing = {
-        "gap_count": float(base.gaps),
+        "gap_count": float(base.gaps - base.unread),
         "missing": float(base.missing),
         "bridged": float(base.bridged),
         "duplicates": float(base.duplicates),

@@ -56,6 +56,8 @@ class Timebase:
         Sample number of each kept row; None where no gap was bridged (N = n).
     duplicates, disordered, gaps, missing, bridged : int
         Rows dropped, rows out of order, gaps, samples missing in them, samples made by bridges.
+    unread : int
+        Gaps that only rows without a number make: the clock told them all.
     jitter : float
         Sd of the stamping error between neighbours, s; rare late stamps left out.
     bias : (float, float)
@@ -76,6 +78,7 @@ class Timebase:
     duplicates: int = 0
     disordered: int = 0
     gaps: int = 0
+    unread: int = 0
     missing: int = 0
     bridged: int = 0
     jitter: float = 0.0
@@ -128,7 +131,7 @@ def even_timebase(count: int, interval: float, valid: BoolArray | None = None) -
     missing = np.diff(rows) - 1
     at = np.flatnonzero(missing)
     base = _on_grid(interval * rows.astype(float), interval, at, missing[at])
-    return base if len(rows) == count else replace(base, rows=rows)
+    return base if len(rows) == count else replace(base, rows=rows, unread=len(at))
 
 
 def stamped_timebase(
@@ -162,8 +165,16 @@ def stamped_timebase(
     t, rows, disordered = in_order(t, rows)
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
-    base = _on_grid(t, *interval_and_gaps(t, batch))
-    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates)
+    interval, at, size = interval_and_gaps(t, batch)
+    base = _on_grid(t, interval, at, size)
+    unread = 0 if rows is None else _unread(np.diff(rows), at, size)
+    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates, unread=unread)
+
+
+def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:
+    """Return how many gaps of `size` samples after kept rows `at` the rows left out fill, where `ahead` is usual."""
+    between = int(np.median(ahead)) - 1
+    return int(np.count_nonzero(ahead[at] - 1 - between * (size + 1) >= size))
 
 
 def _require(count: int) -> None:
@@ -185,8 +196,9 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         return numbers
 
     some = _some(0, len(t) - 1)
-    error = t[some + 1] - t[some] - interval * (number(some + 1) - number(some))
-    rounding = rounding_of(t[some + 1] - t[some])
+    step, whole = t[some + 1] - t[some], number(some + 1) - number(some)
+    error = step - interval * whole
+    rounding = rounding_of(step[whole == 1])
     ends = at[~short] + 1
     grid: list[FloatArray] = []
     segments: list[tuple[int, int]] = []
