@@ -126,3 +126,14 @@ def test_a_clean_drive_that_stood_three_seconds_is_quiet(coarse):
     grade, receiver, config = coarse
     driven, _ = simulate_drive(grade, TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=5)
     assert diagnose_drive(driven, config).quiet
+
+
+def test_gyros_better_than_the_rate_of_the_earth_are_believed():
+    """Begun in motion, what they feel of the Earth is no bias."""
+    driven, _ = simulate_drive(
+        load_grade("kvh1750"), TRAJECTORIES["s_turns"](120.0), load_gnss("rtk"), rate=50.0, seed=3
+    )
+    t = driven.imu_t
+    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
+    found = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
+    assert not found.gyro_bias.any()

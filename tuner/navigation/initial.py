@@ -48,6 +48,8 @@ GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
 """Sd of the heading from which more motion is asked for, and from which there is none, rad."""
 ROCKING = 120.0
 """Longest part of a stand-still that is used, s."""
+SEEN = math.radians(2.0)
+"""Turn by the biases of the gyros from which motion is asked for these, rad."""
 LONGEST_OFFSET = 3.0
 """Clocks are searched to both sides of equality up to this, s."""
 
@@ -178,11 +180,13 @@ def align_once(
     begin = max(float(gnss.t[0]), still_end - ROCKING)
     stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
-    bias, excess, unknown = np.zeros(6), np.zeros(3), bias_sd
+    bias, excess = np.zeros(6), np.zeros(3)
+    # Gyros that turn the unit by less than what an alignment is good for are believed: less than the Earth may turn it.
+    unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > SEEN else KNOWN
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
     rest = still_end - begin
-    if rest >= SHORTEST_REST:
+    if rest > LONG_REST or (rest >= SHORTEST_REST and unknown.any()):
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
         bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
         if rest > LONG_REST:

@@ -14,7 +14,7 @@ HOUR = np.pi / 180.0 / 3600.0
 """A degree an hour, rad/s."""
 MG = 9.80665e-3
 """A thousandth of standard gravity, m/s²."""
-HARD = ("straight road", "gaps", "begun in motion", "turn-on", "long stop", "flicker")
+HARD = ("straight road", "gaps", "begun in motion", "turn-on", "long stop", "flicker", "short stop")
 """Clean drives that tempt: what each exaggerates."""
 
 
@@ -87,6 +87,8 @@ def scene(
     still = float(rng.uniform(20.0, 60.0))
     if hard == "begun in motion":
         still = float(rng.uniform(0.0, 3.0))
+    if hard == "short stop":
+        still = float(rng.uniform(1.0, 5.0))
     if hard == "long stop":
         still = 0.4 * duration
     straightly = road == "straight" or hard == "straight road"
@@ -95,6 +97,8 @@ def scene(
     fast = 1.0 if usual else log_uniform(rng, 0.5, 2.0)
     flick = 6.0 if hard == "flicker" else 1.0
     gyro, accel = 12.0 * HOUR * grade, 0.4 * MG * grade
+    # A start by gravity and motion alone, turned by degrees a second, is tens of degrees off.
+    more = log_uniform(rng, 100.0, 1000.0) if hard == "short stop" else 1.0
     gaps = ()
     if hard == "gaps":
         begins = np.sort(rng.uniform(0.2, 0.9, 3)) * duration
@@ -105,8 +109,8 @@ def scene(
         gnss_rate=1.0 if usual else float(rng.choice([1.0, 2.0, 5.0])),
         arw=0.2 * grade * np.pi / 180.0 / 60.0,
         vrw=0.05 * grade / 60.0,
-        gyro_bias=gyro,
-        accel_bias=accel,
+        gyro_bias=more * gyro,
+        accel_bias=0.1 * more * accel if hard == "short stop" else accel,
         gyro_flicker=0.1 * flick * gyro,
         accel_flicker=0.1 * flick * accel,
         position_sd=(1.0 * far, 1.0 * far, 1.8 * far),
