@@ -38,6 +38,8 @@ WORTH = 1.0
 """Gain from which a cause is named, nats."""
 JUMPS = 2
 """Most jumps that are named; more of them are another thing."""
+LARGEST = {"gyro": 0.05, "accel": 1.0}
+"""Size of a jump of a bias, rad/s and m/s², from which it is not believed: something else is wrong."""
 MEAN_TITLE = "score of the sensitivity of the innovations"
 
 
@@ -67,6 +69,9 @@ class Candidate:
     @property
     def credible(self) -> bool:
         """Whether a cause of the size that it would have to be is met in practice."""
+        if self.scored is None and self.cause == JUMP and self.claim is not None:
+            size = np.abs(evaluate(self.claim.belief).theta[-3:]).max()
+            return bool(size < LARGEST[jump_sensor(self.claim.belief)])
         return self.scored is None or self.scored.credible
 
     def raised(self, threshold: float) -> bool:

@@ -88,7 +88,7 @@ def _examined(
         refuse_wrong_axes(drive)
     coarse, notes = coarse_clocks(sensor, base.hypothesis) if doubtful else ({}, ())
     outcome = criticise(sensor, base, coarse, progress)
-    notes = (*base.notes, *notes, *coarse_lattices(sensor))
+    notes = (*base.notes, *notes, *outcome.notes, *coarse_lattices(sensor))
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     gain = gain_of(sensor, outcome)

@@ -3,7 +3,7 @@
 Accepted shifts of the innovations are compensated and fitted again in every pass (Gauss–Newton). Rivals within
 `CLOSE` nats that fall silent with what was accepted are its alternatives. What the drive cannot tell apart from it,
 whatever the noise, is named as inseparable. At the end each accepted shift is taken out once more and stays only
-where its own test alarms.
+where its own test alarms, and where it is no leftover of a much stronger one (`doubt`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from tuner.diagnosis.drives.candidates import (
     coefficients,
     shift,
 )
+from tuner.diagnosis.drives.doubt import doubted, jump_left_by, jumps_still, left_by
 from tuner.diagnosis.drives.fitting import maximise
 from tuner.diagnosis.drives.hypothesis import Pass, examine
+from tuner.diagnosis.drives.jump import CAUSE as JUMP
 from tuner.diagnosis.drives.leaning import leaning
 from tuner.diagnosis.drives.likelihood import believed, evaluate
 from tuner.diagnosis.drives.noise import SHORT
@@ -84,6 +86,8 @@ class Criticism:
         What still alarms.
     shifts : tuple of str
         Accepted causes that are fitted in every pass.
+    notes : tuple of str
+        What was taken back, and why.
     """
 
     base: Pass
@@ -91,6 +95,7 @@ class Criticism:
     accepted: tuple[Accepted, ...]
     unexplained: tuple[Candidate, ...]
     shifts: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def criticise(
@@ -159,12 +164,13 @@ def criticise(
             found = refined(drive, examine(drive, replace(then, leaning=None)), known)
     if known:
         found = _upright(drive, found)
-    found, accepted, known = _pruned(drive, found, accepted, known)
+    found, accepted, known, notes = _pruned(drive, found, accepted, known)
+    found, accepted, more = _without_weak_jumps(drive, found, accepted, known)
     accepted = _rescaled(_estimated(found, accepted, known), base, found, known)
     accepted = [a for a in accepted if a.cause not in FACTORS or not _as_told(a.parameters)]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in alarms if a.raised(THRESHOLD))
-    return Criticism(base, found, tuple(accepted), left, known)
+    return Criticism(base, found, tuple(accepted), left, known, (*notes, *more))
 
 
 def _fit(found: Pass, known: tuple[str, ...]) -> Fit:
@@ -236,9 +242,12 @@ def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Cand
 
 def _pruned(
     drive: Drive, found: Pass, accepted: list[Accepted], known: tuple[str, ...]
-) -> tuple[Pass, list[Accepted], tuple[str, ...]]:
-    """Take out shifts whose own test is silent beside all others, or that do harm where they were not fitted."""
-    names = found.record.parameters
+) -> tuple[Pass, list[Accepted], tuple[str, ...], tuple[str, ...]]:
+    """Take out shifts whose own test is silent beside all others, or that do harm where they were not fitted.
+
+    Also what a strong shift may have left behind, with a note.
+    """
+    names, notes = found.record.parameters, []
     for cause in reversed(known):
         own = [name for name in names if name.partition(".")[0] == cause]
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
@@ -250,12 +259,28 @@ def _pruned(
             and alarm.credible
             and _lasts(alarm, carried(w, names, known, cause, at))
         ):
-            continue
+            if not (strong := left_by(found, known, alarm, THRESHOLD)):
+                continue
+            notes.append(doubted(cause, alarm.gain, strong))
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
         kept = {n: v for n, v in found.hypothesis.values.items() if n not in own}
         found = refined(drive, examine(drive, replace(found.hypothesis, values=kept)), known)
-    return found, accepted, known
+    return found, accepted, known, tuple(notes)
+
+
+def _without_weak_jumps(
+    drive: Drive, found: Pass, accepted: list[Accepted], known: tuple[str, ...]
+) -> tuple[Pass, list[Accepted], tuple[str, ...]]:
+    """Take out jumps of biases that a strong shift may have left behind, with a note."""
+    jumps = [a.candidate.alarm for a in accepted if a.cause == JUMP]
+    if len(jumps) != 1 or not (strong := jump_left_by(found, known, jumps[0])):
+        return found, accepted, ()
+    less = examine(drive, replace(found.hypothesis, jumps=()))
+    if jumps_still(less, known, strong, THRESHOLD):
+        return found, accepted, ()
+    note = doubted(JUMP, jumps[0].gain, strong)
+    return refined(drive, less, known), [a for a in accepted if a.cause != JUMP], (note,)
 
 
 def _lasts(alarm: Scored, late: float) -> bool:
