@@ -7,7 +7,7 @@ force, turned by the gyros into the body frame b₀ of the start, must be the ch
 
 The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of
 the clocks gives their offset. While the fixes stand still, the mean of the gyros less the rate of the Earth is
-their bias.
+their bias; where they hardly do, the windows tell it beside the attitude (`turning`).
 
 References
 ----------
