@@ -44,8 +44,10 @@ class Memory(NamedTuple):
     driven: FloatArray  # (n, w), variance driven in a step
     white: FloatArray  # (6, w), squares of the believed white densities of the sensors
     density: FloatArray  # (6, w), true white densities
-    drawn: FloatArray  # (6, w), sensor errors of a step
+    stream: FloatArray  # (4, w), bits of the streams of white noise
+    slow: FloatArray  # (s, 6, w), other errors of rates and forces
     refused: FloatArray  # (2, w), since when positions and velocities have been refused
+    each: tuple[int, ...]  # w of them: compiled code knows how long a tuple is
 
 
 class Work(NamedTuple):
@@ -74,7 +76,9 @@ class Work(NamedTuple):
     grown: Any
     driven: Any
     white: Any
-    drawn: Any
+    density: Any
+    stream: Any
+    slow: Any
     apart: bool  # whether `rows` and `noise` are copies
 
 
@@ -109,8 +113,10 @@ def memory(lay: Layout, filters: int) -> Memory:
         driven=room(size),
         white=room(6),
         density=room(6),
-        drawn=room(6),
+        stream=room(4),
+        slow=room(1, 6),
         refused=room(2),
+        each=tuple(range(filters)),
     )
     empty.inverse[range(6), range(6)] = empty.slant[:] = empty.grown[:] = 1.0
     empty.rate[:], empty.drive[:], empty.white[:] = lay.rate[:, None], lay.drive[:, None], lay.white[:, None]
@@ -162,7 +168,9 @@ def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:
             element(m.grown),
             element(m.driven),
             element(m.white),
-            element(m.drawn),
+            element(m.density),
+            element(m.stream),
+            element(m.slow),
             apart,
         )
 
@@ -172,16 +180,16 @@ def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:
 _ONE, _EIGHT = _views(as_numbers, _copies, True), _views(as_lanes, _views_of, False)
 
 
-def work_of(m: Memory, filters: tuple[Any, ...]) -> Work:
+def work_of(m: Memory, each: tuple[int, ...]) -> Work:
     """Return the memory of as many filters as the tuple is long, as kernels see it."""
     raise NotImplementedError
 
 
 @overload(work_of, jit_options=PART)
-def _choose_work(m: Any, filters: Any) -> Any:  # noqa: ARG001
-    views = _ONE if len(filters) == 1 else _EIGHT
+def _choose_work(m: Any, each: Any) -> Any:  # noqa: ARG001
+    views = _ONE if len(each) == 1 else _EIGHT
 
-    def implementation(m: Any, filters: Any) -> Any:  # noqa: ARG001
+    def implementation(m: Any, each: Any) -> Any:  # noqa: ARG001
         return views(m)
 
     return implementation

@@ -7,7 +7,7 @@ seconds; a line on standard error says so) and keeps them on disk.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.measurements import Measurements, measurements, parted
 from tuner.navigation.settings import FilterSettings, chi2_gate
+from tuner.navigation.white import stream
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ class SensorErrors:
     every : int
         Steps for which each row of `slow` is held.
     rng : numpy.random.Generator
-        Source of the white noise.
+        Source of the stream of white noise.
     """
 
     white: FloatArray
@@ -98,9 +99,6 @@ def run_together(
     for first in range(0, len(starts), WIDTH):
         among = [min(first + w, len(starts) - 1) for w in range(WIDTH)]
         own = None if errors is None else [errors[j] for j in among]
-        if own is not None:  # those that only fill up must not draw from the stream of the last
-            spare = len(starts) - first
-            own[spare:] = [replace(e, rng=np.random.default_rng(0)) for e in own[spare:]]
         block = _fly(settings, [starts[j] for j in among], steps, [rows[j] for j in among], own)
         answers.extend(block[: len(starts) - first])
     return tuple(answers)
@@ -123,12 +121,14 @@ def _fly(
     if parameters is not None:
         m.x[:] = parameters[:, None]
     m.P[:n, :n] = (np.diag(settings.initial_sd**2) if covariance is None else covariance)[..., None]
-    quiet = np.random.default_rng(0)
-    added = errors or [SensorErrors(np.zeros(6), np.zeros((1, 6)), len(steps.dt), quiet)] * w
-    if len(added[0].slow) * added[0].every < len(steps.dt):
-        msg = f"'slow' must cover {len(steps.dt)} steps, got {len(added[0].slow) * added[0].every}"
-        raise ValueError(msg)
-    m.density[:] = np.stack([e.white for e in added], axis=-1)
+    every = len(steps.dt) if errors is None else errors[0].every
+    if errors is not None:
+        if len(errors[0].slow) * every < len(steps.dt):
+            msg = f"'slow' must cover {len(steps.dt)} steps, got {len(errors[0].slow) * every}"
+            raise ValueError(msg)
+        m = m._replace(slow=np.ascontiguousarray(np.stack([e.slow for e in errors], axis=-1)))
+        m.density[:] = np.stack([e.white for e in errors], axis=-1)
+        m.stream[:] = np.stack([stream(e.rng) for e in errors], axis=-1)
     values = np.stack([own.values for own in rows])
     slots = np.arange(k)
     sds = np.stack([own.sd for own in rows])
@@ -140,9 +140,7 @@ def _fly(
         np.ascontiguousarray(steps.dt, dtype=float),
         np.ascontiguousarray(steps.increments, dtype=float),
         errors is not None,
-        np.stack([e.slow for e in added]),
-        added[0].every,
-        tuple(e.rng for e in added),
+        every,
     )
     fly(lay, m, own_of(n), flight, given, room)
     return tuple(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation import arrays, compiler, covariance, gains, lanes, updates
+from tuner.navigation import arrays, compiler, covariance, gains, lanes, updates, white
 from tuner.navigation import compiled as compiled_module
 from tuner.navigation import straight as straight_module
 from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
@@ -41,7 +41,9 @@ from tuner.navigation.covariance import (
 )
 from tuner.navigation.gains import gain, joseph, spread, update
 from tuner.navigation.lanes import borrowed
+from tuner.navigation.straight import straight
 from tuner.navigation.updates import correct, fix_model
+from tuner.navigation.white import normal_numbers
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -50,16 +52,14 @@ IntArray = NDArray[np.int64]
 class Flight(NamedTuple):
     """What the inertial units of w filters sense.
 
-    Where it is `noisy`, increments are those of perfect sensors, and errors are added on the way: slow ones, and
-    white noise of `Memory.density`.
+    Where it is `noisy`, increments are those of perfect sensors, and errors are added on the way: those of
+    `Memory.slow`, and white noise of `Memory.density` from `Memory.stream`.
     """
 
     dt: FloatArray  # (m,), s
     increments: FloatArray  # (m, 6)
     noisy: bool
-    slow: FloatArray  # (w, s, 6), rates and forces
-    every: int  # steps for which each row of `slow` is held
-    rng: tuple[np.random.Generator, ...]  # w of them, sources of the white noise
+    every: int  # steps for which each row of slow errors is held
 
 
 class Given(NamedTuple):
@@ -214,14 +214,12 @@ def use_fix(lay: Layout, memory: Memory, own: Own, w: int, fixes: Given, i: int,
     summarise(lay, own.P, kept.P[w, row])
 
 
-@compiled
-def _draw(memory: Memory, slow: FloatArray, row: int, dt: float, rng: Any) -> None:
-    """Draw the sensor errors of a step: slow ones, and white noise."""
-    root = np.sqrt(dt)
-    for w in range(memory.drawn.shape[1]):
-        for c in range(6):
-            white = memory.density[c, w] * root * rng[w].standard_normal()
-            memory.drawn[c, w] = slow[w, row, c] * dt + white
+@straight
+def _disturb(work: Work, dt: Any, row: Any) -> None:
+    """Add the sensor errors of a step: slow ones, and white noise."""
+    white, root = normal_numbers(work.stream), np.sqrt(dt)
+    for c in range(6):
+        work.true[c] = work.true[c] + (dt * work.slow[row, c] + root * work.density[c] * white[c])
 
 
 def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], None]:
@@ -232,10 +230,10 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
     """
 
     def fly(lay: Layout, memory: Memory, own: Own, flight: Flight, fixes: Given, kept: Kept) -> None:
-        """Filter a stretch of data with as many filters as `flight` has generators; changes `memory`."""
+        """Filter a stretch of data with as many filters as `memory` holds; changes `memory`."""
         if number == 0:
             return
-        lay, work = borrowed_layout(lay), work_of(memory, flight.rng)
+        lay, work = borrowed_layout(lay), work_of(memory, memory.each)
         dt, increments = borrowed(flight.dt), borrowed(flight.increments)
         state, true, n_steps = work.state, work.true, len(dt)
         calibrate(lay, work)
@@ -251,9 +249,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
                 for c in range(6):
                     true[c] = increments[k - 1, c] - d * work.bias[c]
                 if flight.noisy:
-                    _draw(memory, flight.slow, (k - 1) // flight.every, d, flight.rng)
-                    for c in range(6):
-                        true[c] += work.drawn[c]
+                    _disturb(work, d, (k - 1) // flight.every)
                 sample = (true[0], true[1], true[2], true[3], true[4], true[5])
                 angle, velocity = unmixed(lay, work.inverse, sample)
                 if last_dt > 0.0:
@@ -316,6 +312,6 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
 
 _SOURCES = (
     triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance,
-    updates, gains, sys.modules[__name__],
+    updates, gains, white, sys.modules[__name__],
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

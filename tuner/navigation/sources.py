@@ -76,8 +76,7 @@ def trace_sources(
     out, out_s, aided = np.zeros((e, g, 15, 15)), np.zeros((e, g, 6, 6)), np.zeros((n, n))
     shown = np.repeat(nominal.fixes[None], WIDTH, axis=0)
     trusted = np.zeros(len(nominal.after), dtype=bool)
-    quiet = (np.random.default_rng(0),) * WIDTH
-    flight = Flight(nominal.dt, nominal.increments, False, np.zeros((WIDTH, 1, 6)), len(nominal.dt), quiet)
+    flight = Flight(nominal.dt, nominal.increments, False, len(nominal.dt))
     # Eight at a time, the filter itself among each.
     for begin in range(1, max(g, 2), WIDTH - 1):
         among = [0, *range(begin, min(begin + WIDTH - 1, g))]
