@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
 from tuner.navigation.compiler import compiled
-from tuner.navigation.lanes import borrowed
+from tuner.navigation.lanes import WIDTH, aligned, borrowed
 from tuner.navigation.straight import straight
 
 FloatArray = NDArray[np.float64]
@@ -58,6 +58,8 @@ class Layout(NamedTuple):
         First index of these blocks, −1 where absent.
     processes : int
         Gauss–Markov processes in the GNSS position.
+    total : ndarray of int, shape (n,)
+        Which of nine navigation errors and six total biases a state is a part of, −1 for none.
     ideal : bool
         No scale factors, misalignments or g-sensitivity.
     feed, first : ndarray of int, shapes (s,), (7,)
@@ -85,6 +87,7 @@ class Layout(NamedTuple):
     delay: int
     gnss: int
     processes: int
+    total: IntArray
     ideal: bool
     feed: IndexArray
     first: IntArray
@@ -110,6 +113,7 @@ def borrowed_layout(lay: Layout) -> Layout:
         lay.delay,
         lay.gnss,
         lay.processes,
+        borrowed(lay.total),
         lay.ideal,
         borrowed(lay.feed),
         borrowed(lay.first),
@@ -123,7 +127,7 @@ def borrowed_layout(lay: Layout) -> Layout:
 class Own(NamedTuple):
     """One filter among eight, as the updates see it, and their scratch."""
 
-    P: FloatArray  # (n, n)
+    P: FloatArray  # (n, columns); more columns than states, what is behind them is nothing
     x: FloatArray  # (n,)
     true: FloatArray  # (6,), calibrated rates and forces
     inverse: FloatArray  # (6, 6), of A
@@ -131,8 +135,8 @@ class Own(NamedTuple):
     H: FloatArray  # (6, n)
     dx: FloatArray  # (n,), estimated errors
     limits: FloatArray  # (2,), χ² limits of position and velocity
-    sensors: FloatArray  # (6, n), answer of rates and forces to the states
-    rows: FloatArray  # (6, n + 1), H P and what is made of it
+    sensors: FloatArray  # (6, columns), answer of rates and forces to the states
+    rows: FloatArray  # (6, columns), H P and what is made of it, behind it z
     block: FloatArray  # (6, 6), a part of S
     root: FloatArray  # (6, 6), its factor
     part: FloatArray  # (6, 1), a part of z
@@ -141,8 +145,9 @@ class Own(NamedTuple):
 
 def own_of(n: int) -> Own:
     """Return the memory of updates of n states."""
+    columns = (n // WIDTH + 1) * WIDTH
     shapes = (
-        (n, n),
+        (n, columns),
         (n,),
         (6,),
         (6, 6),
@@ -150,14 +155,14 @@ def own_of(n: int) -> Own:
         (6, n),
         (n,),
         (2,),
-        (6, n),
-        (6, n + 1),
+        (6, columns),
+        (6, columns),
         (6, 6),
         (6, 6),
         (6, 1),
         (6,),
     )
-    return Own(*(np.zeros(shape) for shape in shapes))
+    return Own(*(aligned(*shape) for shape in shapes))
 
 
 def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:
@@ -165,6 +170,12 @@ def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:
     felt = row >= 0
     feed = np.argsort(row, kind="stable")[np.count_nonzero(~felt) :]
     return feed.astype(np.uint64), np.searchsorted(np.sort(row[felt]), np.arange(7))
+
+
+def total_rows(row: IntArray, source: IntArray) -> IntArray:
+    """Return `total` of a layout."""
+    state = np.arange(len(row))
+    return np.where(state < 9, state, np.where((row >= 0) & (source < 0), 9 + row, -1))
 
 
 @straight

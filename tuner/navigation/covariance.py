@@ -6,7 +6,8 @@ the answer of the six sensors to the states, with one element a column::
 
     T = (A  ΓS) P                       column by column; S P comes first
     P_bn ← T_bᵀ                         turned over
-    P_nn ← (A  ΓS) Tᵀ + Γ W Γᵀ          the same again with the columns of Tᵀ; S Tᵀ + W Γᵀ for S P
+    P_nn ← (A  ΓS) Tᵀ + Γ W Γᵀ          the same again with the columns of Tᵀ; S Tᵀ + W Γᵀ for S P;
+                                        blocks of eight filters on one side of the diagonal
     P_nb ← T_b Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
 
 Decay is put off: between fixes P is that of states b/c, c ← D c, in which it changes nothing but S ← S D, and
@@ -18,7 +19,7 @@ filters, one column at a time (`tuner.navigation.arrays.Work`).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,20 @@ FloatArray = NDArray[np.float64]
 
 PUT_OFF = 100.0
 """Time constants after which decay is put off no longer: numbers stay in range."""
+
+
+class _Step(NamedTuple):
+    """What advances a column: matrices of `models.errorstate` times dt, the force times dt/2, −C dt."""
+
+    f_rr: Any
+    f_vr: Any
+    f_vv: Any
+    f_ar: Any
+    f_av: Any
+    omega: Any
+    force: Any
+    turn: Any
+    half: Any
 
 
 @called
@@ -87,24 +102,40 @@ def set_block(M: Any, i: int, rows: Any) -> None:
 
 
 @straight
-def _set_column(M: Any, c: int, r: Any, v: Any, a: Any) -> None:
-    """Set the first nine rows of a column to three triples."""
-    for k in range(3):
-        M[k, c], M[3 + k, c], M[6 + k, c] = r[k], v[k], a[k]
+def _column(M: Any, c: int) -> Any:
+    """Return the first nine rows of a column as three triples."""
+    return (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
 
 
 @straight
-def _advanced(lay: Layout, work: Work, M: Any, c: int, six: Any, fall: Any, step: Any) -> Any:
-    """Return A times a column of nine, plus Γ times six sensor errors and `fall` downwards."""
-    f_rr, f_vr, f_vv, f_ar, f_av, omega, force, turn, half = step
-    rate, push = unmixed(lay, work.inverse, six)
-    r, v, a = (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
-    ya = add(a, add(add(transform(f_ar, r), transform(f_av, v)), add(transform(turn, rate), cross(a, omega))))
-    dv = add(transform(f_vr, r), transform(f_vv, v))
-    dv = add(dv, add(transform(turn, push), cross(add(a, ya), force)))
-    yv = add(v, (dv[0], dv[1], dv[2] + fall))
-    yr = add(r, add(transform(f_rr, r), scale(half, add(v, yv))))
-    return yr, yv, ya
+def _set(M: Any, c: int, first: int, y: Any) -> None:
+    """Set three rows of a column."""
+    for k in range(3):
+        M[first + k, c] = y[k]
+
+
+@straight
+def _tilted(column: Any, rate: Any, step: Any) -> Any:
+    """Return the attitude rows of A times a column of nine, plus Γ times rate errors."""
+    r, v, a = column
+    y = add(transform(step.f_ar, r), transform(step.f_av, v))
+    return add(a, add(y, add(transform(step.turn, rate), cross(a, step.omega))))
+
+
+@straight
+def _pushed(column: Any, tilted: Any, push: Any, fall: Any, step: Any) -> Any:
+    """Return the velocity rows, with force errors and `fall` downwards."""
+    r, v, a = column
+    y = add(transform(step.f_vr, r), transform(step.f_vv, v))
+    y = add(y, add(transform(step.turn, push), cross(add(a, tilted), step.force)))
+    return add(v, (y[0], y[1], y[2] + fall))
+
+
+@straight
+def _moved(column: Any, pushed: Any, step: Any) -> Any:
+    """Return the position rows."""
+    r, v, _ = column
+    return add(r, add(transform(step.f_rr, r), scale(step.half, add(v, pushed))))
 
 
 @compiled
@@ -162,7 +193,7 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     """
     f_rr, f_vr, f_vv, f_ar, f_av, omega = coupling(pos, vel)
     turn, push = _scaled(-dt, mat), scale(0.5 * dt, force)
-    step = (
+    step = _Step(
         _scaled(dt, f_rr),
         _scaled(dt, f_vr),
         _scaled(dt, f_vv),
@@ -181,20 +212,30 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     _set_noise(work, turn, push, dt)
     for c in range(P.shape[1]):
         fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
-        r, v, a = _advanced(lay, work, P, c, _all_sensed(lay, slant, P, c), fall, step)
-        _set_column(P, c, r, v, a)
+        column, (rate, force) = _column(P, c), unmixed(lay, work.inverse, _all_sensed(lay, slant, P, c))
+        a = _tilted(column, rate, step)
+        v = _pushed(column, a, force, fall, step)
+        _set(P, c, 0, _moved(column, v, step))
+        _set(P, c, 3, v)
+        _set(P, c, 6, a)
     if work.apart:
         _turn_over(lay, work)
     for c in range(rows.shape[1]):
-        fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
         six = _with_white(work, dt, _all_sensed(lay, slant, over, c), noise, c)
-        r, v, a = _advanced(lay, work, rows, c, six, fall, step)
-        _set_column(over, c, r, v, a)
+        column, (rate, force) = _column(rows, c), unmixed(lay, work.inverse, six)
+        a = _tilted(column, rate, step)
+        if work.apart or c < 6:  # elsewhere the other side of P_nn says the same
+            fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
+            v = _pushed(column, a, force, fall, step)
+            if work.apart or c < 3:
+                _set(over, c, 0, _moved(column, v, step))
+            _set(over, c, 3, v)
+        _set(over, c, 6, a)
     if work.apart:
         _set_ninth(lay, work, dt, step)
     else:
-        for s in range(9, lay.size):
-            for i in range(9):
+        for s in range(3, lay.size):
+            for i in range(s - s % 3 if s < 9 else 9):
                 work.P[s, i] = work.P[i, s]
     _advance_rest(lay, work, dt)
 
@@ -206,7 +247,9 @@ def _set_noise(work: Work, turn: Any, force: Any, dt: float) -> None:
     for c in range(unit.shape[1]):
         tilt = transform(turn, (unit[0, c], unit[1, c], unit[2, c]))
         push = add(transform(turn, (unit[3, c], unit[4, c], unit[5, c])), cross(tilt, force))
-        _set_column(gamma, c, scale(0.5 * dt, push), push, tilt)
+        _set(gamma, c, 0, scale(0.5 * dt, push))
+        _set(gamma, c, 3, push)
+        _set(gamma, c, 6, tilt)
     if work.apart:
         set_block(work.noise_c, 0, turned(gamma, 0))
 
@@ -231,7 +274,8 @@ def _set_ninth(lay: Layout, work: Work, dt: float, step: Any) -> None:
     """Set the ninth column of P_nn of one filter: what is not in its row is one number."""
     P = work.P
     six = _with_white(work, dt, _all_sensed(lay, work.slant, P, 8), work.gamma.T, 8)
-    _, _, a = _advanced(lay, work, work.ninth, 0, six, 0.0, step)
+    rate, _ = unmixed(lay, work.inverse, six)
+    a = _tilted(_column(work.ninth, 0), rate, step)
     for i in range(WIDTH):
         P[i, 8] = P[8, i]
     P[8, 8] = a[2]
@@ -283,16 +327,12 @@ def decay_parameters(lay: Layout, work: Work, dt: float) -> None:
 @called
 def summarise(lay: Layout, P: FloatArray, out: FloatArray) -> None:
     """Set the covariance (15, 15) of navigation errors and total biases: M P Mᵀ."""
-    n = lay.size
-    MP = np.zeros((15, n))
-    for s in range(n):
-        i = s if s < 9 else 9 + lay.row[s] if lay.row[s] >= 0 and lay.source[s] < 0 else -1
-        if i >= 0:
-            for j in range(n):
-                MP[i, j] += P[s, j]
     out[:] = 0.0
-    for s in range(n):
-        j = s if s < 9 else 9 + lay.row[s] if lay.row[s] >= 0 and lay.source[s] < 0 else -1
-        if j >= 0:
-            for i in range(15):
-                out[i, j] += MP[i, s]
+    for s in range(lay.size):
+        i = lay.total[s]
+        if i >= 0:
+            for c in range(9):
+                out[i, c] += P[s, c]
+            for c in range(9, lay.size):
+                if lay.total[c] >= 0:
+                    out[i, lay.total[c]] += P[s, c]

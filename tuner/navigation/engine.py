@@ -16,7 +16,7 @@ from models.calibration import OFF_DIAGONAL
 from models.layout import ErrorModel
 from models.strapdown import NavigationState
 from tuner.navigation.arrays import memory
-from tuner.navigation.compiled import Layout, own_of, sensed_states
+from tuner.navigation.compiled import Layout, own_of, sensed_states, total_rows
 from tuner.navigation.flight import Flight, Given, fly, kept
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps
 from tuner.navigation.lanes import WIDTH
@@ -141,6 +141,7 @@ def _fly(
         np.ascontiguousarray(steps.increments, dtype=float),
         errors is not None,
         every,
+        float(m.rate.max()),
     )
     fly(lay, m, own_of(n), flight, given, room)
     return tuple(
@@ -194,6 +195,7 @@ def layout(settings: FilterSettings) -> Layout:
         at.start("time_offset"),
         at.start("gnss_position"),
         (gnss.stop - gnss.start) // 3,
+        total_rows(row, source),
         not (source >= 0).any(),
         *sensed_states(row),
         np.array(settings.lever_arm, dtype=float),

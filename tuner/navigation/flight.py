@@ -60,6 +60,7 @@ class Flight(NamedTuple):
     increments: FloatArray  # (m, 6)
     noisy: bool
     every: int  # steps for which each row of slow errors is held
+    fastest: float  # 1/T of the fastest state of any filter, 1/s
 
 
 class Given(NamedTuple):
@@ -85,7 +86,7 @@ class Kept(NamedTuple):
     z: FloatArray  # (w, e, 6)
     S: FloatArray  # (w, e, 6, 6)
     use: IntArray  # (w, e, 2)
-    aided: FloatArray  # (n, n), of the first filter after the last fix used, where gains are shared
+    aided: FloatArray  # (n, n, 1), of the first filter after the last fix used, where gains are shared
 
 
 def kept(w: int, e: int, n: int) -> Kept:
@@ -97,7 +98,7 @@ def kept(w: int, e: int, n: int) -> Kept:
         np.empty((w, e, 6)),
         np.empty((w, e, 6, 6)),
         np.empty((w, e, 2), dtype=np.int64),
-        np.zeros((n, n)),
+        np.zeros((n, n, 1)),
     )
 
 
@@ -173,7 +174,7 @@ def use_gain(lay: Layout, memory: Memory, own: Own, fixes: Given, i: int, kept: 
             joseph(own.P, own.H, own.sensors, fixes.sd[w, i], m, own.rows)
             copy_in(memory.P, w, own.P)
             if w == 0:
-                copy_in(kept.aided.reshape(lay.size, lay.size, 1), 0, own.P)
+                copy_in(kept.aided, 0, own.P)
         if row >= 0:
             summarise(lay, own.P, kept.P[w, row])
 
@@ -241,7 +242,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
         quat = (state[6], state[7], state[8], state[9])
         start_pos, start_vel, start_quat = pos, vel, quat
         elapsed, decay_dt, last_dt, i = 0.0, -1.0, 0.0, 0
-        aged, fastest = 0.0, memory.rate.max()
+        aged = 0.0
         angle = velocity = before_angle = before_velocity = sum_angle = sum_force = scale(0.0, vel)
         for k in range(n_steps + 1):
             if k > 0:
@@ -275,7 +276,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
                 middle_pos = scale(0.5, add(start_pos, pos))
                 middle_vel = scale(0.5, add(start_vel, vel))
                 advance(lay, work, middle_pos, middle_vel, mat, force, elapsed)
-                aged += elapsed * fastest
+                aged += elapsed * flight.fastest
                 if due or aged > PUT_OFF:
                     settle(lay, work)
                     aged = 0.0

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tuner.navigation.compiled import Own
 from tuner.navigation.compiler import called, compiled
+from tuner.navigation.lanes import as_rows
 from tuner.navigation.updates import CONSTRAINT
 
 FloatArray = NDArray[np.float64]
@@ -14,14 +17,15 @@ IntArray = NDArray[np.int64]
 
 
 @compiled
-def whiten(L: FloatArray, m: int, B: FloatArray) -> None:
-    """Replace the first m rows of B by L⁻¹ B."""
+def whiten(L: FloatArray, m: int, B: Any) -> None:
+    """Replace the first m rows of B, of numbers or lanes, by L⁻¹ B."""
     for a in range(m):
+        inverse = 1.0 / L[a, a]
         for j in range(B.shape[1]):
             y = B[a, j]
             for b in range(a):
                 y -= L[a, b] * B[b, j]
-            B[a, j] = y / L[a, a]
+            B[a, j] = y * inverse
 
 
 @compiled
@@ -38,19 +42,23 @@ def factor(S: FloatArray, m: int, L: FloatArray) -> None:
 @called
 def spread(P: FloatArray, H: FloatArray, sd: FloatArray, m: int, HP: FloatArray, out: FloatArray) -> None:
     """Set the covariance of the first m innovations, H P Hᵀ + R, and H P (m, n) on the way."""
-    n = P.shape[0]
+    P_l, HP_l = as_rows(P), as_rows(HP)
     for a in range(m):
-        for j in range(n):
-            HP[a, j] = 0.0
-        for k in range(n):
-            if H[a, k] != 0.0:
-                for j in range(n):
-                    HP[a, j] += H[a, k] * P[k, j]
-        for b in range(m):
-            y = sd[a] * sd[a] if a == b else 0.0
-            for k in range(n):
-                y += HP[a, k] * H[b, k]
-            out[a, b] = y
+        for c in range(HP_l.shape[1]):
+            HP_l[a, c] = 0.0
+        for k in range(len(P)):
+            h = H[a, k]
+            if h != 0.0:
+                for c in range(HP_l.shape[1]):
+                    HP_l[a, c] += h * P_l[k, c]
+    for b in range(m):
+        for a in range(m):
+            out[a, b] = sd[a] * sd[a] if a == b else 0.0
+        for k in range(len(P)):
+            h = H[b, k]
+            if h != 0.0:
+                for a in range(m):
+                    out[a, b] += HP[a, k] * h
 
 
 @called
@@ -88,7 +96,7 @@ def update(own: Own, sd: FloatArray, available: int, withheld: bool, S: FloatArr
                     chosen[a, b] = S[3 * g + a, 3 * g + b]
             factor(chosen, 3, L)
             whiten(L, 3, part)
-            distance = part[0, 0] ** 2 + part[1, 0] ** 2 + part[2, 0] ** 2
+            distance = part[0, 0] * part[0, 0] + part[1, 0] * part[1, 0] + part[2, 0] * part[2, 0]
             limit = z[5] if constrained else own.limits[g]
             use[g] = 3 if withheld else 1 if distance <= limit else 2
             if constrained:
@@ -107,16 +115,18 @@ def update(own: Own, sd: FloatArray, available: int, withheld: bool, S: FloatArr
         for b in range(count):
             chosen[a, b] = S[first + a, first + b]
     factor(chosen, count, L)
-    whiten(L, count, rows)
+    rows_l, P_l = as_rows(rows), as_rows(P)
+    whiten(L, count, rows_l)
     for i in range(n):
-        dx[i] = 0.0
+        y = 0.0
         for a in range(count):
-            dx[i] += rows[a, i] * rows[a, n]
-    for a in range(count):
-        for i in range(n):
-            w = rows[a, i]
-            for j in range(n):
-                P[i, j] -= w * rows[a, j]
+            y += rows[a, i] * rows[a, n]
+        dx[i] = y
+        for c in range(P_l.shape[1]):
+            left = P_l[i, c]
+            for a in range(count):
+                left -= rows[a, i] * rows_l[a, c]
+            P_l[i, c] = left
     return True
 
 
@@ -125,31 +135,38 @@ def gain(own: Own, sd: FloatArray, m: int, K: FloatArray) -> None:
     """Set Kᵀ = S⁻¹ H P of the first m rows of a fix, shape (m, n)."""
     spread(own.P, own.H, sd, m, K, own.block)
     factor(own.block, m, own.root)
-    whiten(own.root, m, K)
+    K_l = as_rows(K)
+    whiten(own.root, m, K_l)
     for a in range(m - 1, -1, -1):
-        for j in range(K.shape[1]):
-            y = K[a, j]
+        inverse = 1.0 / own.root[a, a]
+        for j in range(K_l.shape[1]):
+            y = K_l[a, j]
             for b in range(a + 1, m):
-                y -= own.root[b, a] * K[b, j]
-            K[a, j] = y / own.root[a, a]
+                y -= own.root[b, a] * K_l[b, j]
+            K_l[a, j] = y * inverse
 
 
 @called
 def joseph(P: FloatArray, H: FloatArray, K: FloatArray, sd: FloatArray, m: int, HP: FloatArray) -> None:
     """Replace P by (I − KH) P (I − KH)ᵀ + K R Kᵀ of m rows; K is given as Kᵀ (m, n), H P as `spread` sets it."""
-    n = P.shape[0]
+    P_l, K_l, HP_l = as_rows(P), as_rows(K), as_rows(HP)
+    n = len(P)
+    for i in range(n):
+        for c in range(P_l.shape[1]):
+            left = P_l[i, c]
+            for a in range(m):
+                left -= K[a, i] * HP_l[a, c]
+            P_l[i, c] = left
     for i in range(n):
         for a in range(m):
-            for j in range(n):
-                P[i, j] -= K[a, i] * HP[a, j]
-    for i in range(n):
-        for a in range(m):
-            y = 0.0
+            y = sd[a] * sd[a] * K[a, i]
             for k in range(n):
-                y += P[i, k] * H[a, k]
+                if H[a, k] != 0.0:
+                    y -= P[i, k] * H[a, k]
             HP[a, i] = y
     for i in range(n):
-        for a in range(m):
-            y = sd[a] * sd[a] * K[a, i] - HP[a, i]
-            for j in range(n):
-                P[i, j] += y * K[a, j]
+        for c in range(P_l.shape[1]):
+            grown = P_l[i, c]
+            for a in range(m):
+                grown += HP[a, i] * K_l[a, c]
+            P_l[i, c] = grown

@@ -7,8 +7,9 @@ advance eight filters at once, or eight columns of one covariance::
     as_numbers(a)     (…, 1) → array (…) of numbers
     as_lanes(a)       (…, 8) → array (…) of lanes, one for each filter
     as_columns(a)     (…, columns, filters) → array (…, columns · filters/8) of lanes, whichever follow
+    as_rows(a)        (…, columns) → array (…, columns/8) of lanes
 
-All three are views. Arithmetic goes lane by lane, numbers stand for eight equal ones; a comparison holds where it
+All are views. Arithmetic goes lane by lane, numbers stand for eight equal ones; a comparison holds where it
 holds in every lane.
 """
 
@@ -92,7 +93,7 @@ def elementary(builder: Any, name: str, values: Any) -> Any:
 def _view(kind: Any, lost: int) -> Any:
     """Return a function that sees an array of numbers as one of `kind`.
 
-    The last `lost` axes go: none; one of length 1 or 8; or two whose lengths have a product that 8 divides, of
+    The last `lost` axes go: none, of lanes the last one counts an eighth; one of length 1 or 8; or two whose lengths have a product that 8 divides, of
     which one stays, of the product ÷ 8. A view does not own the memory and so costs nothing to hand about.
     """
 
@@ -110,6 +111,8 @@ def _view(kind: Any, lost: int) -> Any:
             shape = axes[: len(axes) - lost]
             if lost == 2:
                 shape.append(builder.udiv(builder.mul(axes[-2], axes[-1]), number(WIDTH)))
+            if lost == 0 and of is LANES:
+                shape[-1] = builder.udiv(shape[-1], number(WIDTH))
             strides: list[Any] = []
             step = number(size)
             for axis in reversed(shape):
@@ -126,6 +129,8 @@ def _view(kind: Any, lost: int) -> Any:
     return see
 
 
-as_numbers, as_lanes, as_columns = _view(_NUMBER, 1), _view(LANES, 1), _view(LANES, 2)
+as_numbers, as_lanes, as_columns, as_rows = (
+    _view(_NUMBER, 1), _view(LANES, 1), _view(LANES, 2), _view(LANES, 0)
+)  # fmt: skip
 borrowed = _view(None, 0)
 """The same array, not owned."""

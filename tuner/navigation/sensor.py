@@ -110,8 +110,8 @@ class Sensor:
             values[:, axis] = self.constant_sd[axis] * rng.standard_normal()
             values[:, axis] += NoiseModel(terms).sample(rows, every * interval, rng)
         half = np.round(0.5 * smoothing / (every * interval)).astype(int)
-        smooth = np.stack([_centred_mean(values[:, axis], half[axis]) for axis in range(6)], axis=-1)
-        return SensorErrors(self.white, values, every, rng), smooth[after // every]
+        smooth = [_centred_mean(values[:, axis], half[axis], after // every) for axis in range(6)]
+        return SensorErrors(self.white, values, every, rng), np.stack(smooth, axis=-1)
 
 
 def sensor_of_grade(grade: SensorGrade) -> Sensor:
@@ -169,11 +169,10 @@ def _term(estimate: TermEstimate) -> Term | None:
     return TERMS[estimate.name](**values)
 
 
-def _centred_mean(y: FloatArray, half: int) -> FloatArray:
-    """Return the mean over `half` samples to both sides, fewer at the ends."""
+def _centred_mean(y: FloatArray, half: int, at: NDArray[np.int64]) -> FloatArray:
+    """Return the mean over `half` samples to both sides of some, fewer at the ends."""
     total = np.concatenate([[0.0], np.cumsum(y)])
-    k = np.arange(len(y))
-    first, last = np.maximum(k - half, 0), np.minimum(k + half + 1, len(y))
+    first, last = np.maximum(at - half, 0), np.minimum(at + half + 1, len(y))
     return np.asarray((total[last] - total[first]) / (last - first))
 
 

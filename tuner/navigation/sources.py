@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.navigation.arrays import memory
-from tuner.navigation.compiled import Layout, own_of, sensed_states
+from tuner.navigation.compiled import Layout, own_of, sensed_states, total_rows
 from tuner.navigation.flight import Flight, Given, fly, kept
 from tuner.navigation.lanes import WIDTH
 
@@ -71,12 +71,12 @@ def trace_sources(
         The filter's own P after the last fix that was used.
     """
     feed, first = sensed_states(lay.row)
-    lay = lay._replace(feed=feed, first=first)
+    lay = lay._replace(feed=feed, first=first, total=total_rows(lay.row, lay.source))
     n, e, g = lay.size, int(nominal.slot.max()) + 1, len(initial)
     out, out_s, aided = np.zeros((e, g, 15, 15)), np.zeros((e, g, 6, 6)), np.zeros((n, n))
     shown = np.repeat(nominal.fixes[None], WIDTH, axis=0)
     trusted = np.zeros(len(nominal.after), dtype=bool)
-    flight = Flight(nominal.dt, nominal.increments, False, len(nominal.dt))
+    flight = Flight(nominal.dt, nominal.increments, False, len(nominal.dt), float(rate.max()))
     # Eight at a time, the filter itself among each.
     for begin in range(1, max(g, 2), WIDTH - 1):
         among = [0, *range(begin, min(begin + WIDTH - 1, g))]
@@ -101,5 +101,5 @@ def trace_sources(
         room.S[:] = 0.0
         fly(lay, m, own_of(n), flight, fixes, room)
         out[:, among], out_s[:, among] = room.P.swapaxes(0, 1), room.S.swapaxes(0, 1)
-        aided = room.aided
+        aided = room.aided[..., 0]
     return out, out_s, aided
