@@ -133,9 +133,9 @@ def _copies(m: Memory) -> Any:
 
 @compiled
 def _views_of(m: Memory) -> Any:
-    """Return the first nine rows of P as columns, again, and Γᵀ."""
-    rows = as_lanes(m.P)[:9].T
-    return rows, rows, as_lanes(m.gamma).T
+    """Return the first nine rows of P as columns, all of them, and Γᵀ."""
+    P = as_lanes(m.P)
+    return P[:9].T, P.T, as_lanes(m.gamma).T
 
 
 def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.uint64]
 
+SMALLEST = 15
+"""States of every filter: position, velocity, attitude, biases of gyros and accelerometers."""
 NEVER = 1e300
 """Later than any time, s."""
 
@@ -63,8 +65,8 @@ class Layout(NamedTuple):
     ideal : bool
         No scale factors, misalignments or g-sensitivity.
     feed, first : ndarray of int, shapes (s,), (7,)
-        The states that sensor r feels are `feed[first[r]:first[r + 1]]`; unsigned, which saves a look for
-        indices from the end.
+        The states that sensor r feels, beside its bias, are `feed[first[r]:first[r + 1]]`; unsigned, which saves
+        a look for indices from the end.
     arm : ndarray, shape (3,)
         Nominal lever arm, m.
     gate : float
@@ -167,9 +169,10 @@ def own_of(n: int) -> Own:
 
 def sensed_states(row: IntArray) -> tuple[IndexArray, IntArray]:
     """Return `feed` and `first` of a layout."""
-    felt = row >= 0
-    feed = np.argsort(row, kind="stable")[np.count_nonzero(~felt) :]
-    return feed.astype(np.uint64), np.searchsorted(np.sort(row[felt]), np.arange(7))
+    others = np.arange(SMALLEST, len(row))
+    felt = others[row[SMALLEST:] >= 0]
+    feed = felt[np.argsort(row[felt], kind="stable")]
+    return feed.astype(np.uint64), np.searchsorted(row[feed], np.arange(7))
 
 
 def total_rows(row: IntArray, source: IntArray) -> IntArray:

@@ -7,8 +7,10 @@ the answer of the six sensors to the states, with one element a column::
     T = (A  ΓS) P                       column by column; S P comes first
     P_bn ← T_bᵀ                         turned over
     P_nn ← (A  ΓS) Tᵀ + Γ W Γᵀ          the same again with the columns of Tᵀ; S Tᵀ + W Γᵀ for S P;
-                                        blocks of eight filters on one side of the diagonal
+                                        of eight filters the blocks on one side
     P_nb ← T_b Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
+
+Of eight filters P_bn is left as it was until `settle`: columns of P_bn and P_bb are read as rows.
 
 Decay is put off: between fixes P is that of states b/c, c ← D c, in which it changes nothing but S ← S D, and
 Q_bb ← Q_bb/c². `settle` turns back to b.
@@ -27,7 +29,7 @@ from numpy.typing import NDArray
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
 from tuner.navigation.arrays import Memory, Work
-from tuner.navigation.compiled import Layout
+from tuner.navigation.compiled import SMALLEST, Layout
 from tuner.navigation.compiler import called, compiled
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.straight import straight, turned_over
@@ -138,12 +140,23 @@ def _moved(column: Any, pushed: Any, step: Any) -> Any:
     return add(r, add(transform(step.f_rr, r), scale(step.half, add(v, pushed))))
 
 
+@straight
+def _by_biases(slant: Any, M: Any, c: int) -> Any:
+    """Return what the biases add to S times column c of M."""
+    return (
+        slant[9] * M[9, c],
+        slant[10] * M[10, c],
+        slant[11] * M[11, c],
+        slant[12] * M[12, c],
+        slant[13] * M[13, c],
+        slant[14] * M[14, c],
+    )
+
+
 @compiled
-def _sensed(lay: Layout, r: int, slant: Any, M: Any, c: int) -> Any:
-    """Return row r of S times column c of M."""
-    s = lay.feed[lay.first[r]]
-    y = slant[s] * M[s, c]
-    for k in range(lay.first[r] + 1, lay.first[r + 1]):
+def _with_others(lay: Layout, r: int, y: Any, slant: Any, M: Any, c: int) -> Any:
+    """Return row r of S times column c of M, of which y is the part of the biases."""
+    for k in range(lay.first[r], lay.first[r + 1]):
         s = lay.feed[k]
         y += slant[s] * M[s, c]
     return y
@@ -152,13 +165,16 @@ def _sensed(lay: Layout, r: int, slant: Any, M: Any, c: int) -> Any:
 @compiled
 def _all_sensed(lay: Layout, slant: Any, M: Any, c: int) -> Any:
     """Return S times column c of M."""
+    y = _by_biases(slant, M, c)
+    if lay.size == SMALLEST:
+        return y
     return (
-        _sensed(lay, 0, slant, M, c),
-        _sensed(lay, 1, slant, M, c),
-        _sensed(lay, 2, slant, M, c),
-        _sensed(lay, 3, slant, M, c),
-        _sensed(lay, 4, slant, M, c),
-        _sensed(lay, 5, slant, M, c),
+        _with_others(lay, 0, y[0], slant, M, c),
+        _with_others(lay, 1, y[1], slant, M, c),
+        _with_others(lay, 2, y[2], slant, M, c),
+        _with_others(lay, 3, y[3], slant, M, c),
+        _with_others(lay, 4, y[4], slant, M, c),
+        _with_others(lay, 5, y[5], slant, M, c),
     )
 
 
@@ -211,8 +227,8 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
                 slant[s] = work.shrunk[s] * work.true[lay.source[s]]
     _set_noise(work, turn, push, dt)
     for c in range(P.shape[1]):
-        fall = dt * P[lay.gravity, c] if lay.gravity >= 0 else 0.0
-        column, (rate, force) = _column(P, c), unmixed(lay, work.inverse, _all_sensed(lay, slant, P, c))
+        fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
+        column, (rate, force) = _column(P, c), unmixed(lay, work.inverse, _all_sensed(lay, slant, over, c))
         a = _tilted(column, rate, step)
         v = _pushed(column, a, force, fall, step)
         _set(P, c, 0, _moved(column, v, step))
@@ -234,8 +250,8 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     if work.apart:
         _set_ninth(lay, work, dt, step)
     else:
-        for s in range(3, lay.size):
-            for i in range(s - s % 3 if s < 9 else 9):
+        for s in range(3, 9):
+            for i in range(s - s % 3):
                 work.P[s, i] = work.P[i, s]
     _advance_rest(lay, work, dt)
 
@@ -302,7 +318,10 @@ def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
 
 @called
 def settle(lay: Layout, work: Work) -> None:
-    """Let P be that of the states themselves, and both sides of P_nn the same, which rounding parts."""
+    """Let P be that of the states themselves, and both its sides the same."""
+    for s in range(9, lay.size):
+        for i in range(9):
+            work.P[s, i] = work.P[i, s]
     for i in range(9):
         for j in range(i + 1, 9):
             mean = 0.5 * (work.P[i, j] + work.P[j, i])

@@ -107,7 +107,7 @@ def calibrate(lay: Layout, work: Work) -> None:
     """Set bias, A and its inverse from the states."""
     A, x = work.matrix, work.x
     for r in range(6):
-        work.bias[r] = 0.0
+        work.bias[r] = x[9 + r]
         for k in range(lay.first[r], lay.first[r + 1]):
             if lay.source[lay.feed[k]] < 0:
                 work.bias[r] += x[lay.feed[k]]
