@@ -31,9 +31,11 @@ class _Whole(JITCodeLibrary):
         module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
-        first = {"opt": 1, "loop_vectorize": False, "slp_vectorize": False, "cost": "cheap"}
-        for options in (first, {}):  # what the first leaves behind, the second makes a fifth faster
-            passes, builder = self._codegen._module_pass_manager(**options)
+        for level in (1, 3):  # what the first leaves behind, the second makes a fifth faster
+            cost = {"cost": "cheap"} if level == 1 else {}
+            passes, builder = self._codegen._module_pass_manager(
+                opt=level, loop_vectorize=False, slp_vectorize=False, **cost
+            )
             passes.run(self._final_module, builder)
 
 

@@ -21,7 +21,7 @@ filters, one column at a time (`tuner.navigation.arrays.Work`).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,17 @@ from numpy.typing import NDArray
 from models.errorstate import coupling
 from models.triples import add, cross, scale, transform
 from tuner.navigation.arrays import Memory, Work
-from tuner.navigation.compiled import SMALLEST, Layout
+from tuner.navigation.columns import (
+    Step,
+    all_sensed,
+    column_of,
+    moved,
+    pushed,
+    set_triple,
+    tilted,
+    unmixed,
+)
+from tuner.navigation.compiled import Layout
 from tuner.navigation.compiler import called, compiled
 from tuner.navigation.lanes import WIDTH
 from tuner.navigation.straight import straight, turned_over
@@ -38,20 +48,6 @@ FloatArray = NDArray[np.float64]
 
 PUT_OFF = 100.0
 """Time constants after which decay is put off no longer: numbers stay in range."""
-
-
-class _Step(NamedTuple):
-    """What advances a column: matrices of `models.errorstate` times dt, the force times dt/2, −C dt."""
-
-    f_rr: Any
-    f_vr: Any
-    f_vv: Any
-    f_ar: Any
-    f_av: Any
-    omega: Any
-    force: Any
-    turn: Any
-    half: Any
 
 
 @called
@@ -74,23 +70,6 @@ def _scaled(c: Any, m: Any) -> Any:
 
 
 @straight
-def _row(m: Any, r: int, s: Any) -> Any:
-    """Return row r of a matrix times six numbers."""
-    return m[r, 0] * s[0] + m[r, 1] * s[1] + m[r, 2] * s[2] + m[r, 3] * s[3] + m[r, 4] * s[4] + m[r, 5] * s[5]
-
-
-@straight
-def unmixed(lay: Layout, inverse: Any, s: Any) -> Any:
-    """Return A⁻¹ s as rates and forces."""
-    if lay.ideal:
-        return (s[0], s[1], s[2]), (s[3], s[4], s[5])
-    return (
-        (_row(inverse, 0, s), _row(inverse, 1, s), _row(inverse, 2, s)),
-        (_row(inverse, 3, s), _row(inverse, 4, s), _row(inverse, 5, s)),
-    )
-
-
-@straight
 def turned(M: Any, c: int) -> Any:
     """Return the first eight rows of a column of lanes turned over."""
     return turned_over((M[0, c], M[1, c], M[2, c], M[3, c], M[4, c], M[5, c], M[6, c], M[7, c]))
@@ -101,81 +80,6 @@ def set_block(M: Any, i: int, rows: Any) -> None:
     """Set eight rows of the first column of lanes from row i on."""
     M[i, 0], M[i + 1, 0], M[i + 2, 0], M[i + 3, 0] = rows[0], rows[1], rows[2], rows[3]
     M[i + 4, 0], M[i + 5, 0], M[i + 6, 0], M[i + 7, 0] = rows[4], rows[5], rows[6], rows[7]
-
-
-@straight
-def _column(M: Any, c: int) -> Any:
-    """Return the first nine rows of a column as three triples."""
-    return (M[0, c], M[1, c], M[2, c]), (M[3, c], M[4, c], M[5, c]), (M[6, c], M[7, c], M[8, c])
-
-
-@straight
-def _set(M: Any, c: int, first: int, y: Any) -> None:
-    """Set three rows of a column."""
-    for k in range(3):
-        M[first + k, c] = y[k]
-
-
-@straight
-def _tilted(column: Any, rate: Any, step: Any) -> Any:
-    """Return the attitude rows of A times a column of nine, plus Γ times rate errors."""
-    r, v, a = column
-    y = add(transform(step.f_ar, r), transform(step.f_av, v))
-    return add(a, add(y, add(transform(step.turn, rate), cross(a, step.omega))))
-
-
-@straight
-def _pushed(column: Any, tilted: Any, push: Any, fall: Any, step: Any) -> Any:
-    """Return the velocity rows, with force errors and `fall` downwards."""
-    r, v, a = column
-    y = add(transform(step.f_vr, r), transform(step.f_vv, v))
-    y = add(y, add(transform(step.turn, push), cross(add(a, tilted), step.force)))
-    return add(v, (y[0], y[1], y[2] + fall))
-
-
-@straight
-def _moved(column: Any, pushed: Any, step: Any) -> Any:
-    """Return the position rows."""
-    r, v, _ = column
-    return add(r, add(transform(step.f_rr, r), scale(step.half, add(v, pushed))))
-
-
-@straight
-def _by_biases(slant: Any, M: Any, c: int) -> Any:
-    """Return what the biases add to S times column c of M."""
-    return (
-        slant[9] * M[9, c],
-        slant[10] * M[10, c],
-        slant[11] * M[11, c],
-        slant[12] * M[12, c],
-        slant[13] * M[13, c],
-        slant[14] * M[14, c],
-    )
-
-
-@compiled
-def _with_others(lay: Layout, r: int, y: Any, slant: Any, M: Any, c: int) -> Any:
-    """Return row r of S times column c of M, of which y is the part of the biases."""
-    for k in range(lay.first[r], lay.first[r + 1]):
-        s = lay.feed[k]
-        y += slant[s] * M[s, c]
-    return y
-
-
-@compiled
-def _all_sensed(lay: Layout, slant: Any, M: Any, c: int) -> Any:
-    """Return S times column c of M."""
-    y = _by_biases(slant, M, c)
-    if lay.size == SMALLEST:
-        return y
-    return (
-        _with_others(lay, 0, y[0], slant, M, c),
-        _with_others(lay, 1, y[1], slant, M, c),
-        _with_others(lay, 2, y[2], slant, M, c),
-        _with_others(lay, 3, y[3], slant, M, c),
-        _with_others(lay, 4, y[4], slant, M, c),
-        _with_others(lay, 5, y[5], slant, M, c),
-    )
 
 
 @straight
@@ -209,7 +113,7 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     """
     f_rr, f_vr, f_vv, f_ar, f_av, omega = coupling(pos, vel)
     turn, push = _scaled(-dt, mat), scale(0.5 * dt, force)
-    step = _Step(
+    step = Step(
         _scaled(dt, f_rr),
         _scaled(dt, f_vr),
         _scaled(dt, f_vv),
@@ -228,25 +132,25 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     _set_noise(work, turn, push, dt)
     for c in range(P.shape[1]):
         fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
-        column, (rate, force) = _column(P, c), unmixed(lay, work.inverse, _all_sensed(lay, slant, over, c))
-        a = _tilted(column, rate, step)
-        v = _pushed(column, a, force, fall, step)
-        _set(P, c, 0, _moved(column, v, step))
-        _set(P, c, 3, v)
-        _set(P, c, 6, a)
+        column, (rate, force) = column_of(P, c), unmixed(lay, work.inverse, all_sensed(lay, slant, over, c))
+        a = tilted(column, rate, step)
+        v = pushed(column, a, force, fall, step)
+        set_triple(P, c, 0, moved(column, v, step))
+        set_triple(P, c, 3, v)
+        set_triple(P, c, 6, a)
     if work.apart:
         _turn_over(lay, work)
     for c in range(rows.shape[1]):
-        six = _with_white(work, dt, _all_sensed(lay, slant, over, c), noise, c)
-        column, (rate, force) = _column(rows, c), unmixed(lay, work.inverse, six)
-        a = _tilted(column, rate, step)
+        six = _with_white(work, dt, all_sensed(lay, slant, over, c), noise, c)
+        column, (rate, force) = column_of(rows, c), unmixed(lay, work.inverse, six)
+        a = tilted(column, rate, step)
         if work.apart or c < 6:  # elsewhere the other side of P_nn says the same
             fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
-            v = _pushed(column, a, force, fall, step)
+            v = pushed(column, a, force, fall, step)
             if work.apart or c < 3:
-                _set(over, c, 0, _moved(column, v, step))
-            _set(over, c, 3, v)
-        _set(over, c, 6, a)
+                set_triple(over, c, 0, moved(column, v, step))
+            set_triple(over, c, 3, v)
+        set_triple(over, c, 6, a)
     if work.apart:
         _set_ninth(lay, work, dt, step)
     else:
@@ -263,9 +167,9 @@ def _set_noise(work: Work, turn: Any, force: Any, dt: float) -> None:
     for c in range(unit.shape[1]):
         tilt = transform(turn, (unit[0, c], unit[1, c], unit[2, c]))
         push = add(transform(turn, (unit[3, c], unit[4, c], unit[5, c])), cross(tilt, force))
-        _set(gamma, c, 0, scale(0.5 * dt, push))
-        _set(gamma, c, 3, push)
-        _set(gamma, c, 6, tilt)
+        set_triple(gamma, c, 0, scale(0.5 * dt, push))
+        set_triple(gamma, c, 3, push)
+        set_triple(gamma, c, 6, tilt)
     if work.apart:
         set_block(work.noise_c, 0, turned(gamma, 0))
 
@@ -289,9 +193,9 @@ def _turn_over(lay: Layout, work: Work) -> None:
 def _set_ninth(lay: Layout, work: Work, dt: float, step: Any) -> None:
     """Set the ninth column of P_nn of one filter: what is not in its row is one number."""
     P = work.P
-    six = _with_white(work, dt, _all_sensed(lay, work.slant, P, 8), work.gamma.T, 8)
+    six = _with_white(work, dt, all_sensed(lay, work.slant, P, 8), work.gamma.T, 8)
     rate, _ = unmixed(lay, work.inverse, six)
-    a = _tilted(_column(work.ninth, 0), rate, step)
+    a = tilted(column_of(work.ninth, 0), rate, step)
     for i in range(WIDTH):
         P[i, 8] = P[8, i]
     P[8, 8] = a[2]

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from models import earth, errorstate, strapdown, triples
 from models.strapdown import correct_increments, mean_attitude, step
 from models.triples import add, scale, transform
-from tuner.navigation import arrays, compiler, covariance, gains, lanes, updates, white
+from tuner.navigation import arrays, columns, compiler, covariance, gains, lanes, updates, white
 from tuner.navigation import compiled as compiled_module
 from tuner.navigation import straight as straight_module
 from tuner.navigation.arrays import Memory, Work, copy_in, copy_out, work_of
+from tuner.navigation.columns import unmixed
 from tuner.navigation.compiled import (
     NEVER,
     Layout,
@@ -37,7 +38,6 @@ from tuner.navigation.covariance import (
     set_decay,
     settle,
     summarise,
-    unmixed,
 )
 from tuner.navigation.gains import gain, joseph, spread, update
 from tuner.navigation.lanes import borrowed
@@ -312,7 +312,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
 
 
 _SOURCES = (
-    triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, covariance,
-    updates, gains, white, sys.modules[__name__],
+    triples, earth, strapdown, errorstate, lanes, straight_module, compiler, compiled_module, arrays, columns,
+    covariance, updates, gains, white, sys.modules[__name__],
 )  # fmt: skip
 fly = _kept(checksum(*_SOURCES))

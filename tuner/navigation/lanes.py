@@ -93,8 +93,9 @@ def elementary(builder: Any, name: str, values: Any) -> Any:
 def _view(kind: Any, lost: int) -> Any:
     """Return a function that sees an array of numbers as one of `kind`.
 
-    The last `lost` axes go: none, of lanes the last one counts an eighth; one of length 1 or 8; or two whose lengths have a product that 8 divides, of
-    which one stays, of the product ÷ 8. A view does not own the memory and so costs nothing to hand about.
+    The last `lost` axes go: none, and of lanes the last counts an eighth; one of length 1 or 8; or two whose
+    lengths have a product that 8 divides, of which one stays, of the product ÷ 8. A view does not own the memory
+    and so costs nothing to hand about.
     """
 
     @intrinsic
