@@ -89,3 +89,15 @@ def test_a_thermometer_is_smoothed_where_its_noise_allows(held, share):
     curve = smoothed(readings, 0.01, hold(readings))
     assert np.std(curve - truth) < share * 0.05
     assert abs(curve[0] - truth[0]) < 0.1
+
+
+def test_the_curve_of_a_coarse_thermometer_follows_a_quick_start():
+    """A few readings together are never as far off as half a step: over the first of them, nor is the curve."""
+    t = np.arange(360_000) / 125.0
+    truth = 28.5 - 1.23 * np.exp(-t / 92.0)
+    for seed in range(4):
+        noisy = truth + 0.025 * np.random.default_rng(seed).standard_normal(len(t))
+        readings = (0.125 * np.round(noisy / 0.125)).reshape(-1, 90).mean(axis=1)
+        error = smoothed(readings, 0.125) - truth.reshape(-1, 90).mean(axis=1)
+        assert abs(np.mean(error[:16])) < 0.5 * 0.125
+        assert np.std(error) < 0.06 * 0.125

@@ -2,8 +2,9 @@
 
 Readings on a lattice of step Δ hold still and jump, and they are noisy; the temperature did none of that. The smoothest
 curve within their error s is taken (Whittaker's smoother): it minimises Σ(x − r)² + λ Σ(third differences of x)², with
-the largest λ for which the readings r lie s about it over the record, and not much more in any part of it: where the
-temperature turns fast, the curve has to follow. s is √(Δ²/12), or the noise of the readings as their second differences
+the largest λ for which the readings r lie s about it over the record, not much more in any part of it, and a few of
+them together at no time as far off as rounding takes one, √3 s: where the temperature turns fast, the curve has to
+follow. s is √(Δ²/12), or the noise of the readings as their second differences
 over the time that they are held show it, if that is more.
 
 References
@@ -24,6 +25,10 @@ PARTS = 64
 """Parts of a record in each of which the curve must follow the readings."""
 LOCAL = 1.6
 """Root mean square of what is left in a part, in errors, beyond which it does not."""
+FEW = 16
+"""Measurements whose mean must not be `FARTHEST` off: noise alone does not take it there."""
+FARTHEST = 1.4
+"""Distance in errors; half a step, which rounding takes a reading off at most, is √3 of them."""
 
 
 def code_step(values: FloatArray) -> float:
@@ -57,7 +62,7 @@ def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
     for _ in range(24):
         middle = 0.5 * (low + high)
         trial = _whittaker(readings, 10.0**middle)
-        if _within(readings - trial, error):
+        if _within(readings - trial, error, FEW * held):
             low, curve = middle, trial
         else:
             high = middle
@@ -70,10 +75,12 @@ def hold(values: FloatArray) -> int:
     return int(np.median(np.diff(change))) if len(change) > 1 else len(values)
 
 
-def _within(rest: FloatArray, error: float) -> bool:
+def _within(rest: FloatArray, error: float, few: int) -> bool:
+    total = np.concatenate(([0.0], np.cumsum(rest)))
+    farthest = float(np.abs(total[few:] - total[:-few]).max()) / few
     parts = rest[: len(rest) // PARTS * PARTS].reshape(PARTS, -1)
     worst = float(np.sqrt(np.mean(parts**2, axis=1)).max())
-    return float(np.std(rest)) <= error and worst <= LOCAL * error
+    return float(np.std(rest)) <= error and worst <= LOCAL * error and farthest <= FARTHEST * error
 
 
 def _whittaker(y: FloatArray, weight: float) -> FloatArray:
