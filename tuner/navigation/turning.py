@@ -29,6 +29,8 @@ SMALLEST = 6
 """Windows to begin with, at least."""
 STARTS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 """Biases about the vertical to begin with, in sds."""
+BAD = 9.0
+"""Misfit, in variances told, from which an answer over more than the first time is asked again from other starts."""
 LEAST = 1e-6
 """Least sd of a bias, rad/s and m/s²."""
 HALVES = (1.0, 0.5, 0.25, 0.125)
@@ -150,18 +152,24 @@ def moved_biases(
             bias, here = bias + part * step, there
         return bias, covariance, here
 
+    def elsewhere(answers: list[_Answer], used: int) -> list[_Answer]:
+        # Gravity tells turns about level axes; about the vertical there may be several answers.
+        bias, _, fit = min(answers, key=lambda one: one[2].cost(share / max(noise, 1e-300)))
+        if used > first and fit.square.mean() < BAD * 3.0 * noise:
+            return answers
+        level = bias - np.concatenate([fit.down @ bias[:3] * fit.down, np.zeros(3)])
+        about = np.concatenate([fit.down @ sd[:3] * fit.down, np.zeros(3)])
+        return [*answers, *(solved(level + k * about, used) for k in STARTS)]
+
     length = 1.0 / max(float(sd[:3].max()), 1e-300)
-    used = max(min(SMALLEST, len(times)), int(np.searchsorted(times, length)))
+    used = first = max(min(SMALLEST, len(times)), int(np.searchsorted(times, length)))
     answers = [solved(prior, used)]
     if used < len(times):
-        # Gravity tells turns about level axes; about the vertical there may be several answers.
-        fit = answers[0][2]
-        about = np.concatenate([fit.down @ sd[:3] * fit.down, np.zeros(3)])
-        answers += [solved(prior + k * about, used) for k in STARTS]
+        answers = elsewhere(answers, used)
     while used < len(times):
         length *= 2.0
         used = max(used, int(np.searchsorted(times, length)))
-        answers = [solved(bias, used) for bias, _, _ in _different(answers)]
+        answers = elsewhere([solved(bias, used) for bias, _, _ in _different(answers)], used)
     weight = share / max(min(float(fit.square.mean()) for _, _, fit in answers) / 3.0, noise)
     bias, covariance, _ = min(answers, key=lambda one: one[2].cost(weight))
     return Biased(bias, covariance)
