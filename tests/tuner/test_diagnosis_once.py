@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from models.noise import NoiseModel, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.causes.heavy_tails import HeavyTails
-from tuner.diagnosis.causes.vibration import Vibration
+from tuner.diagnosis.causes.vibration import Vibration, _largest
 from tuner.diagnosis.channel import channel
 from tuner.diagnosis.loudness import block_loudness, loudness
 from tuner.diagnosis.residual import relabelled, residual
@@ -90,3 +90,9 @@ def test_the_simplex_walks_as_that_of_scipy(start):
     x, value = minimum(cost, [start])
     np.testing.assert_allclose(x, known.x, atol=1e-9)
     assert value == pytest.approx(known.fun, abs=1e-12)
+
+
+@pytest.mark.parametrize("number", [1, 8, 50])
+def test_the_largest_are_found_in_order(number):
+    values = np.random.default_rng(5).standard_normal(50)
+    np.testing.assert_array_equal(_largest(values, number), np.argsort(values)[-number:])

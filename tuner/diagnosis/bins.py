@@ -139,6 +139,6 @@ def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Siz
     found = Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), fixed))
     if found.size[1] <= 1.0:
         return found
-    rest = np.ascontiguousarray(np.delete(shapes, 1, axis=0))
+    rest = np.concatenate((shapes[:1], shapes[2:]))
     size, expected, cost = sizes(data.power, data.count, rest, fixed + shapes[1])
-    return Sizes(np.insert(size, 1, 1.0), expected, cost)
+    return Sizes(np.concatenate((size[:1], [1.0], size[1:])), expected, cost)

@@ -171,8 +171,9 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
         start = np.arange(FIRST, len(power) - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
         ratio[taken(found, (start + 1 + 0.5 * width) * df)] = 1.0
-        nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in _largest(ratio, 8)])
-        at = _largest(ratio, 8)[int(np.argmax(nats))]
+        largest = _largest(ratio, 8)
+        nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in largest])
+        at = largest[int(np.argmax(nats))]
         log_chance = np.log(len(widths) * len(start)) - float(nats.max())
         if log_chance < best[0]:
             best = (log_chance, width, int(start[at]), float(ratio[at]))
@@ -222,8 +223,9 @@ def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[Fl
 
 
 def _largest(values: FloatArray, number: int) -> IntArray:
-    """Return the places of the largest values."""
-    return np.argsort(values)[-number:]
+    """Return the places of the largest values, these last."""
+    some = np.argpartition(values, -min(number, len(values)))[-number:]
+    return some[np.argsort(values[some])]
 
 
 def wide(tested: ShapeTest, found: Residual) -> Alarm:
