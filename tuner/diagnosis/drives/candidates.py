@@ -8,6 +8,7 @@ densities, correlated states, fixes left out.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,11 +102,11 @@ def candidates(
     shifts = [shift(one) for one in families(w, record.parameters, accepted)]
     if any(one.raised(STRONG) for one in shifts):
         free = replace(belief, columns=tuple(range(len(record.parameters))))
-        fixes, noise = _fixes(free, threshold), _noise(found, free)
+        fixes, noise = _asked(found, free, threshold)
         if any(one.raised(STRONG) for one in noise):
             return (*fixes, *noise)
         return (*shifts, *_fixes(belief, threshold))
-    fixes, noise = _fixes(belief, threshold), _noise(found, belief)
+    fixes, noise = _asked(found, belief, threshold)
     if any(one.raised(threshold) for one in (*fixes, *noise)):
         return (*fixes, *noise)
     return (*shifts, *fixes, *noise)
@@ -123,17 +124,31 @@ def _fixes(belief: Belief, threshold: float) -> tuple[Candidate, ...]:
     return tuple(told)
 
 
-def _noise(found: Pass, belief: Belief) -> tuple[Candidate, ...]:
-    """Return what the noise and jumps of biases say."""
+def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
+    """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
+
+    The kernels of the likelihood let other threads run.
+    """
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        correlated = pool.submit(lambda: correlated_gnss(belief, evaluate(belief)))
+        factors = pool.submit(_factors, found, belief)
+        fixes = pool.submit(_fixes, belief, threshold)
+        jump = pool.submit(bias_jump, belief)
+        claims = (*factors.result(), correlated.result())
+        if len(found.hypothesis.jumps) < JUMPS:
+            claims = (*claims, jump.result())
+        return fixes.result(), tuple(_claimed(claim) for claim in claims)
+
+
+def _factors(found: Pass, belief: Belief) -> tuple[Claim, ...]:
+    """Return what is said of factors on the noise, and of laws of the reported sds."""
     told, prior = scores(belief), static_prior(found.hypothesis.config.channels)
     scaled = joint_noise(belief, told, prior_sd=prior)
     if scaled is None:
         scaled = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
     asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
     laws = [claim for block in asked if (claim := reported_noise(belief, block)) is not None]
-    claims = (*scaled, *laws, correlated_gnss(belief, evaluate(belief)), bias_jump(belief))
-    most = len(found.hypothesis.jumps) >= JUMPS
-    return tuple(_claimed(claim) for claim in claims if not (most and claim.alarm.cause == JUMP))
+    return (*scaled, *laws)
 
 
 def _claimed(claim: Claim) -> Candidate:

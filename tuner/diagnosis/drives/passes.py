@@ -141,7 +141,7 @@ def _flip(matrix: FloatArray, out: FloatArray) -> None:
             out[j, i] = matrix[i, j]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def forward(
     phi: Places,
     gyro: Places,
@@ -279,7 +279,7 @@ def forward(
             a[m] -= correction[i, m]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def backward(
     phi: Places,
     gyro: Places,
