@@ -88,7 +88,7 @@ def scene(
     if hard == "begun in motion":
         still = float(rng.uniform(0.0, 3.0))
     if hard == "short stop":
-        still = float(rng.uniform(1.0, 5.0))
+        still = float(rng.uniform(0.5, 2.5))
     if hard == "long stop":
         still = 0.4 * duration
     straightly = road == "straight" or hard == "straight road"
