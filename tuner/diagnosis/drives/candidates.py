@@ -7,6 +7,7 @@ densities, correlated states, fixes left out.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -127,9 +128,11 @@ def _fixes(belief: Belief, threshold: float) -> tuple[Candidate, ...]:
 def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
     """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
 
-    The kernels of the likelihood let other threads run.
+    The kernels of the likelihood let other threads run. What a line search says is not for the user, and scipy keeps it
+    to itself in one thread only.
     """
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with warnings.catch_warnings(), ThreadPoolExecutor(max_workers=2) as pool:
+        warnings.filterwarnings("ignore", "The line search|Rounding errors", RuntimeWarning)
         correlated = pool.submit(lambda: correlated_gnss(belief, evaluate(belief)))
         factors = pool.submit(_factors, found, belief)
         fixes = pool.submit(_fixes, belief, threshold)
