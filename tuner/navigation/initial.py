@@ -40,8 +40,8 @@ MARGIN = 2.0
 """Time cut from the end of a stand-still, s."""
 WINDOW = 2.0
 """Length of the windows, s."""
-SHORTEST_REST, LONG_REST = 1.0, 2.0 * WINDOW
-"""Time of standing from which it tells the bias of the gyros somewhat, and alone, s."""
+SHORT_REST, REST, LONG_REST = 1.0, 2.0 * WINDOW, 30.0
+"""Time of standing from which it tells the biases of poor gyros somewhat, those of good ones, and of all alone, s."""
 MOVING = 60.0
 """Time in motion that the alignment uses, s."""
 GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
@@ -186,10 +186,10 @@ def align_once(
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
     rest = still_end - begin
-    if rest > LONG_REST or (rest >= SHORTEST_REST and unknown.any()):
+    if rest > REST or (rest >= SHORT_REST and unknown.any()):
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
         bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
-        if rest > LONG_REST:
+        if rest > LONG_REST or not unknown.any():
             excess, unknown = means[3:] * (1.0 - down / force), KNOWN
         else:  # noise counts as one value a second: what shakes a unit at rest is not white
             scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
