@@ -6,9 +6,10 @@ slopes of 0.03 say of gravity, and attitudes are as uncertain, that grows with t
 2°/√h gravity leans by 3.5 sds, scale factors of the gyros by 2.4. The noise that is believed, added to the drive once
 more, tells it, as in the first step of simulation–extrapolation [1]_::
 
-    θ = (Sᵀ S)⁻¹ (S₁ − S)ᵀ (W₁ − W)
+    θ = (λ + Sᵀ S)⁻¹ (S₁ − S)ᵀ (W₁ − W)
 
-One addition tells it to a tenth of a sd.
+with constants in sds of their priors and λ small: where a drive says nothing, nothing is taken out. One addition
+tells it to a tenth of a sd.
 
 References
 ----------
@@ -37,6 +38,8 @@ BoolArray = NDArray[np.bool_]
 
 SEED = 0
 """Of the noise that is added."""
+UNTOLD = 0.05
+"""Where a drive says less of a constant than this share of what its prior does, nothing is taken out."""
 LARGEST = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
 
@@ -61,7 +64,7 @@ def leaning(drive: Drive, found: Pass) -> FloatArray:
     prior = np.array([PRIORS[name.partition(".")[0]] for name in found.record.parameters])
     s = slope[rows] * prior
     pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -LARGEST, LARGEST)
-    return np.asarray(prior * (np.linalg.pinv(s.T @ s, rcond=1e-10, hermitian=True) @ pull))
+    return np.asarray(prior * np.linalg.solve(UNTOLD * np.eye(len(prior)) + s.T @ s, pull))
 
 
 def noisier(drive: Drive, found: Pass, rng: np.random.Generator) -> Drive:

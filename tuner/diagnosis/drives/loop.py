@@ -33,7 +33,7 @@ from tuner.diagnosis.drives.record import GROUPS
 from tuner.diagnosis.drives.reported import coefficient, edges_told, factor_in, names_in, said_by
 from tuner.diagnosis.drives.scales import factors, present
 from tuner.diagnosis.drives.score import PRIORS, Fit, Scored, carried, fit, inseparable, retested
-from tuner.records import Drive
+from tuner.records import DataError, Drive
 from tuner.results import Alternative, Coefficient
 
 BUDGET = 3e-3
@@ -200,7 +200,10 @@ def refined(drive: Drive, found: Pass, known: tuple[str, ...]) -> Pass:
         if np.all(np.abs(now.shrunk - at) < MOVED * np.sqrt(np.diag(now.covariance))):
             break
         values = dict(zip(names, now.shrunk.tolist(), strict=True))
-        then = examine(drive, found.hypothesis.with_values(values))
+        try:
+            then = examine(drive, found.hypothesis.with_values(values))
+        except DataError:  # so shifted, the drive cannot even be aligned
+            break
         if _likelihood(then) < _likelihood(found) - SLACK:
             break
         found = then
