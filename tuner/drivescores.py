@@ -122,7 +122,7 @@ def against_reference(
 def errors(
     reference: Reference | None, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
 ) -> dict[str, tuple[float, ...]]:
-    """Return rms differences to the reference, else rms innovations."""
+    """Return rms differences to what the reference holds, else rms innovations."""
     if reference is None:
         pairs = zip(solutions, scored, strict=True)
         chosen = [(s.innovation[rows], s.use[rows]) for s, rows in pairs]
@@ -138,11 +138,13 @@ def errors(
     error = np.concatenate(
         [differences(reference, s, rows) for s, rows in zip(solutions, scored, strict=True)]
     )
-    rms = np.sqrt(np.nanmean(error**2, axis=0))
+    parts = zip(
+        ("position_rms_m", "velocity_rms_m_s", "attitude_rms_rad"), np.split(error, 3, axis=1), strict=True
+    )
     return {
-        "position_rms_m": tuple(rms[:3].tolist()),
-        "velocity_rms_m_s": tuple(rms[3:6].tolist()),
-        "attitude_rms_rad": tuple(rms[6:].tolist()),
+        name: tuple(np.sqrt(np.nanmean(part**2, axis=0)).tolist())
+        for name, part in parts
+        if np.isfinite(part).any(axis=0).all()
     }
 
 

@@ -114,6 +114,14 @@ def test_same_seed_same_result(tmp_path, capsys):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.parametrize(
+    ("name", "key"), [("a.1.npz", "a.1.key.json"), ("a.csv.gz", "a.key.json"), (".a.npz", ".a.key.json")]
+)
+def test_a_key_has_the_name_of_its_log(tmp_path, name, key):
+    assert run(["simulate", "mpu9250", "--hours", "0.001", "-o", str(tmp_path / name), "--quiet"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {name, key}
+
+
 def test_json_on_standard_output_is_alone_there(log, capsys):
     assert run(["identify", str(log), "--json", "-", "--quiet"]) == 0
     out, err = said(capsys)

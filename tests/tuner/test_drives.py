@@ -15,7 +15,7 @@ from models.gnss import perfect_fixes
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
 from tuner.diagnosis.drives import diagnose_drive
-from tuner.drivescores import differences
+from tuner.drivescores import differences, errors
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.axes import inertial_axes, named_axes
@@ -44,11 +44,11 @@ def result(configuration, file):
 
 def test_simulated_drive_is_navigated(result):
     found = result.consistency
-    errors = found.errors
+    rms = found.errors
     assert not found.diverged
-    assert max(errors["position_rms_m"][:2]) < 0.5
-    assert max(errors["velocity_rms_m_s"]) < 0.1
-    assert max(errors["attitude_rms_rad"][:2]) < np.radians(0.3)
+    assert max(rms["position_rms_m"][:2]) < 0.5
+    assert max(rms["velocity_rms_m_s"]) < 0.1
+    assert max(rms["attitude_rms_rad"][:2]) < np.radians(0.3)
     assert found.gated < 0.01
     assert [outage.seconds for outage in found.outages] == [10.0, 30.0, 60.0]
     assert all(0.4 < outage.score.ratio < 2.0 for outage in found.outages)
@@ -285,6 +285,36 @@ def test_alignment_needs_motion(data):
     )
     with pytest.raises(DataError, match="speed"):
         align(steps, still)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda data: {"gyro": data["gyro"][:, :2]}, "in gyro, three a stamp of imu_t"),
+        (lambda data: {"accel": data["accel"] + 0j}, "type complex128"),
+        (lambda data: {"gnss_llh": data["gnss_llh"].astype(str)}, "in gnss_llh"),
+        (lambda data: {"gyro": data["gyro"][:-5]}, "in gyro"),
+    ],
+)
+def test_arrays_that_are_no_triads_are_refused(saved, data, tmp_path, change, words):
+    with pytest.raises(DataError, match=words):
+        read_drive(saved(tmp_path / "wrong.npz", dict(data, **change(data))))
+
+
+@pytest.mark.parametrize(
+    "meta",
+    [{"imu_frame": "XYZ"}, {"lever_arm_frd_m": (0.0, float("nan"), 0.0)}, {"mounting_rpy_deg": (1.0, 2.0)}],
+)
+def test_an_installation_that_cannot_be_read_is_refused(saved, data, tmp_path, meta):
+    with pytest.raises(DataError, match=f"expected {next(iter(meta))}"):
+        read_drive(saved(tmp_path / "wrong.npz", data, **meta))
+
+
+def test_a_reference_without_attitude_gives_no_error_of_attitude(result, file):
+    reference = read_drive(file).reference
+    blind = replace(reference, rpy=np.full_like(reference.rpy, np.nan))
+    rows = [np.arange(len(s.t)) for s in result.solutions]
+    assert set(errors(blind, result.solutions, rows)) == {"position_rms_m", "velocity_rms_m_s"}
 
 
 def test_swapped_axes_are_named(saved, data, tmp_path):

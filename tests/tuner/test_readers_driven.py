@@ -50,6 +50,10 @@ def _mad_velocities(imu, fixes):
     fixes[::20, 4] = 1000.0
 
 
+def _sds_endless(imu, fixes):
+    fixes[20:30, 8] = np.inf
+
+
 def _leaps(imu, fixes):
     fixes[::20, 1] += 0.1
 
@@ -62,6 +66,7 @@ def _leaps(imu, fixes):
         (_gyros_off, "angular rates that change"),
         (_mad_velocities, "velocities of up to 1000 m/s in 10 of 200 fixes, first at 0 s"),
         (_leaps, "positions that ask for up to"),
+        (_sds_endless, "standard deviations that are finite, got inf in 10 of 200 fixes, first at 20 s"),
     ],
 )
 def test_the_impossible_is_refused_with_its_place(change, words):

@@ -99,7 +99,7 @@ def command(
             load_grade(sensor), duration=3600.0 * hours, rate=rate, seed=seed, hidden=hidden
         )
         write_log(records, path)
-    key_path = path.with_name(path.name.split(".")[0] + ".key.json")
+    key_path = path.with_name(Path(path.name.removesuffix(".gz")).stem + ".key.json")
     write_text(key_path, json_text(key))
     messages.say(f"wrote {path} and its key {key_path}")
     output.write({"schema": "tuner.simulation/1", "log": str(path), "key": str(key_path)})

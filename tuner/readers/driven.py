@@ -58,6 +58,13 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str])
             "leave those empty that are not known"
         )
         raise DataError(msg)
+    endless = np.isinf(fixes[:, 7:13]).any(axis=1)
+    if endless.any():
+        msg = (
+            f"{path}: expected standard deviations that are finite, got inf in {np.count_nonzero(endless)} of "
+            f"{len(fixes)} fixes, first at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out"
+        )
+        raise DataError(msg)
     for name, columns in (("position", slice(7, 10)), ("velocity", slice(10, 13))):
         zero = int(np.count_nonzero(np.any(fixes[:, columns] == 0.0, axis=1)))
         if zero:

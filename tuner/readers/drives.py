@@ -118,7 +118,15 @@ def _npz(path: Path) -> Drive:
     if missing:
         msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
         raise DataError(msg)
-    meta: dict[str, Any] = json.loads(str(data["meta"])) if "meta" in data else {}
+    meta = _meta(path, data)
+    for name, clock in (("gyro", "imu_t"), ("accel", "imu_t"), ("gnss_llh", "gnss_t")):
+        shape = (np.size(data[clock]), 3)
+        if data[name].shape != shape or data[name].dtype.kind not in "fiu":
+            msg = (
+                f"{path}: expected numbers of shape {shape} in {name}, three a stamp of {clock}, "
+                f"got shape {data[name].shape}, type {data[name].dtype}"
+            )
+            raise DataError(msg)
     k = len(data["gnss_t"])
 
     def triple(name: str, rows: int = k) -> FloatArray:
@@ -151,6 +159,23 @@ def _npz(path: Path) -> Drive:
         mounting=mounting_of(meta.get("imu_frame"), meta.get("mounting_rpy_deg")),
         lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
     )
+
+
+def _meta(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an NPZ says of the installation, checked."""
+    meta: dict[str, Any] = json.loads(str(data["meta"])) if "meta" in data else {}
+    frame = meta.get("imu_frame")
+    if frame and str(frame).strip().upper() not in FRAMES:
+        msg = f"{path}: expected imu_frame to be one of {' '.join(FRAMES)}, got '{frame}'"
+        raise DataError(msg)
+    for name in ("mounting_rpy_deg", "lever_arm_frd_m"):
+        given = meta.get(name)
+        if given is not None and (
+            np.shape(given) != (3,) or not np.isfinite(np.array(given, dtype=float)).all()
+        ):
+            msg = f"{path}: expected {name} to be three numbers, got {given}"
+            raise DataError(msg)
+    return meta
 
 
 def _folder(path: Path) -> Drive:
