@@ -1,5 +1,7 @@
 """Pictures of findings and the page: complete in itself, one picture a cause, the cause plain in the file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from tuner.report.diagnosis_figure import draw_findings
 from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
 from tuner.report.page import write_page
 from tuner.report.subject import signal_of, subject
-from tuner.results import Coefficient, Diagnosis, Finding
+from tuner.results import Coefficient, Diagnosis, Finding, Gain
 from tuner.simulation import simulate
 from tuner.synthesis import synthesize
 
@@ -109,3 +111,28 @@ def test_what_was_hidden_is_judged_in_words():
     assert words[0].endswith("(frequency 12.5): found")
     assert words[1].endswith("seen, but taken for vibration")
     assert words[2].endswith("not found")
+
+
+def test_what_channels_do_not_share_is_told_of_each():
+    hidden = ("line@gyro_x:frequency=12.5,amplitude=3e-4", "line@gyro_y:frequency=12.5,amplitude=1e-4")
+    records, _ = simulate(
+        {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, hidden=hidden
+    )
+    found = diagnose(records)
+    (line,) = found.findings
+    assert line.channels == ("gyro_x", "gyro_y")
+    assert set(line.of_each("amplitude")) == {"gyro_x", "gyro_y"}
+    assert not line.of_each("frequency")
+    text, (cell,) = line.text, diagnosis_tables(found)[0].columns[2].cells
+    assert text.count("in gyro_x") == 2
+    assert text.count(" rad/s in gyro_y") == cell.count("rad/s in gyro_y") == 1
+    assert cell.count("frequency") == 1
+
+
+@pytest.mark.parametrize(
+    ("nats", "split", "said"), [(-3.0, "60/40", 1), (3.0, "60/40", 0), (-3.0, "in sample", 0)]
+)
+def test_a_gain_below_nothing_is_not_left_without_a_word(nats, split, said):
+    step = replace(finding("step", EFFECTS["step"]), gain=Gain(split, 0.0, nats / 1e4, nats))
+    told = [line for line in diagnosis_tables(Diagnosis((step,))) if isinstance(line, str)]
+    assert sum("not confirmed" in line for line in told) == said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from tuner.diagnosis.gain import summed
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.residual import Residual
 from tuner.results import Alternative, Coefficient, Finding, Inflation
+from tuner.results.diagnosis import of_each
 
 WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
 """Parameters that must agree for two channels to share a cause."""
@@ -141,6 +143,7 @@ def _finding(group: list[_Single]) -> Finding:
         for name in best.parameters
     }
     channels = tuple(single.axis for single in group)
+    by_channel = {single.axis: dict(single.parameters) for single in group}
     return Finding(
         cause=extension.cause,
         channels=channels,
@@ -148,13 +151,13 @@ def _finding(group: list[_Single]) -> Finding:
         value=alarm.statistic,
         p_value=min(1.0, alarm.p_value),
         parameters=parameters,
-        text=words(extension.cause, channels, extension.meaning, parameters),
+        text=words(extension.cause, channels, extension.meaning, parameters, by_channel),
         consequence=extension.consequence,
         extension={"cause": extension.cause, "joins": joins(extension.cause)},
         gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),
         inflations=tuple(single.inflation for single in group if single.inflation is not None),
-        by_channel={single.axis: dict(single.parameters) for single in group},
+        by_channel=by_channel,
     )
 
 
@@ -179,10 +182,24 @@ def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
     )
 
 
-def words(cause: str, channels: Sequence[str], meaning: str, parameters: Mapping[str, Coefficient]) -> str:
-    """Return a finding in one sentence."""
-    figures = ", ".join(f"{name} {figure(value)}" for name, value in parameters.items())
+def words(
+    cause: str,
+    channels: Sequence[str],
+    meaning: str,
+    parameters: Mapping[str, Coefficient],
+    by_channel: Mapping[str, Mapping[str, Coefficient]] = MappingProxyType({}),
+) -> str:
+    """Return a finding in one sentence; a parameter in which channels differ is told of each."""
+    figures = ", ".join(
+        f"{name} {figure(value)}{where}"
+        for name, shown in parameters.items()
+        for where, value in _told(of_each(name, shown, by_channel), shown)
+    )
     return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
+
+
+def _told(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:
+    return [(f" in {axis}", value) for axis, value in each.items()] or [("", shown)]
 
 
 def figure(c: Coefficient) -> str:

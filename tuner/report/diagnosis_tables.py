@@ -22,6 +22,8 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
         if finding.gain is not None and (told := gain_words(finding.gain)):
             answer.append(f"    {told}")
+        if finding.gain is not None and finding.gain.nats < 0.0 and finding.gain.split != "in sample":
+            answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
     answer += [
         f"  unexplained: {u.statistic} in {', '.join(u.channels)}, p = {u.p_value:.1e}"
         for u in diagnosis.unexplained
@@ -65,12 +67,19 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
         table.add_row(
             f.cause,
             ", ".join(f.channels),
-            "\n".join(f"{name} {_say(c)}" for name, c in f.parameters.items()),
+            "\n".join(line for name in f.parameters for line in _lines(f, name)),
             f"{f.p_value:.1e}" if f.p_value > 0.0 else "< 1e-300",
             "–" if f.gain is None else f"{digits(f.gain.nats)} nats ({f.gain.split})",
             ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",
         )
     return table
+
+
+def _lines(f: Finding, name: str) -> list[str]:
+    """Return a parameter with its interval, of each channel where they differ."""
+    return [f"{name} {_say(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
+        f"{name} {_say(f.parameters[name])}"
+    ]
 
 
 def _say(c: Coefficient) -> str:

@@ -102,6 +102,18 @@ class Finding:
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
     replicates: FloatArray | None = None
 
+    def of_each(self, name: str) -> Mapping[str, Coefficient]:
+        """Return a parameter of every channel where it is not the same in all; empty where one value serves."""
+        return of_each(name, self.parameters[name], self.by_channel)
+
+
+def of_each(
+    name: str, shown: Coefficient, by_channel: Mapping[str, Mapping[str, Coefficient]]
+) -> Mapping[str, Coefficient]:
+    """Return a parameter of every channel where that shown is of one of them alone; empty where it is pooled."""
+    each = {axis: values[name] for axis, values in by_channel.items() if name in values}
+    return each if len(each) > 1 and list(each.values()).count(shown) == 1 else {}
+
 
 @dataclass(frozen=True)
 class Unexplained:
