@@ -117,11 +117,11 @@ class Telegraph(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
-        """Size ± 0.02 … 0.5 white sd, dwells 1 … 1000 s but at most an eighth of the record."""
+        """Size 0.02 … 0.5 white sd, dwells 1 … 1000 s but at most an eighth of the record."""
         top = max(min(1000.0, scale.span / 8.0), 4.0 * scale.interval)
         low = min(1.0, 0.25 * top)
         return cls(
-            sign(rng) * scale.white_sd * log_uniform(rng, 0.02, 0.5),
+            scale.white_sd * log_uniform(rng, 0.02, 0.5),
             log_uniform(rng, low, top),
             log_uniform(rng, low, top),
         )

@@ -64,6 +64,10 @@ class Value:
         above = float(np.hypot(self.upper - self.value, drift))
         return replace(self, lower=self.value - below, upper=self.value + above)
 
+    def reaching(self, other: Value) -> Value:
+        """Return the value with an interval that reaches to the ends of another one."""
+        return replace(self, lower=min(self.lower, other.lower), upper=max(self.upper, other.upper))
+
     def coefficient(self, unit: str, scale: float) -> Coefficient:
         """Return the parameter in SI, for a channel of this unit and scale."""
         factor = scale if "{u}" in self.unit else 1.0

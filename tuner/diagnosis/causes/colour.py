@@ -17,11 +17,13 @@ from models.noise import Term, White
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.bins import Bins
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.forms import colour_arma
-from tuner.diagnosis.shape import ShapeFit, ShapeTest, polished
+from tuner.diagnosis.forms import Coefficients, colour_arma
+from tuner.diagnosis.shape import ShapeFit, ShapeTest, fit_colour, polished
 
 FloatArray = NDArray[np.float64]
 
+WIDEST = 2.0
+"""An interval of a coefficient that is as wide as this says nothing: colour and quantization are one there."""
 LIKE_A_FILTER = 0.9
 """Share of the gain that a low-pass filter must reach to be named for a spectrum that falls all the way."""
 
@@ -70,13 +72,31 @@ def test(tested: ShapeTest) -> Alarm:
 
 
 def extension(data: Bins, fitted: ShapeFit) -> Colour:
-    """Return the process with an interval on every coefficient (by differences through the free numbers)."""
+    """Return the process with an interval on every coefficient.
+
+    Where quantization is not worth its price beside the colour it may still be there, and takes a part of what the
+    colour seems to be: intervals reach to the ends of those with quantization free.
+    """
+    (ar, ma), sds = _estimated(data, fitted)
+    values = [Value.of(value, sd) for value, sd in zip((*ar, *ma), sds, strict=True)]
+    if not fitted.rises:
+        (more_ar, more_ma), more_sds = _estimated(data, fit_colour(data, fitted.name))
+        free = [Value.of(value, sd) for value, sd in zip((*more_ar, *more_ma), more_sds, strict=True)]
+        values = [
+            one.reaching(other) if other.upper - other.lower < WIDEST else one
+            for one, other in zip(values, free, strict=True)
+        ]
+    names = [f"ar_{i + 1}" if len(ar) > 1 else "ar" for i in range(len(ar))]
+    names += [f"ma_{j + 1}" if len(ma) > 1 else "ma" for j in range(len(ma))]
+    return Colour(ar, ma, data.rounding_sd, values=dict(zip(names, values, strict=True)))
+
+
+def _estimated(data: Bins, fitted: ShapeFit) -> tuple[Coefficients, list[float]]:
+    """Return the coefficients of a colour and the sd of each (by differences through the free numbers)."""
     x, covariance = polished(data, fitted)
     ar, ma = colour_arma(fitted.name, x)
     step = 1e-5
     moved = [np.concatenate(colour_arma(fitted.name, x + step * unit)) for unit in np.eye(len(x))]
     jacobian = (np.stack(moved, axis=1) - np.concatenate((ar, ma))[:, None]) / step
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)).tolist()
-    values = {f"ar_{i + 1}" if len(ar) > 1 else "ar": Value.of(a, sd[i]) for i, a in enumerate(ar)}
-    values |= {f"ma_{j + 1}" if len(ma) > 1 else "ma": Value.of(b, sd[len(ar) + j]) for j, b in enumerate(ma)}
-    return Colour(ar, ma, data.rounding_sd, values=values)
+    variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    return (ar, ma), np.sqrt(np.where(variance >= 0.0, variance, np.inf)).tolist()

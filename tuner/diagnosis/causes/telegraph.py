@@ -261,12 +261,11 @@ def _extension(
     spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, *_bounds(step, span))), x)))
     path, size = np.empty(len(y)), float(x[3])
     likelihood(y, *_parts(x, step, span, besides), r, path)
-    if x[4] < x[5]:
-        x, spread = x[[0, 1, 2, 3, 5, 4]], spread[[0, 1, 2, 3, 5, 4]]
-        size = -size
     low, high = np.exp(x[4:]).tolist()
     share = high / (low + high)
-    switches = int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if low < span / 6.0 else 0
+    switches = (
+        int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if max(low, high) < span / 6.0 else 0
+    )
     spread[4:] = np.maximum(spread[4:], 1.0 / np.sqrt(max(0.5 * switches, 1.0)))
     values = {
         "size": Value.of(size, float(spread[3]), "{u}"),
