@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis.drives import diagnose_drive
+from tuner.diagnosis.drives.hypothesis import Hypothesis, Jump
 
 
 def test_a_gyro_bias_beyond_its_prior_is_named_with_what_it_may_be(simulated, drive_config):
@@ -24,3 +25,11 @@ def test_a_badly_known_scale_leaves_no_bias(simulated, drive_config):
     """A scale of the vertical accelerometer cannot be told from its bias; what it is off by is no finding."""
     drive = simulated(7, duration=500.0, values={"accel_scale.x": 0.012})
     assert [finding.cause for finding in diagnose_drive(drive, drive_config).findings] == ["accel_scale"]
+
+
+def test_a_jump_at_the_same_place_again_is_no_further_jump(simulated, drive_config):
+    once = Jump(100.0, "accel", np.array([0.0, -0.06, 0.0]))
+    one = replace(Hypothesis.first(simulated(21), drive_config), jumps=(once,))
+    assert replace(one, jumps=(once, replace(once, size=0.9 * once.size))).is_like(one)
+    assert not replace(one, jumps=(once, replace(once, time=130.0))).is_like(one)
+    assert not replace(one, jumps=(once, replace(once, sensor="gyro"))).is_like(one)
