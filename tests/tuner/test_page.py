@@ -8,6 +8,7 @@ import pytest
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.identification import identify
+from tuner.report.customary import digits_to
 from tuner.report.diagnosis_figure import draw_findings
 from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
 from tuner.report.page import write_page
@@ -130,9 +131,25 @@ def test_what_channels_do_not_share_is_told_of_each():
 
 
 @pytest.mark.parametrize(
-    ("nats", "split", "said"), [(-3.0, "60/40", 1), (3.0, "60/40", 0), (-3.0, "in sample", 0)]
+    ("cause", "nats", "split", "said"),
+    [
+        ("heavy_tails", -3.0, "60/40", 1),
+        ("heavy_tails", 3.0, "60/40", 0),
+        ("heavy_tails", -3.0, "in sample", 0),
+        ("burst", -3.0, "60/40", 0),
+    ],
 )
-def test_a_gain_below_nothing_is_not_left_without_a_word(nats, split, said):
-    step = replace(finding("step", EFFECTS["step"]), gain=Gain(split, 0.0, nats / 1e4, nats))
-    told = [line for line in diagnosis_tables(Diagnosis((step,))) if isinstance(line, str)]
+def test_a_gain_below_nothing_is_not_left_without_a_word(cause, nats, split, said):
+    one = replace(finding(cause, EFFECTS[cause]), gain=Gain(split, 0.0, nats / 1e4, nats))
+    told = [line for line in diagnosis_tables(Diagnosis((one,))) if isinstance(line, str)]
     assert sum("not confirmed" in line for line in told) == said
+
+
+def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
+    sharp = replace(
+        finding("line", EFFECTS["line"]),
+        parameters={"frequency": Coefficient.known(20.0000004, 19.9999989, 20.0000019, "Hz")},
+    )
+    ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
+    assert cell == "frequency 20.000000 (19.999999 … 20.000002) Hz"
+    assert digits_to(1.465e-4, 9.1e-6) == "0.000147"

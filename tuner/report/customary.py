@@ -95,12 +95,13 @@ def digits(value: float, significant: int = 3) -> str:
 
 
 def digits_to(value: float, half_width: float) -> str:
-    """Format a value as finely as two digits of its half width call for."""
+    """Format a value as finely as two digits of its half width call for; with many zeros, one digit of it."""
     if not (math.isfinite(half_width) and half_width > 0 and math.isfinite(value)):
         return digits(value)
     places = 1 - math.floor(math.log10(half_width))
     if not -1 <= places <= 6:
-        return digits(value)
+        size = math.floor(math.log10(abs(value))) if value else 0
+        return digits(value, max(3, size + places))
     return f"{value:.{max(0, places)}f}"
 
 

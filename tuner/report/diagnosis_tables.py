@@ -10,6 +10,9 @@ from rich.table import Table
 from tuner.report.customary import digits, digits_to
 from tuner.results import Coefficient, Diagnosis, Finding, Gain
 
+EVENTS = ("step", "burst", "warmup")
+"""Causes that happen once."""
+
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
     """Return one table of findings (SI), their words and gains, and the alarms without a cause."""
@@ -22,7 +25,7 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
         if finding.gain is not None and (told := gain_words(finding.gain)):
             answer.append(f"    {told}")
-        if finding.gain is not None and finding.gain.nats < 0.0 and finding.gain.split != "in sample":
+        if finding.gain is not None and _contradicted(finding.cause, finding.gain):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
     answer += [
         f"  unexplained: {u.statistic} in {', '.join(u.channels)}, p = {u.p_value:.1e}"
@@ -30,6 +33,11 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
     ]
     answer += [f"  note: {note}" for note in diagnosis.notes]
     return answer
+
+
+def _contradicted(cause: str, gain: Gain) -> bool:
+    """Return whether data held out speak against a cause; an event of one part says nothing of another."""
+    return gain.nats < 0.0 and gain.split != "in sample" and cause not in EVENTS
 
 
 def gain_words(gain: Gain) -> str:
