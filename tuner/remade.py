@@ -4,11 +4,14 @@
 
 Where a finding carries the noise of its channels without it (`tuner.agreement.findings_for_config`), that noise is
 taken; elsewhere the identified terms (`tuner.agreement.agreed`). Causes whose spectrum is part of that noise are not
-hidden a second time.
+hidden a second time; telegraph noise is hidden instead of the Gauss–Markov process of its spectrum::
+
+    sd = size √(low high)/(low + high),  1/T = 1/low + 1/high
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from types import MappingProxyType
@@ -18,7 +21,7 @@ from models.effects import EFFECTS, Effect, navigation, text
 from models.effects.base import STAMP
 from models.effects.drive import DriveEffect
 from models.effects.text import Kind
-from models.noise import NoiseModel
+from models.noise import GaussMarkov, NoiseModel
 from tuner.agreement import IN_THE_NOISE, MARKOV
 from tuner.hidden import Hidden
 from tuner.navigation.sensor import noise_of_channel
@@ -32,6 +35,8 @@ DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
 """Channels of what a drive shows."""
 BIAS, CORRELATED = "sensor_bias", "correlated_gnss"
 """Causes of a drive that a configuration holds in its noise."""
+SAME = 0.02
+"""Difference up to which a term is the process of a telegraph's spectrum."""
 UNPLACED = ("clipping",)
 """Causes that lie at readings, and of the mean reading a configuration says nothing."""
 
@@ -75,9 +80,13 @@ def remade(
         hidden: list[Hidden] = []
         for finding in static:
             known = without.keys() >= set(finding["channels"])
-            if finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV)):
-                continue
+            held = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
             for axes, values in _parts(finding):
+                if held:
+                    rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
+                    if rest is None:
+                        continue
+                    noise[axes[0]] = rest
                 effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None
                 if effect is None or (drive and effect.stage == STAMP):
                     notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
@@ -88,6 +97,22 @@ def remade(
         raise DataError(msg) from None
     channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
     return channels, tuple(hidden), tuple(notes)
+
+
+def _beside(noise: NoiseModel, values: Mapping[str, Any]) -> NoiseModel | None:
+    """Return the noise beside telegraph noise; None where the process of its spectrum is no term of it."""
+    size, low, high = (float(values[name]["value"]) for name in ("size", "dwell_low", "dwell_high"))
+    twin = abs(size) * math.sqrt(low * high) / (low + high), low * high / (low + high)
+    rest = [
+        term
+        for term in noise.terms
+        if not (
+            isinstance(term, GaussMarkov)
+            and math.isclose(term.sd, twin[0], rel_tol=SAME)
+            and math.isclose(term.time_constant, twin[1], rel_tol=SAME)
+        )
+    ]
+    return NoiseModel(rest) if len(rest) < len(noise.terms) else None
 
 
 def of_drive(finding: Mapping[str, Any]) -> bool:

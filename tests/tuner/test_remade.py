@@ -69,6 +69,22 @@ def test_without_the_noise_of_the_findings_the_identified_terms_hold_the_line(co
     assert "line" not in [h.effect.name for h in hidden]
 
 
+def test_telegraph_noise_is_made_again_with_its_levels():
+    told = "telegraph@gyro_x:size=2e-3,dwell_low=30,dwell_high=20"
+    records, _ = simulate({"gyro_x": Channel(NOISE)}, duration=1200.0, rate=50.0, seed=6, hidden=[told])
+    found = diagnose(records)
+    assert [f.cause for f in found.findings] == ["telegraph"]
+    unit = synthesize(identify(records, arma=None), findings=findings_for_config(found))
+    channels, hidden, notes = remade(native.loads(native.dumps(unit)))
+    assert [(h.effect.name, h.axes) for h in hidden] == [("telegraph", ("gyro_x",))]
+    assert notes == ()
+    # Its own process is gone; what is left is the noise beside it.
+    before, after = found.models["gyro_x"], channels["gyro_x"].model
+    assert len(after.terms) == len(before.terms) - 1
+    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=7, hidden=hidden)
+    assert "telegraph" in [f.cause for f in diagnose(again).findings]  # hundreds of nats
+
+
 def test_what_cannot_be_hidden_is_left_out_and_told(config):
     told = {"value": 1.0, "interval": [1.0, 1.0], "upper": None, "unit": "1"}
     more = [
