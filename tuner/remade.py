@@ -29,7 +29,7 @@ from tuner.records import DataError
 from tuner.results import FilterConfig
 from tuner.simulation import Channel
 
-TOGETHER = ("attitude", "cross_axis", "timing")
+TOGETHER = ("attitude", "cross_axis", "duplicates", "timing")
 """Causes that are one in all of their channels; the others are one in each."""
 DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
 """Channels of what a drive shows."""

@@ -85,6 +85,21 @@ def test_telegraph_noise_is_made_again_with_its_levels():
     assert "telegraph" in [f.cause for f in diagnose(again).findings]  # hundreds of nats
 
 
+def test_readings_held_in_all_axes_are_held_together_again():
+    axes = dict.fromkeys(("gyro_x", "gyro_y"), Channel(NOISE))
+    told = "duplicates@gyro_x+gyro_y:fraction=0.5"
+    records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=8, hidden=[told])
+    found = diagnose(records)
+    assert [(f.cause, f.channels) for f in found.findings] == [("duplicates", ("gyro_x", "gyro_y"))]
+    unit = synthesize(identify(records, arma=None), findings=findings_for_config(found))
+    channels, hidden, _ = remade(unit)
+    assert [(h.effect.name, h.axes) for h in hidden] == [("duplicates", ("gyro_x", "gyro_y"))]
+    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=9, hidden=hidden)
+    held = np.diff(again[0].y, axis=0) == 0.0
+    assert np.mean(held.all(axis=1)) == pytest.approx(0.5, abs=0.02)  # sd 0.002
+    assert np.array_equal(held[:, 0], held[:, 1])
+
+
 def test_what_cannot_be_hidden_is_left_out_and_told(config):
     told = {"value": 1.0, "interval": [1.0, 1.0], "upper": None, "unit": "1"}
     more = [
