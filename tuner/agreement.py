@@ -73,7 +73,9 @@ def agreed(
                 channels[axis] = _again(record, channels[axis], more, arma)
             left = dict.fromkeys(f.cause for f in mine if f.cause not in ("line", *MARKOV))
             if left:
-                notes.append(f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis)}")
+                notes.append(
+                    f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, record.unit)}"
+                )
     return replace(identification, channels=channels, notes=tuple(notes))
 
 
@@ -135,17 +137,17 @@ def _ordered(
     return sorted([*terms, *bounds], key=lambda t: order.index(t.name) if t.name in order else len(order))
 
 
-def _without(diagnosis: Diagnosis, axis: str) -> str:
+def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
     """Say what noise is left once the findings are taken out."""
     if axis not in diagnosis.models:
         return ""
     figures = [
-        f"{term.name} {name} {getattr(term, name):.3g}"
+        f"{term.name} {name} {getattr(term, name):.3g} {si}"
         for term in diagnosis.models[axis].terms
-        for name in term.PARAMETERS
+        for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)
         if term.name != "arma"
     ]
-    return f"; without: {', '.join(figures)} (SI)" if figures else ""
+    return f"; without: {', '.join(figures)}" if figures else ""
 
 
 def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Inflation, ...]:

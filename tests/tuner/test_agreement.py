@@ -81,7 +81,7 @@ def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     after = agreed(records, base, found, arma=None)
     assert after.channels == base.channels
     assert "gyro_x was identified with temperature in it" in after.notes[-1]
-    assert "1e-06" in after.notes[-1]
+    assert "random_walk density 1e-06 rad/s^1.5" in after.notes[-1]
 
 
 def test_an_inflation_is_measured_by_what_the_filter_believes_already():
