@@ -234,6 +234,8 @@ def _hidden(
         for effect in effects:
             within_record(effect, samples.t[0], samples.t[-1])
         changed = hide(samples, effects, rest)
+    except DataError:
+        raise
     except ValueError as error:
         msg = f"effect: {error}"
         raise DataError(msg) from error

@@ -15,7 +15,7 @@ from tuner.results import Coefficient, Finding, Gain, Inseparable
 MEANINGS: Mapping[str, tuple[tuple[str, ...], str, str]] = {
     "time_offset": (
         ("gnss",),
-        "positions and velocities are those of an earlier time than their stamps say",
+        "stamps of positions and velocities are late by the delay, early where it is negative",
         "shift the stamps, or give the filter a state for the delay",
     ),
     "velocity_lag": (
