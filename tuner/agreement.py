@@ -144,8 +144,8 @@ def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
     figures = [
         f"{term.name} {name} {getattr(term, name):.3g} {si}"
         for term in diagnosis.models[axis].terms
-        for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)
         if term.name != "arma"
+        for name, si in zip(term.PARAMETERS, term.units(unit), strict=True)
     ]
     return f"; without: {', '.join(figures)}" if figures else ""
 
