@@ -127,15 +127,18 @@ def identification_of_drive(drive: Drive, found: Standing) -> Identification:
 
 
 def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
-    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations.
+    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations."""
+    return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss or receiver_of(drive))
 
-    Where they do, nothing is supposed of a correlated part: an RTK receiver has none of that of a single one.
+
+def receiver_of(drive: Drive) -> GnssNoise:
+    """Return what is supposed of a receiver that nobody names.
+
+    Where its fixes report their sds, nothing is supposed of a correlated part: an RTK receiver has none of that of a
+    single one.
     """
-    if gnss is None:
-        gnss = load_gnss(RECEIVER)
-        if np.isfinite(drive.gnss.position_sd).any():
-            gnss = replace(gnss, correlated=())
-    return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss)
+    gnss = load_gnss(RECEIVER)
+    return replace(gnss, correlated=()) if np.isfinite(drive.gnss.position_sd).any() else gnss
 
 
 def nearest_grade(white: Mapping[str, float]) -> str:

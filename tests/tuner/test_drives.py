@@ -14,7 +14,9 @@ from models import rotation
 from models.gnss import perfect_fixes
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
+from tuner.commands.check import load_filter
 from tuner.diagnosis.drives import diagnose_drive
+from tuner.drives import simulate_drive
 from tuner.drivescores import differences, errors
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
@@ -26,6 +28,7 @@ from tuner.navigation.outliers import without_outliers
 from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
 from tuner.readers.drives import read_drive
 from tuner.records import DataError, Gnss
+from tuner.standing import receiver_of
 from tuner.synthesis import synthesize
 
 INTERVAL = 0.02
@@ -245,7 +248,7 @@ def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
     lost = dict(data)
     llh = data["gnss_llh"].copy()
     rng = np.random.default_rng(3)
-    llh[110:] += rng.uniform(-0.02, 0.02, llh[110:].shape)
+    llh[110:] += rng.uniform(-1.2e-3, 1.2e-3, llh[110:].shape)
     lost["gnss_llh"], lost["gnss_vned"] = (
         llh,
         data["gnss_vned"]
@@ -303,7 +306,7 @@ def test_arrays_that_are_no_triads_are_refused(saved, data, tmp_path, change, wo
 
 @pytest.mark.parametrize(
     "meta",
-    [{"imu_frame": "XYZ"}, {"lever_arm_frd_m": (0.0, float("nan"), 0.0)}, {"mounting_rpy_deg": (1.0, 2.0)}],
+    [{"lever_arm_frd_m": (0.0, float("nan"), 0.0)}, {"mounting_rpy_deg": (1.0, 2.0)}],
 )
 def test_an_installation_that_cannot_be_read_is_refused(saved, data, tmp_path, meta):
     with pytest.raises(DataError, match=f"expected {next(iter(meta))}"):
@@ -353,6 +356,34 @@ def test_diagnosis_refuses_wrong_axes(saved, data, tmp_path, configuration):
     wrong = read_drive(saved(tmp_path / "wrong.npz", dict(data, gyro=data["gyro"][:, [1, 2, 0]])))
     with pytest.raises(DataError, match="gyros read as"):
         diagnose_drive(wrong, configuration())
+
+
+@pytest.mark.parametrize("read", ["(x, y, z)", "(y, x, z)", "(x, y, −z)"])
+def test_axes_are_named_where_cheap_gyros_hardly_stand(read):
+    """Three seconds of standing leave the biases of the sensors open."""
+    drive, _ = simulate_drive(
+        load_grade("mti1"), TRAJECTORIES["city"](300.0), load_gnss("rtk"), rate=50.0, seed=1
+    )
+    names = [word.strip("( )") for word in read.split(",")]
+    order, sign = ["xyz".index(name[-1]) for name in names], [-1.0 if "−" in name else 1.0 for name in names]
+    wrong = np.hstack([drive.rates[:, order] * sign, drive.rates[:, 3:]])
+    told = inertial_axes(replace(drive, rates=wrong))
+    assert told is None if read == "(x, y, z)" else f"the gyros read as {read}" in told
+
+
+def test_fixes_that_report_sds_have_no_supposed_correlated_error(file):
+    drive = read_drive(file)
+    assert receiver_of(drive).correlated == ()
+    silent = replace(drive.gnss, position_sd=np.full_like(drive.gnss.position_sd, np.nan))
+    assert receiver_of(replace(drive, gnss=silent)) == load_gnss("spp")
+    assert load_filter("mti1", None, supposed=receiver_of(drive)).gnss.correlated == ()
+    assert load_filter("mti1", load_gnss("dgnss"), supposed=receiver_of(drive)).gnss == load_gnss("dgnss")
+
+
+def test_a_frame_without_a_name_is_unknown_and_told(saved, data, tmp_path):
+    drive = read_drive(saved(tmp_path / "odd.npz", data, imu_frame="unknown, z up"))
+    assert drive.mounting is None
+    assert any("'unknown, z up'" in note for note in drive.notes)
 
 
 def test_axes_as_they_are_are_not_named(file):

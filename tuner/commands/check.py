@@ -115,8 +115,12 @@ def command(
     return 1 if strict and not found.consistency.consistent else 0
 
 
-def load_filter(source: str, receiver: GnssNoise | None) -> FilterConfig:
+def load_filter(
+    source: str, receiver: GnssNoise | None, *, supposed: GnssNoise | None = None
+) -> FilterConfig:
     """Return the configuration a word stands for: a YAML file, ours or of KF-GINS, or a built-in grade made into one.
+
+    A receiver replaces that of a file; without one, a grade gets the one that is `supposed`, or the built-in.
 
     Raises
     ------
@@ -137,7 +141,9 @@ def load_filter(source: str, receiver: GnssNoise | None) -> FilterConfig:
     if source not in grade_names():
         msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
         raise DataError(msg)
-    return synthesize(grade_identification(load_grade(source)), gnss=receiver or load_gnss(RECEIVER))
+    return synthesize(
+        grade_identification(load_grade(source)), gnss=receiver or supposed or load_gnss(RECEIVER)
+    )
 
 
 def _content(path: Path) -> object:

@@ -85,7 +85,7 @@ def _drive(
     from tuner.jsondiagnosis import drive_diagnosis_json
     from tuner.report.drive_tables import drive_tables
     from tuner.report.tables import show
-    from tuner.standing import config_of_drive, standing
+    from tuner.standing import config_of_drive, receiver_of, standing
 
     measured = load_drive(drive)
     receiver = None if gnss is None else load_receiver(gnss, messages)
@@ -93,7 +93,7 @@ def _drive(
         believed = config_of_drive(measured, standing(measured), gnss=receiver)
         messages.say(believed.notes[0])
     else:
-        believed = load_filter(config, receiver)
+        believed = load_filter(config, receiver, supposed=receiver_of(measured))
     found = examined_drive(measured, believed, messages, wheels=wheels).diagnosis
     if config is None:
         found = replace(found, notes=(believed.notes[0], *found.notes))

@@ -70,10 +70,12 @@ def command(
     from tuner.readers.drives import read_drive
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.tables import show
+    from tuner.standing import receiver_of
 
-    believed = load_filter(config, None if gnss is None else load_gnss(gnss))
-    further = dict(_state(text) for text in states)
     measured = _placed(read_drive(drive), imu_frame, mounting_rpy, lever_arm)
+    receiver = None if gnss is None else load_gnss(gnss)
+    believed = load_filter(config, receiver, supposed=receiver_of(measured))
+    further = dict(_state(text) for text in states)
     messages.say("navigating (kernels are compiled on first use: some ten seconds)")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     found = navigate_drive(measured, believed, states=further, vehicle=vehicle)

@@ -121,14 +121,16 @@ def command(
     from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show
     from tuner.simulation import demo
-    from tuner.standing import identification_of_drive, standing
+    from tuner.standing import identification_of_drive, receiver_of, standing
     from tuner.synthesis import inflate, synthesize
 
     completion = load_grade(complete) if complete else None
-    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or drive or log is None else None
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     measured = None if drive is None else load_drive(drive)
+    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or log is None else None
+    if gnss is None and measured is not None:
+        receiver = receiver_of(measured)
     if measured is not None:
         name = measured.name if log is None else f"{source_name(log)}-{measured.name}"
         if log is not None and is_log(log):

@@ -35,6 +35,8 @@ CLEARER = 0.5
 """Inertial axes are, of the rms misfit of an alignment."""
 ALIKE = 1.1
 """Ways whose misfits are within this factor are told apart by how little they change."""
+BIAS_SD = np.array([0.01] * 3 + [0.05] * 3)
+"""What biases are thought to be, rad/s and m/s²: those of cheap sensors."""
 STEP = 0.04
 """Increments are summed to this length before all ways are tried, s."""
 
@@ -161,7 +163,7 @@ def _read(mat: FloatArray) -> str:
 def _misfit(steps: Steps, gnss: Gnss, gyro: FloatArray, accel: FloatArray) -> float:
     """Return what an alignment leaves of the changes of velocity with the sensors read so, as an angle, rad."""
     read = np.hstack([steps.increments[:, :3] @ gyro.T, steps.increments[:, 3:] @ accel.T])
-    found: Alignment | None = align_once(replace(steps, increments=read), gnss, 2.0 * MOVING)
+    found: Alignment | None = align_once(replace(steps, increments=read), gnss, 2.0 * MOVING, bias_sd=BIAS_SD)
     return float("inf") if found is None else found.tilt_sd
 
 

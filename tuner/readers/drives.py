@@ -150,13 +150,17 @@ def _npz(path: Path) -> Drive:
             ]
         )
     imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
-    arm = meta.get("lever_arm_frd_m")
+    arm, frame = meta.get("lever_arm_frd_m"), meta.get("imu_frame")
+    nameless = frame and mounting_of(frame, None) is None
     return _drive(
         path,
         imu,
         fixes,
         truth,
-        mounting=mounting_of(meta.get("imu_frame"), meta.get("mounting_rpy_deg")),
+        notes=(f"the frame of the unit, '{frame}', is none of {' '.join(FRAMES)}: unknown",)
+        if nameless
+        else (),
+        mounting=mounting_of(frame, meta.get("mounting_rpy_deg")),
         lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
     )
 
@@ -164,10 +168,6 @@ def _npz(path: Path) -> Drive:
 def _meta(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
     """Return what an NPZ says of the installation, checked."""
     meta: dict[str, Any] = json.loads(str(data["meta"])) if "meta" in data else {}
-    frame = meta.get("imu_frame")
-    if frame and str(frame).strip().upper() not in FRAMES:
-        msg = f"{path}: expected imu_frame to be one of {' '.join(FRAMES)}, got '{frame}'"
-        raise DataError(msg)
     for name in ("mounting_rpy_deg", "lever_arm_frd_m"):
         given = meta.get(name)
         if given is not None and (
