@@ -64,8 +64,8 @@ def answers(settings, plan):
     return responses(settings, plan, error_budget(settings, plan), window=resolution(settings, TRUTH))
 
 
-def studies(settings, plan, seed, count, runs=20):
-    """Yield studies with their scores; they are flown in full blocks of eight, `BATCH` studies at a time."""
+def studies(settings, plan, seed, count, runs=40):
+    """Yield studies of as many runs as `check` flies, with their scores; `BATCH` of them are flown at a time."""
     for first in range(0, count, BATCH):
         here = min(BATCH, count - first)
         flown = simulate(settings, TRUTH, plan, runs=here * runs, seed=seed + first)
