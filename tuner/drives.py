@@ -22,8 +22,9 @@ from models.effects.navigation import Course, course_of_fixes, draw, hide, parse
 from models.effects.receiver import CorrelatedGnss
 from models.gnss import perfect_fixes
 from models.motion import Motion, imu_increments
-from models.sensors import KINDS, SensorGrade
+from models.sensors import SensorGrade
 from tuner.hidden import Hidden, within_record
+from tuner.navigation.settings import ACCELS, GYROS
 from tuner.records import DataError, Drive, Gnss, Reference
 from tuner.results import GnssNoise
 from tuner.simulation import Channel, grade_channels, sample_noise
@@ -32,7 +33,7 @@ FloatArray = NDArray[np.float64]
 
 REFERENCE_INTERVAL = 0.1
 """Spacing of the reference of a simulated drive, s."""
-AXES = tuple(f"{kind}_{axis}" for kind in KINDS for axis in "xyz")
+AXES = (*GYROS, *ACCELS)
 """The axes of a unit, in the order of the samples of a drive."""
 CELSIUS = 25.0
 """Temperature of the unit of a simulated drive."""

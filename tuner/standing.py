@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
 from models.earth import ned_between
+from models.effects.unit import NORMAL_MAD
 from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
 from tuner.records import Drive
 from tuner.results import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
@@ -34,8 +35,6 @@ CALM = 2.0
 """Variance of a second over that of the calmer quarter, geometric mean over a triad, up to which it counts."""
 FAR = 4.0
 """Time between positions that stand for a speed, in units of their scatter ÷ `SLOW`."""
-NORMAL_MAD = 0.6745
-"""Median absolute value of a standard normal number."""
 BAND = 5.0
 """Frequency above which no vehicle manoeuvres, Hz."""
 CONSERVATIVE = "mpu9250"

@@ -15,12 +15,9 @@ from models.gnss import perfect_fixes
 from models.trajectories import TRAJECTORIES
 from tuner.cli import run
 from tuner.commands.check import load_filter
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.drives import simulate_drive
 from tuner.drivescores import differences, errors
 from tuner.driving import drive_filter, navigate_drive
 from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.axes import inertial_axes, named_axes
 from tuner.navigation.drive import navigate, prepare, starting
 from tuner.navigation.initial import align, receiver_lag, standing_until
 from tuner.navigation.inputs import Steps
@@ -320,57 +317,6 @@ def test_a_reference_without_attitude_gives_no_error_of_attitude(result, file):
     assert set(errors(blind, result.solutions, rows)) == {"position_rms_m", "velocity_rms_m_s"}
 
 
-def test_swapped_axes_are_named(saved, data, tmp_path):
-    enu = dict(data)
-    v = data["gnss_vned"]
-    enu["gnss_vned"] = np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])
-    drive = read_drive(saved(tmp_path / "enu.npz", enu))
-    mended, name = named_axes(drive.gnss)
-    assert name == "east-north-up"
-    np.testing.assert_allclose(mended.vel_n, v[: len(mended)], atol=1e-12)
-    assert named_axes(mended)[1] is None
-
-
-GYROS_READ = {"(−x, −y, −z)": ((0, 1, 2), -1.0), "(z, x, y)": ((1, 2, 0), 1.0)}
-ACCELS_READ = {"(x, −y, z)": (1.0, -1.0, 1.0), "(−x, −y, −z)": (-1.0, -1.0, -1.0)}
-
-
-@pytest.mark.parametrize("read", GYROS_READ)
-def test_gyros_in_other_axes_are_named(saved, data, tmp_path, read):
-    order, sign = GYROS_READ[read]
-    wrong = dict(data, gyro=sign * data["gyro"][:, list(order)])
-    assert f"the gyros read as {read}" in inertial_axes(read_drive(saved(tmp_path / "wrong.npz", wrong)))
-
-
-@pytest.mark.parametrize("read", ACCELS_READ)
-def test_accelerometers_in_other_axes_are_named_when_the_filter_diverges(
-    saved, data, tmp_path, configuration, read
-):
-    wrong = dict(data, accel=data["accel"] * np.array(ACCELS_READ[read]))
-    found = navigate_drive(read_drive(saved(tmp_path / "wrong.npz", wrong)), configuration())
-    assert found.consistency.diverged
-    assert any(f"the accelerometers read as {read}" in note for note in found.notes)
-
-
-def test_diagnosis_refuses_wrong_axes(saved, data, tmp_path, configuration):
-    wrong = read_drive(saved(tmp_path / "wrong.npz", dict(data, gyro=data["gyro"][:, [1, 2, 0]])))
-    with pytest.raises(DataError, match="gyros read as"):
-        diagnose_drive(wrong, configuration())
-
-
-@pytest.mark.parametrize("read", ["(x, y, z)", "(y, x, z)", "(x, y, −z)"])
-def test_axes_are_named_where_cheap_gyros_hardly_stand(read):
-    """Three seconds of standing leave the biases of the sensors open."""
-    drive, _ = simulate_drive(
-        load_grade("mti1"), TRAJECTORIES["city"](300.0), load_gnss("rtk"), rate=50.0, seed=1
-    )
-    names = [word.strip("( )") for word in read.split(",")]
-    order, sign = ["xyz".index(name[-1]) for name in names], [-1.0 if "−" in name else 1.0 for name in names]
-    wrong = np.hstack([drive.rates[:, order] * sign, drive.rates[:, 3:]])
-    told = inertial_axes(replace(drive, rates=wrong))
-    assert told is None if read == "(x, y, z)" else f"the gyros read as {read}" in told
-
-
 def test_fixes_that_report_sds_have_no_supposed_correlated_error(file):
     drive = read_drive(file)
     assert receiver_of(drive).correlated == ()
@@ -378,46 +324,6 @@ def test_fixes_that_report_sds_have_no_supposed_correlated_error(file):
     assert receiver_of(replace(drive, gnss=silent)) == load_gnss("spp")
     assert load_filter("mti1", None, supposed=receiver_of(drive)).gnss.correlated == ()
     assert load_filter("mti1", load_gnss("dgnss"), supposed=receiver_of(drive)).gnss == load_gnss("dgnss")
-
-
-def test_a_frame_without_a_name_is_unknown_and_told(saved, data, tmp_path):
-    drive = read_drive(saved(tmp_path / "odd.npz", data, imu_frame="unknown, z up"))
-    assert drive.mounting is None
-    assert any("'unknown, z up'" in note for note in drive.notes)
-
-
-def test_axes_as_they_are_are_not_named(file):
-    assert inertial_axes(read_drive(file)) is None
-
-
-def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
-    wrong = dict(data, gnss_llh=data["gnss_llh"][:, [1, 0, 2]])
-    with pytest.raises(DataError, match="latitude and longitude exchanged"):
-        named_axes(read_drive(saved(tmp_path / "wrong.npz", wrong)).gnss)
-
-
-def test_a_stated_frame_that_the_motion_contradicts_is_told(saved, data, tmp_path, configuration):
-    """The unit stands on its head in the frame that is said to be forward-right-down."""
-    upside = rotation.mat_from_rpy(np.radians((180.0, 0.0, 0.0)))
-    turned = rotation.mat_from_rpy(np.radians(MOUNTING_RPY)).T @ upside  # vehicle axes, then on its head
-    wrong = dict(data, gyro=data["gyro"] @ turned.T, accel=data["accel"] @ turned.T)
-    found = navigate_drive(read_drive(saved(tmp_path / "wrong.npz", wrong, imu_frame="FRD")), configuration())
-    assert not found.consistency.diverged
-    assert any("from those stated" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(("climb", "named"), [(0.4, "north-east-up"), (0.0, None)])
-def test_an_upward_speed_is_named_on_nearly_flat_ground(climb, named):
-    rng = np.random.default_rng(6)
-    t = np.arange(0.0, 600.0)
-    height = 100.0 + 20.0 * climb * np.sin(t / 20.0) + 0.02 * rng.standard_normal(len(t))
-    up = climb * np.cos(t / 20.0) + 0.05 * rng.standard_normal(len(t))
-    llh = np.column_stack([0.84 + 15.0 * t / 6.38e6, np.full_like(t, 0.16), height])
-    vel = np.column_stack([15.0 + rng.standard_normal(len(t)), rng.standard_normal(len(t)), up])
-    sd = np.full_like(llh, 0.05)
-    mended, name = named_axes(Gnss(t, llh, vel, sd, sd))
-    assert name == named
-    assert named_axes(mended)[1] is None
 
 
 def test_navigate_from_the_command_line(file, tmp_path, capsys):

@@ -128,9 +128,9 @@ def command(
     key: Mapping[str, Any] | None = None
     records: tuple[Record, ...] = ()
     measured = None if drive is None else load_drive(drive)
-    receiver = load_receiver(gnss or DEMO_RECEIVER, messages) if gnss or log is None else None
-    if gnss is None and measured is not None:
-        receiver = receiver_of(measured)
+    receiver = receiver_of(measured) if gnss is None and measured is not None else None
+    if receiver is None and (gnss or log is None):
+        receiver = load_receiver(gnss or DEMO_RECEIVER, messages)
     if measured is not None:
         name = measured.name if log is None else f"{source_name(log)}-{measured.name}"
         if log is not None and is_log(log):

@@ -29,7 +29,7 @@ from scipy.optimize import minimize_scalar
 from models import rotation
 from models.earth import earth_rate, gravity, metres_per_radian
 from tuner.navigation.inputs import Steps
-from tuner.navigation.turning import Biased, Turned, moved_biases, turned, wahba
+from tuner.navigation.turning import Biased, Turned, moved_biases, outlying, turned, wahba
 from tuner.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -114,7 +114,7 @@ def receiver_lag(gnss: Gnss) -> float:
     def misfit(lag: float) -> float:
         shifted = np.stack([np.interp(middle + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
         off = np.sum((slope - shifted)[:, :2] ** 2, axis=1)
-        return float(np.mean(np.minimum(off, 25.0 * np.median(off) + 1e-12)))
+        return float(np.mean(np.minimum(off, outlying(off))))
 
     lags = np.arange(-0.5, 0.501, 0.02)
     values = np.array([misfit(float(lag)) for lag in lags])
@@ -227,7 +227,7 @@ def align_once(
         alpha = changes(seen, delay)
         mat = wahba(alpha, beta)
         off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-        return mat, float(np.mean(np.minimum(off, 25.0 * np.median(off) + 1e-12)))
+        return mat, float(np.mean(np.minimum(off, outlying(off))))
 
     delay = 0.0
     if offset > 0.0:

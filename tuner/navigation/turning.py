@@ -99,6 +99,11 @@ def wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt)
 
 
+def outlying(square: FloatArray) -> float:
+    """Return up to what squares of misfits (n,) count: outliers are not the whole of it."""
+    return OUTLYING * float(np.median(square)) + 1e-12
+
+
 def moved_biases(
     felt: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     beta: FloatArray,
@@ -209,13 +214,13 @@ def _fitted(alpha: FloatArray, pull: FloatArray, beta: FloatArray, prior: FloatA
     mat = wahba(alpha, beta)
     off = beta - alpha @ mat.T
     square = np.sum(off**2, axis=1)
-    limit = OUTLYING * float(np.median(square)) + 1e-12
+    most = outlying(square)
     by_bias = np.concatenate([pull[:, :9].reshape(-1, 3, 3), pull[:, 9:].reshape(-1, 3, 3)], axis=2)
     design = np.concatenate([-rotation.skew(alpha @ mat.T), mat @ by_bias], axis=2)
-    weight = np.minimum(1.0, limit / np.maximum(square, limit))
+    weight = np.minimum(1.0, most / np.maximum(square, most))
     score = np.einsum("wij,wi,w->j", design, off, weight)
     information = np.einsum("wij,wik,w->jk", design, design, weight)
-    return _Fit(np.minimum(square, limit), prior, score, information, mat[2])
+    return _Fit(np.minimum(square, most), prior, score, information, mat[2])
 
 
 def _attitudes(angles: FloatArray) -> FloatArray:

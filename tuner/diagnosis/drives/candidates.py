@@ -136,22 +136,20 @@ def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candida
         correlated = pool.submit(lambda: correlated_gnss(belief, evaluate(belief)))
         factors = pool.submit(_factors, found, belief)
         fixes = pool.submit(_fixes, belief, threshold)
-        jump = pool.submit(bias_jump, belief)
-        claims = (*factors.result(), correlated.result())
-        if len(found.hypothesis.jumps) < JUMPS:
-            claims = (*claims, jump.result())
+        jumps = [pool.submit(bias_jump, belief)] if len(found.hypothesis.jumps) < JUMPS else []
+        claims = (*factors.result(), correlated.result(), *(jump.result() for jump in jumps))
         return fixes.result(), tuple(_claimed(claim) for claim in claims)
 
 
 def _factors(found: Pass, belief: Belief) -> tuple[Claim, ...]:
     """Return what is said of factors on the noise, and of laws of the reported sds."""
     told, prior = scores(belief), static_prior(found.hypothesis.config.channels)
-    scaled = joint_noise(belief, told, prior_sd=prior)
-    if scaled is None:
-        scaled = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
+    factors = joint_noise(belief, told, prior_sd=prior)
+    if factors is None:
+        factors = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
     asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
     laws = [claim for block in asked if (claim := reported_noise(belief, block)) is not None]
-    return (*scaled, *laws)
+    return (*factors, *laws)
 
 
 def _claimed(claim: Claim) -> Candidate:
