@@ -2,10 +2,10 @@
 
 Explanations (`tuner.explanations`) that take half of the misfit of the scores away compete by their likelihood: that
 of the whole whitened matrices behind the scores (`tuner.scatter`), of which every explanation predicts all elements
-as it predicts the scores. Two are told apart where the difference of their log-likelihoods, run by run, has a mean
-beyond twice its own scatter [1]_; else both are named. The interval of θ is where −2 ln p is within 4 of its least,
-times the ratio by which its slope scatters more, over the runs and with a common level of all expectations, than a
-likelihood's would.
+as it predicts the scores. Two are told apart where the difference of their log-likelihoods has a mean beyond twice
+its scatter, over the runs [1]_ and with a common level of all expectations; else both are named. The interval of θ
+is where −2 ln p is within 4 of its least, times the ratio by which its slope scatters more, of the same two causes,
+than a likelihood's would.
 
 A likelihood asks for much where too small a variance is expected, so that it compares only explanations that fit.
 Where none does, because several beliefs are far off, that of least misfit in the logarithms of the scores is named.
@@ -43,7 +43,7 @@ LEVEL_SCATTER = 0.05
 LIKELY = 4.0
 """−2 ln of the likelihood by which a size, or an explanation, may be worse than the best and still be likely."""
 APART = 2.0
-"""Mean difference of −2 ln of two likelihoods over its scatter, from which on runs tell explanations apart."""
+"""Mean difference of −2 ln of two likelihoods over its scatter, from which on explanations are told apart."""
 FITTING = 3.0
 """Misfit a score from which an explanation does not fit."""
 GRID = 41
@@ -77,13 +77,17 @@ class Cause:
 
 @dataclass(frozen=True)
 class Fit:
-    """An explanation at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,)."""
+    """An explanation at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
+
+    `lift` is what −2 ln p gains, in the mean, where all that is expected is larger by `LEVEL_SCATTER`.
+    """
 
     rival: Explanation
     size: float
     interval: tuple[float, float]
     misfit: float
     loss: FloatArray
+    lift: float
 
 
 def attribute(found: Consistency, flown: Runs, response: Responses) -> tuple[Cause, ...]:
@@ -135,9 +139,10 @@ def best(
         fits = [_fitted(rival, misfits, misfits, misfits) for rival in rivals]
         fits = [fit for fit in fits if fit.misfit <= half]
         least = min((fit.misfit for fit in fits), default=0.0)
-        fits = [replace(fit, loss=fit.loss * count / max(least, count)) for fit in fits]
+        scale = count / max(least, count)
+        fits = [replace(fit, loss=scale * fit.loss, lift=scale * fit.lift) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
-    return _named([fit for fit in fits if not _apart(fit.loss - fits[0].loss)])
+    return _named([fit for fit in fits if not _apart(fit, fits[0])])
 
 
 def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
@@ -157,11 +162,12 @@ def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
     below, here, above = loss(near_by)
     slope, curvature = (above - below) / 0.1, float((above + below - 2.0 * here).mean()) / 0.05**2
     lifted = whole((1.0 + LEVEL_SCATTER) * near_by)[:, 0]
-    tilt = (lifted[2] - lifted[0]) / 0.1 - slope.mean()
+    lift = lifted - np.array([below.mean(), here.mean(), above.mean()])
+    tilt = (lift[2] - lift[0]) / 0.1
     excess = (_error(slope) ** 2 + float(tilt) ** 2) / (2.0 * curvature) if curvature > 0.0 else 1.0
     limit = float(here.mean()) + LIKELY * max(excess, 1.0)
     low, high = (_edge(lambda x: whole(at(x))[0, 0] - limit, size, end) for end in rival.bounds)
-    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here)
+    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here, float(lift[1]))
 
 
 def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
@@ -176,9 +182,11 @@ def _error(by_run: FloatArray) -> float:
     return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else 0.0
 
 
-def _apart(difference: FloatArray) -> bool:
-    """Tell whether runs are less likely by one explanation than by another, from the differences of −2 ln p."""
-    return float(difference.mean()) > max(LIKELY, APART * _error(difference))
+def _apart(one: Fit, best: Fit) -> bool:
+    """Tell whether runs are less likely by an explanation than by the best, whatever the common level."""
+    difference = one.loss - best.loss
+    scatter = math.hypot(_error(difference), one.lift - best.lift)
+    return float(difference.mean()) > max(LIKELY, APART * scatter)
 
 
 def _named(fits: Sequence[Fit]) -> tuple[Cause, ...]:

@@ -18,7 +18,7 @@ from models.trajectories import TRAJECTORIES
 from tuner.attribution import attribute, best
 from tuner.budget import error_budget
 from tuner.consistency import evaluate, score
-from tuner.explanations import explanations
+from tuner.explanations import Explanation, explanations
 from tuner.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.sensor import sensor_of_config
 from tuner.navigation.settings import filter_settings
@@ -138,6 +138,23 @@ def test_least_misfit_is_named_where_several_beliefs_are_far_off():
     rivals = [one for one in explanations(own, {}, {}) if one.source in own]
     causes = best(scores, [scattered(y, np.ones((40, 50), dtype=bool))], rivals)
     assert causes[0].source == "gyro white noise"
+
+
+@pytest.mark.parametrize(("level", "count"), [(0.95, 2), (0.7, 1)])
+def test_explanations_that_differ_by_a_common_level_of_five_percent_are_both_named(level, count):
+    """Runs tell 5 % apart at 14 of their sds here, but linear covariance errs by as much."""
+    y = np.random.default_rng(3).standard_normal((40, 2000, 2)) * 3.0
+    scores = [score("x", list(y[..., i] ** 2), 1) for i in (0, 1)]
+
+    def rival(name, high):
+        white = np.array([high, high, high, 0, 0, high])
+        return Explanation(name, lambda x: np.exp(2.0 * x) * white, (-0.05, 0.0), lambda *_: name)
+
+    causes = best(
+        scores, [scattered(y, np.ones((40, 2000), dtype=bool))], [rival("a", 9.5), rival("b", 9.0 * level)]
+    )
+    assert len(causes) == count
+    assert causes[0].source == "a"
 
 
 def drop(own):
