@@ -14,9 +14,9 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.earth import metres_per_radian
 from tuner.navigation.initial import MOVING, Alignment, align_once
 from tuner.navigation.inputs import Steps
+from tuner.navigation.legs import legs
 from tuner.records import DataError, Drive, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -27,8 +27,8 @@ AXES = {
     "east-north-down": ((1, 0, 2), (1.0, 1.0, 1.0)),
 }
 """Ways in which velocities may be given instead of north, east, down: order and signs that mend them."""
-WINDOW = 10.0
-"""Time over which displacements are held against velocities, s."""
+FEWEST = 10
+"""Windows from which they are."""
 BETTER = 0.25
 """Velocities and positions are read otherwise where that leaves less than this share of the misfit."""
 CLEARER = 0.5
@@ -53,11 +53,10 @@ def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
     DataError
         Where positions fit only with latitude and longitude exchanged.
     """
-    finite = np.asarray(np.isfinite(gnss.vel_n).all(axis=1))
-    if np.count_nonzero(finite) < 20:
+    told = legs(gnss)
+    if len(told) < FEWEST:
         return gnss, None
-    told = gnss.rows(finite)
-    slope, mean = _over_windows(told)
+    slope, mean = told.by_position, told.by_velocity
 
     def misfit(vel: FloatArray, parts: slice = slice(0, 3), by: FloatArray = slope) -> float:
         return float(np.mean(np.abs(vel - by)[:, parts]))
@@ -66,7 +65,7 @@ def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
     name = min(order, key=lambda key: misfit(order[key]))
     least = min(misfit(order[name]), misfit(mean))
     if np.all(np.abs(gnss.llh[:, 1]) < np.pi / 2.0):
-        other, _ = _over_windows(replace(told, llh=told.llh[:, [1, 0, 2]]))
+        other = legs(replace(gnss, llh=gnss.llh[:, [1, 0, 2]])).by_position
         turned = min(misfit(vel, by=other) for vel in (mean, *order.values()))
         if turned < BETTER * least:
             msg = (
@@ -174,16 +173,3 @@ def _summed(steps: Steps) -> Steps:
     return Steps(
         steps.start, np.add.reduceat(steps.dt, edges), np.add.reduceat(steps.increments, edges, axis=0)
     )
-
-
-def _over_windows(gnss: Gnss) -> tuple[FloatArray, FloatArray]:
-    """Return displacement over time, and the mean of the velocities, over windows of some seconds, m/s; (w, 3)."""
-    last = np.searchsorted(gnss.t, gnss.t + WINDOW)
-    first = np.flatnonzero(last < len(gnss))
-    last = last[first]
-    way = np.vstack(
-        [np.zeros(3), np.cumsum(0.5 * (gnss.vel_n[1:] + gnss.vel_n[:-1]) * np.diff(gnss.t)[:, None], axis=0)]
-    )
-    span = (gnss.t[last] - gnss.t[first])[:, None]
-    moved = (gnss.llh[last] - gnss.llh[first]) * metres_per_radian(gnss.llh[0])
-    return np.asarray(moved / span), np.asarray((way[last] - way[first]) / span)

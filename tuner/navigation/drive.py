@@ -117,7 +117,7 @@ def prepare(
     gnss, axes = named_axes(drive.gnss, drive.source)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
-    refuse_wrong_units(drive, gnss)
+    notes += refuse_wrong_units(drive, gnss)
     lag = 0.0 if timed else receiver_lag(gnss)
     if lag:
         moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
@@ -331,7 +331,7 @@ def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
     told = told_sds(gnss, settings)
     if settings.fix_laws is None:
-        return np.maximum(told, _configured(settings))
+        return told if settings.position_sd is None else np.maximum(told, _configured(settings))
     position, velocity = settings.fix_laws
     return np.hstack([position.sds(told[:, :3]), velocity.sds(told[:, 3:])])
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
+from models.units import FOOT, MILLI_G, STANDARD_GRAVITY
 from tuner.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +25,10 @@ FASTEST = 350.0
 """Speed beyond which no vehicle of ours is, m/s."""
 TURNING = 35.0
 """Angular rate that 99 % of the samples stay below, rad/s."""
+FORCE_UNITS = {"g": 1.0 / STANDARD_GRAVITY, "mg": 1.0 / MILLI_G, "ft/s²": 1.0 / FOOT}
+"""How many make 1 m/s²."""
+GRAVITY = 0.1
+"""Share by which the median of the specific force may differ from that of gravity where its unit is named."""
 SOME = 0.01
 """Share of impossible rows up to which they are outliers, and said; of more the drive is refused."""
 LEAP = 1e3
@@ -93,7 +98,10 @@ def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
         said.append(f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s")
     force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
     if not 5.0 < force < 20.0:
-        msg = f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; check the unit"
+        msg = (
+            f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; "
+            f"{_force_unit(force, interval)}"
+        )
         raise DataError(msg)
     for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
         if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
@@ -106,6 +114,13 @@ def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
     if turn > TURNING:
         msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
         raise DataError(msg)
+
+
+def _force_unit(force: float, interval: float) -> str:
+    """Return what to do about a specific force of another size than that of gravity."""
+    units = {**FORCE_UNITS, f"m/s gained in {interval:.4g} s": interval}
+    likely = [unit for unit, many in units.items() if abs(force / (many * STANDARD_GRAVITY) - 1.0) < GRAVITY]
+    return f"it looks to be in {' or '.join(likely)}: convert it to m/s²" if likely else "check the unit"
 
 
 def _positions(path: Path, fixes: FloatArray, said: list[str]) -> None:

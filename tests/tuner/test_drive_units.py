@@ -1,0 +1,175 @@
+"""Units of a drive that are not those expected are refused with their name; those that are right are left alone."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.earth import llh_displaced
+from models.gnss import perfect_fixes
+from models.motion import Trajectory
+from models.profiles import Profile, Wave
+from models.trajectories import TRAJECTORIES
+from tuner.cli import run
+from tuner.drives import simulate_drive
+from tuner.grades import load_gnss, load_grade
+from tuner.navigation.axes import named_axes
+from tuner.navigation.legs import legs
+from tuner.navigation.outliers import without_outliers
+from tuner.navigation.scales import factor, height_factor, refuse_wrong_units, velocity_factor
+from tuner.readers.drives import read_drive
+from tuner.records import DataError, Gnss
+
+FOOT, MILE, KNOT = 0.3048, 1609.344 / 3600.0, 1852.0 / 3600.0
+DT = 0.02
+TURNS = {"deg/s": np.degrees(1.0), "rad/s taken for deg/s": np.radians(1.0), "rad in 0.02 s": DT}
+
+
+def refused(path, capsys):
+    """Return the one line with which `navigate` refuses a file."""
+    assert run(["navigate", str(path), "--config", "mpu9250", "--quiet"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gnss_vned": 3.6}, "velocities look to be in km/h: 3.60 (3.5"),
+        ({"gnss_vned": 1.0 / KNOT}, "velocities look to be in knots: 1.94 ("),
+        ({"gnss_vned": 1.0 / MILE}, "velocities look to be in mph: 2.2"),
+        ({"gnss_vned": 1.0 / FOOT}, "velocities look to be in ft/s: 3.2"),
+        ({"gnss_llh": np.array([1.0, 1.0, 1.0 / FOOT])}, "heights look to be in ft"),
+        ({"gnss_llh": np.array([np.pi / 180.0, np.pi / 180.0, 1.0])}, "longitude look to be in rad"),
+        *(({"gyro": size}, f"gyros look to be in {name}: ") for name, size in TURNS.items()),
+        ({"gyro": 1e3}, "check the unit"),
+        ({"accel": 1.0 / 9.80665}, "to be in g: convert it to m/s²"),
+        ({"accel": 1e3 / 9.80665}, "to be in mg: convert"),
+        ({"accel": DT}, "to be in m/s gained in 0.02 s: convert"),
+        ({"accel": 1.0 / FOOT}, "to be in ft/s²: convert"),
+    ],
+)
+def test_a_unit_is_named(saved, data, tmp_path, capsys, change, words):
+    wrong = {name: values * change.get(name, 1.0) for name, values in data.items()}
+    assert words in refused(saved(tmp_path / "wrong.npz", wrong), capsys)
+
+
+def test_a_unit_is_named_in_another_order_of_axes(saved, data, tmp_path, capsys):
+    v = 3.6 * data["gnss_vned"]
+    wrong = {**data, "gnss_vned": np.column_stack([v[:, 1], v[:, 0], -v[:, 2]])}
+    assert "in km/h" in refused(saved(tmp_path / "wrong.npz", wrong), capsys)
+
+
+@pytest.mark.parametrize("size", [1.5, 0.5])
+def test_a_factor_without_a_name_is_doubted_only(saved, data, tmp_path, size):
+    """A gyroscope of another range, say: it is for the filter to try."""
+    drive = read_drive(saved(tmp_path / "wrong.npz", {**data, "gyro": size * data["gyro"]}))
+    (doubt,) = refuse_wrong_units(drive, drive.gnss)
+    assert "gyros are" in doubt
+    assert "check their unit" in doubt
+
+
+def cart(duration):
+    """A cart at a walk, 1 m/s, that stops and turns."""
+    return Trajectory(
+        "cart",
+        duration,
+        Profile(0.6, waves=(Wave(0.6, 1.0 / 37.0),)),
+        Profile(waves=(Wave(1.5, 1.0 / 53.0),)),
+        pitch=Profile(waves=(Wave(0.01, 1.0 / 71.0),)),
+    )
+
+
+MOTIONS = {"cart": cart, **{name: TRAJECTORIES[name] for name in ("static", "straight", "city", "climb")}}
+
+
+@pytest.mark.parametrize("interval", [1.0, 0.1])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_what_is_right_is_not_touched(motion, interval):
+    """Chance 1e-6 an end of a factor, six ends a drive, and ends are 1.25 from 1 besides: 1e-5 at most in all."""
+    receivers = [load_gnss(name) for name in ("spp", "rtk")]
+    for seed, receiver in enumerate(receivers):
+        drive, _ = simulate_drive(
+            load_grade("mpu9250"),
+            MOTIONS[motion](300.0),
+            replace(receiver, interval=interval),
+            rate=25.0,
+            seed=seed,
+        )
+        assert named_axes(drive.gnss)[1] is None
+        assert refuse_wrong_units(drive, drive.gnss) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_what_is_right_is_seldom_far_from_1(motion):
+    """Hundreds of receivers: the ends of the factors are beyond 1.25 and 1e-6 in none."""
+    rng, flown = np.random.default_rng(1), MOTIONS[motion](240.0)
+    for _ in range(300):
+        interval = float(rng.choice([0.1, 0.2, 1.0]))
+        sds = np.concatenate(
+            [10.0 ** rng.uniform(-2.0, 0.7) * np.array([1.0, 1.0, 1.8]), 10.0 ** rng.uniform(-2.0, 0.0, 3)]
+        )
+        t = np.arange(interval, 240.0, interval)
+        llh, vel = perfect_fixes(flown, t)
+        error = rng.standard_t(4, (len(t), 6)) * sds
+        gnss = Gnss(
+            t,
+            llh_displaced(llh, error[:, :3]),
+            vel + error[:, 3:],
+            *np.tile(sds, (len(t), 1)).reshape(len(t), 2, 3).swapaxes(0, 1),
+        )
+        told = legs(gnss)
+        for found in (velocity_factor(told), height_factor(told)):
+            assert found is None or not found.other
+
+
+def test_a_factor_lies_between_its_regressions():
+    """Noise in either series pulls one regression: the truth, 3.6, is between them whatever the noise."""
+    rng = np.random.default_rng(3)
+    t = np.arange(600.0)
+    signal = np.cumsum(rng.standard_normal((600, 2)), axis=0)
+    for noise in ((0.0, 3.0), (3.0, 0.0), (3.0, 3.0)):
+        a = 3.6 * (signal + noise[0] * rng.standard_normal(signal.shape))
+        b = signal + noise[1] * rng.standard_normal(signal.shape)
+        found = factor(a, b, t, 10.0)
+        assert found is not None
+        assert found.least < 3.6 < found.most
+        assert found.low <= found.high
+    white = factor(*rng.standard_normal((2, 600, 2)), t, 10.0)
+    assert white is None or not white.other
+
+
+def test_legs_leave_holes_out():
+    t = np.concatenate([np.arange(0.0, 60.0), np.arange(66.0, 120.0)])
+    llh = np.column_stack([0.8 + 1e-6 * t, np.full_like(t, 0.1), np.full_like(t, 100.0)])
+    vel = np.tile([1e-6 * 6.37e6, 0.0, 0.0], (len(t), 1))
+    told = legs(Gnss(t, llh, vel, vel, vel))
+    assert not np.any((told.t > 50.0) & (told.t < 60.0))
+    np.testing.assert_allclose(told.by_position[:, 0], vel[0, 0], rtol=0.01)
+    np.testing.assert_allclose(told.by_velocity[:, 0], vel[0, 0], rtol=1e-12)
+
+
+MEASURED = Path(os.environ.get("TUNER_DATA", "")) / "drives"
+
+
+@pytest.mark.skipif(not os.environ.get("TUNER_DATA"), reason="TUNER_DATA is not set")
+@pytest.mark.parametrize(
+    "file", ["rtkexplorer_drive_0708", "hipnuc_span_20220405", "stim300_rtk_20180419_sharp"]
+)
+def test_units_of_measured_drives(file):
+    drive = read_drive(MEASURED / f"{file}.npz")
+    drive = replace(drive, gnss=without_outliers(drive.gnss)[0])
+    assert refuse_wrong_units(drive, drive.gnss) == ()
+    for size, name in ((3.6, "km/h"), (1.0 / KNOT, "knots"), (1.0 / MILE, "mph"), (1.0 / FOOT, "ft/s")):
+        with pytest.raises(DataError, match=f"velocities look to be in .*{name}"):
+            refuse_wrong_units(drive, replace(drive.gnss, vel_n=size * drive.gnss.vel_n))
+    fast = np.hstack([np.degrees(drive.rates[:, :3]), drive.rates[:, 3:]])
+    with pytest.raises(DataError, match="gyros look to be in deg/s"):
+        refuse_wrong_units(replace(drive, rates=fast), drive.gnss)
