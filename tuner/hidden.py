@@ -87,7 +87,7 @@ def within_record(effect: Written, begin: float, end: float) -> None:
     DataError
         Nothing of the effect would be in the record.
     """
-    values = vars(effect)
+    values = {name: value for name, value in vars(effect).items() if value is not None}
     name = next((name for name in ("time", "start") if name in values), None)
     if name is None or (begin <= values[name] + values.get("duration", 0.0) and values[name] < end):
         return

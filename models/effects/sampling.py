@@ -4,7 +4,7 @@
 
     clipping      min(max(y, low), high)
     lattice       step · round(y/step);  0 where |y| < deadband
-    duplicates    y_k = y_{k−1} with the chance `fraction`, in all channels at once
+    duplicates    y_k = y_{k−1} with the chance `fraction`, in all channels at once, or always in one stretch
     timing        gap_count stretches of samples lost; stamps t_0 + clock_ratio (t − t_0) + jitter_sd · e,
                   rounded to whole multiples of `rounding`
 """
@@ -106,24 +106,38 @@ class Lattice(Effect):
 
 @dataclass(frozen=True)
 class Duplicates(Effect):
-    """Readings that repeat the last one: the register is polled faster than it is filled.
+    """Readings that repeat the last one: the register is polled faster than it is filled, or stuck for a while.
 
     Attributes
     ----------
     fraction : float
         Chance that a sample is a repetition, 0 ≤ fraction < 1.
+    start, duration : float, optional
+        The one stretch in which every sample is a repetition, on the clock of the record, s; `fraction`, the share
+        of the record that this is, decides nothing then.
     """
 
     name: ClassVar[str] = "duplicates"
     stage: ClassVar[int] = HOLD
     fraction: float
+    start: float | None = None
+    duration: float | None = None
 
     def __post_init__(self) -> None:
         require_between(0.0, 1.0, fraction=self.fraction)
+        if (self.start is None) is not (self.duration is None):
+            msg = "'start' and 'duration' must be given together"
+            raise ValueError(msg)
+        if self.start is not None and self.duration is not None:
+            require_finite(start=self.start)
+            require_positive(duration=self.duration)
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Hold the last reading in all channels at the same samples."""
-        fresh = rng.random(len(block.t)) >= self.fraction
+        if self.start is None or self.duration is None:
+            fresh = rng.random(len(block.t)) >= self.fraction
+        else:
+            fresh = (block.t < self.start) | (block.t >= self.start + self.duration)
         source = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0))
         return replace(block, y=block.y[source], white=None if block.white is None else block.white[source])
 

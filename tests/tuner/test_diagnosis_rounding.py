@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.diagnosis import static
 from tuner.diagnosis.hygiene import hygiene
 from tuner.diagnosis.loudness import block_loudness
 from tuner.diagnosis.panel import panel, threshold
+from tuner.diagnosis.preparation import prepared
 from tuner.diagnosis.residual import residual
 from tuner.diagnosis.rounding import cell_moments, moments
 from tuner.simulation import Channel, simulate
@@ -26,7 +26,7 @@ def fitted(step: float, deadband: float = 0.0, seed: int = 1, ramp: float = 3.0)
     y = size * np.round(y / size)
     y[np.abs(y) < deadband * size] = 0.0
     object.__setattr__(record, "y", y)
-    return residual(static._channels(record, hygiene(record), threshold(1), 0, [])[0])
+    return residual(prepared(record, hygiene(record), threshold(1), 0, [])[0])
 
 
 @pytest.mark.parametrize(("sd", "deadband"), [(0.3, 0.0), (0.5, 0.0), (1.0, 0.0), (0.6, 1.0), (1.2, 2.5)])
@@ -70,7 +70,7 @@ def test_a_burst_on_a_coarse_lattice_is_still_found():  # 30 % of the record, va
                       hidden=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
     size = 2.5 * WHITE
     object.__setattr__(record, "y", size * np.round(record.y / size))
-    found = residual(static._channels(record, hygiene(record), threshold(1), 0, [])[0])
+    found = residual(prepared(record, hygiene(record), threshold(1), 0, [])[0])
     alarm = next(alarm for alarm in panel(found) if alarm.cause == "burst")
     assert alarm.p_value < 1e-12
     (burst,) = alarm.propose()

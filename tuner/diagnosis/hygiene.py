@@ -1,16 +1,17 @@
 """Hygiene: what is wrong with the samples themselves, before any noise is modelled.
 
-Each test is exact or free of the distribution of the noise: held readings (`tuner.diagnosis.duplicates`),
-rails (`tuner.diagnosis.clipping`), the lattice of codes (`tuner.diagnosis.codes`) and what the time stamps
-said. A lattice whose step is at most two white sd is a note: it only adds step²/12 to the variance. Where
-readings are held, rails and codes are judged by the samples that are not.
+Each test is exact or free of the distribution of the noise: frozen readings (`tuner.diagnosis.frozen`), held ones
+(`tuner.diagnosis.duplicates`), rails (`tuner.diagnosis.clipping`), the lattice of codes (`tuner.diagnosis.codes`) and
+what the time stamps said. A lattice whose step is at most two white sd is a note: it only adds step²/12 to the
+variance. All other tests are of the samples outside of frozen stretches; where readings are held, rails and codes are
+judged by the samples that are not.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis.clipping import rails
 from tuner.diagnosis.codes import lattice_step, read_codes
 from tuner.diagnosis.duplicates import held_readings
+from tuner.diagnosis.frozen import Frozen, cut, frozen, together
 from tuner.records import Record
 from tuner.results import Coefficient
 
@@ -54,6 +56,8 @@ class HygieneTest:
         Present, but harmless: to be told, not to be treated.
     text : str
         The same in words.
+    stretches : tuple of (int, int)
+        Samples that say nothing: frozen ones.
     """
 
     cause: str
@@ -63,6 +67,7 @@ class HygieneTest:
     parameters: Mapping[str, Coefficient] = field(default_factory=lambda: MappingProxyType({}))
     note: bool = False
     text: str = ""
+    stretches: tuple[tuple[int, int], ...] = ()
 
 
 def hygiene(record: Record) -> tuple[HygieneTest, ...]:
@@ -78,16 +83,19 @@ def hygiene(record: Record) -> tuple[HygieneTest, ...]:
     tuple of HygieneTest
         All tests, passed or not: the caller holds the p-values against its budget of false alarms.
     """
-    steps = {axis: lattice_step(record.pieces(axis)) for axis in record.axes}
-    held = duplicates(record, steps)
-    tests = [timing(record), *held]
-    for axis in record.axes:
-        pieces = record.pieces(axis)
+    stuck = standing_still(record)
+    single = {axis: alive(record, (axis,), stuck).pieces(axis) for axis in record.axes}
+    steps = {axis: lattice_step(pieces) for axis, pieces in single.items()}
+    held = duplicates(record, steps, stuck)
+    tests = [timing(record), *stuck, *held]
+    for axis, pieces in single.items():
         if any(test.p_value < CERTAIN and axis in test.channels for test in held):
-            pieces = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
+            fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
+        else:
+            fresh = pieces
         tests += [
-            clipping(pieces, steps[axis], axis=axis, unit=record.unit),
-            lattice(pieces, steps[axis], axis=axis, unit=record.unit),
+            clipping(fresh, steps[axis], axis=axis, unit=record.unit),
+            lattice(fresh, steps[axis], axis=axis, unit=record.unit),
         ]
     return tuple(tests)
 
@@ -124,7 +132,59 @@ def timing(record: Record) -> HygieneTest:
     return HygieneTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
 
 
-def duplicates(record: Record, steps: Mapping[str, float]) -> tuple[HygieneTest, ...]:
+def standing_still(record: Record) -> list[HygieneTest]:
+    """Return the frozen stretches: axes that froze together in one test."""
+    found = [(axis, one) for axis in record.axes if (one := frozen(record, axis)) is not None]
+    return [_standing_still(record, group) for group in together(found)]
+
+
+def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> HygieneTest:
+    """Return the test of axes that froze at the same times, measured on the one in which chance adds least."""
+    best = min((one for _, one in group), key=lambda one: (one.slack, one.held))
+    (first, last), dt, n = best.longest, record.interval, len(record)
+    number, slack = len(best.stretches), best.slack
+    begin, length = float(record.t[first]), (last - first) * dt
+    free = number * (1 + 2 * slack)
+    parameters = {
+        "fraction": Coefficient.known(
+            best.held / n, max(best.held - free, 0) / n, (best.held + number) / n, "1"
+        ),
+        "count": Coefficient.known(float(number), float(number), float(number), "1"),
+        "start": Coefficient.known(begin, begin, begin + (1 + slack) * dt, "s"),
+        "duration": Coefficient.known(length, max(length - (1 + 2 * slack) * dt, dt), length, "s"),
+    }
+    plural = "es" if number > 1 else ""
+    text = (
+        f"{number} stretch{plural}, {100 * best.held / n:.3g} % of the samples; "
+        f"the longest lasts {length:.6g} s, from {begin:.6g} s on"
+    )
+    return HygieneTest(
+        "duplicates",
+        tuple(axis for axis, _ in group),
+        float(last - first),
+        max(one.p_value for _, one in group),
+        parameters,
+        text=text,
+        stretches=tuple(
+            (min(edges[0]), max(edges[1]))
+            for edges in (
+                tuple(zip(*same, strict=True))
+                for same in zip(*(one.stretches for _, one in group), strict=True)
+            )
+        ),
+    )
+
+
+def alive(record: Record, axes: tuple[str, ...], tests: Sequence[HygieneTest]) -> Record:
+    """Return some axes of a record, without the stretches in which one of them was frozen."""
+    stretches = [stretch for test in tests if set(axes) & set(test.channels) for stretch in test.stretches]
+    columns = [record.axes.index(axis) for axis in axes]
+    return replace(record, y=record.y[:, columns], axes=axes, segments=cut(record.segments, stretches))
+
+
+def duplicates(
+    record: Record, steps: Mapping[str, float], stuck: Sequence[HygieneTest] = ()
+) -> tuple[HygieneTest, ...]:
     """Test for held readings: of all axes together, and of each axis where the axes do not hold together.
 
     Parameters
@@ -133,20 +193,23 @@ def duplicates(record: Record, steps: Mapping[str, float]) -> tuple[HygieneTest,
         Samples of one sensor.
     steps : mapping of str to float
         Lattice step of each axis, unit; 0 for none.
+    stuck : sequence of HygieneTest
+        Those that found frozen stretches: what is in these does not count.
     """
-    tests = [_duplicates(record, record.axes, steps)]
+    tests = [_duplicates(alive(record, record.axes, stuck), steps)]
     if len(record.axes) > 1 and tests[0].p_value > CERTAIN:
-        tests += [_duplicates(record, (axis,), steps) for axis in record.axes]
+        tests += [_duplicates(alive(record, (axis,), stuck), steps) for axis in record.axes]
     return tuple(tests)
 
 
-def _duplicates(record: Record, axes: tuple[str, ...], steps: Mapping[str, float]) -> HygieneTest:
-    columns = [record.axes.index(axis) for axis in axes]
-    pieces = [record.y[start:stop, columns] for start, stop in record.segments if stop - start > 2]
-    held = held_readings(pieces, [steps[axis] for axis in axes])
+def _duplicates(record: Record, steps: Mapping[str, float]) -> HygieneTest:
+    pieces = [record.y[start:stop] for start, stop in record.segments if stop - start > 2]
+    held = held_readings(pieces, [steps[axis] for axis in record.axes])
     fraction = Coefficient.known(held.fraction, *held.interval, "1")
     text = f"{100 * held.fraction:.3g} % of the samples repeat the one before"
-    return HygieneTest("duplicates", axes, held.statistic, held.p_value, {"fraction": fraction}, text=text)
+    return HygieneTest(
+        "duplicates", record.axes, held.statistic, held.p_value, {"fraction": fraction}, text=text
+    )
 
 
 def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:

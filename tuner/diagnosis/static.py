@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 
-import numpy as np
 from numba import config
-from numpy.typing import NDArray
 
 from tuner.diagnosis import sampling
 from tuner.diagnosis.causes import attitude, cross_axis, motion, yielding
@@ -20,16 +18,19 @@ from tuner.diagnosis.gain import with_gains
 from tuner.diagnosis.hygiene import HygieneTest, hygiene
 from tuner.diagnosis.loop import Criticism, criticise
 from tuner.diagnosis.panel import threshold
+from tuner.diagnosis.preparation import prepared
 from tuner.diagnosis.residual import Residual
 from tuner.records import DataError, Record
 from tuner.results import Diagnosis, Finding, Unexplained
-
-BoolArray = NDArray[np.bool_]
 
 MEANINGS = {
     "duplicates": (
         "readings repeat the one before: the register is polled faster than it is filled",
         "drop the repetitions: the true rate is lower, and the white density read from all samples is too small",
+    ),
+    "frozen": (
+        "one reading is given over and over: the register, or the link to it, was stuck",
+        "leave these stretches out: a filter that takes them for measurements believes a sensor without noise",
     ),
     "timing": (
         "the time stamps are not those of an even clock",
@@ -41,13 +42,11 @@ MEANINGS = {
         "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted",
     ),
 }
-"""What a cause of hygiene is, and what it asks of a filter."""
+"""What a cause of hygiene is, and what it asks of a filter; readings held for long are frozen."""
 MOSTLY = 0.4
 """Share of a record that may move before only its longest still part is analysed."""
 SAME_RATE = 0.01
 """Relative difference of two sampling intervals up to which they are one."""
-HELD = 0.3
-"""Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
 
 
 def diagnose(
@@ -93,7 +92,7 @@ def diagnose(
         tests = hygiene(record)
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
-        ready += _channels(record, tests, limit, seed, refused)
+        ready += prepared(record, tests, limit, seed, refused)
     parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
     for group in _by_clock(ready):
         moved, kept = _motion(group)
@@ -101,6 +100,8 @@ def diagnose(
         parts += kept
     if not parts:
         raise DataError(_nothing_left(refused, found))
+    order = [one.axis for one in ready]
+    parts.sort(key=lambda part: order.index(part[0].axis))
 
     def measured(axis: str, outcome: Criticism) -> Criticism:
         outcome = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
@@ -206,57 +207,6 @@ def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
     return found
 
 
-def _channels(
-    record: Record, tests: Sequence[HygieneTest], limit: float, seed: int, refused: list[str]
-) -> list[Channel]:
-    """Return the axes of a record made ready, held readings bridged or dropped."""
-    ready = []
-    for axis in record.axes:
-        mine = {t.cause: t for t in tests if axis in t.channels and (t.p_value < limit or t.note)}
-        codes = mine["lattice"].parameters if "lattice" in mine else {}
-        step, dead = (
-            float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband")
-        )
-        held = _held(record, mine["duplicates"], seed) if "duplicates" in mine else None
-        source = record
-        if held is not None and held.mean() > HELD:
-            source, held = _thinned(record, ~held), None
-        try:
-            even = channel(source, axis, lattice=step, held=held, seed=seed)
-            ready.append(replace(even, deadband=dead / even.scale))
-        except DataError as error:
-            refused.append(str(error))
-    return ready
-
-
-def _held(record: Record, test: HygieneTest, seed: int) -> BoolArray:
-    """Return which samples count as held in all channels of a test, shape (n,).
-
-    Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own
-    repetitions are among them, keeps its law.
-    """
-    columns = [record.axes.index(axis) for axis in test.channels]
-    same = np.all(np.diff(record.y[:, columns], axis=0) == 0.0, axis=1)
-    fraction = test.parameters["fraction"].value
-    share = 1.0 if fraction is None else fraction / max(float(same.mean()), 1e-12)
-    drawn = np.random.default_rng((seed, 78)).random(len(same)) < share
-    return np.concatenate(([False], same & drawn))
-
-
-def _thinned(record: Record, kept: BoolArray) -> Record:
-    """Return a record of the kept samples, even at their mean interval."""
-    interval = record.interval * len(record) / int(kept.sum())
-    n = int(kept.sum())
-    return replace(
-        record,
-        t=record.t[0] + interval * np.arange(n),
-        y=record.y[kept],
-        interval=interval,
-        segments=((0, n),),
-        covariates={name: values[kept] for name, values in record.covariates.items()},
-    )
-
-
 def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
     """Return the channels in groups that were sampled together."""
     groups: dict[tuple[int, float, float], list[Channel]] = {}
@@ -306,7 +256,7 @@ def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, in
 
 
 def _finding(test: HygieneTest) -> Finding:
-    meaning, consequence = MEANINGS[test.cause]
+    meaning, consequence = MEANINGS["frozen" if test.stretches else test.cause]
     return Finding(
         test.cause,
         test.channels,
