@@ -217,13 +217,13 @@ def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension,
     for alarm in raised if given else []:
         if alarm.cause not in ("step", "burst") or alarm.propose is None:
             continue
-        event = alarm.propose()[0]
-        assert isinstance(event, Step | Burst)
-        last = event.last if isinstance(event, Burst) else event.first
-        for i, moved in enumerate(found.extensions[:given]):
-            if isinstance(moved, Motion) and moved.near(event.first, last, found.channel.interval):
-                wider = moved.including(event.first, last, len(found.channel))
-                return (*found.extensions[:i], wider, *found.extensions[i + 1 :])
+        for event in alarm.propose():
+            assert isinstance(event, Step | Burst)
+            last = event.last if isinstance(event, Burst) else event.first
+            for i, moved in enumerate(found.extensions[:given]):
+                if isinstance(moved, Motion) and moved.near(event.first, last, found.channel.interval):
+                    wider = moved.including(event.first, last, len(found.channel))
+                    return (*found.extensions[:i], wider, *found.extensions[i + 1 :])
     return None
 
 

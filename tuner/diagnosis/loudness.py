@@ -6,6 +6,7 @@ and κ depend on where the slow track lies between two codes (`tuner.diagnosis.r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,20 @@ class Loudness:
     scatter: FloatArray
     kappa: float
     rounded: bool
+
+    def outside(self, stretches: Sequence[tuple[int, int]]) -> Loudness:
+        """Return what is left without stretches of samples, its mean 1 again."""
+        square, scatter = self.square.copy(), self.scatter.copy()
+        for first, last in stretches:
+            scatter[first:last] = 0.0
+        told = scatter > 0.0
+        if not told.any():
+            return self
+        level = float(square[told].mean())
+        kappa = float(np.var(square[told])) / level**2
+        scatter *= kappa / float(scatter[told].mean())
+        square = np.where(told, square / level, 1.0)
+        return Loudness(square, scatter, kappa, self.rounded)
 
     def deviate(self, mean: FloatArray, freedom: FloatArray) -> FloatArray:
         """Return normal deviates of mean squares with so many degrees of freedom.

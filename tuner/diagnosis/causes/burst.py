@@ -3,7 +3,10 @@
 Statistic: mean squares of the residuals in windows of 64, 128, … samples, three quarters overlapping, made normal by
 the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
 same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
-overlap. Gain: likelihood of two variances, edges fitted.
+overlap. Where a window alarms, its edges are fitted and the others are searched again without it, until no window is
+beyond `SURELY`: all such stretches, louder or quieter than what is left, are proposed together, unless they cover more
+than `MOSTLY` of the record. Gain: likelihood of a variance for each and one for the rest, over that of one for all,
+with the degrees of freedom that the kurtosis about these variances allows.
 Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
 noise itself (`tuner.diagnosis.dilution`), and edges by the likelihood of a point of change.
 """
@@ -20,15 +23,24 @@ from scipy.stats import norm
 from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
-from tuner.diagnosis.loudness import loudness
+from tuner.diagnosis.loudness import Loudness, loudness
 from tuner.diagnosis.residual import CLIP, Residual
 from tuner.diagnosis.statistics import EDGE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
+BoolArray = NDArray[np.bool_]
 
 SHORTEST = 64
 """Samples in the narrowest window."""
+SURELY = 1e-9
+"""Chance of a window below which it is proposed together with a clearer one."""
+MOSTLY = 0.25
+"""Share of the record beyond which what is louder (or quieter) is no burst but a variance that changes."""
+SEVERAL = 24
+"""Stretches in one record."""
+WIDER = 3.0
+"""Residuals are cut at so many `CLIP` where sizes are measured."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +48,7 @@ class Burst(Extension):
     """Samples first … last − 1 have `ratio` times the variance of the others."""
 
     cause: ClassVar[str] = "burst"
-    repeats: ClassVar[int] = 3
+    repeats: ClassVar[int] = SEVERAL
     meaning: ClassVar[str] = (
         "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
     )
@@ -57,10 +69,36 @@ class Burst(Extension):
 def test(found: Residual) -> Alarm:
     """Scan windows for another variance."""
     loud = loudness(found)
+    first = _loudest(loud)
+    gain, stretches = 0.0, [(first.start, first.start + first.width)]
+    if first.chance < 1e-2:
+        gain, stretches = _all(found, loud, first)
+    return Alarm(
+        "burst",
+        first.chance,
+        gain,
+        first.mean,
+        f"mean square of {first.width} residuals",
+        lambda: tuple(extension(found, stretches, i) for i in range(len(stretches))),
+    )
+
+
+@dataclass(frozen=True)
+class _Window:
+    """The window whose loudness has the least chance."""
+
+    chance: float
+    start: int
+    width: int
+    mean: float
+
+
+def _loudest(loud: Loudness) -> _Window:
+    """Return the most remarkable of all windows."""
     n = len(loud.square)
     total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
-    widths = [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
-    best = (1.0, 0, SHORTEST, 1.0)
+    best = _Window(1.0, 0, SHORTEST, 1.0)
+    widths = _widths(n)
     for width in widths:
         start = np.arange(0, n - width, width // 4)
         mean = (total[start + width] - total[start]) / width
@@ -68,23 +106,66 @@ def test(found: Residual) -> Alarm:
         deviate = np.abs(loud.deviate(mean, freedom * (1.0 - width / n)))
         at = int(np.argmax(deviate))
         chance = float(norm.sf(deviate[at])) * len(start) * len(widths)
-        if chance < best[0]:
-            best = (chance, int(start[at]), width, float(mean[at]))
-    p_value = best[0]
-    gain, edges = 0.0, (best[1], best[1] + best[2])
-    if p_value < 1e-2:
-        gain, edges = refine(total, *edges)
-        cells = len(widths) * 4.0 * n / (edges[1] - edges[0])
-        inside = (scatter[edges[1]] - scatter[edges[0]]) / (edges[1] - edges[0])
-        gain = gain * 2.0 / max(inside, 1e-9) - float(np.log(cells) + 0.5 * np.log(n))
-    return Alarm(
-        "burst",
-        p_value,
-        gain,
-        best[3],
-        f"mean square of {best[2]} residuals",
-        lambda: (extension(found, *edges),),
-    )
+        if chance < best.chance:
+            best = _Window(chance, int(start[at]), width, float(mean[at]))
+    return best
+
+
+def _widths(n: int) -> list[int]:
+    """Return the widths of windows of n samples."""
+    return [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
+
+
+def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+    """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
+    louder = window.mean > 1.0
+    stretches: list[tuple[int, int]] = []
+    rest = loud
+    while True:
+        total = np.concatenate(([0.0], np.cumsum(rest.square)))
+        edges = refine(total, window.start, window.start + window.width)[1]
+        stretches.append(_beside(edges, stretches))
+        rest = loud.outside(stretches)
+        window = _loudest(rest)
+        if (
+            window.chance > SURELY
+            or (window.mean > 1.0) is not louder
+            or found.found("burst") + len(stretches) >= SEVERAL
+        ):
+            break
+    if sum(last - first for first, last in stretches) > MOSTLY * len(loud.square):
+        stretches = stretches[:1]
+    square, told = loud.square, loud.scatter > 0.0
+    if not loud.rounded:
+        square = np.where(told, np.clip(found.e, -WIDER * CLIP, WIDER * CLIP) ** 2, 1.0)
+        square /= square[told].mean()
+    return _gain(square, told, stretches), stretches
+
+
+def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int, int]:
+    """Return the edges of a stretch, without what belongs to others."""
+    first, last = edges
+    for a, b in others:
+        if a <= first < b:
+            first = b
+        if a < last <= b:
+            last = a
+    return (first, last) if last > first else edges
+
+
+def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]]) -> float:
+    """Return the gain of variances of their own for these stretches, less a price for each."""
+    n = len(square)
+    inside = np.zeros(n, dtype=bool)
+    variance = np.empty(n)
+    for first, last in stretches:
+        inside[first:last] = True
+        variance[first:last] = max(float(square[first:last].mean()), 1e-3)
+    variance[~inside] = max(float(square[~inside].mean()), 1e-3)
+    kappa = float(np.var(square[told] / variance[told]))
+    gain = 0.5 * float(n * np.log(square.mean()) - np.sum(np.log(variance)))
+    cells = [len(_widths(n)) * 4.0 * n / (last - first) for first, last in stretches]
+    return gain * 2.0 / max(kappa, 1e-9) - float(np.sum(np.log(cells) + 0.5 * np.log(n)))
 
 
 def two_variances(total: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
@@ -116,14 +197,19 @@ def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, 
             return gain, (first, last)
 
 
-def extension(found: Residual, first: int, last: int) -> Burst:
-    """Return the stretch with its place, length and ratio of the variances of the white noise itself."""
+def extension(found: Residual, stretches: list[tuple[int, int]], which: int) -> Burst:
+    """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
     dt, begin = found.channel.interval, found.channel.start
-    square = np.clip(found.e, -3 * CLIP, 3 * CLIP) ** 2
-    square[~found.valid] = square[found.valid].mean()
-    inside = np.zeros(len(square), dtype=bool)
-    inside[first:last] = True
-    quiet, loud = square[~inside], square[inside]
+    first, last = stretches[which]
+    square = np.clip(found.e, -WIDER * CLIP, WIDER * CLIP) ** 2
+    quietly = found.valid.copy()
+    for a, b in stretches:
+        quietly[a:b] = False
+    usual = float(square[quietly].mean())
+    square[~found.valid] = usual
+    for a, b in stretches[:which] + stretches[which + 1 :]:
+        square[a:b] = usual
+    quiet, loud = square[quietly], square[first:last]
     ratio = float(loud.mean() / quiet.mean())
     kappa = float(np.var(quiet) / quiet.mean() ** 2)
     relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))
