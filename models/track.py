@@ -1,10 +1,15 @@
 """A motion through given positions: waypoints, or a track that was measured.
 
-Latitude, longitude and height are quintic splines of time through the points, so that velocity, acceleration
-and jerk are continuous. Attitude follows the path: yaw is its course, pitch its slope; below the speed
-`STANDSTILL`, where a course means nothing, both are carried over from the last faster point. Roll is level,
-or banked for a coordinated turn. The angles are splines through their values at the points: the sensors are
-exact for that attitude, which between the points follows the path only as closely as the points are dense.
+Latitude, longitude and height are the curves of least jerk through the points [1]_: quintic splines of
+time, jerk and its derivative continuous, without both at the ends, which otherwise swing wildly. Attitude
+follows the path: yaw is its course, pitch its slope; below the speed `STANDSTILL`, where a course means
+nothing, both are carried over from the last faster point. Roll is level, or banked for a coordinated turn.
+The angles are splines through their values at the points: the sensors are exact for that attitude, which
+between the points follows the path only as closely as the points are dense.
+
+References
+----------
+.. [1] I. J. Schoenberg, Spline interpolation and the higher derivatives, Proc. Nat. Acad. Sci. USA 51 (1964).
 """
 
 from __future__ import annotations
@@ -64,7 +69,7 @@ class Track:
 
     @cached_property
     def _position(self) -> BSpline:
-        return make_interp_spline(self.t, self.llh, k=5)
+        return _least_jerk(self.t, self.llh)
 
     @cached_property
     def _attitude(self) -> BSpline:
@@ -79,7 +84,7 @@ class Track:
         roll = (
             np.arctan(lateral / gravity(np.sin(llh[:, 0]), llh[:, 2])) if self.banked else np.zeros_like(yaw)
         )
-        return make_interp_spline(self.t, np.stack([roll, pitch, yaw], axis=-1), k=5)
+        return _least_jerk(self.t, np.stack([roll, pitch, yaw], axis=-1))
 
     def _path(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position, velocity and acceleration in n, each (n, 3)."""
@@ -96,6 +101,12 @@ class Track:
         """Return the motion at the times t, s after the first point, shape (n,)."""
         t = times_within(t, self.duration)
         return motion_state(t, *self._path(t), self._attitude(t), self._attitude(t, nu=1))
+
+
+def _least_jerk(t: FloatArray, y: FloatArray) -> BSpline:
+    """Return the curve through y (n, k) with the least ∫ |y‴|² dt: a quintic spline that ends without y‴ and y⁗."""
+    ends = [(3, np.zeros(y.shape[1])), (4, np.zeros(y.shape[1]))]
+    return make_interp_spline(t, y, k=5, bc_type=(ends, ends))
 
 
 def smoothed_track(name: str, t: ArrayLike, llh: ArrayLike, *, banked: bool = False) -> Track:

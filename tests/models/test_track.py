@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from models import earth, rotation
 from models.motion import imu_increments
@@ -48,6 +49,46 @@ def test_perfect_increments_lead_back_to_the_track():
     end = mechanize(track.evaluate([0.0]).at(0), dtheta, dvel, 0.01)
     truth = track.evaluate(0.01 * np.arange(len(dtheta) + 1))
     assert np.abs(earth.ned_between(end.llh, truth.llh)).max() < 1e-3
+
+
+def _waypoints(seed, duration=600.0):
+    """A car that goes 5 … 15 m/s between points 3 … 10 s apart, up to 86° off the course before."""
+    rng = np.random.default_rng(seed)
+    t = np.concatenate([[0.0], np.cumsum(rng.uniform(3.0, 10.0, int(duration / 5.0)))])
+    t = t[: np.searchsorted(t, duration) + 1]
+    course, speed = np.cumsum(rng.uniform(-1.5, 1.5, len(t))), rng.uniform(5.0, 15.0, len(t))
+    legs = np.stack([speed * np.cos(course), speed * np.sin(course), np.zeros_like(t)], axis=-1)
+    ned = np.concatenate([[np.zeros(3)], np.cumsum(legs[1:] * np.diff(t)[:, None], axis=0)])
+    return Track("waypoints", t, earth.llh_displaced(np.array([0.84, 0.16, 100.0]), ned))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_waypoints_are_led_back_to(seed):
+    track = _waypoints(seed)
+    dtheta, dvel = imu_increments(track, 0.01)
+    end = mechanize(track.evaluate([0.0]).at(0), dtheta, dvel, 0.01)
+    truth = track.evaluate(0.01 * np.arange(len(dtheta) + 1))
+    assert np.abs(earth.ned_between(end.llh, truth.llh)).max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_track_does_not_swing_at_its_ends(seed):
+    """Of all curves through the points it has the least jerk: another one has more."""
+    track = _waypoints(seed, 60.0)
+    t = np.linspace(0.0, track.duration, 6001)
+    motion = track.evaluate(t)
+    for end in (slice(None, 600), slice(-600, None)):
+        assert np.linalg.norm(motion.f_b[end, :2], axis=1).max() < 10.0
+    other = make_interp_spline(track.t, track.llh, k=5)
+    ours, theirs = (
+        np.sum(np.gradient(acc, t, axis=0) ** 2) for acc in (motion.acc_n, _second(other, t, track))
+    )
+    assert ours < theirs
+
+
+def _second(spline, t, track):
+    """Acceleration, up to terms of the curvature of the Earth."""
+    return spline(t, nu=2) * earth.metres_per_radian(track.llh[0])
 
 
 def test_standstill_keeps_its_course():
