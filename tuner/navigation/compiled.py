@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, errorstate, strapdown, triples
-from tuner.navigation.compiler import compiled
-from tuner.navigation.lanes import WIDTH, aligned, borrowed
+from tuner.navigation.lanes import WIDTH, aligned
 from tuner.navigation.straight import straight
 
 FloatArray = NDArray[np.float64]
@@ -97,33 +96,6 @@ class Layout(NamedTuple):
     gate: float
     covariance_step: float
     patience: float
-
-
-@compiled
-def borrowed_layout(lay: Layout) -> Layout:
-    """Return a layout whose arrays are not owned."""
-    return Layout(
-        lay.size,
-        borrowed(lay.rate),
-        borrowed(lay.drive),
-        borrowed(lay.white),
-        borrowed(lay.row),
-        borrowed(lay.source),
-        borrowed(lay.slope),
-        lay.gravity,
-        lay.lever,
-        lay.delay,
-        lay.gnss,
-        lay.processes,
-        borrowed(lay.total),
-        lay.ideal,
-        borrowed(lay.feed),
-        borrowed(lay.first),
-        borrowed(lay.arm),
-        lay.gate,
-        lay.covariance_step,
-        lay.patience,
-    )
 
 
 class Own(NamedTuple):

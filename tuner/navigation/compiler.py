@@ -24,11 +24,35 @@ from numba.extending import register_jitable
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
-class _Whole(JITCodeLibrary):
-    """The code of a kernel."""
+class _Part(JITCodeLibrary):
+    """The code of a part, as it is written."""
 
     def _optimize_functions(self, module: Any) -> None:
         module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Leave everything to the kernel; what is nowhere called may go."""
+        for function in self._final_module.functions:
+            if not function.is_declaration:
+                function.linkage = "linkonce_odr"
+        self._shared_module = self._final_module
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _Whole(_Part):
+    """The code of a kernel."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Link a part, and the parts of it."""
+        super().add_linking_library(library)
+        if isinstance(library, _Part):
+            for part in library._linking_libraries:
+                self.add_linking_library(part)
+
+    def finalize(self) -> None:
+        """Link, optimise and turn into instructions."""
+        JITCodeLibrary.finalize(self)
 
     def _optimize_final_module(self) -> None:
         for level in (1, 3):  # what the first leaves behind, the second makes a fifth faster
@@ -37,17 +61,6 @@ class _Whole(JITCodeLibrary):
                 opt=level, loop_vectorize=False, slp_vectorize=False, **cost
             )
             passes.run(self._final_module, builder)
-
-
-class _Part(_Whole):
-    """The code of a part."""
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -96,7 +109,12 @@ def _compiler(writes: type[NativeLowering]) -> type[CompilerBase]:
     return Compiler
 
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True, "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": True,
+    "no_cfunc_wrapper": True,
+    "_nrt": False,  # nothing is allocated, and who calls owns all arrays: none are counted
+}
 PART: Any = _OPTIONS | {"no_cpython_wrapper": True, "pipeline_class": _compiler(_WritePart)}
 """What numba is to know of a part."""
 

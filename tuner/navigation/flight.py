@@ -25,7 +25,6 @@ from tuner.navigation.compiled import (
     NEVER,
     Layout,
     Own,
-    borrowed_layout,
     checksum,
     set_true,
     transposed,
@@ -40,7 +39,6 @@ from tuner.navigation.covariance import (
     summarise,
 )
 from tuner.navigation.gains import gain, joseph, spread, update
-from tuner.navigation.lanes import borrowed
 from tuner.navigation.straight import straight
 from tuner.navigation.updates import correct, fix_model
 from tuner.navigation.white import normal_numbers
@@ -234,8 +232,7 @@ def _kept(number: int) -> Callable[[Layout, Memory, Own, Flight, Given, Kept], N
         """Filter a stretch of data with as many filters as `memory` holds; changes `memory`."""
         if number == 0:
             return
-        lay, work = borrowed_layout(lay), work_of(memory, memory.each)
-        dt, increments = borrowed(flight.dt), borrowed(flight.increments)
+        work, dt, increments = work_of(memory, memory.each), flight.dt, flight.increments
         state, true, n_steps = work.state, work.true, len(dt)
         calibrate(lay, work)
         pos, vel = (state[0], state[1], state[2]), (state[3], state[4], state[5])

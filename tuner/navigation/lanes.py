@@ -93,33 +93,31 @@ def elementary(builder: Any, name: str, values: Any) -> Any:
 def _view(kind: Any, lost: int) -> Any:
     """Return a function that sees an array of numbers as one of `kind`.
 
-    The last `lost` axes go: none, and of lanes the last counts an eighth; one of length 1 or 8; or two whose
-    lengths have a product that 8 divides, of which one stays, of the product ÷ 8. A view does not own the memory
-    and so costs nothing to hand about.
+    The last `lost` axes go: none, and the last counts an eighth; one of length 1 or 8; or two whose lengths have a
+    product that 8 divides, of which one stays, of the product ÷ 8.
     """
 
     @intrinsic
     def see(_context: Any, array: Any) -> Any:
-        of = array.dtype if kind is None else kind
-        seen = types.Array(of, array.ndim - (lost > 0), "C", aligned=of is not LANES)
+        seen = types.Array(kind, array.ndim - (lost > 0), "C", aligned=kind is not LANES)
 
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             source = context.make_array(sig.args[0])(context, builder, args[0])
             target = context.make_array(seen)(context, builder)
-            size = context.get_abi_sizeof(context.get_data_type(of))
+            size = context.get_abi_sizeof(context.get_data_type(kind))
             axes = cgutils.unpack_tuple(builder, source.shape)
             number = axes[0].type
             shape = axes[: len(axes) - lost]
             if lost == 2:
                 shape.append(builder.udiv(builder.mul(axes[-2], axes[-1]), number(WIDTH)))
-            if lost == 0 and of is LANES:
+            if lost == 0:
                 shape[-1] = builder.udiv(shape[-1], number(WIDTH))
             strides: list[Any] = []
             step = number(size)
             for axis in reversed(shape):
                 strides.insert(0, step)
                 step = builder.mul(step, axis)
-            pointer = builder.bitcast(source.data, context.get_data_type(of).as_pointer())
+            pointer = builder.bitcast(source.data, context.get_data_type(kind).as_pointer())
             populate_array(
                 target, data=pointer, shape=shape, strides=strides, itemsize=number(size), meminfo=None
             )
@@ -133,5 +131,3 @@ def _view(kind: Any, lost: int) -> Any:
 as_numbers, as_lanes, as_columns, as_rows = (
     _view(_NUMBER, 1), _view(LANES, 1), _view(LANES, 2), _view(LANES, 0)
 )  # fmt: skip
-borrowed = _view(None, 0)
-"""The same array, not owned."""
