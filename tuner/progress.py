@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +26,18 @@ class Messages:
         if not self.quiet:
             sys.stderr.write(text + "\n")
             sys.stderr.flush()
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Silence what is logged, too, where quiet."""
+        log = logging.getLogger("tuner")
+        before = log.level
+        if self.quiet:
+            log.setLevel(logging.ERROR)
+        try:
+            yield
+        finally:
+            log.setLevel(before)
 
     @contextmanager
     def bar(self, title: str) -> Iterator[Advance | None]:

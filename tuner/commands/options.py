@@ -80,7 +80,9 @@ def common(command: Command) -> Command:
     @click.option("--quiet", is_flag=True, help="No progress, no messages.")
     @functools.wraps(command)
     def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
-        return command(*args, output=Output(json_file), messages=Messages(quiet), **options)
+        messages = Messages(quiet)
+        with messages.kept():
+            return command(*args, output=Output(json_file), messages=messages, **options)
 
     return wrapped
 

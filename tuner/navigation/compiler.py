@@ -8,7 +8,7 @@ in each caller. Here a part waits for its kernel, and the kernel is optimised wi
 from __future__ import annotations
 
 import gc
-import sys
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -144,7 +144,7 @@ def _part(function: Function, *, within: bool) -> Function:
 
 
 class _Announcer(Listener):
-    """Says on standard error that kernels are being compiled.
+    """Says, on standard error unless the log is turned elsewhere, that kernels are being compiled.
 
     Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
     """
@@ -156,8 +156,8 @@ class _Announcer(Listener):
     def on_start(self, event: Any) -> None:
         """Speak where a kernel that is kept on disk was not found there."""
         if event.data["dispatcher"] in self.kernels:
-            sys.stderr.write(
-                "tuner: compiling the filter for this machine, once; it takes some ten seconds\n"
+            logging.getLogger("tuner").warning(
+                "tuner: compiling the filter for this machine, once; it takes some ten seconds"
             )
             self.collects = gc.isenabled()
             gc.disable()

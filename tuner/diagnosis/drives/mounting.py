@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models import rotation
+from models.units import STANDARD_GRAVITY
 from tuner.diagnosis.drives.hypothesis import Pass
 from tuner.diagnosis.drives.score import PRIORS, columns_of
 from tuner.diagnosis.findings import words
@@ -123,7 +124,10 @@ def not_told(
         column = w.slope[:, columns_of("gravity", final.record.parameters)[0]]
         least = SEEN / max(float(np.linalg.norm(column)), 1e-12)
         if least > PRIORS["gravity"]:
-            text = f"gravity off by less than {least:.1g} m/s^2 and a bias of the vertical accelerometer"
+            size = (
+                f"gravity off by less than {least:.1g} m/s^2" if least < STANDARD_GRAVITY else "gravity off"
+            )
+            text = f"{size} and a bias of the vertical accelerometer"
             lines.append(
                 Inseparable(("gravity", "sensor_bias"), f"cannot be told apart on this drive: {text}")
             )

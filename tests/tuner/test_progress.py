@@ -1,0 +1,23 @@
+"""Messages for a person, silent where nobody wants them."""
+
+from __future__ import annotations
+
+import logging
+from types import SimpleNamespace
+
+import pytest
+
+from tuner.navigation.compiler import _Announcer
+from tuner.progress import Messages
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_compilation_is_told_unless_quiet(quiet, caplog):
+    announcer, kernel, level = _Announcer(), object(), logging.getLogger("tuner").level
+    announcer.kernels.add(kernel)
+    event = SimpleNamespace(data={"dispatcher": kernel})
+    with Messages(quiet).kept():
+        announcer.on_start(event)
+        announcer.on_end(event)
+    assert ("compiling the filter" in caplog.text) is not quiet
+    assert logging.getLogger("tuner").level == level
