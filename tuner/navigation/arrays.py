@@ -33,14 +33,14 @@ class Memory(NamedTuple):
     inverse: FloatArray  # (6, 6 and padding, w), of A
     matrix: FloatArray  # (6, 6, w), A
     bias: FloatArray  # (6, w)
-    slant: FloatArray  # (n, w), the elements of S c
+    slant: FloatArray  # (columns, w), the elements of S c
     true: FloatArray  # (6, w), calibrated mean rates and forces in b
     rate: FloatArray  # (n, w), 1/T of each state, 1/s
     drive: FloatArray  # (n, w), squares of the driving densities
-    decay: FloatArray  # (n, w), exp(−dt/T)
+    decay: FloatArray  # (columns, w), exp(−dt/T)
     shrunk: FloatArray  # (columns, w), c: P is that of the states divided by it
-    growth: FloatArray  # (n, w), exp(2 dt/T)
-    grown: FloatArray  # (n, w), 1/c²
+    growth: FloatArray  # (columns, w), exp(2 dt/T)
+    grown: FloatArray  # (columns, w), 1/c²
     driven: FloatArray  # (n, w), variance driven in a step
     white: FloatArray  # (6, w), squares of the believed white densities of the sensors
     density: FloatArray  # (6, w), true white densities
@@ -68,12 +68,16 @@ class Work(NamedTuple):
     matrix: Any
     bias: Any
     slant: Any
+    slant_c: Any
     true: Any
     decay: Any
+    decay_c: Any
     shrunk: Any
     shrunk_c: Any
     growth: Any
+    growth_c: Any
     grown: Any
+    grown_c: Any
     driven: Any
     white: Any
     density: Any
@@ -102,14 +106,14 @@ def memory(lay: Layout, filters: int) -> Memory:
         inverse=room(6, sensors),
         matrix=room(6, 6),
         bias=room(6),
-        slant=room(size),
+        slant=room(columns),
         true=room(6),
         rate=room(size),
         drive=room(size),
-        decay=room(size),
+        decay=room(columns),
         shrunk=room(columns),
-        growth=room(size),
-        grown=room(size),
+        growth=room(columns),
+        grown=room(columns),
         driven=room(size),
         white=room(6),
         density=room(6),
@@ -160,12 +164,16 @@ def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:
             element(m.matrix),
             element(m.bias),
             element(m.slant),
+            as_columns(m.slant),
             element(m.true),
             element(m.decay),
+            as_columns(m.decay),
             element(m.shrunk),
             as_columns(m.shrunk),
             element(m.growth),
+            as_columns(m.growth),
             element(m.grown),
+            as_columns(m.grown),
             element(m.driven),
             element(m.white),
             element(m.density),

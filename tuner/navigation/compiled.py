@@ -55,6 +55,8 @@ class Layout(NamedTuple):
         Column j of S has its one element in row `row[j]` (−1: none): the true rate `source[j]`, or 1 for −1.
     slope : ndarray of int, shape (n,)
         Index of the state that is the slope of state j, −1 for none.
+    ramps : ndarray of int, shape (r,)
+        The states that have one.
     gravity, lever, delay, gnss : int
         First index of these blocks, −1 where absent.
     processes : int
@@ -83,6 +85,7 @@ class Layout(NamedTuple):
     row: IntArray
     source: IntArray
     slope: IntArray
+    ramps: IntArray
     gravity: int
     lever: int
     delay: int

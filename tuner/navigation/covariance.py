@@ -201,23 +201,37 @@ def _set_ninth(lay: Layout, work: Work, dt: float, step: Any) -> None:
     P[8, 8] = a[2]
 
 
+@straight
+def _shrink(work: Work, c: int) -> None:
+    """Let a column of other states decay."""
+    shrunk, slant, grown = work.shrunk_c, work.slant_c, work.grown_c
+    shrunk[c] = shrunk[c] * work.decay_c[c]
+    slant[c] = slant[c] * work.decay_c[c]
+    grown[c] = grown[c] * work.growth_c[c]
+
+
+@straight
+def _drive(work: Work, j: int) -> None:
+    """Drive a state."""
+    work.P[j, j] = work.P[j, j] + work.driven[j] * work.grown[j]
+
+
 @compiled
 def _advance_rest(lay: Layout, work: Work, dt: float) -> None:
     """Let the other states decay, grow by a slope and be driven."""
-    n, P, shrunk = lay.size, work.P, work.shrunk
-    for j in range(9, n):
-        shrunk[j] *= work.decay[j]
-        work.slant[j] *= work.decay[j]
-        work.grown[j] *= work.growth[j]
-        P[j, j] += work.driven[j] * work.grown[j]
-        if lay.slope[j] >= 0:
-            c = dt / shrunk[j]
-            for i in range(n):
-                P[i, j] += c * P[i, lay.slope[j]]
-            for i in range(9, n):
-                P[j, i] += c * P[lay.slope[j], i]
-            for i in range(9):
-                P[j, i] = P[i, j]
+    P = work.P
+    for c in range(9 // WIDTH if work.apart else 9, work.decay_c.shape[0]):
+        _shrink(work, c)
+    for j in range(9, lay.size):
+        _drive(work, j)
+    for j in lay.ramps:
+        c = dt / work.shrunk[j]
+        for i in range(lay.size):
+            P[i, j] += c * P[i, lay.slope[j]]
+        for i in range(9, lay.size):
+            P[j, i] += c * P[lay.slope[j], i]
+        for i in range(9):
+            P[j, i] = P[i, j]
 
 
 @called
@@ -237,14 +251,20 @@ def settle(lay: Layout, work: Work) -> None:
         work.shrunk[j] = work.slant[j] = work.grown[j] = 1.0
 
 
+@straight
+def _decay(x: Any, decay: Any, j: int) -> None:
+    """Let an estimate decay."""
+    x[j] = x[j] * decay[j]
+
+
 @compiled
 def decay_parameters(lay: Layout, work: Work, dt: float) -> None:
     """Advance the estimates of the other states by a step."""
-    x = work.x
+    x, decay = work.x, work.decay
     for j in range(9, lay.size):
-        x[j] *= work.decay[j]
-        if lay.slope[j] >= 0:
-            x[j] += dt * x[lay.slope[j]]
+        _decay(x, decay, j)
+    for j in lay.ramps:
+        x[j] += dt * x[lay.slope[j]]
 
 
 @called

@@ -190,6 +190,7 @@ def layout(settings: FilterSettings) -> Layout:
         row,
         source,
         slope,
+        np.flatnonzero(slope >= 0),
         at.start("gravity"),
         at.start("lever_arm"),
         at.start("time_offset"),
