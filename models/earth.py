@@ -22,6 +22,8 @@ References
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -52,34 +54,49 @@ SOMIGLIANA = SEMI_MINOR_AXIS * POLE_GRAVITY / (SEMI_MAJOR_AXIS * EQUATOR_GRAVITY
 """k."""
 
 
+COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(11))
+SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(11))
+"""Taylor's coefficients of cos x and (sin x)/x in x²."""
+
+
+def series(s: Scalar, c: tuple[float, ...]) -> Scalar:
+    """Return Σ c_k s^k of eleven terms, four of them at a time (Estrin): few operations wait for others."""
+    q = s * s
+    r = q * q
+    low = c[0] + c[1] * s + (c[2] + c[3] * s) * q
+    middle = c[4] + c[5] * s + (c[6] + c[7] * s) * q
+    return low + (middle + (c[8] + c[9] * s + c[10] * q) * r) * r
+
+
 def sine_cosine(lat: Scalar) -> tuple[Scalar, Scalar]:
     """Return sin L and cos L by Taylor's series: exact to rounding for |L| ≤ π/2, as latitudes are."""
     s = lat * lat
-    y = 1.0 - s / 182.0 * (1.0 - s / 240.0 * (1.0 - s / 306.0 * (1.0 - s / 380.0)))
-    y = 1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * (1.0 - s / 132.0 * y)))
-    cosine = 1.0 - s / 2.0 * (1.0 - s / 12.0 * y)
-    y = 1.0 - s / 210.0 * (1.0 - s / 272.0 * (1.0 - s / 342.0 * (1.0 - s / 420.0)))
-    y = 1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0 * (1.0 - s / 156.0 * y)))
-    return lat * (1.0 - s / 6.0 * (1.0 - s / 20.0 * y)), cosine
+    return lat * series(s, SINE), series(s, COSINE)
+
+
+def inverse_w(sin_lat: Scalar) -> Scalar:
+    """Return 1/W."""
+    return 1.0 / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat)
 
 
 def radii(sin_lat: Scalar) -> tuple[Scalar, Scalar]:
     """Return the radii of curvature M (meridian) and N (prime vertical), m."""
-    r = 1.0 / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat)
+    r = inverse_w(sin_lat)
     return SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) * r * r * r, SEMI_MAJOR_AXIS * r
 
 
 def radii_gradient(sin_lat: Scalar, cos_lat: Scalar) -> tuple[Scalar, Scalar]:
     """Return dM/dL and dN/dL, m per rad."""
     meridian, normal = radii(sin_lat)
-    bend = ECCENTRICITY_SQUARED * sin_lat * cos_lat / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat)
+    r = inverse_w(sin_lat)
+    bend = ECCENTRICITY_SQUARED * sin_lat * cos_lat * r * r
     return 3.0 * meridian * bend, normal * bend
 
 
 def gravity(sin_lat: Scalar, height: Scalar) -> Scalar:
     """Return normal gravity γ, m/s², pointing down."""
     s2 = sin_lat * sin_lat
-    surface = EQUATOR_GRAVITY * (1.0 + SOMIGLIANA * s2) / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s2)
+    surface = EQUATOR_GRAVITY * (1.0 + SOMIGLIANA * s2) * inverse_w(sin_lat)
     u = height / SEMI_MAJOR_AXIS
     return surface * (
         1.0 - 2.0 * u * (1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * s2) + 3.0 * u * u
@@ -88,13 +105,13 @@ def gravity(sin_lat: Scalar, height: Scalar) -> Scalar:
 
 def gravity_gradient(sin_lat: Scalar, cos_lat: Scalar, height: Scalar) -> tuple[Scalar, Scalar]:
     """Return ∂γ/∂L, m/s² per rad, and ∂γ/∂h, 1/s²."""
-    s2 = sin_lat * sin_lat
-    w2 = 1.0 - ECCENTRICITY_SQUARED * s2
-    surface = EQUATOR_GRAVITY * (1.0 + SOMIGLIANA * s2) / np.sqrt(w2)
+    s2, r = sin_lat * sin_lat, inverse_w(sin_lat)
+    bulge = 1.0 + SOMIGLIANA * s2
+    surface = EQUATOR_GRAVITY * bulge * r
     u = height / SEMI_MAJOR_AXIS
     shape = 1.0 + FLATTENING + GRAVITY_RATIO - 2.0 * FLATTENING * s2
     d_s2 = 2.0 * sin_lat * cos_lat
-    d_surface = surface * (SOMIGLIANA / (1.0 + SOMIGLIANA * s2) + 0.5 * ECCENTRICITY_SQUARED / w2) * d_s2
+    d_surface = EQUATOR_GRAVITY * r * (SOMIGLIANA + 0.5 * ECCENTRICITY_SQUARED * bulge * r * r) * d_s2
     by_lat = d_surface * (1.0 - 2.0 * u * shape + 3.0 * u * u) + surface * 4.0 * u * FLATTENING * d_s2
     return by_lat, surface * (6.0 * u - 2.0 * shape) / SEMI_MAJOR_AXIS
 
@@ -111,7 +128,9 @@ def transport_rate(sin_lat: Scalar, cos_lat: Scalar, height: Scalar, vel_n: Vec)
     return (east, -vel_n[0] / (meridian + height), -east * sin_lat / cos_lat)
 
 
-KERNELS = (sine_cosine, radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate)
+KERNELS = (
+    series, sine_cosine, inverse_w, radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate,
+)  # fmt: skip
 
 
 def ecef_from_llh(llh: ArrayLike) -> FloatArray:
