@@ -47,39 +47,48 @@ class Node:
     def elements(self) -> tuple[Node, ...]:
         """Return the elements of a list."""
         if not isinstance(self.value, list):
-            self.refuse("a list", repr(self.value))
+            self.refuse("a list", said(self.value))
         return tuple(Node(value, f"{self.place}[{i}]") for i, value in enumerate(self.value))
 
     def mapping(self) -> Mapping[str, Any]:
         """Return the value as a mapping."""
         if not isinstance(self.value, dict):
-            self.refuse("a mapping", repr(self.value))
+            self.refuse("a mapping", said(self.value))
         return self.value
 
     def number(self, *, positive: bool = False, signed: bool = True) -> float:
         """Return the value as a finite number; YAML reads ``1e-5`` as text, which is accepted."""
         expected = "a positive number" if positive else "a number" if signed else "a number not below 0"
         if isinstance(self.value, bool) or not isinstance(self.value, int | float | str):
-            self.refuse(expected, repr(self.value))
+            self.refuse(expected, said(self.value))
         try:
             number = float(self.value)
         except ValueError:
-            self.refuse(expected, repr(self.value))
+            self.refuse(expected, said(self.value))
         if not math.isfinite(number) or (positive and number <= 0.0) or (not signed and number < 0.0):
-            self.refuse(expected, repr(self.value))
+            self.refuse(expected, said(self.value))
         return number
 
     def numbers(self, count: int, *, positive: bool = False, signed: bool = True) -> tuple[float, ...]:
         """Return the value as so many numbers."""
         elements = self.elements()
         if len(elements) != count:
-            self.refuse(f"{count} numbers", repr(self.value))
+            self.refuse(f"{count} numbers", said(self.value))
         return tuple(element.number(positive=positive, signed=signed) for element in elements)
+
+    def three(self, *, largest: float = math.inf) -> tuple[float, float, float]:
+        """Return the value as three numbers, none of them larger."""
+        if not isinstance(self.value, list) or len(self.value) != 3:
+            self.refuse("three numbers, [x, y, z]", said(self.value))
+        x, y, z = self.numbers(3)
+        if max(abs(x), abs(y), abs(z)) > largest:
+            self.refuse(f"three numbers up to {largest:g}", said(self.value))
+        return x, y, z
 
     def text(self) -> str:
         """Return the value as text."""
         if not isinstance(self.value, str):
-            self.refuse("text", repr(self.value))
+            self.refuse("text", said(self.value))
         return self.value
 
     def only(self, *allowed: str) -> None:
@@ -92,6 +101,26 @@ class Node:
         """Raise the error that says what is wrong here."""
         msg = f"{self.place}: expected {expected}, got {got}"
         raise DataError(msg)
+
+
+def said(value: object) -> str:
+    """Return a value as a file has it."""
+    words = {None: "null", True: "true", False: "false"}
+    return words[value] if value is None or isinstance(value, bool) else repr(value)
+
+
+def parsed(text: str, source: str, expected: str) -> Node:
+    """Parse a YAML text, or refuse it with what was expected and the place of the mistake."""
+    try:
+        return Node(yaml.safe_load(text), source)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
+        detail = f"{error.problem}{place}"
+    except yaml.YAMLError as error:
+        detail = " ".join(str(error).split())
+    msg = f"{source}: expected {expected}, got {detail}"
+    raise DataError(msg)
 
 
 def document(text: str, source: str, expected_format: str) -> Node:
@@ -111,13 +140,8 @@ def document(text: str, source: str, expected_format: str) -> Node:
     DataError
         Where it is not YAML, not a mapping, or of another format.
     """
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        detail = " ".join(str(error).split())
-        msg = f"{source}: expected YAML of format {expected_format}, got {detail}"
-        raise DataError(msg) from None
-    root = Node(value, source)
+    root = parsed(text, source, f"YAML of format {expected_format}")
+    value = root.value
     if not isinstance(value, dict) or value.get("format") != expected_format:
         found = value.get("format") if isinstance(value, dict) else type(value).__name__
         root.refuse(f"a line 'format: {expected_format}'", repr(found))

@@ -3,9 +3,7 @@
 =============  ================================================================================================
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
                sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw
-NPZ            imu_t, gyro, accel, gnss_t, gnss_llh (deg, deg, m), gnss_vned, gnss_pstd, gnss_vstd; optional
-               ref_t, ref_llh, ref_vned, ref_rpy (deg); JSON in meta: imu_frame, mounting_rpy_deg,
-               lever_arm_frd_m
+NPZ            its arrays: `tuner.readers.drive_npz`
 KF-GINS        its YAML, which names imupath (t, Δθ, Δv) and gnsspath (t, lat, lon [deg], height, sd n e d)
 =============  ================================================================================================
 
@@ -15,7 +13,6 @@ counted.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +24,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from tuner.readers import read
+from tuner.readers.drive_npz import read_drive_npz
 from tuner.readers.driven import check_drive
 from tuner.readers.listing import digest
 from tuner.readers.text import find_dialect, read_numbers
@@ -112,70 +110,18 @@ def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
 
 
 def _npz(path: Path) -> Drive:
-    with np.load(path, allow_pickle=False) as file:
-        data = {name: file[name] for name in file.files}
-    missing = [name for name in ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh") if name not in data]
-    if missing:
-        msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
-        raise DataError(msg)
-    meta = _meta(path, data)
-    for name, clock in (("gyro", "imu_t"), ("accel", "imu_t"), ("gnss_llh", "gnss_t")):
-        shape = (np.size(data[clock]), 3)
-        if data[name].shape != shape or data[name].dtype.kind not in "fiu":
-            msg = (
-                f"{path}: expected numbers of shape {shape} in {name}, three a stamp of {clock}, "
-                f"got shape {data[name].shape}, type {data[name].dtype}"
-            )
-            raise DataError(msg)
-    k = len(data["gnss_t"])
-
-    def triple(name: str, rows: int = k) -> FloatArray:
-        return np.asarray(data[name], dtype=float) if name in data else np.full((rows, 3), np.nan)
-
-    fixes = np.column_stack(
-        [data["gnss_t"], data["gnss_llh"], triple("gnss_vned"), triple("gnss_pstd"), triple("gnss_vstd")]
-    )
-    truth = None
-    if "ref_t" in data and "ref_llh" in data:
-        rows = len(data["ref_t"])
-        truth = np.column_stack(
-            [
-                data["ref_t"],
-                data["ref_llh"],
-                triple("ref_vned", rows),
-                triple("ref_rpy", rows),
-                triple("ref_pstd", rows),
-                triple("ref_vstd", rows),
-                triple("ref_astd", rows),
-            ]
-        )
-    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
-    arm, frame = meta.get("lever_arm_frd_m"), meta.get("imu_frame")
-    nameless = frame and mounting_of(frame, None) is None
+    found = read_drive_npz(path)
+    nameless = found.frame and mounting_of(found.frame, None) is None
+    notes = (f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}: unknown",)
     return _drive(
         path,
-        imu,
-        fixes,
-        truth,
-        notes=(f"the frame of the unit, '{frame}', is none of {' '.join(FRAMES)}: unknown",)
-        if nameless
-        else (),
-        mounting=mounting_of(frame, meta.get("mounting_rpy_deg")),
-        lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+        found.imu,
+        found.fixes,
+        found.truth,
+        notes=notes if nameless else (),
+        mounting=mounting_of(found.frame, found.mounting_rpy_deg),
+        lever_arm=found.lever_arm,
     )
-
-
-def _meta(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an NPZ says of the installation, checked."""
-    meta: dict[str, Any] = json.loads(str(data["meta"])) if "meta" in data else {}
-    for name in ("mounting_rpy_deg", "lever_arm_frd_m"):
-        given = meta.get(name)
-        if given is not None and (
-            np.shape(given) != (3,) or not np.isfinite(np.array(given, dtype=float)).all()
-        ):
-            msg = f"{path}: expected {name} to be three numbers, got {given}"
-            raise DataError(msg)
-    return meta
 
 
 def _folder(path: Path) -> Drive:

@@ -1,0 +1,117 @@
+"""Settings and arrays of a drive that are none are refused in one line: file, place, what was expected, what came."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tuner.cli import run
+
+PYTHON = (
+    "could not convert", "object has no", "argument must be", "not subscriptable", "out of range", "broadcast",
+    "Traceback", "None", "True", "Error", "ufunc", "allow_pickle", "inhomogeneous", "<U",
+)  # fmt: skip
+"""Words that say nothing to a user."""
+
+
+def refused(path, tmp_path, capsys):
+    """Return the one line with which `navigate` refuses a file, nothing written."""
+    before = sorted(tmp_path.iterdir())
+    answer = tmp_path / "answer.json"
+    assert run(["navigate", str(path), "--config", "mpu9250", "--json", str(answer), "--quiet"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith(f"tuner: {path.parent}")
+    told = captured.err.replace(str(path.parent), "")
+    assert not any(word in told for word in PYTHON)
+    assert sorted(tmp_path.iterdir()) == before
+    return told
+
+
+@pytest.fixture(scope="module")
+def small(data):
+    """A drive of few rows: what is refused is refused before it is used."""
+    return {name: values[:50] for name, values in data.items()}
+
+
+@pytest.mark.parametrize(
+    ("meta", "words"),
+    [
+        (
+            {"mounting_rpy_deg": "level"},
+            "meta.mounting_rpy_deg: expected three numbers, [x, y, z], got 'level'",
+        ),
+        ({"mounting_rpy_deg": ["a", "b", "c"]}, "meta.mounting_rpy_deg[0]: expected a number, got 'a'"),
+        ({"mounting_rpy_deg": {"roll": 1}}, "meta.mounting_rpy_deg: expected three numbers"),
+        ({"mounting_rpy_deg": [1, 2]}, "expected three numbers, [x, y, z], got [1, 2]"),
+        ({"mounting_rpy_deg": [[1, 2, 3]]}, "expected three numbers"),
+        ({"mounting_rpy_deg": [1, [2, 3], 4]}, "meta.mounting_rpy_deg[1]: expected a number, got [2, 3]"),
+        ({"mounting_rpy_deg": [1, None, 2]}, "meta.mounting_rpy_deg[1]: expected a number, got null"),
+        ({"mounting_rpy_deg": [1, float("nan"), 2]}, "expected a number, got nan"),
+        ({"mounting_rpy_deg": [True, False, True]}, "expected a number, got true"),
+        ({"lever_arm_frd_m": "1,2,3"}, "meta.lever_arm_frd_m: expected three numbers"),
+        ({"lever_arm_frd_m": 1.0}, "meta.lever_arm_frd_m: expected three numbers"),
+        (
+            {"lever_arm_frd_m": [850.0, 0.0, -200.0]},
+            "expected three numbers up to 100, got [850.0, 0.0, -200.0]",
+        ),
+        ({"imu_frame": 3}, "meta.imu_frame: expected text, got 3"),
+        ({"imu_frame": ["FRD"]}, "meta.imu_frame: expected text, got ['FRD']"),
+        ([1], "meta: expected a mapping, got [1]"),
+        (4, "meta: expected a mapping, got 4"),
+        (None, "meta: expected a mapping, got null"),
+    ],
+)
+def test_settings_of_an_npz(small, tmp_path, capsys, meta, words):
+    path = tmp_path / "wrong.npz"
+    np.savez(path, meta=np.array(json.dumps(meta)), **small)
+    assert words in refused(path, tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"meta": np.array("{oops")}, "meta: expected JSON, got '{oops'"),
+        ({"meta": np.arange(3.0)}, "meta: expected one text of JSON, got an array of shape (3,)"),
+        (
+            {"meta": np.array({"imu_frame": "FRD"}, dtype=object)},
+            "meta: expected an array of numbers or a text",
+        ),
+        ({"imu_t": np.full(50, "x")}, "in imu_t, got shape (50,), text"),
+        ({"gnss_t": np.zeros((5, 10))}, "in gnss_t, got shape (5, 10)"),
+        ({"gnss_vned": np.zeros((50, 2))}, "in gnss_vned, three a stamp of gnss_t, got shape (50, 2)"),
+        (
+            {"gnss_vned": np.full((50, 3), "1")},
+            "in gnss_vned, three a stamp of gnss_t, got shape (50, 3), text",
+        ),
+        ({"gnss_pstd": np.zeros(50)}, "in gnss_pstd, three a stamp of gnss_t, got shape (50,)"),
+        ({"ref_rpy": np.zeros((5, 3))}, "in ref_rpy, three a stamp of ref_t, got shape (5, 3)"),
+        (
+            {"gyro": np.zeros((50, 3), dtype=complex)},
+            "in gyro, three a stamp of imu_t, got shape (50, 3), type complex",
+        ),
+    ],
+)
+def test_arrays_of_an_npz(small, tmp_path, capsys, arrays, words):
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **{**small, **arrays})
+    assert words in refused(path, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"part"])
+def test_what_is_no_npz(small, tmp_path, capsys, content):
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **small)
+    path.write_bytes(path.read_bytes()[:5000] if content == b"part" else content)
+    assert "expected an NPZ" in refused(path, tmp_path, capsys)
+
+
+def test_a_text_of_bytes_is_read(data, tmp_path):
+    from tuner.readers.drives import read_drive
+
+    path = tmp_path / "bytes.npz"
+    np.savez(path, meta=np.array(b'{"lever_arm_frd_m": [1, 2, 3]}'), **data)
+    assert read_drive(path).lever_arm == (1.0, 2.0, 3.0)

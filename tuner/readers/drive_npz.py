@@ -1,0 +1,152 @@
+"""Drives in one NPZ: numeric arrays, and JSON in ``meta``, each refused by its name where it is none.
+
+=================  ===================================================================
+imu_t              (n,), s
+gyro, accel        (n, 3), rad/s, m/s²
+gnss_t             (k,), s
+gnss_llh           (k, 3), deg, deg, m
+gnss_vned          optional (k, 3), m/s
+gnss_pstd, _vstd   optional (k, 3), m, m/s
+ref_t, ref_llh     optional (r,), (r, 3); with them ref_vned, ref_rpy (deg), ref_pstd,
+                   ref_vstd, ref_astd (deg)
+meta               optional JSON: imu_frame, mounting_rpy_deg, lever_arm_frd_m
+=================  ===================================================================
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.documents import Node
+from tuner.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+NEEDED = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
+FIXES = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
+REFERENCE = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
+FARTHEST = 100.0
+"""Longest lever arm, m."""
+
+
+@dataclass(frozen=True)
+class DriveArrays:
+    """What an NPZ holds.
+
+    Attributes
+    ----------
+    imu : ndarray, shape (n, 7)
+        t, angular rates, specific forces.
+    fixes : ndarray, shape (k, 13)
+        t, position, velocity, sds of both; NaN where there is none.
+    truth : ndarray, shape (r, 19), or None
+        t, position, velocity, angles, sds of the three.
+    frame : str or None
+        Axes of the unit.
+    mounting_rpy_deg, lever_arm : tuple of 3 floats, or None
+        deg, m.
+    """
+
+    imu: FloatArray
+    fixes: FloatArray
+    truth: FloatArray | None
+    frame: str | None
+    mounting_rpy_deg: tuple[float, float, float] | None
+    lever_arm: tuple[float, float, float] | None
+
+
+def read_drive_npz(path: Path) -> DriveArrays:
+    """Read the arrays of a drive.
+
+    Raises
+    ------
+    DataError
+        What is no NPZ, or an array or setting that is not as it must be.
+    """
+    data = _arrays(path)
+    missing = [name for name in NEEDED if name not in data]
+    if missing:
+        msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
+        raise DataError(msg)
+    meta = _meta(path, data)
+    frame, angles, arm = (meta.get(name) for name in ("imu_frame", "mounting_rpy_deg", "lever_arm_frd_m"))
+    given = "ref_t" in data and "ref_llh" in data
+    return DriveArrays(
+        _table(path, data, "imu_t", ("gyro", "accel")),
+        _table(path, data, "gnss_t", FIXES),
+        _table(path, data, "ref_t", REFERENCE) if given else None,
+        None if frame is None else frame.text(),
+        None if angles is None else angles.three(),
+        None if arm is None else arm.three(largest=FARTHEST),
+    )
+
+
+def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
+    if not zipfile.is_zipfile(path):
+        msg = f"{path}: expected an NPZ, an archive of arrays, got something else or a part of one; save it anew"
+        raise DataError(msg)
+    data = {}
+    with np.load(path, allow_pickle=False) as file:
+        for name in file.files:
+            try:
+                data[name] = file[name]
+            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+                msg = (
+                    f"{path}: {name}: expected an array of numbers or a text, got objects or a damaged part of the "
+                    "archive; save it anew"
+                )
+                raise DataError(msg) from None
+    return data
+
+
+def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> Node:
+    """Return the settings of the installation, {} where there are none."""
+    if "meta" not in data:
+        return Node({}, f"{path}: meta")
+    stated = data["meta"].item() if data["meta"].size == 1 else None
+    if isinstance(stated, bytes):
+        stated = stated.decode(errors="replace")
+    if not isinstance(stated, str):
+        Node(stated, f"{path}: meta").refuse("one text of JSON", f"an array of shape {data['meta'].shape}")
+    try:
+        content = json.loads(stated)
+    except json.JSONDecodeError as error:
+        Node(stated, f"{path}: meta").refuse(
+            "JSON", f"{stated[:40]!r}: {error.msg} at character {error.pos + 1}"
+        )
+    found = Node(content, f"{path}: meta")
+    found.mapping()
+    return found
+
+
+def _table(
+    path: Path, data: Mapping[str, NDArray[np.generic]], clock: str, names: tuple[str, ...]
+) -> FloatArray:
+    """Return a clock and the triples along it, NaN for absent ones; (n, 1 + 3 per name)."""
+    t = data[clock]
+    if t.dtype.kind not in "fiu" or t.size != len(np.atleast_1d(t)):
+        msg = f"{path}: expected stamps, s, of shape (n,) in {clock}, got shape {t.shape}, {_kind(t)}"
+        raise DataError(msg)
+    columns = [np.asarray(t, dtype=float).reshape(-1, 1)]
+    for name in names:
+        found = data.get(name, np.full((t.size, 3), np.nan))
+        if found.shape != (t.size, 3) or found.dtype.kind not in "fiu":
+            msg = (
+                f"{path}: expected numbers of shape {(t.size, 3)} in {name}, three a stamp of {clock}, "
+                f"got shape {found.shape}, {_kind(found)}"
+            )
+            raise DataError(msg)
+        columns.append(np.asarray(found, dtype=float))
+    return np.hstack(columns)
+
+
+def _kind(found: NDArray[np.generic]) -> str:
+    return {"U": "text", "S": "text", "b": "true and false"}.get(found.dtype.kind, f"type {found.dtype}")
