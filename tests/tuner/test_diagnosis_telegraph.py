@@ -75,9 +75,9 @@ def test_the_filter_for_two_slow_states_is_the_general_one(levels):
         Chain.even(levels, 0.02),
         Slow(np.array([1.0, 0.9]), np.array([0.01, 0.05]), np.array([1.0, 0.3])),
     )
-    means = np.empty(1000), np.empty(1000)
+    means, r = (np.empty(1000), np.empty(1000)), rng.uniform(0.1, 0.4, 1000)
     values = [
-        run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, 0.25, mean)
+        run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, mean)
         for run, mean in zip((switching, paired), means, strict=True)
     ]
     assert values[0] == pytest.approx(values[1], rel=1e-12)
@@ -87,7 +87,8 @@ def test_the_filter_for_two_slow_states_is_the_general_one(levels):
 def test_the_filter_for_one_level_is_the_general_one():
     y = np.cumsum(np.random.default_rng(0).standard_normal(1000))
     slow = Slow(np.array([1.0, 0.9, 0.99]), np.array([0.5, 0.05, 0.1]), np.array([1e6, 0.3, 2.0]))
+    r = np.random.default_rng(1).uniform(0.1, 1.0, 1000)
     general = switching(
-        y, STILL.levels, STILL.first, STILL.chances, slow.phi, slow.q, slow.initial, 0.25, np.empty(0)
+        y, STILL.levels, STILL.first, STILL.chances, slow.phi, slow.q, slow.initial, r, np.empty(0)
     )
-    assert still(y, slow.phi, slow.q, slow.initial, 0.25) == pytest.approx(general, rel=1e-9)
+    assert still(y, slow.phi, slow.q, slow.initial, r) == pytest.approx(general, rel=1e-9)

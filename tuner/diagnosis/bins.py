@@ -1,8 +1,9 @@
 """The fast spectrum in bins, and the best sizes of given shapes of power.
 
-The squared coefficients above a hundredth of the rate are averaged in 128 even bins. The best sizes of the shapes
-follow by Fisher scoring (`tuner.diagnosis.scoring`). What depends on further parameters is left with these alone
-(variable projection).
+The squared coefficients above a hundredth of the rate are averaged in 128 even bins. Where the variance v of the noise
+changes along the record, they are correlated, and count for fewer: by the factor (mean v)²/mean v². The best sizes of
+the shapes follow by Fisher scoring (`tuner.diagnosis.scoring`). What depends on further parameters is left with these
+alone (variable projection).
 
 References
 ----------
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from models.noise import Quantization, White
 from tuner.diagnosis.cosine import CAP
 from tuner.diagnosis.extension import Extension
+from tuner.diagnosis.loudness import course
 from tuner.diagnosis.residual import Residual, gain_of, power_of
 from tuner.diagnosis.scoring import sizes
 
@@ -44,7 +46,7 @@ class Bins:
     cycles : ndarray, shape (b,)
         Frequency × interval.
     power, count : ndarray, shape (b,)
-        Mean square and number of coefficients.
+        Mean square and number of independent coefficients.
     white, rest, peaks : ndarray, shape (b,)
         Shape of the white noise so far, power of the slow noise, and power that extensions have added.
     rounding : float
@@ -115,7 +117,7 @@ def bins(found: Residual, without: Extension | None = None) -> Bins:
         dt,
         cycles,
         np.minimum(square, CAP * level).mean(axis=1),
-        np.full(BINS, float(width)),
+        np.full(BINS, width / float(np.mean(course(found) ** 2))),
         gain_of(known, cycles / dt, dt),
         np.maximum(rest, 0.0),
         peaks,

@@ -94,8 +94,14 @@ def block_noise(terms: Sequence[Term], step: float) -> float:
     )
 
 
-def likelihood(y: FloatArray, chain: Chain, slow: Slow, r: float, path: FloatArray = NOTHING) -> float:
-    """Return the log likelihood of block means, shape (M,), by `switching`; r is the variance of their white part."""
+def likelihood(
+    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NOTHING
+) -> float:
+    """Return the log likelihood of block means, shape (M,), by `switching`.
+
+    `r` is the variance of their white part, one for all or one each, shape (M,).
+    """
+    r = np.full(len(y), r)
     if chain is STILL:
         value = still(y, slow.phi, slow.q, slow.initial, r)
     else:

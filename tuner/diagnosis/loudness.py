@@ -94,6 +94,17 @@ def loudness(found: Residual) -> Loudness:
 
 
 @once
+def course(found: Residual) -> FloatArray:
+    """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions know it."""
+    deviate = np.ones(len(found.e))
+    for extension in found.extensions:
+        if extension.cause in ("burst", "variance_drift"):
+            deviate = extension.whiten(deviate)
+    variance = deviate**-2
+    return np.asarray(variance / variance.mean())
+
+
+@once
 def block_loudness(found: Residual) -> tuple[FloatArray, FloatArray, float]:
     """Return the mean squares of `BLOCKS` even parts, their weights, shapes (`BLOCKS`,), and κ.
 

@@ -37,6 +37,7 @@ from tuner.diagnosis.causes import (
     warmup,
     yielding,
 )
+from tuner.diagnosis.loudness import course
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.shape import few_shapes, many_shapes
 
@@ -148,8 +149,8 @@ def leftovers(found: Residual) -> tuple[Alarm, ...]:
     square = found.track.grid.amplitude[:singles] - found.track.columns @ found.fit.beta
     ratio = square**2 / found.fit.expected[:singles]
     edges = np.unique(np.geomspace(4, singles, 13).astype(int))
-    count = np.diff(edges).astype(float)
-    mean = np.add.reduceat(ratio[: edges[-1]], edges[:-1]) / count
+    count = np.diff(edges) / float(np.mean(course(found) ** 2))
+    mean = np.add.reduceat(ratio[: edges[-1]], edges[:-1]) / np.diff(edges)
     deviance = float(np.sum(count * (mean - 1.0 - np.log(mean))))
     inflation = float(np.mean(1.0 + 1.0 / (3.0 * count)))
     p_value = float(chi2.sf(deviance / inflation, len(count)))

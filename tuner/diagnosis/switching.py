@@ -33,13 +33,13 @@ def switching(
     phi: FloatArray,
     q: FloatArray,
     initial: FloatArray,
-    r: float,
+    r: FloatArray,
     path: FloatArray,
 ) -> float:
     """Return the log likelihood of y, shape (M,); fill `path` (M or 0) with the mean of the level so far.
 
     `levels` (m,) has the chances `first` (m,) at the start and `chances` (m, m) from row to column a block.
-    `phi`, `q`, `initial` have shape (n,): decay, driving and first variance of each state; `r` is that of v.
+    `phi`, `q`, `initial` have shape (n,): decay, driving and first variance of each state; `r` (M,) is that of v.
     """
     n, modes = phi.size, levels.size
     p = np.zeros((modes, n, n))
@@ -83,7 +83,7 @@ def switching(
                     p[m, i, i] += q[i]
         top = -np.inf
         for m in range(modes):
-            variance = r
+            variance = r[t]
             innovation = y[t] - levels[m]
             for i in range(n):
                 row = 0.0
@@ -118,7 +118,7 @@ def switching(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def still(y: FloatArray, phi: FloatArray, q: FloatArray, initial: FloatArray, r: float) -> float:
+def still(y: FloatArray, phi: FloatArray, q: FloatArray, initial: FloatArray, r: FloatArray) -> float:
     """Return the log likelihood of y, shape (M,), with one level of 0: `switching` without switches."""
     n = phi.size
     p, s, gain = np.zeros((n, n)), np.zeros(n), np.zeros(n)
@@ -126,7 +126,7 @@ def still(y: FloatArray, phi: FloatArray, q: FloatArray, initial: FloatArray, r:
         p[i, i] = initial[i]
     total = 0.0
     for t in range(y.size):
-        variance, innovation = r, y[t]
+        variance, innovation = r[t], y[t]
         for i in range(n):
             gain[i] = 0.0
             for j in range(n):
@@ -152,7 +152,7 @@ def paired(
     phi: FloatArray,
     q: FloatArray,
     initial: FloatArray,
-    r: float,
+    r: FloatArray,
     path: FloatArray,
 ) -> float:
     """Do as `switching` does, for two slow states: means s and covariances p are written out."""
@@ -194,7 +194,7 @@ def paired(
         least = np.inf
         for m in range(modes):
             gain0, gain1 = p00[m] + p10[m], p10[m] + p11[m]
-            over = 1.0 / (r + gain0 + gain1)
+            over = 1.0 / (r[t] + gain0 + gain1)
             innovation = y[t] - levels[m] - s0[m] - s1[m]
             s0[m] += gain0 * innovation * over
             s1[m] += gain1 * innovation * over

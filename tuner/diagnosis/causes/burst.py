@@ -24,7 +24,7 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.dilution import dilution
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.loudness import Loudness, loudness
-from tuner.diagnosis.residual import CLIP, Residual
+from tuner.diagnosis.residual import CLIP, Residual, robust_sd
 from tuner.diagnosis.statistics import EDGE
 
 FloatArray = NDArray[np.float64]
@@ -40,7 +40,7 @@ MOSTLY = 0.25
 SEVERAL = 24
 """Stretches in one record."""
 WIDER = 3.0
-"""Residuals are cut at so many `CLIP` where sizes are measured."""
+"""Residuals are cut at so many `CLIP`, in their own deviations, where sizes are measured."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[
         stretches = stretches[:1]
     square, told = loud.square, loud.scatter > 0.0
     if not loud.rounded:
-        square = np.where(told, np.clip(found.e, -WIDER * CLIP, WIDER * CLIP) ** 2, 1.0)
+        square = np.where(told, _squares(found, stretches), 1.0)
         square /= square[told].mean()
     return _gain(square, told, stretches), stretches
 
@@ -151,6 +151,17 @@ def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int,
         if a < last <= b:
             last = a
     return (first, last) if last > first else edges
+
+
+def _squares(found: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
+    """Return the squares of the residuals, cut at so many robust deviations of the part of the record they are in."""
+    outside = found.valid.copy()
+    for first, last in stretches:
+        outside[first:last] = False
+    most = np.full(len(found.e), WIDER * CLIP * robust_sd(found.e[outside]))
+    for first, last in stretches:
+        most[first:last] = WIDER * CLIP * robust_sd(found.e[first:last])
+    return np.asarray(np.minimum(np.abs(found.e), most) ** 2)
 
 
 def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]]) -> float:
@@ -201,7 +212,7 @@ def extension(found: Residual, stretches: list[tuple[int, int]], which: int) -> 
     """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
     dt, begin = found.channel.interval, found.channel.start
     first, last = stretches[which]
-    square = np.clip(found.e, -WIDER * CLIP, WIDER * CLIP) ** 2
+    square = _squares(found, stretches)
     quietly = found.valid.copy()
     for a, b in stretches:
         quietly[a:b] = False

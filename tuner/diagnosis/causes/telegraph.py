@@ -2,7 +2,8 @@
 
 Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block
 means under two levels, one Gauss–Markov process (or flicker) and a random walk, less that of the best Gaussian model
-(flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter; χ²₅, and
+(flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter, the white noise
+as loud as is known of each block; χ²₅, and
 a price of 1.5 ln M nats because the problem is not regular. A path with fewer than four switches is a
 matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
 told.
@@ -30,6 +31,7 @@ from tuner.diagnosis.alarm import Alarm
 from tuner.diagnosis.channel import Channel
 from tuner.diagnosis.extension import Extension, Value
 from tuner.diagnosis.hops import NOTHING, STILL, Chain, Slow, block_noise, expanded, ladder, likelihood
+from tuner.diagnosis.loudness import course
 from tuner.diagnosis.residual import Residual
 from tuner.diagnosis.statistics import curvature
 
@@ -75,7 +77,7 @@ class Telegraph(Extension):
     dwells: tuple[float, float] = (1.0, 1.0)
     besides: tuple[Term, ...] = ()
 
-    def lead(self, y: FloatArray, step: float, r: float) -> float:
+    def lead(self, y: FloatArray, step: float, r: FloatArray | float) -> float:
         """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
 
         `step` is the length of a block, s, and `r` the variance of the white part of its mean. Where the lower level
@@ -117,14 +119,15 @@ def test(found: Residual) -> Alarm:
     step = channel.block * channel.interval
     y = found.repaired.block_mean(found.repaired.y) - found.path
     y = y - y.mean()
+    loud = channel.block_mean(course(found))
     name = "log likelihood of two levels less that of Gaussian noise"
     more = found.fits if found.found("gauss_markov") else found.with_markov
     null = -np.inf
     for fit in (*found.fits, *more):
         terms = fit.terms()
         slow = Slow.of(expanded(terms, step, channel.span), step)
-        null = max(null, likelihood(y, STILL, slow, block_noise(terms, step)))
-    r = block_noise(found.fit.terms(), step)
+        null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * loud))
+    r = block_noise(found.fit.terms(), step) * loud
     besides: type[Term] = GaussMarkov
     best = _search(y, step, channel.span, r, found, null)
     flicker = BiasInstability in found.fit.kinds
@@ -174,14 +177,16 @@ def _bounds(step: float, span: float) -> tuple[FloatArray, FloatArray]:
     return np.array(low), np.array(high)
 
 
-def _cost(y: FloatArray, step: float, span: float, r: float, x: FloatArray, besides: type[Term]) -> float:
+def _cost(
+    y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray, besides: type[Term]
+) -> float:
     low, high = _bounds(step, span)
     if np.any(x < low) or np.any(x > high):
         return 1e12
     return -likelihood(y, *_parts(x, step, span, besides), r)
 
 
-def _polished(y: FloatArray, step: float, span: float, r: float, x: FloatArray) -> float:
+def _polished(y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray) -> float:
     """Return the log likelihood of two Gauss–Markov processes and a random walk, fitted by the same filter.
 
     The fits of the cosine domain are those of instants, the filter sees means of blocks: close to the block
@@ -208,7 +213,7 @@ def _search(
     y: FloatArray,
     step: float,
     span: float,
-    r: float,
+    r: FloatArray | float,
     found: Residual,
     null: float,
     besides: type[Term] = GaussMarkov,
@@ -219,7 +224,7 @@ def _search(
     markov = next(t for t in terms if isinstance(t, GaussMarkov))
     walk = next(t for t in terms if isinstance(t, RandomWalk))
     spread = float(np.std(np.diff(y))) / np.sqrt(2.0)
-    noise = max(float(np.sqrt(r)), 1e-6)
+    noise = max(float(np.sqrt(np.mean(r))), 1e-6)
     sizes = np.array([1.5, 3.0]) * max(markov.sd, 0.5 * spread, noise)
     best: tuple[float, FloatArray] = (-np.inf, NOTHING)
     starts = []
@@ -246,7 +251,7 @@ def _search(
 
 
 def _extension(
-    y: FloatArray, step: float, span: float, r: float, x: FloatArray, besides: type[Term]
+    y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray, besides: type[Term]
 ) -> tuple[Telegraph, int, FloatArray, float]:
     """Return the extension at the maximum, the switches of its path, the free numbers, their log likelihood.
 
@@ -281,7 +286,7 @@ def _extension(
 
 
 def _three_levels(
-    y: FloatArray, step: float, span: float, r: float, two: FloatArray, besides: type[Term]
+    y: FloatArray, step: float, span: float, r: FloatArray | float, two: FloatArray, besides: type[Term]
 ) -> tuple[ManyLevels, int, float]:
     """Return the path between three levels next to the free numbers of two, the fewest visits to one, log likelihood.
 
