@@ -82,7 +82,8 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
         assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
         expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
         assert state.sd == pytest.approx(expected, rel=1e-9)
-        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(ours.constant_sd, rel=1e-9)
+        whole = np.sqrt(ours.constant_sd**2 + sum(m.sd**2 for m in ours.markov))
+        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(whole, rel=1e-9)
     found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
     assert not found.consistency.diverged
     assert found.consistency.gated < 0.01

@@ -137,9 +137,20 @@ def test_kf_gins_takes_customary_units_and_one_time_constant() -> None:
     assert noise["gbstd"] == near([5e-5 * 180.0 / math.pi * 3600.0] * 3)
     assert noise["abstd"] == near([40.0] * 3)
     assert noise["corrtime"] == near(0.5)
-    assert found["initbgstd"] == near([1e-3 * 180.0 / math.pi * 3600.0] * 3)
-    assert found["initbastd"] == near([5000.0] * 3)
+    # One state is the whole bias, constant and Gauss–Markov together (src/kf-gins/gi_engine.cpp, initialize).
+    assert found["initbgstd"] == near([math.hypot(1e-3, 5e-5) * 180.0 / math.pi * 3600.0] * 3)
+    assert found["initbastd"] == near([math.hypot(0.05, 4e-4) * 1e5] * 3)
+    assert noise["gsstd"] == noise["asstd"] == [300.0] * 3
     assert "assumed memory" in written("kf-gins")
+
+
+def test_kf_gins_gets_the_sds_of_the_start() -> None:
+    found = entries("kf-gins", replace(CONFIG, constants={"accel_scale": 1e-3}))
+    assert found["initposstd"] == [1.0] * 3
+    assert found["initvelstd"] == [0.1] * 3
+    assert found["initattstd"] == near([math.degrees(0.005)] * 2 + [math.degrees(0.1)])
+    assert found["imunoise"]["asstd"] == near([1000.0] * 3)
+    assert found["imunoise"]["gsstd"] == [300.0] * 3
 
 
 def test_kf_gins_refits_at_its_time_constant() -> None:

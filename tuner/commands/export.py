@@ -21,12 +21,14 @@ from tuner.progress import Messages
     metavar="FILE",
     help="Default: standard output.",
 )
+@click.option("--drive", metavar="DRIVE", help="With --to kf-gins -o FILE: the drive, written beside FILE.")
 @click.option("--list", "list_dialects", is_flag=True, help="Show the dialects and their units.")
 @common
 def command(
     config: str | None,
     dialect: str | None,
     output_file: Path | None,
+    drive: str | None,
     list_dialects: bool,
     seed: int,  # noqa: ARG001
     output: Output,
@@ -54,6 +56,22 @@ def command(
     if dialect not in DIALECTS:
         msg = f"--to: expected one of {' '.join(DIALECTS)}, got {dialect!r}"
         raise click.UsageError(msg)
+    if drive is not None:
+        if dialect != "kf-gins" or output_file is None:
+            msg = "--drive: expected --to kf-gins and -o FILE with it"
+            raise click.UsageError(msg)
+        from tuner.commands.check import load_filter
+        from tuner.commands.sources import load_drive
+        from tuner.exporters.kf_gins_drive import write_drive
+        from tuner.standing import receiver_of
+
+        measured = load_drive(drive)
+        believed = load_filter(config, None, supposed=receiver_of(measured))
+        for note in write_drive(measured, believed, output_file):
+            messages.say(note)
+        messages.say(f"wrote {output_file} and its files")
+        output.write({"schema": "tuner.export/1", "dialect": dialect, "text": output_file.read_text("utf-8")})
+        return
     text = export(load_config(config), dialect)
     if output_file is None:
         if output.tables:

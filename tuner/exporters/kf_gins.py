@@ -3,10 +3,12 @@
 arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5,
 corrtime h = T/3600; the filter forms 2σ²/T. Its one T is the longest time constant of the configuration (1 h
 without any), and each σ is refitted at that T so that the bias wanders as far over the memory as the modelled
-one. Initial sds are the turn-on constants; the sd of scale factors is assumed: a static log does not show it.
+one. Its one state is the whole bias, so the initial sd is that of constant and states together; the sd of scale
+factors is assumed where the configuration has none: a static log does not show it.
 
 `load` reads such a file back, so that one drive and one configuration run in both programs: one Gauss–Markov state an
-axis, what the initial sd exceeds it by as a constant, scale factors as states.
+axis, what the initial sd exceeds it by as a constant, scale factors as states. `tuner.exporters.kf_gins_drive` writes
+the drive beside it.
 """
 
 from __future__ import annotations
@@ -30,7 +32,21 @@ SCALE_FACTOR_SD = 300.0
 
 
 def write(config: FilterConfig, target: Target) -> str:
-    """Return the ``imunoise`` and initial-bias entries of KF-GINS."""
+    """Return the entries of KF-GINS that a configuration tells: noise, and sds of the start."""
+    return yaml_text(entries(config, target), header=header(config, target))
+
+
+def header(config: FilterConfig, target: Target) -> tuple[str, ...]:
+    """Return the comment lines before the entries."""
+    return (
+        *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
+        f"one T = {longest_time(config):g} s for all states (the longest in the configuration, or 1 h); each σ lets "
+        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled one",
+    )
+
+
+def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
+    """Return the entries as a tree for `yaml_text`."""
     time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
 
@@ -42,20 +58,28 @@ def write(config: FilterConfig, target: Target) -> str:
     if gyro:
         noise["arw"] = _axes(gyro, lambda c: from_si(c.white_density, "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
         noise["gbstd"] = _axes(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ·(180/π)·3600")
-        noise["gsstd"] = _scale()
-        start["initbgstd"] = _axes(gyro, lambda c: from_si(c.constant_sd, "deg/h"), "deg/h; turn-on sd")
+        noise["gsstd"] = _scale(config, "gyro_scale")
+        start["initbgstd"] = _axes(
+            gyro, lambda c: from_si(_turn_on(c), "deg/h"), "deg/h; constant and states together"
+        )
     if accel:
         noise["vrw"] = _axes(accel, lambda c: from_si(c.white_density, "m/s/sqrt(h)"), "m/s/√h; N·60")
         noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ/1e-5")
-        noise["asstd"] = _scale()
-        start["initbastd"] = _axes(accel, lambda c: from_si(c.constant_sd, "mGal"), "mGal; turn-on sd")
+        noise["asstd"] = _scale(config, "accel_scale")
+        start["initbastd"] = _axes(
+            accel, lambda c: from_si(_turn_on(c), "mGal"), "mGal; constant and states together"
+        )
     noise["corrtime"] = Noted(time_constant / 3600.0, "h; T/3600, one for all states")
-    header = (
-        *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
-        f"one T = {time_constant:g} s for all states (the longest in the configuration, or 1 h); each σ lets "
-        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled one",
-    )
-    return yaml_text({"imunoise": noise, **start}, header=header)
+    first = config.initial
+    tilt, heading = math.degrees(first.tilt), math.degrees(first.heading)
+    start["initposstd"] = Noted(Inline([first.position] * 3), "m; north, east, down")
+    start["initvelstd"] = Noted(Inline([first.velocity] * 3), "m/s; north, east, down")
+    start["initattstd"] = Noted(Inline([tilt, tilt, heading]), "deg; roll, pitch, yaw")
+    return {"imunoise": noise, **start}
+
+
+def _turn_on(channel: ChannelNoise) -> float:
+    return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
 
 
 def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Noted:
@@ -63,7 +87,9 @@ def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise],
     return Noted(Inline(values), words)
 
 
-def _scale() -> Noted:
+def _scale(config: FilterConfig, name: str) -> Noted:
+    if name in config.constants:
+        return Noted(Inline([1e6 * config.constants[name]] * 3), "ppm")
     return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")
 
 
@@ -105,8 +131,9 @@ def load(path: Path) -> FilterConfig:
         for key, (value, unit) in INITIAL.items()
     )
     scales = {
-        name: 1e-6 * max(_numbers(path, noise, key, 3))
-        for name, key in (("gyro_scale", "gsstd"), ("accel_scale", "asstd"))
+        name: 1e-6
+        * max(_numbers(path, content, first, 3) if first in content else _numbers(path, noise, key, 3))
+        for name, key, first in (("gyro_scale", "gsstd", "initsgstd"), ("accel_scale", "asstd", "initsastd"))
         if key in noise
     }
     return FilterConfig(

@@ -50,7 +50,8 @@ class FilterSettings:
     covariance_step : float
         Longest step in which the covariance is advanced, s; the mechanisation takes every sample.
     position_sd, velocity_sd : tuple of 3 floats or None
-        What the configuration says of a fix, north, east, down, m and m/s.
+        What the configuration says of a fix, north, east, down, m and m/s; None where it names no receiver: what
+        is reported holds.
     patience : float
         After so long with nothing but refused positions, or velocities, the next one is used whatever the
         gate says, s: the filter, not the receiver, is lost.

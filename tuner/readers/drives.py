@@ -4,7 +4,7 @@
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
                sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw
 NPZ            its arrays: `tuner.readers.drive_npz`
-KF-GINS        its YAML, which names imupath (t, Δθ, Δv) and gnsspath (t, lat, lon [deg], height, sd n e d)
+KF-GINS        its YAML: `tuner.readers.kf_gins`
 =============  ================================================================================================
 
 Stamps out of order, doubled rows, unreadable rows and fixes outside the inertial record are removed and
@@ -26,6 +26,7 @@ from models import rotation
 from tuner.readers import read
 from tuner.readers.drive_npz import read_drive_npz
 from tuner.readers.driven import check_drive
+from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.listing import digest
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.records import DataError, Drive, Gnss, Reference
@@ -145,26 +146,15 @@ def _folder(path: Path) -> Drive:
 
 
 def _kf_gins(path: Path) -> Drive:
-    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-    if not isinstance(settings, dict) or not {"imupath", "gnsspath"} <= settings.keys():
-        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
-        raise DataError(msg)
-    imu, fixes = (_numbers(_beside(path, str(settings[key]))) for key in ("imupath", "gnsspath"))
-    if imu.shape[1] < 7 or fixes.shape[1] < 7:
-        msg = f"{path}: expected 7 columns in the IMU and GNSS files, got {imu.shape[1]} and {fixes.shape[1]}"
-        raise DataError(msg)
-    dt = np.diff(imu[:, 0], prepend=imu[0, 0] - 1.0 / float(settings.get("imudatarate", 200.0)))
-    rates = imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None]
-    k = len(fixes)
-    blank = np.full((k, 3), np.nan)
-    arm = settings.get("antlever")
+    found = read_kf_gins(path)
     return _drive(
         path,
-        np.column_stack([imu[:, 0], rates]),
-        np.column_stack([fixes[:, :4], blank, fixes[:, 4:7], blank]),
-        None,
+        found.imu,
+        found.fixes,
+        found.truth,
         mounting=np.eye(3),
-        lever_arm=None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+        lever_arm=found.lever_arm,
+        notes=found.notes,
     )
 
 
@@ -262,12 +252,6 @@ def _existing(path: Path) -> Path:
     return path
 
 
-def _beside(path: Path, name: str) -> Path:
-    """Return the file a YAML names, relative to it; else the file of that name beside it."""
-    named = path.parent / name
-    return _existing(named if named.is_file() else path.parent / Path(name).name)
-
-
 def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
     dialect = find_dialect(path)
@@ -282,11 +266,3 @@ def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
     for j, name in enumerate(present):
         rows[:, names.index(name)] = numbers[:, j]
     return rows
-
-
-def _numbers(path: Path) -> FloatArray:
-    try:
-        return np.asarray(np.loadtxt(path, ndmin=2))
-    except ValueError as error:
-        msg = f"{path}: expected numbers only, {error}"
-        raise DataError(msg) from None

@@ -1,0 +1,221 @@
+"""Drives in the text layout of KF-GINS: what its README and sources publish, and what we write for it.
+
+README.md 2.1 (frames), 2.2 (columns and units), dataset/kf-gins.yaml (entries), src/fileio/imufileloader.h (intervals),
+src/fileio/gnssfileloader.h (13 columns), src/kf_gins.cpp (what must be there, and in which unit) of
+https://github.com/i2Nav-WHU/KF-GINS.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from models import rotation
+from models.units import from_si
+from tuner.cli import run
+from tuner.driving import navigate_drive
+from tuner.exporters import kf_gins
+from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
+from tuner.readers.drives import read_drive
+from tuner.records import DataError
+
+REQUIRED = (
+    *("imupath", "gnsspath", "outputpath", "imudatalen", "imudatarate", "starttime", "endtime"),
+    *("initpos", "initvel", "initatt", "initgyrbias", "initaccbias", "initgyrscale", "initaccscale"),
+    *("initposstd", "initvelstd", "initattstd", "antlever", "imunoise"),
+)
+"""Entries without which the program ends."""
+NOISE = ("arw", "vrw", "gbstd", "abstd", "gsstd", "asstd", "corrtime")
+
+
+def layout(path, *, imu=None, gnss=None, separator=" ", **entries):
+    """Write a car that stands, 100 Hz, in Stuttgart, with `entries` in its YAML; return the YAML."""
+    t = 1000.0 + 0.01 * np.arange(1, 3001)
+    rng = np.random.default_rng(0)
+    if imu is None:
+        noise = 1e-5 * rng.standard_normal((len(t), 6))
+        imu = np.column_stack([t, noise + 0.01 * np.array([0.0, 0.0, 0.0, 0.0, 0.0, -9.81])])
+    if gnss is None:
+        fix_t = np.arange(1000.5, 1029.0)
+        gnss = np.column_stack([fix_t, np.tile([48.8, 9.2, 300.0, 0.01, 0.02, 0.03], (len(fix_t), 1))])
+    np.savetxt(path / "imu.txt", imu, fmt="%.12g", delimiter=separator)
+    np.savetxt(path / "gnss.txt", gnss, fmt="%.12g", delimiter=separator)
+    settings = path / "kf-gins.yaml"
+    content = {"imupath": "imu.txt", "gnsspath": "gnss.txt", "imudatarate": 100, **entries}
+    settings.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return settings
+
+
+@pytest.mark.parametrize("separator", [" ", ",", "\t", ", "])
+def test_commas_blanks_and_tabs_separate_columns(tmp_path, separator):
+    drive = read_drive(layout(tmp_path, separator=separator))
+    assert drive.rates[:, 5].mean() == pytest.approx(-9.81, abs=1e-3)
+    np.testing.assert_allclose(drive.gnss.position_sd[0], [0.01, 0.02, 0.03])
+
+
+def test_an_increment_behind_a_gap_is_one_of_an_interval(tmp_path):
+    t = 1000.0 + 0.01 * np.arange(1, 3001)
+    t[1500:] += 0.3
+    imu = np.column_stack([t, np.tile([0.0, 0.0, 1e-4, 0.0, 0.0, -0.0981], (len(t), 1))])
+    imu[::2, 1] = 1e-6
+    drive = read_drive(layout(tmp_path, imu=imu))
+    np.testing.assert_allclose(drive.rates[:, 2], 0.01, rtol=1e-4)
+    np.testing.assert_allclose(drive.rates[:, 5], -9.81, rtol=1e-4)
+
+
+def test_of_13_columns_the_8th_to_10th_are_the_sds(tmp_path):
+    t = np.arange(1000.5, 1029.0)
+    row = [48.8, 9.2, 300.0, 0.1, -0.2, 0.3, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
+    gnss = np.column_stack([t, np.tile(row, (len(t), 1))])
+    drive = read_drive(layout(tmp_path, gnss=gnss))
+    np.testing.assert_allclose(drive.gnss.position_sd[0], [0.01, 0.02, 0.03])
+    with pytest.raises(DataError, match="7 or 13"):
+        read_drive(layout(tmp_path, gnss=gnss[:, :10]))
+
+
+def test_only_what_is_processed_is_read(tmp_path):
+    drive = read_drive(layout(tmp_path, starttime=1005.0, endtime=1025.0))
+    assert drive.origin == pytest.approx(1005.0)
+    assert drive.imu_t[-1] == pytest.approx(20.0)
+    assert drive.gnss.t.min() >= 0.0
+    assert drive.gnss.t.max() <= 20.0
+    assert any("starttime" in note for note in drive.notes)
+    assert read_drive(layout(tmp_path, starttime=1005.0, endtime=-1)).imu_t[-1] == pytest.approx(25.0)
+
+
+def test_initial_sensor_errors_are_taken_out(tmp_path):
+    errors = {"initgyrbias": [360.0, 0, 0], "initaccbias": [0, 100.0, 0], "initaccscale": [0, 0, 1000.0]}
+    plain = read_drive(layout(tmp_path))
+    drive = read_drive(layout(tmp_path, **errors))
+    expected = plain.rates - np.array([np.radians(0.1), 0.0, 0.0, 0.0, 1e-3, 0.0])
+    expected[:, 5] /= 1.001
+    np.testing.assert_allclose(drive.rates, expected, atol=1e-12)
+    with pytest.raises(DataError, match="kf-gins"):
+        read_drive(layout(tmp_path, initgyrbias=[1.0, 2.0]))
+
+
+@pytest.mark.parametrize("name", ["truth.nav", "kf-gins-truth.nav"])
+def test_truth_beside_the_settings_is_read(tmp_path, name):
+    t = np.arange(1000.0, 1030.0)
+    truth = np.column_stack(
+        [0 * t, t, np.tile([48.8, 9.2, 300.0, 1.0, 2.0, 3.0, 4.0, 5.0, 190.0], (len(t), 1))]
+    )
+    np.savetxt(tmp_path / name, truth)
+    found = read_drive(layout(tmp_path)).reference
+    np.testing.assert_allclose(found.vel_n[0], [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(np.degrees(found.rpy[0]) % 360.0, [4.0, 5.0, 190.0])
+    np.savetxt(tmp_path / name, truth[:, 1:])
+    with pytest.raises(DataError, match="11 columns"):
+        read_drive(layout(tmp_path))
+
+
+def test_sds_of_the_fixes_hold_where_no_receiver_is_named(configuration, file, tmp_path):
+    settings = tmp_path / "k.yaml"
+    write_drive(read_drive(file), configuration(), settings)
+    found = navigate_drive(read_drive(settings), kf_gins.load(settings))
+    np.testing.assert_allclose(
+        found.stretches[0].fixes.sd[:, :3], np.tile([0.4, 0.4, 0.8], (len(found.stretches[0].fixes), 1))
+    )
+
+
+@pytest.fixture(scope="module")
+def written(file, tmp_path_factory):
+    """The drive of the file, 50 Hz, mounted askew, fixes late, written by the program."""
+    path = tmp_path_factory.mktemp("kf-gins") / "city.yaml"
+    args = ["export", "mpu9250", "--to", "kf-gins", "--drive", str(file), "-o", str(path), "--quiet"]
+    assert run(args) == 0
+    return path
+
+
+def test_every_entry_is_there_with_its_type(written):
+    found = yaml.safe_load(written.read_text(encoding="utf-8"))
+    assert set(REQUIRED) <= found.keys()
+    assert set(NOISE) <= found["imunoise"].keys()
+    assert isinstance(found["imudatarate"], int)
+    assert found["imudatarate"] == 50
+    assert found["imudatalen"] == 7
+    for name in REQUIRED:
+        if name.startswith("init") or name == "antlever":
+            assert np.isfinite(np.array(found[name], dtype=float)).all()
+            assert len(found[name]) == 3
+    assert min(found["initposstd"] + found["initvelstd"] + found["initattstd"] + found["initbgstd"]) > 0.0
+
+
+def test_files_fit_the_settings_to_the_digit(written):
+    found = yaml.safe_load(written.read_text(encoding="utf-8"))
+    imu, gnss = (np.loadtxt(found[name]) for name in ("imupath", "gnsspath"))
+    assert imu.shape[1] == gnss.shape[1] == 7
+    # Sought with imu.time < starttime and gnss.time <= starttime: the first row is the start.
+    assert imu[0, 0] == found["starttime"]
+    assert gnss[0, 0] > found["starttime"]
+    assert imu[-1, 0] < WEEK
+    assert np.diff(imu[:, 0]).max() < LONGEST
+    assert np.diff(imu[:, 0]).min() > 0.0
+    np.testing.assert_allclose(np.median(gnss[:, 4:], axis=0), [0.4, 0.4, 0.8])
+
+
+def test_the_start_is_that_of_the_truth(written):
+    found = yaml.safe_load(written.read_text(encoding="utf-8"))
+    truth = np.loadtxt(written.with_name("city-truth.nav"))
+    at = [np.interp(found["starttime"], truth[:, 1], column) for column in truth.T]
+    sd = np.array(found["initposstd"] + found["initvelstd"] + found["initattstd"])
+    metres = np.radians(6.37e6) * np.array([1.0, np.cos(0.84)])
+    error = np.concatenate(
+        [
+            (np.array(found["initpos"][:2]) - at[2:4]) * metres,
+            [found["initpos"][2] - at[4]],
+            np.array(found["initvel"]) - at[5:8],
+            (np.array(found["initatt"]) - at[8:11] + 180.0) % 360.0 - 180.0,
+        ]
+    )
+    assert (np.abs(error) < 5.0 * sd).all(), error / sd
+    # Files are in the axes of the vehicle, the biases of the test drive in those of the sensor.
+    mat = rotation.mat_from_rpy(np.radians([180.0, 3.0, 100.0]))
+    for name, sds, unit, true in (
+        ("initgyrbias", "initbgstd", "deg/h", np.array([2e-3, -1e-3, 1.5e-3])),
+        ("initaccbias", "initbastd", "mGal", np.array([0.05, -0.04, 0.06])),
+    ):
+        off = np.array(found[name]) - [from_si(v, unit) for v in mat.T @ true]
+        assert (np.abs(off) < 5.0 * np.array(found[sds])).all(), off / found[sds]
+    np.testing.assert_allclose(found["antlever"], [0.5, -0.3, -1.2])
+
+
+def test_the_program_reads_what_it_wrote(written, tmp_path):
+    out = tmp_path / "out.json"
+    assert run(["navigate", str(written), "--config", str(written), "--quiet", "--json", str(out)]) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert abs(found["source"]["estimates"]["time_offset"][0]["value"]) < 0.1
+    drive = read_drive(written)
+    result = navigate_drive(drive, kf_gins.load(written))
+    assert not result.consistency.diverged
+    assert result.consistency.gated < 0.02
+
+
+def test_gaps_are_filled_with_held_rates(data, saved, configuration, tmp_path):
+    lost = {**data}
+    away = (np.arange(len(data["imu_t"])) > 8000) & (np.arange(len(data["imu_t"])) <= 8015)
+    for name in ("imu_t", "gyro", "accel"):
+        lost[name] = data[name][~away]
+    file = saved(
+        tmp_path / "gap.npz", lost, lever_arm_frd_m=(0.5, -0.3, -1.2), mounting_rpy_deg=(180.0, 3.0, 100.0)
+    )
+    settings = tmp_path / "gap.yaml"
+    write_drive(read_drive(file), configuration(), settings)
+    imu = np.loadtxt(tmp_path / "gap-imu.txt")
+    dt = np.diff(imu[:, 0])
+    assert dt.max() < LONGEST
+    rates = imu[1:, 1:] / dt[:, None]
+    inside = (imu[1:, 0] > data["imu_t"][8000] + 1e-6) & (imu[1:, 0] <= data["imu_t"][8016] + 1e-6)
+    assert np.count_nonzero(inside) >= 16
+    np.testing.assert_allclose(
+        rates[inside], np.tile(rates[inside][0], (np.count_nonzero(inside), 1)), rtol=1e-5
+    )
+
+
+@pytest.mark.parametrize("args", [["--to", "kalibr", "-o", "x.yaml"], ["--to", "kf-gins"]])
+def test_a_drive_asks_for_this_dialect_and_a_file(file, capsys, args):
+    assert run(["export", "mpu9250", "--drive", str(file), *args]) == 2
+    assert "--drive: expected --to kf-gins and -o FILE" in capsys.readouterr().err

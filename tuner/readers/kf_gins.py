@@ -1,0 +1,159 @@
+"""Drives in the text layout of KF-GINS: a YAML that names the files, and what it says of the start.
+
+==============================  ===============================================================================
+imupath                         t s, angle increments x y z rad, velocity increments x y z m/s, forward-right-down;
+                                behind a gap of 0.1 s or more still those of one interval, 1/imudatarate
+gnsspath                        t s, latitude, longitude deg, height m, sd north east down m; or 13 columns: velocity
+                                behind the height, the sds of the position are the 8th to 10th
+starttime, endtime              s: what is processed; endtime < 0 stands for the end
+initgyrbias deg/h, initaccbias  measured = (1 + scale) true + bias, as KF-GINS takes them out at its start
+mGal, initgyrscale ppm,
+initaccscale ppm
+antlever                        from the unit to the antenna, forward, right, down, m
+NAME-truth.nav, or truth.nav    optional, beside the YAML: week, t, latitude, longitude deg, height m, velocity north
+                                east down m/s, roll, pitch, yaw deg
+==============================  ===============================================================================
+
+Commas, blanks or tabs separate the columns. Position, velocity and attitude of the start are not read: a drive is
+aligned from its own fixes.
+
+Source: README.md (2.2), dataset/kf-gins.yaml, src/fileio and src/kf-gins/gi_engine.cpp of
+https://github.com/i2Nav-WHU/KF-GINS (facts only).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from models.units import unit_value
+from tuner.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+GAP = 0.1
+"""Distance of stamps from which an increment is taken for one of 1/imudatarate, s."""
+RATE = 200.0
+"""imudatarate where the file has none, Hz."""
+BIAS = (("initgyrbias", "deg/h"), ("initaccbias", "mGal"))
+SCALE = (("initgyrscale", "ppm"), ("initaccscale", "ppm"))
+
+
+@dataclass(frozen=True)
+class KfGins:
+    """A drive as its files have it, increments made rates.
+
+    Attributes
+    ----------
+    imu : ndarray, shape (n, 7)
+        t, angular rates rad/s, specific forces m/s².
+    fixes : ndarray, shape (k, 13)
+        t, latitude and longitude deg, height m, velocity (NaN), sds of the position m, of the velocity (NaN).
+    truth : ndarray, shape (r, 10), or None
+        t, latitude and longitude deg, height m, velocity m/s, angles deg.
+    lever_arm : tuple of 3 floats or None
+        m.
+    notes : tuple of str
+        What was left out and taken out.
+    """
+
+    imu: FloatArray
+    fixes: FloatArray
+    truth: FloatArray | None
+    lever_arm: tuple[float, float, float] | None
+    notes: tuple[str, ...]
+
+
+def read_kf_gins(path: Path) -> KfGins:
+    """Read the drive of a YAML of KF-GINS.
+
+    Raises
+    ------
+    DataError
+        No such YAML, or files that are not in this layout.
+    ValueError
+        Settings that are no numbers.
+    """
+    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(settings, dict) or not {"imupath", "gnsspath"} <= settings.keys():
+        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
+        raise DataError(msg)
+    imu, fixes = (_numbers(_beside(path, str(settings[key]))) for key in ("imupath", "gnsspath"))
+    if imu.shape[1] < 7 or fixes.shape[1] not in (7, 13):
+        msg = (
+            f"{path}: expected 7 columns or more in the IMU file and 7 or 13 in the GNSS file, got {imu.shape[1]} "
+            f"and {fixes.shape[1]}"
+        )
+        raise DataError(msg)
+    notes: list[str] = []
+    bias, scale = _six(settings, BIAS), _six(settings, SCALE)
+    if bias.any() or scale.any():
+        notes.append("the initial sensor errors of the settings are taken out")
+    interval = 1.0 / float(settings.get("imudatarate", RATE))
+    dt = np.diff(imu[:, 0], prepend=imu[0, 0] - interval)
+    dt = np.where(dt < GAP, dt, interval)
+    rates = (imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None] - bias) / (1.0 + scale)
+    begin, end = float(settings.get("starttime", -math.inf)), float(settings.get("endtime", -1.0))
+    inside = (imu[:, 0] >= begin) & (imu[:, 0] <= (end if end >= 0.0 else math.inf))
+    if not inside.all():
+        notes.append(f"{np.count_nonzero(~inside)} inertial rows outside starttime … endtime left out")
+    arm = settings.get("antlever")
+    blank = np.full((len(fixes), 3), np.nan)
+    sds = fixes[:, 7:10] if fixes.shape[1] == 13 else fixes[:, 4:7]
+    return KfGins(
+        np.column_stack([imu[:, 0], rates])[inside],
+        np.column_stack([fixes[:, :4], blank, sds, blank]),
+        _truth(path),
+        None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+        tuple(notes),
+    )
+
+
+def _six(settings: Mapping[str, Any], entries: tuple[tuple[str, str], ...]) -> FloatArray:
+    """Return the errors of the three gyros and accelerometers, SI, zeros where the settings have none; (6,)."""
+    none = np.zeros(3)
+    return np.concatenate(
+        [
+            unit_value(unit) * np.asarray(settings.get(name, none), dtype=float).reshape(3)
+            for name, unit in entries
+        ]
+    )
+
+
+def _truth(path: Path) -> FloatArray | None:
+    file = next(
+        (f for n in (f"{path.stem}-truth.nav", "truth.nav") if (f := path.with_name(n)).is_file()), None
+    )
+    if file is None:
+        return None
+    rows = _numbers(file)
+    if rows.shape[1] != 11:
+        msg = f"{file}: expected 11 columns, week, t, position, velocity and angles, got {rows.shape[1]}"
+        raise DataError(msg)
+    return rows[:, 1:]
+
+
+def _beside(path: Path, name: str) -> Path:
+    """Return the file a YAML names, relative to it; else the file of that name beside it."""
+    found = next((f for f in (path.parent / name, path.parent / Path(name).name) if f.is_file()), None)
+    if found is None:
+        msg = f"{path.parent / name}: expected this file, which {path.name} names, found nothing"
+        raise DataError(msg)
+    return found
+
+
+def _numbers(path: Path) -> FloatArray:
+    """Return the numbers of a text file with commas, blanks or tabs between, shape (n, m)."""
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return np.asarray(np.loadtxt((line.replace(",", " ") for line in lines), ndmin=2))
+    except ValueError as error:
+        msg = f"{path}: expected numbers only, {error}"
+        raise DataError(msg) from None
