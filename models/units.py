@@ -32,6 +32,8 @@ MICRO_G: Final = 1e-6 * STANDARD_GRAVITY
 GAL: Final = 1e-2
 MGAL: Final = 1e-5
 FOOT: Final = 0.3048
+KNOT: Final = 1852.0 / HOUR
+MILE_PER_HOUR: Final = 1609.344 / HOUR
 MICRO_G_PER_SQRT_HZ: Final = MICRO_G
 MILLI_G_PER_SQRT_HZ: Final = MILLI_G
 MGAL_PER_SQRT_HZ: Final = MGAL
@@ -47,6 +49,8 @@ _UNITS: Final[dict[str, float]] = {
     "ppm": 1e-6,
     "s": 1.0,
     "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
     "min": 60.0,
     "h": HOUR,
     "Hz": 1.0,
@@ -90,11 +94,15 @@ _UNITS: Final[dict[str, float]] = {
     "m": 1.0,
     "cm": 1e-2,
     "km": 1e3,
+    "mm": 1e-3,
+    "ft": FOOT,
     "m/s": 1.0,
     "cm/s": 1e-2,
     "mm/s": 1e-3,
     "km/h": 1.0 / 3.6,
     "ft/s": FOOT,
+    "kn": KNOT,
+    "mph": MILE_PER_HOUR,
     # acceleration
     "m/s^2": 1.0,
     "g": G,

@@ -143,6 +143,6 @@ def document(text: str, source: str, expected_format: str) -> Node:
     root = parsed(text, source, f"YAML of format {expected_format}")
     value = root.value
     if not isinstance(value, dict) or value.get("format") != expected_format:
-        found = value.get("format") if isinstance(value, dict) else type(value).__name__
-        root.refuse(f"a line 'format: {expected_format}'", repr(found))
+        found = value.get("format") if isinstance(value, dict) else None
+        root.refuse(f"a line 'format: {expected_format}'", "none" if found is None else repr(found))
     return root

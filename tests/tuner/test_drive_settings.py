@@ -115,3 +115,35 @@ def test_a_text_of_bytes_is_read(data, tmp_path):
     path = tmp_path / "bytes.npz"
     np.savez(path, meta=np.array(b'{"lever_arm_frd_m": [1, 2, 3]}'), **data)
     assert read_drive(path).lever_arm == (1.0, 2.0, 3.0)
+
+
+def _folder(path, data, header):
+    """Write a drive as a folder; `header` replaces names of gnss.csv."""
+    path.mkdir()
+    imu = np.column_stack([data["imu_t"], data["gyro"], data["accel"]])
+    names = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    np.savetxt(path / "imu.csv", imu, delimiter=",", header=names, comments="")
+    fixes = np.column_stack([data["gnss_t"], data["gnss_llh"], data["gnss_vned"]])
+    np.savetxt(path / "gnss.csv", fixes, delimiter=",", header=header, comments="")
+    return path
+
+
+def test_units_in_brackets_are_believed(data, tmp_path):
+    from tuner.readers.drives import read_drive
+
+    factor = np.array([1e-3, np.degrees(1.0), 1.0, 0.3048, 1.0 / 3.6, 1852.0 / 3600.0, 0.44704])
+    names = ("gnss_t", "gnss_llh", "gnss_vned")
+    columns = np.column_stack([data[name] for name in names]) / factor
+    other = {**data, "gnss_t": columns[:, 0], "gnss_llh": columns[:, 1:4], "gnss_vned": columns[:, 4:]}
+    header = "t [ms],lat [rad],lon [deg],height [ft],vn [km/h],ve [kn],vd [mph]"
+    plain = read_drive(_folder(tmp_path / "plain", data, "t,lat,lon,height,vn,ve,vd")).gnss
+    found = read_drive(_folder(tmp_path / "other", other, header)).gnss
+    for name in ("t", "llh", "vel_n"):
+        np.testing.assert_allclose(getattr(found, name), getattr(plain, name), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", ["parsec", "m", "km/h/s"])
+def test_units_that_are_none_are_refused(data, tmp_path, capsys, unit):
+    path = _folder(tmp_path / "drive", data, f"t,lat,lon,height,vn [{unit}],ve,vd")
+    told = refused(path, tmp_path, capsys)
+    assert f"column 'vn [{unit}]': expected one of the units m/s, cm/s, mm/s, km/h, kn, mph, ft/s" in told

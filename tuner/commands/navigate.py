@@ -100,6 +100,7 @@ def command(
 
 def _placed(drive: Drive, frame: str | None, rpy: str | None, arm: str | None) -> Drive:
     """Return the drive with mounting and lever arm as the user gives them."""
+    from tuner.readers.drive_npz import FARTHEST
     from tuner.readers.drives import FRAMES, mounting_of
 
     if frame is not None and frame.upper() not in FRAMES:
@@ -109,16 +110,19 @@ def _placed(drive: Drive, frame: str | None, rpy: str | None, arm: str | None) -
     mounting = mounting_of(frame, angles)
     if mounting is not None:
         drive = replace(drive, mounting=mounting)
-    return drive if arm is None else replace(drive, lever_arm=_three("--lever-arm", arm))
+    if arm is None:
+        return drive
+    return replace(drive, lever_arm=_three("--lever-arm", arm, up_to=FARTHEST))
 
 
-def _three(option: str, text: str) -> tuple[float, float, float]:
+def _three(option: str, text: str, *, up_to: float = math.inf) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         x = y = z = math.nan
-    if not math.isfinite(x + y + z):
-        msg = f"{option} {text}: expected three numbers with commas between"
+    if not (math.isfinite(x + y + z) and max(abs(x), abs(y), abs(z)) <= up_to):
+        most = "" if math.isinf(up_to) else f", {up_to:g} at most,"
+        msg = f"{option} {text}: expected three numbers{most} with commas between"
         raise DataError(msg)
     return x, y, z
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from models.units import DEG, FOOT
+from models.units import DEG, unit_value
 from tuner.navigation.initial import STANDING, velocities
 from tuner.navigation.legs import WINDOW, Legs, legs, windows
 from tuner.records import DataError, Drive, Gnss
@@ -46,15 +46,18 @@ NEAR = 1.03
 ANY = 30.0
 """Factors beyond this are refused whatever the unit."""
 
-VELOCITY_UNITS: Mapping[str, float] = {
-    "km/h": 3.6,
-    "knots": 3600.0 / 1852.0,
-    "mph": 3600.0 / 1609.344,
-    "ft/s": 1.0 / FOOT,
-    "cm/s": 1e2,
-    "mm/s": 1e3,
+VELOCITY_UNITS = {
+    unit: 1.0 / unit_value(key)
+    for unit, key in (
+        ("km/h", "km/h"),
+        ("knots", "kn"),
+        ("mph", "mph"),
+        ("ft/s", "ft/s"),
+        ("cm/s", "cm/s"),
+        ("mm/s", "mm/s"),
+    )
 }
-HEIGHT_UNITS: Mapping[str, float] = {"ft": 1.0 / FOOT, "cm": 1e2, "mm": 1e3, "km": 1e-3}
+HEIGHT_UNITS = {unit: 1.0 / unit_value(unit) for unit in ("ft", "cm", "mm", "km")}
 RATE_UNITS: Mapping[str, float] = {
     "deg/s": 1.0 / DEG,
     "mrad/s": 1e3,

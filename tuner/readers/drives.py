@@ -2,7 +2,8 @@
 
 =============  ================================================================================================
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
-               sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw
+               sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw;
+               a unit may follow in brackets: ``vn [km/h]``
 NPZ            its arrays: `tuner.readers.drive_npz`
 KF-GINS        its YAML: `tuner.readers.kf_gins`
 =============  ================================================================================================
@@ -23,6 +24,7 @@ import yaml
 from numpy.typing import NDArray
 
 from models import rotation
+from models.units import canonical_unit, unit_value
 from tuner.readers import read
 from tuner.readers.drive_npz import read_drive_npz
 from tuner.readers.driven import check_drive
@@ -58,6 +60,13 @@ GNSS_COLUMNS = (
     "sd_ve",
     "sd_vd",
 )
+UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    ("s", "ms", "us", "ns", "min", "h"): ("t",),
+    ("deg", "rad"): ("lat", "lon", "roll", "pitch", "yaw"),
+    ("m", "cm", "mm", "km", "ft"): ("height", "sd_n", "sd_e", "sd_d"),
+    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): ("vn", "ve", "vd", "sd_vn", "sd_ve", "sd_vd"),
+}
+"""Units that may follow a name in brackets; without them the first holds."""
 _TRUTH = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
@@ -261,8 +270,25 @@ def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
         msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"
         raise DataError(msg)
     present = [name for name in names if name in have]
+    factors = {name: _unit(path, name, dialect.names[have.index(name)]) for name in present}
     (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
     rows = np.full((len(numbers), len(names)), math.nan)
     for j, name in enumerate(present):
-        rows[:, names.index(name)] = numbers[:, j]
+        rows[:, names.index(name)] = factors[name] * numbers[:, j]
     return rows
+
+
+def _unit(path: Path, name: str, header: str) -> float:
+    """Return the size of the unit in brackets behind a name, in that which the column has without."""
+    _, bracket, stated = header.partition("[")
+    if not bracket:
+        return 1.0
+    usual = next(units for units, columns in UNITS.items() if name in columns)
+    try:
+        unit = canonical_unit(stated.strip(" ]"))
+    except ValueError:
+        unit = ""
+    if unit not in usual:
+        msg = f"{path}: column '{header.strip()}': expected one of the units {', '.join(usual)}"
+        raise DataError(msg)
+    return unit_value(unit) / unit_value(usual[0])
