@@ -78,6 +78,8 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     notes = [*drive.notes, *assumed, *found]
     if wrong:
         notes.append(f"{wrong} fixes left out: they contradict their neighbours")
+    if drive.mounting is None:
+        notes.append("the mounting is unknown: axes are those of the sensor")
     k = max(range(len(stretches)), key=lambda i: len(stretches[i].fixes))
     if len(stretches) > 1:
         notes.append(f"stretch {k + 1} of {len(stretches)} written: KF-GINS knows no gap")

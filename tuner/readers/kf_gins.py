@@ -24,16 +24,16 @@ https://github.com/i2Nav-WHU/KF-GINS (facts only).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from models.units import unit_value
+from tuner.documents import Node, parsed
+from tuner.readers.drive_npz import FARTHEST
+from tuner.readers.text import find_dialect, read_numbers
 from tuner.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -77,15 +77,10 @@ def read_kf_gins(path: Path) -> KfGins:
     Raises
     ------
     DataError
-        No such YAML, or files that are not in this layout.
-    ValueError
-        Settings that are no numbers.
+        No such YAML, settings that are none, or files that are not in this layout.
     """
-    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-    if not isinstance(settings, dict) or not {"imupath", "gnsspath"} <= settings.keys():
-        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
-        raise DataError(msg)
-    imu, fixes = (_numbers(_beside(path, str(settings[key]))) for key in ("imupath", "gnsspath"))
+    settings = _settings(path)
+    imu, fixes = (_numbers(_beside(path, settings[key].text())) for key in ("imupath", "gnsspath"))
     if imu.shape[1] < 7 or fixes.shape[1] not in (7, 13):
         msg = (
             f"{path}: expected 7 columns or more in the IMU file and 7 or 13 in the GNSS file, got {imu.shape[1]} "
@@ -96,33 +91,50 @@ def read_kf_gins(path: Path) -> KfGins:
     bias, scale = _six(settings, BIAS), _six(settings, SCALE)
     if bias.any() or scale.any():
         notes.append("the initial sensor errors of the settings are taken out")
-    interval = 1.0 / float(settings.get("imudatarate", RATE))
+    rate, first, final, arm = (
+        settings.get(key) for key in ("imudatarate", "starttime", "endtime", "antlever")
+    )
+    interval = 1.0 / (RATE if rate is None else rate.number(positive=True))
     dt = np.diff(imu[:, 0], prepend=imu[0, 0] - interval)
     dt = np.where(dt < GAP, dt, interval)
     rates = (imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None] - bias) / (1.0 + scale)
-    begin, end = float(settings.get("starttime", -math.inf)), float(settings.get("endtime", -1.0))
+    begin = -math.inf if first is None else first.number()
+    end = -1.0 if final is None else final.number()
     inside = (imu[:, 0] >= begin) & (imu[:, 0] <= (end if end >= 0.0 else math.inf))
     if not inside.all():
         notes.append(f"{np.count_nonzero(~inside)} inertial rows outside starttime … endtime left out")
-    arm = settings.get("antlever")
     blank = np.full((len(fixes), 3), np.nan)
     sds = fixes[:, 7:10] if fixes.shape[1] == 13 else fixes[:, 4:7]
     return KfGins(
         np.column_stack([imu[:, 0], rates])[inside],
         np.column_stack([fixes[:, :4], blank, sds, blank]),
         _truth(path),
-        None if arm is None else (float(arm[0]), float(arm[1]), float(arm[2])),
+        None if arm is None else arm.three(largest=FARTHEST),
         tuple(notes),
     )
 
 
-def _six(settings: Mapping[str, Any], entries: tuple[tuple[str, str], ...]) -> FloatArray:
+def _settings(path: Path) -> Node:
+    """Return the content of a YAML of KF-GINS, by its name as places name it."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        msg = f"{path}: expected a YAML of KF-GINS, got no text from byte {error.start + 1} on"
+        raise DataError(msg) from None
+    found = parsed(text, str(path), "a YAML of KF-GINS")
+    if not isinstance(found.value, dict) or not {"imupath", "gnsspath"} <= found.value.keys():
+        msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
+        raise DataError(msg)
+    return found
+
+
+def _six(settings: Node, entries: tuple[tuple[str, str], ...]) -> FloatArray:
     """Return the errors of the three gyros and accelerometers, SI, zeros where the settings have none; (6,)."""
-    none = np.zeros(3)
+    stated = [settings.get(name) for name, _ in entries]
     return np.concatenate(
         [
-            unit_value(unit) * np.asarray(settings.get(name, none), dtype=float).reshape(3)
-            for name, unit in entries
+            unit_value(unit) * np.array((0.0, 0.0, 0.0) if node is None else node.three())
+            for node, (_, unit) in zip(stated, entries, strict=True)
         ]
     )
 
@@ -150,10 +162,7 @@ def _beside(path: Path, name: str) -> Path:
 
 
 def _numbers(path: Path) -> FloatArray:
-    """Return the numbers of a text file with commas, blanks or tabs between, shape (n, m)."""
-    try:
-        with path.open(encoding="utf-8") as lines:
-            return np.asarray(np.loadtxt((line.replace(",", " ") for line in lines), ndmin=2))
-    except ValueError as error:
-        msg = f"{path}: expected numbers only, {error}"
-        raise DataError(msg) from None
+    """Return the numbers of a text file, shape (n, m)."""
+    dialect = find_dialect(path)
+    (rows,) = read_numbers(path, dialect, [range(len(dialect.names))])
+    return rows
