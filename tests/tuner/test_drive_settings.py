@@ -147,3 +147,74 @@ def test_units_that_are_none_are_refused(data, tmp_path, capsys, unit):
     path = _folder(tmp_path / "drive", data, f"t,lat,lon,height,vn [{unit}],ve,vd")
     told = refused(path, tmp_path, capsys)
     assert f"column 'vn [{unit}]': expected one of the units m/s, cm/s, mm/s, km/h, kn, mph, ft/s" in told
+
+
+@pytest.fixture
+def settings(small, tmp_path):
+    """Return the function that writes a YAML of KF-GINS with other entries, its files beside it."""
+    increments = np.column_stack([small["imu_t"], 0.02 * small["gyro"], 0.02 * small["accel"]])
+    np.savetxt(tmp_path / "imu.txt", increments)
+    np.savetxt(
+        tmp_path / "gnss.txt", np.column_stack([small["gnss_t"], small["gnss_llh"], small["gnss_pstd"]])
+    )
+    (tmp_path / "words.txt").write_text("1 2 three 4 5 6 7\n", encoding="utf-8")
+    (tmp_path / "nothing.txt").write_text("", encoding="utf-8")
+    (tmp_path / "ragged.txt").write_text("1 2 3 4 5 6 7\n1 2 3\n", encoding="utf-8")
+
+    def write(**other):
+        plain = {
+            "imupath": "imu.txt",
+            "gnsspath": "gnss.txt",
+            "imudatarate": 50,
+            "antlever": [0.5, -0.3, -1.2],
+        }
+        path = tmp_path / "wrong.yaml"
+        path.write_text(json.dumps({**plain, **other}), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        ({"imudatarate": "fast"}, "imudatarate: expected a positive number, got 'fast'"),
+        ({"imudatarate": 0}, "imudatarate: expected a positive number, got 0"),
+        ({"imudatarate": -50}, "imudatarate: expected a positive number, got -50"),
+        ({"imudatarate": [50]}, "imudatarate: expected a positive number, got [50]"),
+        ({"imudatarate": True}, "imudatarate: expected a positive number, got true"),
+        ({"antlever": "x"}, "antlever: expected three numbers, [x, y, z], got 'x'"),
+        ({"antlever": [1, 2]}, "antlever: expected three numbers, [x, y, z], got [1, 2]"),
+        ({"antlever": [1, 2, 3, 4]}, "antlever: expected three numbers"),
+        ({"antlever": ["a", 1, 2]}, "antlever[0]: expected a number, got 'a'"),
+        ({"antlever": {"x": 1}}, "antlever: expected three numbers"),
+        ({"antlever": [float("inf"), 0, 0]}, "antlever[0]: expected a number"),
+        ({"antlever": 3}, "antlever: expected three numbers"),
+        ({"starttime": "noon"}, "starttime: expected a number, got 'noon'"),
+        ({"initgyrbias": [1, 2]}, "initgyrbias: expected three numbers"),
+        ({"imupath": 3}, "imupath: expected text, got 3"),
+        ({"imupath": None}, "imupath: expected text, got null"),
+        ({"gnsspath": "absent.txt"}, "absent.txt: expected this file, which wrong.yaml names"),
+        ({"gnsspath": "words.txt"}, "words.txt"),
+        ({"gnsspath": "nothing.txt"}, "nothing.txt"),
+        ({"gnsspath": "ragged.txt"}, "GNSS: 1 of 2 rows are not numbers"),
+    ],
+)
+def test_settings_of_kf_gins(settings, tmp_path, capsys, other, words):
+    assert words in refused(settings(**other), tmp_path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"- a\n- b\n", "expected a YAML of KF-GINS with imupath and gnsspath"),
+        (b"", "expected a YAML of KF-GINS with imupath and gnsspath"),
+        (b"imupath:\t[\n", "in line 1, column 9"),
+        (b"\xff\xfe\x00", "got no text from byte 1 on"),
+        (b"a: !!python/object:os.system x\n", "expected a YAML of KF-GINS, got "),
+    ],
+)
+def test_what_is_no_yaml(tmp_path, capsys, content, words):
+    path = tmp_path / "wrong.yaml"
+    path.write_bytes(content)
+    assert words in refused(path, tmp_path, capsys)
