@@ -17,6 +17,7 @@ from tuner.diagnosis.clipping import rails
 from tuner.diagnosis.codes import lattice_step, read_codes
 from tuner.diagnosis.duplicates import chance_equality, held_readings
 from tuner.diagnosis.hygiene import HygieneTest, hygiene
+from tuner.readers.timebase import stamped_timebase
 from tuner.records import Record
 from tuner.simulation import Channel, simulate
 
@@ -365,6 +366,26 @@ def test_rounded_stamps_are_told_with_their_unit_and_are_no_jitter(rate):
     assert not test.note
     assert test.parameters["rounding"].value == pytest.approx(2e-4, rel=1e-6)
     assert test.parameters["jitter_sd"].value == pytest.approx(5e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("start", [0.0, 86_400.0, 1.7e9])
+@pytest.mark.parametrize("decimals", [None, 6, 9])
+def test_scatter_below_the_resolution_of_the_stamps_is_not_told(start, decimals):
+    """Beside gaps, which are told: the last places of a number, or a decimal of the text, are no jitter."""
+    grid = np.delete(np.arange(20_000), [5000, 5001, 5002, 9000, 9001, 9002, 9003])
+    stamps = start + grid / 130.0
+    stamps = stamps if decimals is None else np.round(stamps, decimals)
+    base = stamped_timebase(stamps - start)
+    assert base.jitter == 0.0
+    y = np.random.default_rng(3).standard_normal((len(base.t), 1))
+    timing = {"gap_count": float(base.gaps), "jitter_sd": base.jitter, "rounding": base.rounding}
+    test = hygiene(record(y, timing=timing))[0]
+    assert "jitter_sd" not in test.parameters
+    assert "scatter" not in test.text
+    trembling = stamped_timebase(
+        start + grid / 130.0 + 1e-4 * np.random.default_rng(4).standard_normal(len(grid))
+    )
+    assert trembling.jitter == pytest.approx(1e-4, rel=0.1)
 
 
 def test_held_readings_do_not_make_other_findings():

@@ -170,3 +170,15 @@ def test_filter_is_named_beside_a_resonance_and_held_readings():
     found = diagnose(record(y))
     assert {f.cause for f in found.findings} == {"duplicates", "lowpass", "vibration"}
     assert not found.unexplained
+
+
+@pytest.mark.parametrize("ar", [-0.1, -0.5, -0.9])
+def test_noise_that_rises_towards_half_the_rate_is_no_sign_of_folding(ar):
+    """Differences, as quantization and an AR of negative coefficient make them: no bandwidth shows."""
+    rng = np.random.default_rng(7)
+    w = rng.standard_normal(40_001)
+    blue, coloured = np.diff(w) + 0.2 * w[1:], lfilter([1.0], [1.0, -ar], w)
+    for y in (blue, coloured[1:]):
+        notes = " ".join(diagnose(record(y)).notes)
+        assert "are folded" not in notes
+        assert ("rises towards half the rate" in notes) is (ar < -0.2 or y is blue)

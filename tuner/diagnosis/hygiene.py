@@ -116,11 +116,13 @@ def timing(record: Record) -> HygieneTest:
     coarse = unit / (len(record) * record.interval)
     bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT + coarse
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
-    text = f"{gaps:.0f} gaps, stamps scatter by {100 * jitter:.3g} % of the interval"
+    text = f"{gaps:.0f} gaps"
+    if jitter > 0.0:
+        text += f", stamps scatter by {100 * jitter:.3g} % of the interval"
     if unit > 0.0:
         parameters["rounding"] = Coefficient.known(unit, unit, unit, "s")
         text += f", rounded to {unit:.6g} s"
-    if "jitter_sd" in said and not rounded:
+    if jitter > 0.0:
         sd, error = jitter * record.interval, 1.96 / math.sqrt(2.0 * len(record))
         parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
     if "clock_ratio" in said:

@@ -35,6 +35,8 @@ STEPS = 64
 """Different steps of a clock of few digits, at most."""
 TICK = 1e-7
 """Steps closer than this are one, s: floating point counts seconds since 1970 to 2e-7."""
+_UNITS = sorted((2.0**-22, *(10.0**-digits for digits in range(10))), reverse=True)
+_FINE = 1e-3
 _STAMPS = 1 << 17
 
 
@@ -235,7 +237,7 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         gaps=len(at),
         missing=int(size.sum()),
         bridged=bridged,
-        jitter=_jitter(error, interval),
+        jitter=_jitter(error, interval, rounding or resolution_of(t[some])),
         rounding=rounding,
         bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
         wander=wander,
@@ -263,8 +265,26 @@ def rounding_of(steps: FloatArray) -> float:
     return unit if unit > 100.0 * TICK and float(off.max()) < 0.05 else 0.0
 
 
-def _jitter(error: FloatArray, interval: float) -> float:
-    """Return the sd of one stamp from the errors of steps, rare large ones apart."""
+def resolution_of(t: FloatArray) -> float:
+    """Return how finely stamps are written, s: the unit that all are multiples of, or some last places.
+
+    The unit is a decimal one, or the last place of seconds since 1970.
+    """
+    last = 4.0 * float(np.spacing(np.abs(t).max()))
+    for unit in _UNITS:
+        if unit <= last:
+            break
+        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= last:
+            return unit
+    return last
+
+
+def _jitter(error: FloatArray, interval: float, resolution: float) -> float:
+    """Return the sd of one stamp from the errors of steps, rare large ones apart.
+
+    0 where it is no more than a fine resolution of the stamps makes: rounding to a unit u gives u/√8 at most.
+    """
     usual = 1.4826 * float(np.median(np.abs(error)))
     inner = error[np.abs(error) <= max(0.5 * interval, 5.0 * usual)]
-    return float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
+    sd = float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
+    return sd if resolution > _FINE * interval or sd > resolution else 0.0
