@@ -35,7 +35,8 @@ STEPS = 64
 """Different steps of a clock of few digits, at most."""
 TICK = 1e-7
 """Steps closer than this are one, s: floating point counts seconds since 1970 to 2e-7."""
-_UNITS = sorted((2.0**-22, *(10.0**-digits for digits in range(10))), reverse=True)
+_UNITS = sorted((*(10.0**-k for k in range(10)), *(2.0**-k for k in range(10, 46))), reverse=True)
+_NEAR, _SHOWN = 0.15, 4096
 _FINE = 1e-3
 _STAMPS = 1 << 17
 
@@ -268,13 +269,14 @@ def rounding_of(steps: FloatArray) -> float:
 def resolution_of(t: FloatArray) -> float:
     """Return how finely stamps are written, s: the unit that all are multiples of, or some last places.
 
-    The unit is a decimal one, or the last place of seconds since 1970.
+    The unit is a decimal or a binary one: text, a counter, the last place of seconds since some epoch.
     """
+    t = t[:_SHOWN]
     last = 4.0 * float(np.spacing(np.abs(t).max()))
     for unit in _UNITS:
         if unit <= last:
             break
-        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= last:
+        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= _NEAR * unit:
             return unit
     return last
 
