@@ -21,6 +21,8 @@ from numba.core.event import Listener, register
 from numba.core.typed_passes import NativeLowering
 from numba.extending import register_jitable
 
+from tuner.navigation.lanes import ALIGNMENT
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -29,6 +31,14 @@ class _Part(JITCodeLibrary):
 
     def _optimize_functions(self, module: Any) -> None:
         module.data_layout = self._codegen._data_layout
+
+    def add_ir_module(self, module: Any) -> None:
+        """Add code; lanes on its stack lie where wide loads are fast."""
+        for function in module.functions:
+            if function.blocks:
+                function.attributes.alignstack = ALIGNMENT
+                function.attributes.add("nounwind")  # alone, the other is not written
+        super().add_ir_module(module)
 
     def finalize(self) -> None:
         """Leave everything to the kernel; what is nowhere called may go."""
