@@ -13,6 +13,7 @@ from models.motion import Motion
 from tuner.attribution import Cause, attribute
 from tuner.budget import Budget, error_budget
 from tuner.consistency import Consistency, evaluate
+from tuner.divergence import divergence
 from tuner.navigation.sensor import Sensor, sensor_of_config
 from tuner.navigation.settings import filter_settings
 from tuner.navigation.simulate import resolution, scenario, simulate
@@ -104,7 +105,10 @@ def check(
     plan = scenario(motion, receiver or config.gnss, max(config.interval, FASTEST))
     flown = simulate(settings, truth, plan, runs=runs, seed=seed, progress=progress)
     found = evaluate(flown, plan.outages)
-    if found.diverged or (found.consistent and not budget):
+    if found.diverged:
+        words = divergence(flown, plan, settings, truth)
+        return Check(replace(found, verdicts=words), settings.size, tuple(notes))
+    if found.consistent and not budget:
         return Check(replace(found, verdicts=explained(found, ())), settings.size, tuple(notes))
     shares = error_budget(settings, plan)
     causes: tuple[Cause, ...] = ()

@@ -58,6 +58,8 @@ LAGS = 10
 BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
 DIVERGED = 20.0
 """Ratio from which a filter is called diverged."""
+STRAYED = 5.0
+"""Ratio of one run beyond chance and belief, where the median run is honest: it lost its way."""
 REJECTED = 0.5
 """Share of gated fixes from which a filter is called diverged."""
 
@@ -260,8 +262,29 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
             "attitude_rms_rad": tuple(rms[6:9].tolist()),
         },
         gated,
-        gated > REJECTED or nees.ratio > DIVERGED,
+        gated > REJECTED
+        or nees.ratio > DIVERGED
+        or some_strayed(run_ratios(runs, outages, settling=settling)),
     )
+
+
+def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> FloatArray:
+    """Return true rms ÷ predicted sd of each run while aided, all states together, inf where one is not finite; (m,).
+
+    Parameters are those of `evaluate`.
+    """
+    aided = aided_epochs(runs.t, outages, settling)
+    error, covariance = runs.error[:, aided], runs.covariance[:, aided].astype(float)
+    finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(covariance).all(axis=(1, 2, 3))
+    ratios = np.full(len(error), np.inf)
+    nees = squares(error[finite], covariance[finite]) / error.shape[-1]
+    ratios[finite] = np.sqrt(nees.mean(axis=1))
+    return ratios
+
+
+def some_strayed(ratios: FloatArray) -> bool:
+    """Tell from `run_ratios` whether some runs lost their way while most are honest."""
+    return bool(ratios.max() > STRAYED and np.median(ratios) < 1.0 + MARGIN)
 
 
 def innovation_scores(

@@ -48,7 +48,7 @@ def explained(found: Consistency, causes: Sequence[Cause]) -> tuple[str, ...]:
         From `tuner.attribution.attribute`, best first; may be empty.
     """
     sentences = verdicts(found)
-    if found.consistent or found.diverged:
+    if found.consistent:
         return sentences
     if not causes:
         return ("no single cause explains the scores", *sentences)

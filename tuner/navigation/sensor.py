@@ -2,18 +2,30 @@
 
 Flicker is drawn as flicker, never from the states of a filter. White noise is left to the compiled flight;
 everything slow is drawn on a coarser clock and held, which flicker above 5 Hz, far below white noise, does
-not show.
+not show. White noise, low-passed or not, and quantization are no part of the true bias: no filter estimates them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import TERMS, BiasInstability, GaussMarkov, NoiseModel, Ramp, RandomWalk, Term, White
+from models.noise import (
+    TERMS,
+    BiasInstability,
+    GaussMarkov,
+    LowPassWhite,
+    NoiseModel,
+    Quantization,
+    Ramp,
+    RandomWalk,
+    Term,
+    White,
+)
 from models.sensors import SensorGrade
 from models.terms.flicker import ALLAN_FLOOR
 from tuner.navigation.engine import SensorErrors
@@ -27,6 +39,8 @@ SLOW_INTERVAL = 0.1
 """Clock of slow errors, s."""
 SHORTEST_SLOW = 1.0
 """Time constant from which a Gauss–Markov error counts as slow, s."""
+UNBIASED = (Quantization, LowPassWhite)
+"""Terms that are drawn and no part of a bias."""
 HALF = 0.5
 """Share of an upper limit that stands for a term the data only bound: what the filter takes, too."""
 
@@ -101,17 +115,18 @@ class Sensor:
         bias : ndarray, shape (k, 6)
             True bias: averaged around each instant.
         """
-        slow = [[t for t in model.terms if not isinstance(t, White)] for model in self.noise]
-        fast = any(not _is_slow(term) for terms in slow for term in terms)
-        every = 1 if fast else max(1, round(SLOW_INTERVAL / interval))
+        drawn = [[t for t in model.terms if not isinstance(t, White)] for model in self.noise]
+        every = 1 if any(map(_is_fast, chain(*drawn))) else max(1, round(SLOW_INTERVAL / interval))
         rows = -(-steps // every) + 1
-        values = np.empty((rows, 6))
-        for axis, terms in enumerate(slow):
-            values[:, axis] = self.constant_sd[axis] * rng.standard_normal()
-            values[:, axis] += NoiseModel(terms).sample(rows, every * interval, rng)
         half = np.round(0.5 * smoothing / (every * interval)).astype(int)
-        smooth = [_centred_mean(values[:, axis], half[axis], after // every) for axis in range(6)]
-        return SensorErrors(self.white, values, every, rng), np.stack(smooth, axis=-1)
+        values, smooth = np.empty((rows, 6)), np.empty((len(after), 6))
+        for axis, terms in enumerate(drawn):
+            biases = NoiseModel([term for term in terms if not isinstance(term, UNBIASED)])
+            others = NoiseModel([term for term in terms if isinstance(term, UNBIASED)])
+            bias = self.constant_sd[axis] * rng.standard_normal() + biases.sample(rows, every * interval, rng)
+            smooth[:, axis] = _centred_mean(bias, half[axis], after // every)
+            values[:, axis] = bias + others.sample(rows, every * interval, rng)
+        return SensorErrors(self.white, values, every, rng), smooth
 
 
 def sensor_of_grade(grade: SensorGrade) -> Sensor:
@@ -176,7 +191,7 @@ def _centred_mean(y: FloatArray, half: int, at: NDArray[np.int64]) -> FloatArray
     return np.asarray((total[last] - total[first]) / (last - first))
 
 
-def _is_slow(term: Term) -> bool:
+def _is_fast(term: Term) -> bool:
     if isinstance(term, GaussMarkov):
-        return term.time_constant >= SHORTEST_SLOW
-    return isinstance(term, BiasInstability | RandomWalk | Ramp)
+        return term.time_constant < SHORTEST_SLOW
+    return not isinstance(term, BiasInstability | RandomWalk | Ramp)

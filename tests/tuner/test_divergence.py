@@ -1,0 +1,75 @@
+"""Why a simulated filter diverged: seeds are fixed, and a verdict is asked, not a number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.trajectories import TRAJECTORIES
+from tuner.check import check
+from tuner.consistency import run_ratios
+from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
+from tuner.navigation.sensor import sensor_of_config
+from tuner.navigation.simulate import Runs
+from tuner.synthesis import synthesize
+
+TOWN = TRAJECTORIES["city"](600.0)
+
+
+def grade(name):
+    return synthesize(grade_identification(load_grade(name)), gnss=load_gnss("spp"))
+
+
+def with_gyro_constants(config, sd):
+    channels = {
+        axis: replace(c, constant_sd=sd) if axis.startswith("gyro") else c
+        for axis, c in config.channels.items()
+    }
+    return replace(config, channels=channels)
+
+
+@pytest.mark.parametrize("name", grade_names())
+def test_every_built_in_grade_is_honest(name):
+    """At a false alarm in a hundred each."""
+    found = check(grade(name), TOWN, runs=12, seed=1)
+    assert found.consistency.consistent, found.consistency.verdicts
+
+
+@pytest.mark.parametrize("constant", [5.0, 10.0])
+def test_gyros_whose_constants_are_too_large_for_a_linear_start_are_named(constant):
+    """Five degrees a second: one run in forty is lost; ten: most are."""
+    config = with_gyro_constants(grade("adis16405"), np.radians(constant))
+    verdicts = check(config, TOWN, runs=40, seed=0).consistency.verdicts
+    assert "its start" in verdicts[1]
+    assert f"{constant:.2g}, {constant:.2g}, {constant:.2g} deg/s" in verdicts[1]
+    assert "of 40 runs" in verdicts[0]
+
+
+def test_a_truth_far_from_what_is_believed_is_named():
+    verdicts = check(
+        grade("fog"), TOWN, sensor=sensor_of_config(grade("mpu9250")), runs=8
+    ).consistency.verdicts
+    assert "gyro white noise" in verdicts[1]
+    assert "position fixes" not in verdicts[1]
+
+
+def test_a_run_is_judged_by_its_own_errors():
+    t, rng = np.arange(300.0), np.random.default_rng(1)
+    error = rng.standard_normal((3, 300, 15))
+    error[1] *= 30.0
+    error[2, 200] = np.nan
+    covariance = np.broadcast_to(np.eye(15, dtype=np.float32), (3, 300, 15, 15))
+    none = np.zeros((3, 300, 6))
+    runs = Runs(
+        t,
+        error,
+        covariance,
+        none,
+        np.zeros((3, 300, 6, 6), dtype=np.float32),
+        np.ones((3, 300, 2), dtype=int),
+    )
+    ratios = run_ratios(runs, np.empty((0, 2)))
+    np.testing.assert_allclose(ratios, [1.0, 30.0, np.inf], rtol=0.05)  # 2700 squares: 5 sds of their mean
+    assert runs.only(np.isfinite(ratios)).error.shape == (2, 300, 15)
