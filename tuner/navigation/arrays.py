@@ -10,6 +10,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from tuner.navigation.columns import NUMBERS
 from tuner.navigation.compiled import NEVER, Layout
 from tuner.navigation.compiler import PART, compiled
 from tuner.navigation.lanes import WIDTH, aligned, as_columns, as_lanes, as_numbers
@@ -33,6 +34,7 @@ class Memory(NamedTuple):
     inverse: FloatArray  # (6, 6 and padding, w), of A
     matrix: FloatArray  # (6, 6, w), A
     bias: FloatArray  # (6, w)
+    step: FloatArray  # (numbers, w), `columns.Step`
     slant: FloatArray  # (columns, w), the elements of S c
     true: FloatArray  # (6, w), calibrated mean rates and forces in b
     rate: FloatArray  # (n, w), 1/T of each state, 1/s
@@ -67,6 +69,7 @@ class Work(NamedTuple):
     inverse_c: Any
     matrix: Any
     bias: Any
+    step: Any
     slant: Any
     slant_c: Any
     true: Any
@@ -106,6 +109,7 @@ def memory(lay: Layout, filters: int) -> Memory:
         inverse=room(6, sensors),
         matrix=room(6, 6),
         bias=room(6),
+        step=room(NUMBERS),
         slant=room(columns),
         true=room(6),
         rate=room(size),
@@ -163,6 +167,7 @@ def _views(element: Any, turn: Any, apart: bool) -> Callable[[Memory], Work]:
             as_columns(m.inverse),
             element(m.matrix),
             element(m.bias),
+            element(m.step),
             element(m.slant),
             as_columns(m.slant),
             element(m.true),

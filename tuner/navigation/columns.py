@@ -7,11 +7,13 @@ what is before it; Γ times the errors of the six sensors comes on the way, and 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from models.triples import add, cross, scale, transform
 from tuner.navigation.compiled import SMALLEST, Layout
 from tuner.navigation.compiler import compiled
+from tuner.navigation.lanes import LANES
 from tuner.navigation.straight import straight
 
 
@@ -27,6 +29,56 @@ class Step(NamedTuple):
     push: Any
     turn: Any
     half: Any
+
+
+_SIDES = ((1, 0, 1),) * 3
+_FILLED = Step(
+    ((1, 0, 1), (1, 1, 1), (0, 0, 0)),
+    _SIDES,
+    ((1, 1, 1), (1, 1, 1), (1, 1, 0)),
+    _SIDES,
+    ((0, 1, 0), (1, 0, 0), (0, 1, 0)),
+    (1, 1, 1),
+    (1, 1, 1),
+    ((1, 1, 1),) * 3,
+    1,
+)
+"""What of a step is not nought."""
+
+
+def _numbers(filled: Any, of: Any) -> list[Any]:
+    """Return what is not nought of a tuple of tuples."""
+    if not isinstance(filled, tuple):
+        return [of] if filled else []
+    return [number for f, o in zip(filled, of, strict=True) for number in _numbers(f, o)]
+
+
+def _refilled(filled: Any, numbers: Iterator[Any]) -> Any:
+    """Return the tuple of tuples again."""
+    if not isinstance(filled, tuple):
+        return next(numbers) if filled else 0.0
+    parts = [_refilled(part, numbers) for part in filled]
+    return Step(*parts) if isinstance(filled, Step) else tuple(parts)
+
+
+NUMBERS = len(_numbers(_FILLED, _FILLED))
+"""How many numbers a step has."""
+
+
+@straight
+def keep(step: Any, memory: Any) -> None:
+    """Set the numbers of the step of one filter, shape (NUMBERS,)."""
+    if memory.kind.dtype is not LANES:
+        for k, number in enumerate(_numbers(_FILLED, step)):
+            memory[k] = number
+
+
+@straight
+def kept(step: Any, memory: Any) -> Any:
+    """Return a step that of one filter is read where it is wanted: as lanes its numbers find no room in registers."""
+    if memory.kind.dtype is LANES:
+        return step
+    return _refilled(_FILLED, (memory[k] for k in range(NUMBERS)))
 
 
 @straight

@@ -33,6 +33,8 @@ from tuner.navigation.columns import (
     Step,
     all_sensed,
     column_of,
+    keep,
+    kept,
     moved,
     pushed,
     set_triple,
@@ -124,6 +126,7 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
         turn,
         0.5 * dt,
     )
+    keep(step, work.step)
     slant, P, rows, over, noise = work.slant, work.P_c, work.rows_c, work.over_c, work.noise_c
     if not lay.ideal:
         for s in range(9, lay.size):
@@ -132,23 +135,25 @@ def advance(lay: Layout, work: Work, pos: Any, vel: Any, mat: Any, force: Any, d
     _set_noise(work, turn, push, dt)
     for c in range(P.shape[1]):
         fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
+        now = kept(step, work.step)
         column, (rate, force) = column_of(P, c), unmixed(lay, work.inverse, all_sensed(lay, slant, over, c))
-        a = tilted(column, rate, step)
-        v = pushed(column, a, force, fall, step)
-        set_triple(P, c, 0, moved(column, v, step))
+        a = tilted(column, rate, now)
+        v = pushed(column, a, force, fall, now)
+        set_triple(P, c, 0, moved(column, v, now))
         set_triple(P, c, 3, v)
         set_triple(P, c, 6, a)
     if work.apart:
         _turn_over(lay, work)
     for c in range(rows.shape[1]):
+        now = kept(step, work.step)
         six = _with_white(work, dt, all_sensed(lay, slant, over, c), noise, c)
         column, (rate, force) = column_of(rows, c), unmixed(lay, work.inverse, six)
-        a = tilted(column, rate, step)
+        a = tilted(column, rate, now)
         if work.apart or c < 6:  # elsewhere the other side of P_nn says the same
             fall = dt * over[lay.gravity, c] if lay.gravity >= 0 else 0.0
-            v = pushed(column, a, force, fall, step)
+            v = pushed(column, a, force, fall, now)
             if work.apart or c < 3:
-                set_triple(over, c, 0, moved(column, v, step))
+                set_triple(over, c, 0, moved(column, v, now))
             set_triple(over, c, 3, v)
         set_triple(over, c, 6, a)
     if work.apart:

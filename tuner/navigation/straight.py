@@ -126,7 +126,7 @@ class Writer:
             return types.none, self.context.get_dummy_value()
         if isinstance(result, tuple):
             parts = [self.answer(part) for part in result]
-            kind = types.BaseTuple.from_types([k for k, _ in parts])
+            kind = types.BaseTuple.from_types([k for k, _ in parts], type(result))
             return kind, self.context.make_tuple(self.builder, kind, [c for _, c in parts])
         if not isinstance(result, Value):
             return types.float64, ir.Constant(_DOUBLE, float(result))
