@@ -58,3 +58,11 @@ def test_a_variance_that_drifts_or_tails_that_are_heavy_are_no_bursts():
     y = np.random.default_rng(9).standard_t(5, (N, 1))
     tails = diagnose(Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL))
     assert [f.cause for f in tails.findings] == ["heavy_tails"]
+
+
+def test_a_variance_that_is_never_calm_is_told_as_such_and_not_as_bursts_without_end():
+    """Loud and calm by turns, sixty times: three stretches at most, and that it swells and ebbs."""
+    loud = np.exp(0.7 * np.sign(np.sin(2.0 * np.pi * np.arange(N) / 2000.0)))
+    diagnosis = diagnosed(loud, seed=11)
+    assert sum(f.cause == "burst" for f in diagnosis.findings) <= 3
+    assert any("period" in told.statistic for told in diagnosis.unexplained)

@@ -28,6 +28,8 @@ LOST = 1e-3
 """Share of the samples, at the end, that may be left out for blocks whose transforms are fast."""
 FAST = 11
 """Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
+DIGITS = 1e-9
+"""Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
 SHORTEST = 1024
 """Samples below which nothing is said."""
 BESIDE = 128
@@ -152,7 +154,7 @@ def channel(
     Raises
     ------
     DataError
-        A channel that is too short or constant.
+        A channel that is too short, constant, or a computed sinusoid.
     """
     chosen = _without_long_gaps(record)
     column = record.column(axis)
@@ -173,6 +175,11 @@ def channel(
     if not scale > 0:
         msg = f"{record.source or record.name}: {axis} is constant, expected noise; leave it out"
         raise DataError(msg)
+    cycles = computed(measured)
+    if cycles is not None:
+        what = f"a sinusoid of {cycles / record.interval:.6g} Hz" if cycles > 0.0 else "a straight line"
+        msg = f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
+        raise DataError(msg)
     valid = np.zeros(n, dtype=bool)
     valid[place] = True
     y = np.zeros(n)
@@ -191,6 +198,21 @@ def channel(
         axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
         MappingProxyType(covariates), lattice / scale,
     )  # fmt: skip
+
+
+def computed(y: FloatArray) -> float | None:
+    """Return the cycles a sample of a sinusoid, 0 of a straight line, that samples (n,) are but for digits; else None.
+
+    The differences d of one obey d_(k+1) + d_(k−1) = 2 cos(2πf) d_k.
+    """
+    d = np.diff(y)
+    middle, both = d[1:-1], d[2:] + d[:-2]
+    twice = float(middle @ both) / float(middle @ middle)
+    left = both - twice * middle
+    if float(np.std(left)) > DIGITS * float(np.std(y)):
+        return None
+    cycles = float(np.arccos(np.clip(0.5 * twice, -1.0, 1.0))) / (2.0 * np.pi)
+    return cycles if cycles * len(y) > 0.01 else 0.0
 
 
 def _cut(n: int) -> tuple[int, int]:

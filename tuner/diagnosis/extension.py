@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+MOST = 20.0
+"""Logarithm of the largest factor that an interval reaches to."""
+
 
 @dataclass(frozen=True)
 class Value:
@@ -59,7 +62,16 @@ class Value:
         return cls(value, value / factor, value * factor, unit)
 
     def owing(self, drift: float) -> Value:
-        """Return the value with an interval that reaches, in quadrature, `drift` further on either side."""
+        """Return the value with an interval that reaches, in quadrature, `drift` further on either side.
+
+        One that is all positive stays so: there the reach is that of the logarithm.
+        """
+        if self.lower > 0.0:
+            below, above = (
+                float(np.exp(min(np.hypot(np.log(ratio), drift / self.value), MOST)))
+                for ratio in (self.value / self.lower, self.upper / self.value)
+            )
+            return replace(self, lower=self.value / below, upper=self.value * above)
         below = float(np.hypot(self.value - self.lower, drift))
         above = float(np.hypot(self.upper - self.value, drift))
         return replace(self, lower=self.value - below, upper=self.value + above)
@@ -67,6 +79,11 @@ class Value:
     def reaching(self, other: Value) -> Value:
         """Return the value with an interval that reaches to the ends of another one."""
         return replace(self, lower=min(self.lower, other.lower), upper=max(self.upper, other.upper))
+
+    @property
+    def positive(self) -> Value:
+        """The same of a size that cannot be negative: the interval ends at 0."""
+        return replace(self, lower=max(self.lower, 0.0))
 
     def coefficient(self, unit: str, scale: float) -> Coefficient:
         """Return the parameter in SI, for a channel of this unit and scale."""

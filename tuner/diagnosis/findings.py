@@ -12,6 +12,7 @@ from models.noise import NoiseModel, Term, White
 from tuner.diagnosis.causes.colour import Colour
 from tuner.diagnosis.causes.lowpass import LowPass
 from tuner.diagnosis.causes.variance_drift import VarianceDrift
+from tuner.diagnosis.extension import Value
 from tuner.diagnosis.gain import summed
 from tuner.diagnosis.loop import Accepted, Criticism
 from tuner.diagnosis.residual import Residual
@@ -20,6 +21,12 @@ from tuner.results.diagnosis import of_each
 
 WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
 """Parameters that must agree for two channels to share a cause."""
+SIZES = (
+    "frequency", "quality", "sd", "cutoff", "time_constant", "dwell_low", "dwell_high", "rate", "excess_kurtosis",
+    "duration", "variance_ratio",
+)  # fmt: skip
+SIZES_OF = (("line", "amplitude"), ("spikes", "size"))
+"""Parameters that cannot be negative, of any cause or of one."""
 AGREE = 4.0
 """Standard deviations within which they do."""
 
@@ -68,7 +75,7 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
             channel.unit,
             accepted,
             {
-                name: value.coefficient(channel.unit, channel.scale)
+                name: _bounded(accepted.extension.cause, name, value).coefficient(channel.unit, channel.scale)
                 for name, value in accepted.extension.values.items()
             },
             _inflation(axis, outcome, accepted),
@@ -76,6 +83,11 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
         for accepted in outcome.accepted
         if accepted.extension.named
     ]
+
+
+def _bounded(cause: str, name: str, value: Value) -> Value:
+    """Return a parameter whose interval ends at 0 where it is a size."""
+    return value.positive if name in SIZES or (cause, name) in SIZES_OF else value
 
 
 def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation | None:
@@ -123,15 +135,37 @@ def _moments(c: Coefficient) -> tuple[float, float]:
 
 
 def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
-    """Return the mean weighted by inverse variance where all agree, else the first."""
+    """Return the mean weighted by inverse variance where all agree, else the first.
+
+    Numbers whose intervals are all positive are pooled by their logarithms, and so is the interval of the mean;
+    where some begin at 0, that of the mean does not reach below.
+    """
     first = coefficients[0]
     if len(coefficients) == 1 or not all(_agree(first, other) for other in coefficients[1:]):
         return first
-    moments = [_moments(c) for c in coefficients]
+    least = min(c.interval[0] for c in coefficients if c.interval is not None)
+    if least > 0.0:
+        value, half = _mean([_log_moments(c) for c in coefficients])
+        return Coefficient.known(
+            float(np.exp(value)), float(np.exp(value - half)), float(np.exp(value + half)), first.unit
+        )
+    value, half = _mean([_moments(c) for c in coefficients])
+    low = max(value - half, 0.0) if least == 0.0 else value - half
+    return Coefficient.known(value, low, value + half, first.unit)
+
+
+def _mean(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the mean of numbers and sds, weighted, and half of its 95 % interval."""
     weight = np.array([sd**-2 for _, sd in moments])
-    value = float(weight @ [mean for mean, _ in moments] / weight.sum())
-    half = 1.96 * float(weight.sum()) ** -0.5
-    return Coefficient.known(value, value - half, value + half, first.unit)
+    return float(weight @ [mean for mean, _ in moments] / weight.sum()), 1.96 * float(weight.sum()) ** -0.5
+
+
+def _log_moments(c: Coefficient) -> tuple[float, float]:
+    """Return the logarithm of a positive coefficient and its sd."""
+    assert c.value is not None
+    assert c.interval is not None
+    low, high = np.log(c.interval).tolist()
+    return float(np.log(c.value)), max((high - low) / 3.92, 1e-15)
 
 
 def _finding(group: list[_Single]) -> Finding:

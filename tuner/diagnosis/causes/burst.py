@@ -4,9 +4,10 @@ Statistic: mean squares of the residuals in windows of 64, 128, … samples, thr
 the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
 same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
 overlap. Where a window alarms, its edges are fitted and the others are searched again without it, until no window is
-beyond `SURELY`: all such stretches, louder or quieter than what is left, are proposed together, unless they cover more
-than `MOSTLY` of the record. Gain: likelihood of a variance for each and one for the rest, over that of one for all,
-with the degrees of freedom that the kurtosis about these variances allows.
+beyond `SURELY`: all such stretches, louder or quieter than what is left, are proposed together. Where they are more
+than `SEVERAL` or cover more than `MOSTLY` of the record, the variance is not that of bursts, and `FEW` are told. Gain:
+likelihood of a variance for each and one for the rest, over that of one for all, with the degrees of freedom that the
+kurtosis about these variances allows.
 Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
 noise itself (`tuner.diagnosis.dilution`), and edges by the likelihood of a point of change.
 """
@@ -37,8 +38,8 @@ SURELY = 1e-9
 """Chance of a window below which it is proposed together with a clearer one."""
 MOSTLY = 0.25
 """Share of the record beyond which what is louder (or quieter) is no burst but a variance that changes."""
-SEVERAL = 24
-"""Stretches in one record."""
+SEVERAL, FEW = 24, 3
+"""Stretches in one record, and those that are told where there are more, or where they cover more."""
 WIDER = 3.0
 """Residuals are cut at so many `CLIP`, in their own deviations, where sizes are measured."""
 
@@ -118,23 +119,22 @@ def _widths(n: int) -> list[int]:
 
 def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
-    louder = window.mean > 1.0
+    known = [x for x in found.extensions if isinstance(x, Burst)]
+    allowed = FEW if 0 < len(known) <= FEW else SEVERAL
     stretches: list[tuple[int, int]] = []
     rest = loud
-    while True:
+    while window.chance < SURELY or not stretches:
         total = np.concatenate(([0.0], np.cumsum(rest.square)))
         edges = refine(total, window.start, window.start + window.width)[1]
         stretches.append(_beside(edges, stretches))
+        covered = sum(last - first for first, last in (*stretches, *((x.first, x.last) for x in known)))
+        if len(stretches) + len(known) > allowed or covered > MOSTLY * len(loud.square):
+            stretches = stretches[:1]
+            if len(known) >= FEW:
+                return 0.0, stretches
+            break
         rest = loud.outside(stretches)
         window = _loudest(rest)
-        if (
-            window.chance > SURELY
-            or (window.mean > 1.0) is not louder
-            or found.found("burst") + len(stretches) >= SEVERAL
-        ):
-            break
-    if sum(last - first for first, last in stretches) > MOSTLY * len(loud.square):
-        stretches = stretches[:1]
     square, told = loud.square, loud.scatter > 0.0
     if not loud.rounded:
         square = np.where(told, _squares(found, stretches), 1.0)
