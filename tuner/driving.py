@@ -30,6 +30,7 @@ from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
 from tuner.navigation.inputs import GATED, WITHHELD, Solution
 from tuner.navigation.outliers import without_outliers
+from tuner.navigation.scales import likely_unit
 from tuner.navigation.sensor import sensor_of_config
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
 from tuner.navigation.vehicle import (
@@ -175,7 +176,7 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
-    wrong = inertial_axes(drive) if found.diverged else contradicted
+    wrong = (likely_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
     if wrong:
         notes = (*notes, wrong)
     if drive.reference is None and found.blocks:

@@ -37,7 +37,7 @@ from tuner.navigation.initial import (
 )
 from tuner.navigation.inputs import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.lag import advanced, interpolated
-from tuner.navigation.scales import refuse_wrong_units
+from tuner.navigation.scales import likely_unit, refuse_wrong_units
 from tuner.navigation.settings import FilterSettings
 from tuner.records import DataError, Drive, Gnss
 
@@ -155,7 +155,7 @@ def prepare(
             f"fixes {a.delay:+.3f} s late"
         )
     if not stretches:
-        wrong = inertial_axes(drive) if failure else None
+        wrong = (likely_unit(drive, gnss) or inertial_axes(drive)) if failure else None
         msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or 'all are too short'}"
         raise DataError(msg)
     return tuple(stretches), tuple(notes)

@@ -5,16 +5,17 @@ of which is pulled one way by the noise of one of them::
 
     Σ ab / Σ bb  ≤  k  ≤  Σ aa / Σ ab
 
-Where nothing moves, that is all numbers. Each end has its own error by leaving out one block of time after another
-(jackknife [1]_). A factor is another one only where both ends, at a chance of `CHANCE` each, are further from 1 than
-`ALIKE`, by which good sensors and receivers may differ; the units that lie between the ends have its name.
+Where nothing moves, that is all numbers. The slopes Σ ab / Σ bb and Σ ab / Σ aa have errors by what they leave of the
+products in blocks of time, Σᵢ (ab − slope · bb)ᵢ² [1]_. A factor is another one only where one of them, at a chance of
+`CHANCE`, is above `ALIKE`, by which good sensors and receivers may differ; the units that lie between the ends have
+its name.
 
 Mean velocities are held against displacements (`legs`); turns about the vertical, which the mean specific force
 tells, against turns of the course.
 
 References
 ----------
-.. [1] B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, SIAM, 1982.
+.. [1] K.-Y. Liang, S. L. Zeger, Longitudinal data analysis using generalized linear models, Biometrika 73 (1986).
 """
 
 from __future__ import annotations
@@ -35,36 +36,18 @@ FloatArray = NDArray[np.float64]
 
 TURN = 4.0
 """Time over which turns are compared, s."""
-BLOCK, FEWEST, MOST = 2.0, 4, 20
-"""Least length of a block, in windows, and how few and how many there are."""
-CHANCE = 1e-6
-"""Chance that one end of a factor is beyond its limit by its scatter alone."""
+FEWEST, MOST = 4, 20
+"""How few and how many blocks there are; none is shorter than a window."""
+CHANCE = 1e-5
+"""Chance that one slope is beyond its limit by its scatter alone."""
 ALIKE = 1.25
 """Factors up to this are none of units: a receiver that smooths, a sensor with a scale error."""
-NEAR = 1.03
-"""A unit may lie outside the interval by this factor."""
+TINY = 1e-300
+"""Least slope, whose inverse is no limit."""
+NEAR, TILTED = 1.03, 1.1
+"""Factors by which a unit may lie outside the interval: of velocities, and of turns of a vehicle that leans."""
 ANY = 30.0
 """Factors beyond this are refused whatever the unit."""
-
-VELOCITY_UNITS = {
-    unit: 1.0 / unit_value(key)
-    for unit, key in (
-        ("km/h", "km/h"),
-        ("knots", "kn"),
-        ("mph", "mph"),
-        ("ft/s", "ft/s"),
-        ("cm/s", "cm/s"),
-        ("mm/s", "mm/s"),
-    )
-}
-HEIGHT_UNITS = {unit: 1.0 / unit_value(unit) for unit in ("ft", "cm", "mm", "km")}
-RATE_UNITS: Mapping[str, float] = {
-    "deg/s": 1.0 / DEG,
-    "mrad/s": 1e3,
-    "mdeg/s": 1e3 / DEG,
-    "rad/s taken for deg/s": DEG,
-}
-"""How many make 1 m/s, 1 m, 1 rad/s."""
 
 
 @dataclass(frozen=True)
@@ -77,65 +60,107 @@ class Factor:
         The two regressions.
     interval : tuple of 2 floats
         95 % beyond them.
-    least, most : float
-        `CHANCE` beyond them.
+    other : bool
+        Whether it is not 1.
     """
 
     low: float
     high: float
     interval: tuple[float, float]
-    least: float
-    most: float
-
-    @property
-    def other(self) -> bool:
-        """Whether it is not 1."""
-        return self.least > ALIKE or self.most < 1.0 / ALIKE
+    other: bool
 
     @property
     def value(self) -> float:
         """The middle of the two regressions."""
         return float(np.sqrt(self.low * self.high))
 
-    def among(self, units: Mapping[str, float]) -> str:
-        """Return the units that it may be, "" for none."""
+    @property
+    def likely(self) -> bool:
+        """Whether 95 % say that it is not 1."""
         low, high = self.interval
-        return " or ".join(u for u, k in units.items() if low / NEAR < k < high * NEAR)
-
-    def inverse(self) -> Factor:
-        """Return how many times too large the other is."""
-        low, high = self.interval
-        return Factor(
-            1.0 / self.high, 1.0 / self.low, (1.0 / high, 1.0 / low), 1.0 / self.most, 1.0 / self.least
-        )
+        return low > ALIKE or high < 1.0 / ALIKE
 
     def __str__(self) -> str:
         low, high = self.interval
         return f"{self.value:#.3g} ({low:#.3g} … {high:#.3g}) times"
 
 
+@dataclass(frozen=True)
+class Series:
+    """Something whose unit may be another: its name, unit and judge, how many of others make one, and their room."""
+
+    name: str
+    unit: str
+    by: str
+    others: Mapping[str, float]
+    near: float = NEAR
+
+    def named(self, found: Factor) -> str:
+        """Return in words the units that lie within the interval of a factor, "" for none."""
+        low, high = found.interval
+        names = " or ".join(n for n, k in self.others.items() if low / self.near < k < high * self.near)
+        return (
+            f"{self.name} look to be in {names}: {found} {self.by}; convert them to {self.unit}"
+            if names
+            else ""
+        )
+
+
+def _per(*units: tuple[str, str]) -> Mapping[str, float]:
+    """Return how many make one in SI, for names and units."""
+    return {name: 1.0 / unit_value(unit) for name, unit in units}
+
+
+VELOCITIES = Series(
+    "GNSS velocities",
+    "m/s",
+    "what the positions say",
+    _per(("km/h",) * 2, ("knots", "kn"), ("mph",) * 2, ("ft/s",) * 2, ("cm/s",) * 2, ("mm/s",) * 2),
+)
+HEIGHTS = Series(
+    "GNSS heights",
+    "m",
+    "what the vertical velocities say",
+    _per(("ft",) * 2, ("cm",) * 2, ("mm",) * 2, ("km",) * 2),
+)
+GYROS = Series(
+    "gyros",
+    "rad/s",
+    "what the course of the fixes says",
+    {**_per(("deg/s",) * 2, ("mrad/s", "mrad"), ("mdeg/s",) * 2), "rad/s taken for deg/s": DEG},
+    TILTED,
+)
+
+
 def factor(a: FloatArray, b: FloatArray, t: FloatArray, window: float) -> Factor | None:
     """Return how many times b series a is, whatever the sign; (w, p) each over windows of a length from t (w,), s."""
-    blocks = min(MOST, int((t[-1] - t[0]) / (BLOCK * window))) if len(t) else 0
+    blocks = min(MOST, int((t[-1] - t[0]) / window)) if len(t) else 0
     if blocks < FEWEST:
         return None
     block = np.minimum(((t - t[0]) / (t[-1] - t[0]) * blocks).astype(int), blocks - 1)
     products = np.stack([np.sum(x * y, axis=-1) for x, y in ((a, a), (a, b), (b, b))], axis=-1)
     sums = np.zeros((blocks, 3))
     np.add.at(sums, block, products)
-    sums *= np.array([1.0, np.sign(sums[:, 1].sum()), 1.0])
-    without = sums.sum(axis=0) - sums
-    if not (without > 0.0).all():
+    sums[:, 1] *= np.sign(sums[:, 1].sum())
+    low, high = _slope(sums[:, 1], sums[:, 2]), _slope(sums[:, 1], sums[:, 0])
+    if min(low[0], high[0]) <= 0.0:
         return None
-    logs = np.log(np.vstack([sums.sum(axis=0), without]))
-    ends = np.stack([logs[:, 1] - logs[:, 2], logs[:, 0] - logs[:, 1]], axis=-1)
-    low, high = ends[0]
-    sd = np.sqrt((blocks - 1.0) / blocks * np.sum((ends[1:] - ends[1:].mean(axis=0)) ** 2, axis=0))
-    usual, far = (float(student.isf(p, blocks - 1)) * sd for p in (0.025, CHANCE))
-    end = np.exp(
-        [low, high, low - usual[0], high + usual[1], *np.clip([low - far[0], high + far[1]], -700.0, 700.0)]
+    usual, far = (float(student.isf(p, blocks - 1)) for p in (0.025, CHANCE))
+    return Factor(
+        low[0],
+        1.0 / high[0],
+        (low[0] - usual * low[1], 1.0 / max(high[0] - usual * high[1], TINY)),
+        other=max(slope - far * sd for slope, sd in (low, high)) > ALIKE,
     )
-    return Factor(float(end[0]), float(end[1]), (float(end[2]), float(end[3])), float(end[4]), float(end[5]))
+
+
+def _slope(ab: FloatArray, bb: FloatArray) -> tuple[float, float]:
+    """Return a regression from products summed over blocks, and its sd; zeros where there is nothing."""
+    n, total = len(bb), float(bb.sum())
+    if not total > 0.0:
+        return 0.0, 0.0
+    slope = float(ab.sum()) / total
+    return slope, float(np.sqrt(n / (n - 1.0) * np.sum((ab - slope * bb) ** 2))) / total
 
 
 def velocity_factor(legs: Legs) -> Factor | None:
@@ -177,51 +202,47 @@ def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
     DataError
         With the unit, the factor and its interval.
     """
-    told = legs(gnss)
     doubts = []
-    found = velocity_factor(told)
-    if found is not None and found.other:
-        in_degrees = np.degrees(gnss.llh[:, :2])
-        if np.all(np.abs(in_degrees[:, 0]) < 0.5 * np.pi):
-            turned = velocity_factor(legs(replace(gnss, llh=np.hstack([in_degrees, gnss.llh[:, 2:]]))))
-            if turned is not None and not turned.other and turned.among({"rad": 1.0}):
-                msg = (
-                    f"{drive.source}: latitude and longitude look to be in rad: only so do they agree with the "
-                    "velocities; write them in degrees"
-                )
-                raise DataError(msg)
-        doubts.append(
-            _doubt(drive.source, found, VELOCITY_UNITS, "GNSS velocities", "m/s", "what the positions say")
-        )
-    found = height_factor(told)
-    if found is not None and found.other:
-        doubts.append(
-            _doubt(drive.source, found, HEIGHT_UNITS, "GNSS heights", "m", "what the vertical velocities say")
-        )
-    found = gyro_factor(drive, gnss)
-    if found is not None and found.other:
-        dt = float(np.median(np.diff(drive.imu_t)))
-        units = {**RATE_UNITS, f"rad in {dt:.4g} s": dt, f"deg in {dt:.4g} s": dt / DEG}
-        doubts.append(
-            _doubt(drive.source, found, units, "gyros", "rad/s", "what the course of the fixes says")
-        )
+    for series, found in _factors(drive, gnss):
+        if not found.other:
+            continue
+        if series is VELOCITIES and _in_degrees(gnss):
+            msg = (
+                f"{drive.source}: latitude and longitude look to be in rad: only so do they agree with the "
+                "velocities; write them in degrees"
+            )
+            raise DataError(msg)
+        named, said = series.named(found), f"{series.name} are {found} {series.by}: check their unit"
+        if named:
+            msg = f"{drive.source}: {named}"
+            raise DataError(msg)
+        if not 1.0 / ANY < found.value < ANY:
+            msg = f"{drive.source}: {said}, expected {series.unit}"
+            raise DataError(msg)
+        doubts.append(said)
     return tuple(doubts)
 
 
-def _doubt(source: str, found: Factor, units: Mapping[str, float], what: str, unit: str, by: str) -> str:
-    """Return a doubt where no unit is so far from the one expected; refuse one that is, or one beyond all.
+def likely_unit(drive: Drive, gnss: Gnss) -> str | None:
+    """Return the unit that something has by 95 %, in words, where a filter failed and a cause is sought."""
+    return next((n for s, found in _factors(drive, gnss) if found.likely and (n := s.named(found))), None)
 
-    Raises
-    ------
-    DataError
-        With the unit, the factor and its interval.
-    """
-    names = found.among(units)
-    if names:
-        msg = f"{source}: {what} look to be in {names}: {found} {by}; convert them to {unit}"
-        raise DataError(msg)
-    said = f"{what} are {found} {by}: check their unit"
-    if not 1.0 / ANY < found.value < ANY:
-        msg = f"{source}: {said}, expected {unit}"
-        raise DataError(msg)
-    return said
+
+def _factors(drive: Drive, gnss: Gnss) -> list[tuple[Series, Factor]]:
+    """Return the factors that the drive tells."""
+    told, dt = legs(gnss), float(np.median(np.diff(drive.imu_t)))
+    gains = {f"rad in {dt:.4g} s": dt, f"deg in {dt:.4g} s": dt / DEG}
+    found = [(replace(GYROS, others={**GYROS.others, **gains}), gyro_factor(drive, gnss))]
+    # Errors of a receiver that stands may well go together.
+    if len(told) and np.sqrt(np.mean(told.by_velocity[:, :2] ** 2)) > STANDING:
+        found = [(VELOCITIES, velocity_factor(told)), (HEIGHTS, height_factor(told)), *found]
+    return [(series, one) for series, one in found if one is not None]
+
+
+def _in_degrees(gnss: Gnss) -> bool:
+    """Whether positions agree with the velocities once they are turned into degrees again."""
+    turned = np.degrees(gnss.llh[:, :2])
+    if np.any(np.abs(turned[:, 0]) > 0.5 * np.pi):
+        return False
+    found = velocity_factor(legs(replace(gnss, llh=np.hstack([turned, gnss.llh[:, 2:]]))))
+    return found is not None and not found.other and found.low / NEAR < 1.0 < found.high * NEAR
