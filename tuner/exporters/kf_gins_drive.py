@@ -78,6 +78,8 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     notes = [*drive.notes, *assumed, *found]
     if wrong:
         notes.append(f"{wrong} fixes left out: they contradict their neighbours")
+    if "gnss_position" in settings.model.layout:
+        notes.append("KF-GINS knows no correlated error of the receiver: its position sds will be too small")
     if drive.mounting is None:
         notes.append("the mounting is unknown: axes are those of the sensor")
     k = max(range(len(stretches)), key=lambda i: len(stretches[i].fixes))
