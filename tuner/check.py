@@ -14,6 +14,7 @@ from tuner.attribution import Cause, attribute
 from tuner.budget import Budget, error_budget
 from tuner.consistency import Consistency, evaluate
 from tuner.divergence import divergence
+from tuner.linearity import spurious_information
 from tuner.navigation.sensor import Sensor, sensor_of_config
 from tuner.navigation.settings import filter_settings
 from tuner.navigation.simulate import resolution, scenario, simulate
@@ -21,7 +22,7 @@ from tuner.observability import Observability, observability
 from tuner.records import DataError
 from tuner.responses import responses
 from tuner.results import FilterConfig, GnssNoise
-from tuner.verdicts import explained
+from tuner.verdicts import explained, verdicts
 
 RUNS = 40
 DURATION = 3600.0
@@ -111,10 +112,11 @@ def check(
     if found.consistent and not budget:
         return Check(replace(found, verdicts=explained(found, ())), settings.size, tuple(notes))
     shares = error_budget(settings, plan)
+    seen = observability(settings, shares.final)
+    spurious = None if found.consistent else spurious_information(flown, shares)
     causes: tuple[Cause, ...] = ()
-    if not found.consistent:
+    if not found.consistent and spurious is None:
         answers = responses(settings, plan, shares, window=resolution(settings, truth))
         causes = attribute(found, flown, answers)
-    judged = replace(found, verdicts=explained(found, causes))
-    seen = observability(settings, shares.final)
-    return Check(judged, settings.size, tuple(notes), shares, seen, causes)
+    words = explained(found, causes) if spurious is None else (spurious.text, *verdicts(found))
+    return Check(replace(found, verdicts=words), settings.size, tuple(notes), shares, seen, causes)
