@@ -8,19 +8,21 @@ https://github.com/i2Nav-WHU/KF-GINS.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
 from models import rotation
-from models.units import from_si
+from models.units import from_si, to_si
 from tuner.cli import run
 from tuner.driving import navigate_drive
 from tuner.exporters import kf_gins
 from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
 from tuner.readers.drives import read_drive
 from tuner.records import DataError
+from tuner.results import MarkovState
 
 REQUIRED = (
     *("imupath", "gnsspath", "outputpath", "imudatalen", "imudatarate", "starttime", "endtime"),
@@ -181,6 +183,44 @@ def test_the_start_is_that_of_the_truth(written):
         off = np.array(found[name]) - [from_si(v, unit) for v in mat.T @ true]
         assert (np.abs(off) < 5.0 * np.array(found[sds])).all(), off / found[sds]
     np.testing.assert_allclose(found["antlever"], [0.5, -0.3, -1.2])
+
+
+def test_increments_carry_the_start_along_the_truth(written):
+    """Dead reckoning by the published conventions alone: a wrong sign, axis or unit is tens of metres off."""
+    found = yaml.safe_load(written.read_text(encoding="utf-8"))
+    imu, truth = np.loadtxt(found["imupath"]), np.loadtxt(written.with_name("city-truth.nav"))
+    seconds = 10.0
+    gyro = [to_si(v, "deg/h") for v in found["initgyrbias"]]
+    accel = [to_si(v, "mGal") for v in found["initaccbias"]]
+    rows = imu[imu[:, 0] <= found["starttime"] + seconds]
+    lat, lon, height = found["initpos"]
+    vel, mat = np.array(found["initvel"]), rotation.mat_from_rpy(np.radians(found["initatt"]))
+    metres = np.radians(6.37e6) * np.array([1.0, np.cos(np.radians(lat))])
+    moved = np.zeros(3)
+    for dt, row in zip(np.diff(rows[:, 0]), rows[1:], strict=True):
+        middle = mat @ rotation.mat_from_rotvec(0.5 * (row[1:4] - np.multiply(gyro, dt)))
+        before = vel
+        vel = vel + middle @ (row[4:7] - np.multiply(accel, dt)) + [0.0, 0.0, 9.808 * dt]
+        mat = mat @ rotation.mat_from_rotvec(row[1:4] - np.multiply(gyro, dt))
+        moved += 0.5 * (before + vel) * dt
+    at = [np.interp(rows[-1, 0], truth[:, 1], column) for column in truth.T]
+    north, east = ([lat, lon] + moved[:2] / metres - at[2:4]) * metres
+    error = np.array([north, east, height - moved[2] - at[4]])
+    tilt = np.radians(max(found["initattstd"][:2]))
+    sd = np.array(found["initposstd"]) + seconds * np.array(found["initvelstd"])
+    sd = sd + 0.5 * seconds**2 * (9.8 * tilt + to_si(max(found["initbastd"]), "mGal")) + 0.5
+    assert np.linalg.norm(moved) > 20.0
+    assert (np.abs(error) < 5.0 * sd).all(), (error, sd)
+
+
+def test_correlated_errors_that_the_settings_cannot_say_are_told(configuration, file, tmp_path):
+    config = configuration()
+    correlated = replace(config.gnss, correlated=(MarkovState(1.0, 100.0),))
+    notes = write_drive(read_drive(file), replace(config, gnss=correlated), tmp_path / "k.yaml")
+    assert any("correlated" in note for note in notes)
+    assert not any(
+        "correlated" in note for note in write_drive(read_drive(file), config, tmp_path / "k.yaml")
+    )
 
 
 def test_the_program_reads_what_it_wrote(written, tmp_path):
