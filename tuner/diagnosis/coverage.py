@@ -135,10 +135,6 @@ def _replica(found: Residual, rng: np.random.Generator) -> Channel:
     """Return a simulated channel: noise of the model, its templates and its law."""
     n = len(found.channel)
     law = next((x for x in found.extensions if isinstance(x, HeavyTails)), None)
-    e = (
-        rng.standard_normal(n)
-        if law is None
-        else rng.standard_t(law.nu, n) * np.sqrt((law.nu - 2.0) / law.nu)
-    )
+    e = rng.standard_normal(n) if law is None else law.sample(n, rng)
     a = np.concatenate(([0.0], transform(e, 1.0)[1:] * np.sqrt(found.power) * found.spread))
     return replace(found.channel, y=inverse(a, found.channel.interval) + _template_path(found))

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
+from scipy.stats import norm
 
 from models.noise import NoiseModel, White
 from tuner.diagnosis.causes.heavy_tails import HeavyTails
@@ -194,8 +194,7 @@ def _law(found: Residual) -> Callable[[FloatArray], FloatArray]:
     spikes = next((x for x in found.extensions if isinstance(x, Spikes)), None)
     sd = float(np.std(raw))
     if tails is not None:
-        size = found.spread * float(np.sqrt((tails.nu - 2.0) / tails.nu))
-        return lambda e: np.asarray(t.logpdf(e, tails.nu, 0.0, size))
+        return lambda e: tails.log_density(e / found.spread) - float(np.log(found.spread))
     if spikes is not None:
         share = max(spikes.values["rate"].value * found.channel.interval, 1e-8)
         wide = (

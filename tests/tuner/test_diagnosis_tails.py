@@ -1,0 +1,83 @@
+"""Heavy tails are one cause where one law makes them, and spikes beside them are told as well.
+
+Seeds are fixed and are the first that were tried; every effect has a hundred nats and more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import kstest, norm
+
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.causes.heavy_tails import HeavyTails, beside_spikes, student, whole
+from tuner.diagnosis.histogram import histogram
+from tuner.records import Record
+
+INTERVAL, N = 0.01, 180_000
+NORMAL, PURE, MIXED = HeavyTails(1e9), HeavyTails(5.0), HeavyTails(5.0, 0.3, 1.5)
+
+
+def causes(y: np.ndarray) -> list[str]:
+    record = Record("gyro", INTERVAL * np.arange(len(y)), y[:, None], ("gyro_x",), "rad/s", INTERVAL)
+    diagnosis = diagnose(record)
+    assert diagnosis.unexplained == ()
+    return [finding.cause for finding in diagnosis.findings]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_normal_noise_with_student_noise_added_or_mixed_in_has_one_cause(seed):
+    rng = np.random.default_rng(seed)
+    normal, heavy = rng.standard_normal(N), rng.standard_t(5, N)
+    for share in (0.5, 2.0):
+        assert causes(normal + share * heavy) == ["heavy_tails"]
+    for share in (0.02, 0.3):
+        assert causes(np.where(rng.random(N) < share, heavy, normal)) == ["heavy_tails"]
+
+
+@pytest.mark.parametrize(("nu", "told"), [(np.inf, ["spikes"]), (20.0, ["heavy_tails", "spikes"])])
+def test_spikes_of_one_size_are_spikes_beside_any_law(nu, told):
+    rng = np.random.default_rng(3)
+    y = rng.standard_normal(N) if np.isinf(nu) else rng.standard_t(nu, N)
+    y[rng.choice(N, 30, replace=False)] += 10.0 * np.sign(rng.standard_normal(30))
+    assert causes(y) == told
+
+
+def test_student_noise_alone_keeps_its_law():
+    for nu in (4.0, 8.0, 20.0):
+        bins = histogram(np.random.default_rng(int(nu)).standard_t(nu, N))
+        law = whole(bins)
+        assert law.share == 1.0
+        assert law.nu == pytest.approx(nu, rel=0.15)
+        assert law == student(bins)
+
+
+def test_spikes_are_likelier_than_one_law_where_there_are_some():
+    rng = np.random.default_rng(4)
+    y = rng.standard_t(10, N)
+    assert whole(histogram(y)).share == 1.0
+    y[:100] += 12.0
+    bins = histogram(y)
+    assert beside_spikes(bins) > student(bins).gain + 100.0
+    assert whole(bins).share == 1.0
+
+
+@pytest.mark.parametrize("law", [NORMAL, PURE, MIXED])
+def test_a_law_is_one_of_unit_variance_and_is_mapped_to_the_normal_one(law):
+    """Its density has unit area and variance, its samples are mapped to normal ones (p > 1e-5)."""
+    reach = 2000.0
+    area, _ = quad(
+        lambda x: float(np.exp(law.log_density(np.array([x]))[0])), -reach, reach, points=[0.0], limit=500
+    )
+    square, _ = quad(
+        lambda x: x * x * float(np.exp(law.log_density(np.array([x]))[0])),
+        -reach,
+        reach,
+        points=[0.0],
+        limit=500,
+    )
+    assert area == pytest.approx(1.0, abs=1e-6)
+    assert square == pytest.approx(1.0, abs=1e-3)
+    e = law.sample(100_000, np.random.default_rng(5))
+    assert kstest(law.whiten(e), norm.cdf).pvalue > 1e-5
