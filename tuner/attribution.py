@@ -3,9 +3,9 @@
 Explanations (`tuner.explanations`) that take half of the misfit of the scores away compete by their likelihood: that
 of the whole whitened matrices behind the scores (`tuner.scatter`), of which every explanation predicts all elements
 as it predicts the scores. Two are told apart where the difference of their log-likelihoods has a mean beyond twice
-its scatter, over the runs [1]_ and with a common level of all expectations; else both are named. The interval of θ
-is where −2 ln p is within 4 of its least, times the ratio by which its slope scatters more, of the same two causes,
-than a likelihood's would.
+its scatter, over the runs [1]_ and with a common level of all expectations; else both are named, last those whose
+size ends where the search does. The interval of θ is where −2 ln p is within 4 of its least, times the ratio by which
+its slope scatters more, of the same two causes, than a likelihood's would.
 
 A likelihood asks for much where too small a variance is expected, so that it compares only explanations that fit.
 Where none does, because several beliefs are far off, that of least misfit in the logarithms of the scores is named.
@@ -142,7 +142,8 @@ def best(
         scale = count / max(least, count)
         fits = [replace(fit, loss=scale * fit.loss, lift=scale * fit.lift) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
-    return _named([fit for fit in fits if not _apart(fit, fits[0])])
+    likely = [fit for fit in fits if not _apart(fit, fits[0])]
+    return _named(sorted(likely, key=_at_an_end))
 
 
 def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
@@ -187,6 +188,11 @@ def _apart(one: Fit, best: Fit) -> bool:
     difference = one.loss - best.loss
     scatter = math.hypot(_error(difference), one.lift - best.lift)
     return float(difference.mean()) > max(LIKELY, APART * scatter)
+
+
+def _at_an_end(fit: Fit) -> bool:
+    """Tell whether the size that explains best lies beyond what is looked at: the shape is wrong, and another's."""
+    return min(abs(fit.size - end) for end in fit.rival.bounds) < 0.02
 
 
 def _named(fits: Sequence[Fit]) -> tuple[Cause, ...]:
