@@ -145,6 +145,16 @@ def test_a_factor_lies_between_its_regressions():
         assert found.low <= found.high
 
 
+@pytest.mark.parametrize("motion", ["straight", "circle"])
+def test_a_mean_that_is_no_bias_is_told_where_a_filter_fails(motion):
+    drive, _ = simulate_drive(
+        load_grade("mpu9250"), TRAJECTORIES[motion](120.0), load_gnss("rtk"), rate=25.0, seed=1
+    )
+    assert likely_unit(drive, drive.gnss) is None
+    fast = np.hstack([np.degrees(drive.rates[:, :3] + 0.02), drive.rates[:, 3:]])
+    assert "more than any bias of theirs" in likely_unit(replace(drive, rates=fast), drive.gnss)
+
+
 def test_a_receiver_that_stands_is_not_asked():
     """Its positions may follow a tenth of what its velocities say."""
     drive, _ = simulate_drive(

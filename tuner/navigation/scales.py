@@ -42,6 +42,8 @@ CHANCE = 1e-5
 """Chance that one slope is beyond its limit by its scatter alone."""
 ALIKE = 1.25
 """Factors up to this are none of units: a receiver that smooths, a sensor with a scale error."""
+BIAS = 0.35
+"""Mean of the gyros beyond which it is no bias, rad/s."""
 TINY = 1e-300
 """Least slope, whose inverse is no limit."""
 NEAR, TILTED = 1.03, 1.1
@@ -225,7 +227,19 @@ def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
 
 def likely_unit(drive: Drive, gnss: Gnss) -> str | None:
     """Return the unit that something has by 95 %, in words, where a filter failed and a cause is sought."""
-    return next((n for s, found in _factors(drive, gnss) if found.likely and (n := s.named(found))), None)
+    for series, found in _factors(drive, gnss):
+        if found.likely and (named := series.named(found)):
+            return named
+    # On one straight or one circle the course has nothing to compare but the mean.
+    course = np.unwrap(np.arctan2(*velocities(gnss)[:, 1::-1].T)) if len(gnss) > 2 else np.zeros(1)
+    turning = float(np.abs(course[-1] - course[0])) / max(float(np.ptp(gnss.t)), 1.0)
+    mean = float(np.linalg.norm(drive.rates[:, :3].mean(axis=0)))
+    if mean < BIAS + 2.0 * turning:
+        return None
+    return (
+        f"gyros read {np.degrees(mean):.3g} deg/s on average, more than any bias of theirs and more than the course "
+        "of the fixes turns: check their unit, expected rad/s"
+    )
 
 
 def _factors(drive: Drive, gnss: Gnss) -> list[tuple[Series, Factor]]:
