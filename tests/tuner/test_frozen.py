@@ -110,7 +110,7 @@ def test_one_axis_that_stands_still_is_one_finding_whatever_its_value(level, val
     assert "stuck" in diagnosis.findings[0].text
 
 
-@pytest.mark.parametrize("share", [0.05, 0.3])
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.41])
 def test_what_is_left_of_a_record_that_froze_for_long_is_judged_by_itself(share):
     y = noise("white", 1, 21)
     last = 70_000 + int(share * N)
@@ -121,6 +121,13 @@ def test_what_is_left_of_a_record_that_froze_for_long_is_judged_by_itself(share)
         <= share * N * INTERVAL
         <= only.parameters["duration"].interval[1]
     )
+
+
+def test_a_sensor_that_died_early_is_judged_by_what_it_said():
+    y = noise("white", 1, 27)
+    y[30_000:] = y[29_999]
+    (only,) = diagnose(record(y)).findings
+    assert only.parameters["fraction"].value == pytest.approx(0.75, abs=1e-3)
 
 
 def test_axes_that_freeze_together_are_told_once_and_others_apart():

@@ -15,7 +15,7 @@ which knows no slow track, in the quietest tenth of the record::
 
 Where it is below `TELLING`, D above some 3 σ, runs of any length are natural, and nothing is told. A value at the end
 of all others, at which these pile up as well, is a rail, where the sensor saturated (`tuner.diagnosis.clipping`).
-Nothing is told either where more than half of the samples would be frozen.
+Nor is it where more than half of the samples would be frozen, but for one stretch of values that lie on no lattice.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ BLOCK = 256
 NEAR = 12.0
 """Distance of two values, σ, from which noise does not get from one to the other: there is no code in between."""
 MOST = 0.5
-"""Largest share of a record that can be frozen."""
+"""Largest share of a record that can be frozen, but for a sensor without a lattice that dies."""
 SINGLE = 0.5
 """Least number of different values ÷ changes from one sample to the next in data that lie on no lattice."""
 PILE = 3
@@ -118,10 +118,14 @@ def frozen(record: Record, axis: str) -> Frozen | None:
     candidates = np.sort(order[:number])
     ranges = [(int(first[i]), int(first[i] + length[i])) for i in candidates]
     rest = [y[start:stop] for start, stop in cut(record.segments, ranges)]
-    natural = _in_one_code(y[first[candidates]], rest) ** (length[candidates] - 1.0) * len(y)
+    repeating = _in_one_code(y[first[candidates]], rest)
+    natural = repeating ** (length[candidates] - 1.0) * len(y)
     kept = np.flatnonzero(natural < SURE)
     stretches = tuple(ranges[i] for i in kept)
-    if not stretches or sum(stop - start for start, stop in stretches) > MOST * len(y):
+    if not stretches:
+        return None
+    died = len(stretches) == 1 and repeating[kept[0]] == 0.0
+    if not died and sum(stop - start for start, stop in stretches) > MOST * len(y):
         return None
     pairs = sum(len(piece) - 1 for piece in rest)
     same = sum(int(np.count_nonzero(np.diff(piece) == 0.0)) for piece in rest) / pairs
