@@ -66,9 +66,8 @@ class _Whole(_Part):
 
     def _optimize_final_module(self) -> None:
         for level in (1, 3):  # what the first leaves behind, the second makes a fifth faster
-            cost = {"cost": "cheap"} if level == 1 else {}
             passes, builder = self._codegen._module_pass_manager(
-                opt=level, loop_vectorize=False, slp_vectorize=False, **cost
+                opt=level, loop_vectorize=False, slp_vectorize=False
             )
             passes.run(self._final_module, builder)
 
