@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import kstest, norm
 
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.causes.heavy_tails import HeavyTails, beside_spikes, student, whole
+from tuner.diagnosis.causes.heavy_tails import HeavyTails, beside_spikes, rounded_kurtosis, student, whole
 from tuner.diagnosis.histogram import histogram
 from tuner.records import Record
 
@@ -61,6 +61,13 @@ def test_spikes_are_likelier_than_one_law_where_there_are_some():
     bins = histogram(y)
     assert beside_spikes(bins) > student(bins).gain + 100.0
     assert whole(bins).share == 1.0
+
+
+def test_the_kurtosis_of_rounded_noise_grows_without_bound_and_without_a_warning():
+    told = [rounded_kurtosis(step) for step in (0.5, 2.0, 3.0, 6.0, 30.0, 100.0)]
+    assert told == sorted(told)
+    assert told[0] < 0.0 < told[2]
+    assert told[-1] == np.inf
 
 
 @pytest.mark.parametrize("law", [NORMAL, PURE, MIXED])

@@ -116,7 +116,8 @@ def rounded_kurtosis(step: float) -> float:
     share = np.diff(ndtr(step * (np.append(code, code[-1] + 1.0) - 0.5 - phase) / sd), axis=1)
     value = code - np.sum(share * code, axis=1, keepdims=True)
     second, fourth = (np.sum(share * value**power, axis=1) for power in (2, 4))
-    return float(np.max(fourth / second**2)) - 3.0
+    known = second**2 > 0.0  # beyond, all samples are one code, and any other is far off
+    return float(np.max(np.divide(fourth, second**2, out=np.full_like(second, np.inf), where=known))) - 3.0
 
 
 def test(found: Residual) -> Alarm:
