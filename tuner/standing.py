@@ -133,11 +133,30 @@ def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = N
 def receiver_of(drive: Drive) -> GnssNoise:
     """Return what is supposed of a receiver that nobody names.
 
-    Where its fixes report their sds, nothing is supposed of a correlated part: an RTK receiver has none of that of a
-    single one.
+    What its fixes report is believed, the median as typical, and then nothing is supposed of a correlated part: an RTK
+    receiver has none of that of a single one.
     """
-    gnss = load_gnss(RECEIVER)
-    return replace(gnss, correlated=()) if np.isfinite(drive.gnss.position_sd).any() else gnss
+    single, fixes = load_gnss(RECEIVER), drive.gnss
+    position, velocity = _typical(fixes.position_sd), _typical(fixes.velocity_sd)
+    if position is None:
+        return single
+    return replace(
+        single,
+        position_sd=position,
+        velocity_sd=velocity or single.velocity_sd,
+        interval=float(np.median(np.diff(fixes.t))),
+        correlated=(),
+        reference="medians of the sds that the fixes report",
+    )
+
+
+def _typical(reported: FloatArray) -> tuple[float, float, float] | None:
+    """Return the medians of reported sds north, east, down, (k, 3); None where an axis has none."""
+    columns = [column[column > 0.0] for column in reported.T]
+    if not all(column.size for column in columns):
+        return None
+    north, east, down = (float(np.median(column)) for column in columns)
+    return north, east, down
 
 
 def nearest_grade(white: Mapping[str, float]) -> str:

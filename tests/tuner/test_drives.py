@@ -308,9 +308,12 @@ def test_a_reference_without_attitude_gives_no_error_of_attitude(result, file):
     assert set(errors(blind, result.solutions, rows)) == {"position_rms_m", "velocity_rms_m_s"}
 
 
-def test_fixes_that_report_sds_have_no_supposed_correlated_error(file):
+def test_a_receiver_nobody_names_is_what_its_fixes_report(file):
     drive = read_drive(file)
-    assert receiver_of(drive).correlated == ()
+    found = receiver_of(drive)
+    assert found.correlated == ()
+    np.testing.assert_allclose(found.position_sd, np.nanmedian(drive.gnss.position_sd, axis=0))
+    assert found.interval == pytest.approx(np.median(np.diff(drive.gnss.t)))
     silent = replace(drive.gnss, position_sd=np.full_like(drive.gnss.position_sd, np.nan))
     assert receiver_of(replace(drive, gnss=silent)) == load_gnss("spp")
     assert load_filter("mti1", None, supposed=receiver_of(drive)).gnss.correlated == ()
