@@ -227,15 +227,15 @@ class Elements:
         builder, context = self.writer.builder, self.writer.context
         kind = context.get_data_type(self.kind.dtype)
         strides, near = self._part("strides"), {"C": self.kind.ndim - 1, "F": 0}.get(self.kind.layout)
-        offset = ir.Constant(ir.IntType(64), 0)
+        offset = beside = ir.Constant(ir.IntType(64), 0)
         for axis, index in enumerate(at if isinstance(at, tuple) else (at,)):
-            step: Any = builder.extract_value(strides, axis)
-            if axis == near:
-                step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(kind))
             number = index.code if isinstance(index, Index) else ir.Constant(ir.IntType(64), index)
-            offset = builder.add(offset, builder.mul(step, number))
+            if axis == near:
+                beside = number
+            else:
+                offset = builder.add(offset, builder.mul(builder.extract_value(strides, axis), number))
         start = builder.bitcast(self._part("data"), _BYTE.as_pointer())
-        return builder.bitcast(builder.gep(start, [offset]), kind.as_pointer())
+        return builder.gep(builder.bitcast(builder.gep(start, [offset]), kind.as_pointer()), [beside])
 
     def __getitem__(self, at: Any) -> Value:
         return Value(self.writer, self.writer.builder.load(self._pointer(at), align=8))
