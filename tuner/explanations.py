@@ -63,6 +63,7 @@ def explanations(
     sensors = {"gyro": "gyro bias noise", "accelerometer": "accelerometer bias noise"}
     groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
     groups["bias noise of gyros and accelerometers"] = tuple(sensors.values())
+    groups["turn-on biases of gyros and accelerometers"] = tuple(f"{title} turn-on bias" for title in sensors)
     groups["all sensor noise"] = tuple(
         f"{title} {noise}" for title in sensors for noise in ("white noise", "bias noise", "bias random walk")
     )

@@ -114,6 +114,18 @@ def test_wrong_gyros_are_told_from_wrong_accelerometers(town, factor):
     assert causes[0].ratio == pytest.approx(factor**-0.5, rel=0.2)
 
 
+def test_constants_of_both_sensors_are_one_cause():
+    config = synthesize(grade_identification(load_grade("stim300")), gnss=load_gnss("spp"))
+    smaller = {axis: replace(c, constant_sd=0.1 * c.constant_sd) for axis, c in config.channels.items()}
+    settings, sensor = filter_settings(replace(config, channels=smaller)), sensor_of_config(config)
+    plan = scenario(TRAJECTORIES["city"](900.0), load_gnss("spp"), 0.02)
+    flown = simulate(settings, sensor, plan, runs=16, seed=3)
+    response = responses(settings, plan, error_budget(settings, plan), window=resolution(settings, sensor))
+    causes = attribute(evaluate(flown, plan.outages), flown, response)
+    assert causes[0].source == "turn-on biases of gyros and accelerometers"
+    assert causes[0].ratio == pytest.approx(10.0, rel=0.3)
+
+
 def test_nothing_is_named_where_nothing_fits():
     """Two scores, one far too large and one far too small, and one cause that raises the first alone."""
     rng = np.random.default_rng(1)

@@ -81,6 +81,14 @@ def test_axes_as_they_are_are_not_named(file):
     assert inertial_axes(read_drive(file)) is None
 
 
+def test_two_fixes_tell_nothing_of_the_axes(saved, data, tmp_path, configuration):
+    few = {name: values[:2] if name.startswith("gnss") else values for name, values in data.items()}
+    drive = read_drive(saved(tmp_path / "few.npz", few))
+    assert inertial_axes(drive) is None
+    with pytest.raises(DataError, match="no stretch of the drive could be aligned"):
+        navigate_drive(drive, configuration())
+
+
 def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
     wrong = dict(data, gnss_llh=data["gnss_llh"][:, [1, 0, 2]])
     with pytest.raises(DataError, match="latitude and longitude exchanged"):

@@ -91,7 +91,7 @@ def inertial_axes(drive: Drive) -> str | None:
     stated = _misfit(few, gnss, np.eye(3), np.eye(3))
     ways = [(g, a, _misfit(few, gnss, g, a)) for g, a in _ways()]
     least = min(misfit for _, _, misfit in ways)
-    if least > CLEARER * stated:
+    if least >= CLEARER * stated:  # both are infinite where nothing can be aligned
         return None
     alike = [_plainest(g, a) for g, a, misfit in ways if misfit < ALIKE * least]
     gyro, accel = min(alike, key=lambda way: _changes(*way))
