@@ -153,6 +153,8 @@ def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
 def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Inflation, ...]:
     """Return the inflations that a configuration made from the same log still needs.
 
+    Stretches of noise follow one another: of several inflations of a quantity for one reason the largest holds.
+
     Parameters
     ----------
     diagnosis : Diagnosis
@@ -160,7 +162,7 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Infl
     config : FilterConfig
         Settings before any of these inflations.
     """
-    settled = []
+    settled: dict[tuple[str, str], Inflation] = {}
     for inflation in diagnosis.inflations:
         axis, _, field = inflation.quantity.partition(".")
         if axis not in config.channels:
@@ -168,9 +170,10 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Infl
         factor = inflation.factor
         if field == "white_density" and axis in diagnosis.base:
             factor *= diagnosis.base[axis].white_density() / config.channels[axis].white_density
-        if factor > WORTH_SAYING:
-            settled.append(replace(inflation, factor=factor))
-    return tuple(settled)
+        reason = (inflation.quantity, inflation.reason)
+        if factor > WORTH_SAYING and (reason not in settled or factor > settled[reason].factor):
+            settled[reason] = replace(inflation, factor=factor)
+    return tuple(settled.values())
 
 
 def findings_for_config(diagnosis: Diagnosis) -> tuple[Mapping[str, Any], ...]:

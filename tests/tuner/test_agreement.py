@@ -97,6 +97,17 @@ def test_an_inflation_is_measured_by_what_the_filter_believes_already():
         assert after.channels["gyro_x"].white_density == pytest.approx(believed * (wanted or 1.0))
 
 
+def test_bursts_one_after_another_do_not_multiply():
+    _, base = identified()
+    config = synthesize(base)
+    believed = config.channels["gyro_x"].white_density
+    why = "burst: the noise while it lasts"
+    bursts = tuple(Inflation("gyro_x.white_density", factor, why) for factor in (2.0, 3.0, 2.5))
+    found = Diagnosis(tuple(finding("burst", (one,), duration=10.0) for one in bursts))
+    after = inflate(config, settled_inflations(found, config))
+    assert after.channels["gyro_x"].white_density == pytest.approx(3.0 * believed)
+
+
 def test_an_extension_of_the_noise_is_told_with_all_its_terms():
     found = Diagnosis((finding("vibration", frequency=20.0),), models={"gyro_x": MODEL})
     (told,) = findings_for_config(found)
