@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -93,6 +94,15 @@ def test_round_trip_is_exact(config: FilterConfig) -> None:
 
 def stim300() -> FilterConfig:
     return synthesize(grade_identification(load_grade("stim300")), gnss=load_gnss("rtk"), seed=0)
+
+
+def test_an_interval_without_an_upper_end_is_read_back() -> None:
+    config = stim300()
+    open_ended = Coefficient(1e4, (1e3, float("inf")), None, "s", None)
+    term = TermEstimate("gauss_markov", {"time_constant": open_ended})
+    channel = replace(config.channels["gyro_z"], identified=(term,))
+    config = replace(config, channels={**config.channels, "gyro_z": channel})
+    assert native.loads(native.dumps(config)).channels["gyro_z"] == channel
 
 
 def test_text_speaks_customary_units_and_names_its_format() -> None:

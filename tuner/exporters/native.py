@@ -224,12 +224,21 @@ def _read_term(node: Node) -> TermEstimate:
     return TermEstimate(node["term"].text(), coefficients)
 
 
+def _read_interval(node: Node) -> tuple[float, float]:
+    """Return both ends; the upper one is infinite where the data set no limit."""
+    ends = node.elements()
+    if len(ends) == 2 and ends[1].value == math.inf:
+        return ends[0].number(), math.inf
+    low, high = node.numbers(2)
+    return low, high
+
+
 def _read_coefficient(node: Node) -> Coefficient:
     value, interval, upper, reason = (node.get(key) for key in ("value", "interval", "upper", "reason"))
-    limits = interval.numbers(2) if interval else None
+    limits = _read_interval(interval) if interval else None
     return Coefficient(
         value.number() if value else None,
-        (limits[0], limits[1]) if limits else None,
+        limits,
         upper.number() if upper else None,
         node["unit"].text(),
         reason.text() if reason else None,
