@@ -113,7 +113,8 @@ def check(
         return Check(replace(found, verdicts=explained(found, ())), settings.size, tuple(notes))
     shares = error_budget(settings, plan)
     seen = observability(settings, shares.final)
-    spurious = None if found.consistent else spurious_information(flown, shares)
+    optimistic = any(s.ratio > 1.0 and not s.consistent for s in found.scores)
+    spurious = spurious_information(flown, shares) if optimistic else None
     causes: tuple[Cause, ...] = ()
     if not found.consistent and spurious is None:
         answers = responses(settings, plan, shares, window=resolution(settings, truth))

@@ -5,7 +5,8 @@ rms ÷ predicted sd. Scores of one run are dependent, runs are not: with the sco
 of one drive), mean s and variance v,
 
     ν = min(2 s²/(v/G), number of squares)          χ² with ν degrees of freedom has this scatter
-    interval of the ratio²                          s ν/χ²_{1−α/2}(ν) … s ν/χ²_{α/2}(ν)
+    interval of the ratio²                          s ν'/χ²_{1−α/2}(ν') … s ν'/χ²_{α/2}(ν')
+    ν' = max(ν (z_{α/2}/t_{α/2}(G − 1))², G d)      v is itself an estimate; d the components of one square
 
 A score is against the filter where the whole interval lies beyond 10 % from 1: `MARGIN`. α is 1 % over all
 scores together (Bonferroni): `FAMILY`.
@@ -34,7 +35,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri, gammaincinv, ndtri
+from scipy.special import chdtri, gammaincinv, ndtri, stdtrit
 
 from tuner.navigation.inputs import USED
 from tuner.navigation.simulate import Runs
@@ -212,7 +213,12 @@ def score(
         variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
         effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
     tail = 0.5 * FAMILY / tests
-    low, high = 2.0 * gammaincinv(0.5 * effective, tail) / effective, chdtri(effective, tail) / effective
+    sure = effective
+    if 1 < len(runs) < count:
+        # The scatter of few groups is itself hardly known; each has one square of its own at least.
+        sure = effective * (ndtri(tail) / stdtrit(len(runs) - 1, tail)) ** 2
+        sure = min(max(sure, (components or dof) * len(runs)), effective)
+    low, high = 2.0 * gammaincinv(0.5 * sure, tail) / sure, chdtri(sure, tail) / sure
     wide = (1.0 + MARGIN) ** 2
     return Score(name, mean, dof, float(effective), (float(dof * low / wide), float(dof * high * wide)))
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.noise import BiasInstability, GaussMarkov, NoiseModel
+from models.terms.flicker import flicker_ladder
 from tuner.consistency import SETTLING, STRAYED, run_ratios, some_strayed
 from tuner.navigation.sensor import Sensor
 from tuner.navigation.settings import FilterSettings
@@ -21,7 +23,7 @@ ATTITUDE = slice(6, 9)
 LINEAR = 0.25
 """Sd of the attitude from which a filter is far from linear, rad: at two sds the cosine is down by an eighth."""
 FAR = 3.0
-"""Ratio of truth to belief, or its inverse, from which it is named."""
+"""Ratio of truth to belief from which it is named: errors smaller than believed lose no filter."""
 
 
 def divergence(flown: Runs, plan: Scenario, settings: FilterSettings, sensor: Sensor) -> tuple[str, ...]:
@@ -45,11 +47,13 @@ def divergence(flown: Runs, plan: Scenario, settings: FilterSettings, sensor: Se
     if _start_is_lost(flown, ratios):
         return sentence, _start(settings)
     far = [
-        f"{name} {ratio:.2g} ×" for name, ratio in _ratios(plan, settings, sensor).items() if _is_far(ratio)
+        _said(name, *pair) for name, pair in _pairs(plan, settings, sensor).items() if pair[0] > FAR * pair[1]
     ]
-    if not far:
-        return (sentence,)
-    return sentence, f"what was flown is not what the filter believes: {', '.join(far)} as large"
+    return (
+        (sentence, f"what was flown is beyond what the filter believes: {', '.join(far)}")
+        if far
+        else (sentence,)
+    )
 
 
 def _start_is_lost(flown: Runs, ratios: FloatArray) -> bool:
@@ -66,31 +70,44 @@ def _start(settings: FilterSettings) -> str:
         for name in ("attitude", "gyro_bias")
     )
     return (
-        f"not its noise is wrong, but its start (1 sd: attitude {attitude} deg, gyro constants {gyros} deg/s) is more "
+        f"its start (1 sd: attitude {attitude} deg, gyro constants {gyros} deg/s) is more "
         "than a linear filter always recovers from; let the vehicle stand to find the gyro biases first, and give it "
         "what is left of them as constants"
     )
 
 
-def _ratios(plan: Scenario, settings: FilterSettings, sensor: Sensor) -> dict[str, float]:
-    """Return truth ÷ belief, in sd, of what both name."""
-    model, receiver = settings.model, plan.receiver
-    gyros, accels = (settings.initial_sd[model.layout[name]] for name in ("gyro_bias", "accel_bias"))
-    pairs: dict[str, tuple[ArrayLike | None, ArrayLike | None]] = {
-        "gyro white noise": (sensor.white[:3], model.gyro_density),
-        "accelerometer white noise": (sensor.white[3:], model.accel_density),
-        "gyro constants": (sensor.constant_sd[:3], gyros),
-        "accelerometer constants": (sensor.constant_sd[3:], accels),
-        "position fixes": (receiver.position_sd, settings.position_sd),
-        "velocity fixes": (receiver.velocity_sd, settings.velocity_sd),
+def _pairs(plan: Scenario, settings: FilterSettings, sensor: Sensor) -> dict[str, tuple[float, float]]:
+    """Return the rms sds of the truth and of the belief, SI, of what both speak of."""
+    model, receiver, at = settings.model, plan.receiver, settings.model.layout
+    pairs: dict[str, tuple[ArrayLike, ArrayLike]] = {
+        "position fixes": (receiver.position_sd, settings.position_sd or receiver.position_sd),
+        "velocity fixes": (receiver.velocity_sd or 0.0, settings.velocity_sd or receiver.velocity_sd or 0.0),
     }
-    known = {name: (_rms(true), _rms(own)) for name, (true, own) in pairs.items()}
-    return {name: true / own for name, (true, own) in known.items() if true > 0.0 and own > 0.0}
+    for first, title, key, density in (
+        (0, "gyro", "gyro", model.gyro_density),
+        (3, "accelerometer", "accel", model.accel_density),
+    ):
+        own = slice(first, first + 3)
+        states = settings.initial_sd[at[f"{key}_markov"]] if f"{key}_markov" in at else 0.0
+        pairs[f"{title} white noise"] = (sensor.white[own], density)
+        pairs[f"{title} constants"] = (sensor.constant_sd[own], settings.initial_sd[at[f"{key}_bias"]])
+        pairs[f"{title} bias noise"] = ([_bias_noise(noise) for noise in sensor.noise[own]], states)
+    return {name: (_rms(true), _rms(own)) for name, (true, own) in pairs.items()}
 
 
-def _rms(values: ArrayLike | None) -> float:
-    return 0.0 if values is None else float(np.sqrt(np.mean(np.square(values))))
+def _bias_noise(noise: NoiseModel) -> float:
+    """Return the sd of the state that stands for a decade of flicker, or of the strongest Gauss–Markov error."""
+    rungs = [
+        flicker_ladder(term.level, 1.0, 1.0)[0].sd
+        for term in noise.terms
+        if isinstance(term, BiasInstability)
+    ]
+    return max([*rungs, *(term.sd for term in noise.terms if isinstance(term, GaussMarkov))], default=0.0)
 
 
-def _is_far(ratio: float) -> bool:
-    return max(ratio, 1.0 / ratio) > FAR
+def _rms(values: ArrayLike) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _said(name: str, true: float, own: float) -> str:
+    return f"{name} {true / own:.2g} times as large" if own > 0.0 else f"{name}, of which it believes none"

@@ -42,7 +42,7 @@ from tuner.navigation.vehicle import (
     told,
     turned_from,
 )
-from tuner.records import Drive, Reference
+from tuner.records import DataError, Drive, Reference
 from tuner.results import FilterConfig
 from tuner.verdicts import verdicts
 
@@ -148,6 +148,13 @@ def navigate_drive(
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
         notes = (*notes, *more, *told(accounts(solutions), vehicle))
     scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
+    if not any(map(len, scored)):
+        span = max(float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches)
+        msg = (
+            f"{drive.source}: expected fixes beyond {SETTLING:g} s after the start or the stand, in which the filter "
+            f"settles, found {span:.0f} s of them: nothing is left to judge it by"
+        )
+        raise DataError(msg)
     groups = [
         block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
     ]

@@ -66,6 +66,6 @@ def _sentence(score: Score) -> str:
     what = _WHAT.get(score.name)
     if what is None:
         what = f"the position error after {score.name.removeprefix('outage ')} without fixes"
-    verb = "are" if what.endswith("innovations") else "is"
+    verb = "are" if what.endswith(("innovations", "together")) else "is"
     side = "optimistic" if score.ratio > 1.0 else "pessimistic"
     return f"{what} {verb} {score.ratio:.2f} × what the filter predicts: {side}"

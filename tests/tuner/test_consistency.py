@@ -136,3 +136,19 @@ def test_check_from_the_command_line(tmp_path, capsys):
     ):
         assert run(bad) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("runs", [2, 3, 5, 16, 40])
+def test_few_runs_seldom_speak_against_an_honest_filter(runs):
+    """4000 honest scores whose 60 squares go together in time: 0.07 % each side wanted, at most 0.35 % here."""
+    rng = np.random.default_rng(runs)
+    slow = rng.standard_normal((4000, runs, 1, 3))
+    squares = np.sum((0.9**0.5 * slow + 0.1**0.5 * rng.standard_normal((4000, runs, 60, 3))) ** 2, axis=-1)
+    wrong = sum(not score("x", list(one), 3).consistent for one in squares)
+    assert wrong <= 14
+
+
+def test_two_runs_tell_a_filter_that_is_far_off():
+    """Squares ten times too large."""
+    errors = np.random.default_rng(1).standard_normal((2, 60, 15)) * 10.0**0.5
+    assert not score("x", list(np.sum(errors**2, axis=-1)), 15).consistent

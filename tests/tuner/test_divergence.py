@@ -51,8 +51,20 @@ def test_a_truth_far_from_what_is_believed_is_named():
     verdicts = check(
         grade("fog"), TOWN, sensor=sensor_of_config(grade("mpu9250")), runs=8
     ).consistency.verdicts
-    assert "gyro white noise" in verdicts[1]
+    assert "gyro white noise 85 times as large" in verdicts[1]
     assert "position fixes" not in verdicts[1]
+
+
+def test_errors_smaller_than_believed_are_no_reason_to_diverge():
+    config = grade("mpu9250")
+    few = {a: replace(c, constant_sd=0.0, markov=()) for a, c in config.channels.items()}
+    wrong = replace(
+        config, channels={a: replace(c, white_density=9.0 * c.white_density) for a, c in few.items()}
+    )
+    truth = sensor_of_config(with_gyro_constants(config, np.radians(20.0)))
+    verdicts = check(wrong, TOWN, sensor=truth, runs=8, seed=1).consistency.verdicts
+    assert "gyro constants, of which it believes none" in verdicts[1]
+    assert "white noise" not in verdicts[1]
 
 
 def test_a_run_is_judged_by_its_own_errors():

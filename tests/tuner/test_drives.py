@@ -320,6 +320,13 @@ def test_a_receiver_nobody_names_is_what_its_fixes_report(file):
     assert load_filter("mti1", load_gnss("dgnss"), supposed=receiver_of(drive)).gnss == load_gnss("dgnss")
 
 
+def test_a_drive_that_ends_before_the_filter_settles_is_refused(file, configuration):
+    drive = read_drive(file)
+    short = replace(drive, gnss=drive.gnss.rows(drive.gnss.t < drive.gnss.t[0] + 75.0))
+    with pytest.raises(DataError, match="nothing is left to judge it by"):
+        navigate_drive(short, configuration())
+
+
 def test_navigate_from_the_command_line(file, tmp_path, capsys):
     out = tmp_path / "out.json"
     arguments = [
