@@ -345,6 +345,12 @@ def test_navigate_from_the_command_line(file, tmp_path, capsys):
     assert content["schema"] == "tuner.consistency/1"
     assert content["source"]["estimates"]["time_offset"]
     assert [o["seconds"] for o in content["outage"]] == [10.0, 30.0, 60.0]
+    assert not any("no receiver is named" in note for note in content["notes"])
+    unnamed = [word for word in arguments if word not in ("--gnss", "dgnss")]
+    assert run(unnamed) == 0
+    assert any(
+        "no receiver is named" in note for note in json.loads(out.read_text(encoding="utf-8"))["notes"]
+    )
     capsys.readouterr()
     for bad in (["--lever-arm", "1,2"], ["--imu-frame", "XYZ"], ["--state", "moon=1"]):
         assert run([*arguments, *bad]) == 2

@@ -16,6 +16,11 @@ from tuner.records import DataError
 if TYPE_CHECKING:
     from tuner.records import Drive
 
+AS_REPORTED = (
+    "no receiver is named: fixes are believed to err as they report, each by itself; name one (--gnss GRADE) for "
+    "errors that stay"
+)
+
 
 @click.command("navigate", short_help="Filter a measured drive: innovations, errors, outages.")
 @click.argument("drive", metavar="DRIVE")
@@ -74,11 +79,15 @@ def command(
 
     measured = _placed(read_drive(drive), imu_frame, mounting_rpy, lever_arm)
     receiver = None if gnss is None else load_gnss(gnss)
-    believed = load_filter(config, receiver, supposed=receiver_of(measured))
+    supposed = receiver_of(measured)
+    believed = load_filter(config, receiver, supposed=supposed)
     further = dict(_state(text) for text in states)
     messages.say("navigating (kernels are compiled on first use: some ten seconds)")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     found = navigate_drive(measured, believed, states=further, vehicle=vehicle)
+    notes = found.notes
+    if believed.gnss == supposed and not supposed.correlated:
+        notes = (*notes, AS_REPORTED)
     estimates = {
         name: [{"value": value, "sd": sd} for value, sd in values] for name, values in found.estimates.items()
     }
@@ -93,8 +102,8 @@ def command(
         "seed": seed,
     }
     if output.tables:
-        show(consistency_tables(found.consistency, found.notes))
-    output.write(consistency_json(found.consistency, source=source, notes=found.notes))
+        show(consistency_tables(found.consistency, notes))
+    output.write(consistency_json(found.consistency, source=source, notes=notes))
     return 1 if strict and not found.consistency.consistent else 0
 
 
