@@ -88,6 +88,8 @@ def command(
     notes = found.notes
     if believed.gnss == supposed and not supposed.correlated:
         notes = (*notes, AS_REPORTED)
+    if not found.consistency.consistent:
+        notes = (*notes, f"`tuner diagnose {drive} --config {config}` looks for the causes")
     estimates = {
         name: [{"value": value, "sd": sd} for value, sd in values] for name, values in found.estimates.items()
     }
