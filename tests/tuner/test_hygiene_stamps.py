@@ -1,0 +1,69 @@
+"""Hygiene of time stamps: gaps, scatter, a clock that runs at another rate, rounding. Seeds are fixed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, White
+from tuner.diagnosis.hygiene import hygiene
+from tuner.readers.timebase import stamped_timebase
+from tuner.records import Record
+from tuner.simulation import Channel, simulate
+
+
+def test_stamps_that_are_even_are_quiet_and_others_are_found():
+    clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
+    for text, said in (
+        ("timing:gap_count=3", {"gap_count": 3.0}),
+        ("timing:jitter_sd=5e-4", {"jitter_sd": 5e-4}),
+        ("timing:clock_ratio=1.0001", {"clock_ratio": 1.0001}),
+        ("line:frequency=1,amplitude=0.1", {}),
+    ):
+        (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=11, hidden=[text])
+        test = hygiene(gyro)[0]
+        assert test.cause == "timing"
+        assert (test.p_value == 0.0) is bool(said)
+        for name, value in said.items():
+            low, high = test.parameters[name].interval
+            assert test.parameters[name].value == pytest.approx(value, rel=0.1)
+            assert low * (1 - 0.1) <= value <= high * (1 + 0.1)
+
+
+@pytest.mark.parametrize("rate", [130.0, 400.0, 100.0 / 1.00003])
+def test_rounded_stamps_are_told_with_their_unit_and_are_no_jitter(rate):
+    clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
+    (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=1e-3"])
+    test = hygiene(gyro)[0]
+    assert test.note
+    assert test.parameters["rounding"].value == pytest.approx(1e-3, rel=1e-6)
+    assert "jitter_sd" not in test.parameters
+    (gyro,), _ = simulate(
+        clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=2e-4,jitter_sd=5e-4"]
+    )
+    test = hygiene(gyro)[0]
+    assert test.p_value == 0.0
+    assert not test.note
+    assert test.parameters["rounding"].value == pytest.approx(2e-4, rel=1e-6)
+    assert test.parameters["jitter_sd"].value == pytest.approx(5e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("start", [0.0, 86_400.0, 1.7e9])
+@pytest.mark.parametrize("decimals", [None, 6, 9])
+def test_scatter_below_the_resolution_of_the_stamps_is_not_told(start, decimals):
+    """Beside gaps, which are told: the last places of a number, or a decimal of the text, are no jitter."""
+    grid = np.delete(np.arange(20_000), [5000, 5001, 5002, 9000, 9001, 9002, 9003])
+    stamps = start + grid / 130.0
+    stamps = stamps if decimals is None else np.round(stamps, decimals)
+    base = stamped_timebase(stamps - start)
+    assert base.jitter == 0.0
+    y = np.random.default_rng(3).standard_normal((len(base.t), 1))
+    timing = {"gap_count": float(base.gaps), "jitter_sd": base.jitter, "rounding": base.rounding}
+    axis = ("gyro_x",)
+    test = hygiene(Record("gyro", 0.01 * np.arange(len(y)), y, axis, "rad/s", 0.01, timing=timing))[0]
+    assert "jitter_sd" not in test.parameters
+    assert "scatter" not in test.text
+    trembling = stamped_timebase(
+        start + grid / 130.0 + 1e-4 * np.random.default_rng(4).standard_normal(len(grid))
+    )
+    assert trembling.jitter == pytest.approx(1e-4, rel=0.1)
