@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.gnss import perfect_fixes
-from tuner.consistency import EPOCHS, MARGIN, aided_epochs
 from tuner.consistency import HORIZONS as SCORED
+from tuner.consistency import MARGIN, scored_epochs
 from tuner.navigation.engine import layout
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.simulate import Scenario
@@ -230,8 +230,7 @@ def trace(
         source=np.pad(lay.source, (0, more), constant_values=-1),
         slope=np.pad(lay.slope, (0, more), constant_values=-1),
     )
-    aided = aided_epochs(plan.times, plan.outages)
-    aided = aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))]
+    aided = scored_epochs(plan.times, plan.outages)
     after: dict[float, NDArray[np.intp]] = {}
     for horizon in SCORED:
         goals = [begin + horizon for begin, end in plan.outages if end - begin >= horizon]

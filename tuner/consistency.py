@@ -240,8 +240,7 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
     settling : float
         Time after the start and after an outage that is not scored as aided, s.
     """
-    aided = aided_epochs(runs.t, outages, settling)
-    chosen = aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))] if len(aided) else aided
+    chosen = scored_epochs(runs.t, outages, settling)
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
     lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
     if lost:
@@ -255,7 +254,8 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
     found = tuple(_outage(runs, outages, h) for h in HORIZONS if len(outages) and h <= np.diff(outages).max())
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
     gated = float(np.mean(runs.use == 2))
-    nees = score("nees", list(squares(error, covariance)), 15)
+    each = squares(error, covariance)
+    nees = score("nees", list(each), 15)
     return Consistency(
         nees,
         tuple(blocks),
@@ -268,9 +268,7 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
             "attitude_rms_rad": tuple(rms[6:9].tolist()),
         },
         gated,
-        gated > REJECTED
-        or nees.ratio > DIVERGED
-        or some_strayed(run_ratios(runs, outages, settling=settling)),
+        gated > REJECTED or nees.ratio > DIVERGED or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
     )
 
 
@@ -279,12 +277,11 @@ def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -
 
     Parameters are those of `evaluate`.
     """
-    aided = aided_epochs(runs.t, outages, settling)
-    error, covariance = runs.error[:, aided], runs.covariance[:, aided].astype(float)
-    finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(covariance).all(axis=(1, 2, 3))
-    ratios = np.full(len(error), np.inf)
-    nees = squares(error[finite], covariance[finite]) / error.shape[-1]
-    ratios[finite] = np.sqrt(nees.mean(axis=1))
+    finite = np.isfinite(runs.error).all(axis=(1, 2)) & np.isfinite(runs.covariance).all(axis=(1, 2, 3))
+    own = np.ix_(finite, scored_epochs(runs.t, outages, settling))
+    error, covariance = runs.error[own], runs.covariance[own].astype(float)
+    ratios = np.full(len(runs.error), np.inf)
+    ratios[finite] = np.sqrt(squares(error, covariance).mean(axis=1) / error.shape[-1])
     return ratios
 
 
@@ -348,6 +345,12 @@ def whiteness(
         if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
             best = found
     return best
+
+
+def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
+    """Return `EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
+    aided = aided_epochs(t, outages, settling)
+    return aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))] if len(aided) else aided
 
 
 def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:

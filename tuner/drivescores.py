@@ -16,7 +16,7 @@ from models import rotation
 from models.earth import ned_between
 from tuner.consistency import Score, score, squares
 from tuner.navigation import filter as readable
-from tuner.navigation.drive import SETTLING, Stretch, beginning, starting
+from tuner.navigation.drive import Stretch, beginning, starting
 from tuner.navigation.inputs import USED, Solution
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
@@ -35,8 +35,7 @@ MOST_STEPS = 250_000
 
 def settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
     """Return the epochs after the filter has settled."""
-    a = stretch.alignment
-    return np.flatnonzero(solution.t >= a.t + a.still + SETTLING)
+    return np.flatnonzero(solution.t >= stretch.settled)
 
 
 def blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, NDArray[np.intp]]]:

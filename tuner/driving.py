@@ -231,9 +231,7 @@ def _outage(
     windows = [
         (begin, begin + horizon)
         for s in stretches
-        for begin in np.arange(
-            s.alignment.t + s.alignment.still + SETTLING, s.fixes.t[-1] - horizon, horizon + RECOVERY
-        )
+        for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY)
     ]
     if not windows:
         return None

@@ -33,7 +33,7 @@ from tuner.exporters.kf_gins import entries, header
 from tuner.exporters.yamltext import Inline, Noted, yaml_text
 from tuner.files import whole_file, write_text
 from tuner.navigation.compensation import compensated
-from tuner.navigation.drive import SETTLING, Stretch, navigate, prepare
+from tuner.navigation.drive import Stretch, navigate, prepare
 from tuner.navigation.inputs import Solution
 from tuner.navigation.outliers import without_outliers
 from tuner.navigation.settings import FilterSettings, total_bias
@@ -122,9 +122,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
 
 def _settled(stretch: Stretch, solution: Solution) -> int:
     """Return the fix at which the filter has settled, or the middle of the stretch if that is earlier."""
-    a = stretch.alignment
-    settled = int(np.searchsorted(solution.t, a.t + a.still + SETTLING))
-    return min(settled, len(solution.t) // 2)
+    return min(int(np.searchsorted(solution.t, stretch.settled)), len(solution.t) // 2)
 
 
 def _seconds_of_week(drive: Drive, stretch: Stretch) -> float:

@@ -86,6 +86,11 @@ class Stretch:
     lag: float = 0.0
     constraints: Constraints | None = None
 
+    @property
+    def settled(self) -> float:
+        """From when on the filter has settled, s."""
+        return self.alignment.t + self.alignment.still + SETTLING
+
 
 def prepare(
     drive: Drive, settings: FilterSettings, *, timed: bool = False

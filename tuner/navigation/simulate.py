@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,10 +99,6 @@ class Runs:
     innovation: FloatArray
     innovation_covariance: NDArray[np.float32]
     use: NDArray[np.int64]
-
-    def only(self, which: NDArray[np.bool_]) -> Runs:
-        """Return some of the runs, those where a mask, shape (m,), is true."""
-        return Runs(self.t, *(getattr(self, field.name)[which] for field in fields(self)[1:]))
 
 
 def outage_windows(duration: float) -> FloatArray:

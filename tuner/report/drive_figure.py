@@ -21,7 +21,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.drives import Examined
 from tuner.diagnosis.drives.hypothesis import Pass
 from tuner.files import whole_file
-from tuner.navigation.drive import SETTLING, navigate
+from tuner.navigation.drive import navigate
 from tuner.navigation.inputs import WITHHELD
 from tuner.report.drive_views import (
     AFTER,
@@ -213,9 +213,7 @@ def _outages(passes: tuple[Pass, Pass]) -> list[tuple[float, FloatArray, FloatAr
         windows = [
             (begin, begin + horizon)
             for s in passes[1].stretches
-            for begin in np.arange(
-                s.alignment.t + s.alignment.still + SETTLING, s.fixes.t[-1] - horizon, horizon + RECOVERY
-            )
+            for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY)
         ]
         if not windows:
             continue

@@ -24,7 +24,7 @@ from tuner.diagnosis.drives.propagation import Columns
 from tuner.diagnosis.drives.record import LinearRecord
 from tuner.diagnosis.drives.tracing import Trace, kept_trace
 from tuner.navigation import engine
-from tuner.navigation.drive import SETTLING, Stretch
+from tuner.navigation.drive import Stretch
 from tuner.navigation.inputs import ABSENT, USED, Solution
 from tuner.navigation.settings import FilterSettings
 
@@ -174,7 +174,6 @@ def _part(
     correction[:, :9] = navigation_error(solution.state, before)
     h, d = _jacobians(settings, out)
     use = np.repeat(solution.use, 3, axis=1)
-    a = stretch.alignment
     return LinearRecord(
         solution.t,
         out.phi,
@@ -191,7 +190,7 @@ def _part(
         drive,
         d,
         np.arange(k) == 0,
-        solution.t >= a.t + a.still + SETTLING,
+        solution.t >= stretch.settled,
     )
 
 
