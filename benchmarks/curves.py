@@ -21,7 +21,7 @@ from tuner.curves import empirical
 from tuner.curves.allan import overlapping_allan, overlapping_hadamard
 from tuner.curves.theo import bias_ratio, nearest_theo1_size, theo1
 from tuner.curves.total import total
-from tuner.records import Record
+from tuner.types.records import Record
 
 
 def seconds(work: Callable[[], object], repeats: int = 3) -> float:

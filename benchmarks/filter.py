@@ -17,16 +17,16 @@ from dataclasses import replace
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from models.trajectories import TRAJECTORIES
-from tuner.grades import grade_identification, load_gnss, load_grade
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation import engine
-from tuner.navigation import filter as reference
-from tuner.navigation.inputs import Fixes
-from tuner.navigation.sensor import sensor_of_config
+from tuner.navigation import reference_filter as reference
+from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import scenario, simulate
-from tuner.results import FilterConfig
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types import FilterConfig
 
 INTERVAL = 0.01
 

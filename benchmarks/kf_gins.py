@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
-from tuner.drivescores import reference_at
-from tuner.driving import RECOVERY, drive_filter
+from tuner.consistency.drive import RECOVERY, drive_filter
+from tuner.consistency.drive_scores import reference_at
 from tuner.exporters import kf_gins
-from tuner.navigation.drive import navigate, prepare
-from tuner.readers.drives import read_drive
+from tuner.navigation.drive.run import navigate, prepare
+from tuner.readers.drive import read_drive
 from tuner.readers.text import find_dialect, read_numbers
-from tuner.records import Drive
+from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
 Track = tuple[NavigationState, FloatArray]

@@ -15,8 +15,8 @@ import time
 import numpy as np
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.identification.leastsquares import fit
-from tuner.identification.octaves import OctaveCurve
+from tuner.identification.allan_leastsquares import fit
+from tuner.identification.allan_octaves import OctaveCurve
 
 INTERVAL, SAMPLES = 0.01, 360_000
 CASES = {

@@ -10,7 +10,7 @@
 
 L latitude, λ longitude, rad; h height above the ellipsoid, m; ``llh`` = (L, λ, h). Gravity is taken along the
 ellipsoid normal; its north component above the ellipsoid, −8.1e-9 s⁻² h sin 2L, is left out (0.8 µg at 1 km).
-The functions of `KERNELS` take floats or arrays and can be compiled (see `models.triples`).
+The functions of `KERNELS` take floats or arrays and can be compiled (see `models.vector3`).
 
 References
 ----------
@@ -27,7 +27,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.triples import Scalar, Vec
+from models.vector3 import Scalar, Vec
 
 FloatArray = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models import triples
+from models import vector3 as triples
 
 FloatArray = NDArray[np.float64]
 

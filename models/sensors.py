@@ -10,16 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from models.noise import (
-    BiasInstability,
-    GaussMarkov,
-    NoiseModel,
-    Quantization,
-    Ramp,
-    RandomWalk,
-    Term,
-    White,
-)
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 
 KINDS = ("gyro", "accel")
 

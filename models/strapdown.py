@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from models import rotation
 from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, sine_cosine, transport_rate
-from models.triples import (
+from models.vector3 import (
     Mat,
     Quat,
     Scalar,
@@ -149,7 +149,7 @@ def mean_attitude(before: Quat, after: Quat) -> Mat:
 def rates(pos: Vec, vel: Vec, mat_nb: Mat, omega_ib: Vec, force_b: Vec) -> tuple[Vec, Vec, Vec]:
     """Return the derivatives (L', λ', h'), v' and the rate ω_nb in n, of which C' = [ω_nb ×] C.
 
-    The continuous equations that `step` integrates, and whose Jacobians `models.errorstate` holds.
+    The continuous equations that `step` integrates, and whose Jacobians `models.error_state` holds.
     """
     (sin_lat, cos_lat), height = sine_cosine(pos[0]), pos[2]
     meridian, normal = radii(sin_lat)

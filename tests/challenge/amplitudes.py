@@ -31,7 +31,7 @@ from challenge.generator.spectra import Colour, LowPass, Vibration
 from challenge.tables import rate as rated
 
 from tuner.diagnosis import diagnose
-from tuner.records import Record
+from tuner.types.records import Record
 
 AXIS = "gyro_x"
 NATS_OF_Z8 = 32.0

@@ -13,14 +13,14 @@ import traceback
 from pathlib import Path
 from typing import Any
 
+from tuner.catalogue.datasheet_format import parse_sheet
+from tuner.catalogue.grades import grade_identification, parse_gnss
 from tuner.diagnosis import diagnose
-from tuner.grades import grade_identification, parse_gnss
-from tuner.jsondiagnosis import diagnosis_json
 from tuner.readers import read
-from tuner.readers.drives import read_drive
-from tuner.results import Diagnosis, FilterConfig
-from tuner.sheets import parse_sheet
+from tuner.readers.drive import read_drive
+from tuner.report.json.diagnosis import diagnosis_json
 from tuner.synthesis import synthesize
+from tuner.types import Diagnosis, FilterConfig
 
 
 def answer(path: Path) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def answer(path: Path) -> dict[str, Any]:
     began, cpu = time.perf_counter(), time.process_time()
     try:
         if sheet.exists():
-            from tuner.diagnosis.drives import diagnose_drive  # compiled kernels, for drives only
+            from tuner.diagnosis.drive import diagnose_drive
 
             drive, config = read_drive(path), configured(sheet)
             began, cpu = time.perf_counter(), time.process_time()

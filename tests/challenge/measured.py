@@ -28,7 +28,7 @@ from challenge.generator.spectra import Vibration
 from challenge.tables import table
 
 from tuner.diagnosis import diagnose
-from tuner.records import Record
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

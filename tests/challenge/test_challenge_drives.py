@@ -23,7 +23,7 @@ from challenge.test_challenge_generator import loaded
 from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState, mechanize
-from tuner.readers.drives import read_drive
+from tuner.readers.drive import read_drive
 
 HERE = Path(__file__).resolve().parent
 SCENE = scene(np.random.default_rng(3), reference=True)

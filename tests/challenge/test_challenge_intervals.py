@@ -15,11 +15,11 @@ from challenge.generator.means import Motion
 from challenge.generator.scene import log_uniform
 from scipy.stats import binom
 
-from tuner.diagnosis.causes import burst, heavy_tails, motion, variance_drift
-from tuner.diagnosis.channel import Channel, channel
-from tuner.diagnosis.extension import Value
-from tuner.diagnosis.hygiene import hygiene
-from tuner.diagnosis.residual import residual
+from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.static.causes import burst, heavy_tails, motion, variance_drift
+from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.static.channel import Channel, channel
+from tuner.diagnosis.static.model.residual import residual
 from tuner.readers import read
 
 LAWS = {Burst: burst.test, HeavyTails: heavy_tails.test, VarianceDrift: variance_drift.test}

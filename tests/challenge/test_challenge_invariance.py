@@ -17,7 +17,7 @@ from challenge.generator.scene import Scene
 from challenge.generator.spectra import Colour
 
 from tuner.diagnosis import diagnose
-from tuner.records import Record
+from tuner.types.records import Record
 
 SPAN = 150_000
 SCENE = Scene(

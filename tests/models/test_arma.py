@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from models.arma import Arma
 from models.noise import GaussMarkov, White
+from models.noise.arma import Arma
 
 EXAMPLES = [
     Arma((), (), 0.5, 0.1),

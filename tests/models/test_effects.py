@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from models.effects import EFFECTS, Samples, draw, hide, parse
-from models.effects.events import Spikes, Step
-from models.effects.sampling import Clipping, Duplicates, Lattice, Timing
-from models.effects.spectral import Line
-from models.effects.tails import HeavyTails
+from models.effects.static.distribution import HeavyTails
+from models.effects.static.events import Spikes, Step
+from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.static.spectral import Line
 
 INTERVAL = 0.01
 CODES = tuple(EFFECTS)

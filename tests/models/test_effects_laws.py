@@ -7,12 +7,12 @@ import pytest
 from scipy import stats
 
 from models.effects import Samples
-from models.effects.events import Motion, Spikes, Step, Telegraph
-from models.effects.geometry import Attitude
-from models.effects.sampling import Clipping, Duplicates, Lattice, Timing
-from models.effects.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
-from models.effects.tails import Burst, CrossAxis, HeavyTails, VarianceDrift
-from models.effects.thermal import TemperatureSlope, ThermalLag, Warmup
+from models.effects.static.attitude import Attitude
+from models.effects.static.distribution import Burst, CrossAxis, HeavyTails, VarianceDrift
+from models.effects.static.events import Motion, Spikes, Step, Telegraph
+from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
+from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
 
 INTERVAL = 0.01
 SIGMAS = 5.0

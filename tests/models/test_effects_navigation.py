@@ -9,11 +9,11 @@ import pytest
 
 from models import rotation
 from models.earth import ned_between
-from models.effects.navigation import EFFECTS, Course, DriveSamples, course_of_fixes, draw, hide, parse
-from models.effects.receiver import GnssOutliers, TimeOffset
-from models.gnss import perfect_fixes
-from models.motion import imu_increments
-from models.trajectories import city
+from models.effects.drive import EFFECTS, Course, DriveSamples, course_of_fixes, draw, hide, parse
+from models.effects.drive.gnss import GnssOutliers, TimeOffset
+from models.measurements import perfect_fixes
+from models.trajectory.catalogue import city
+from models.trajectory.motion import imu_increments
 
 INTERVAL, DURATION = 0.02, 200.0
 MOTION = city(DURATION)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.effects.profiles import Chamber, Constant, Diurnal, Warming, draw_profile, thermometer
+from models.effects.static.temperature_profiles import (
+    Chamber,
+    Constant,
+    Diurnal,
+    Warming,
+    draw_profile,
+    thermometer,
+)
 
 T = np.arange(0.0, 7200.0, 10.0)
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 from models import rotation, strapdown
-from models.calibration import calibration, sensor_jacobian
 from models.earth import metres_per_radian
-from models.errorstate import (
+from models.error_state import (
     Linearization,
     corrected,
     coupling,
@@ -21,12 +20,13 @@ from models.errorstate import (
     process_noise,
     transition,
 )
-from models.layout import OPTIONAL, AxisNoise, StateLayout, error_model
-from models.motion import imu_increments
+from models.imu_errors import calibration, sensor_jacobian
 from models.noise import GaussMarkov
+from models.state_layout import OPTIONAL, AxisNoise, StateLayout, error_model
 from models.statespace import StateSpace, discretize
 from models.strapdown import NavigationState, correct_increments, mean_attitude, step
-from models.trajectories import TRAJECTORIES
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import imu_increments
 
 LADDER = (GaussMarkov(1e-5, 3.0), GaussMarkov(2e-5, 40.0))
 GYRO = (

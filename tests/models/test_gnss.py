@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from models import earth, rotation
-from models.calibration import calibration
-from models.errorstate import Linearization, corrected
-from models.gnss import (
+from models.error_state import Linearization, corrected
+from models.imu_errors import calibration
+from models.measurements import (
     antenna,
     non_holonomic,
     perfect_fixes,
@@ -17,10 +17,10 @@ from models.gnss import (
     zero_rate,
     zero_velocity,
 )
-from models.layout import OPTIONAL, AxisNoise, error_model
 from models.noise import GaussMarkov
+from models.state_layout import OPTIONAL, AxisNoise, error_model
 from models.strapdown import NavigationState
-from models.trajectories import TRAJECTORIES
+from models.trajectory.catalogue import TRAJECTORIES
 
 ARM = np.array([0.4, -0.7, -1.2])
 LADDER = (GaussMarkov(1e-5, 3.0),)

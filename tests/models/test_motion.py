@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from models import earth, rotation
-from models.motion import imu_increments
-from models.profiles import Profile, Step, Wave
-from models.trajectories import BESSEL_ZERO, TRAJECTORIES, circle, figure_eight, static
+from models.trajectory.catalogue import BESSEL_ZERO, TRAJECTORIES, circle, figure_eight, static
+from models.trajectory.motion import imu_increments
+from models.trajectory.profiles import Profile, Step, Wave
 
 DURATION = 240.0
 

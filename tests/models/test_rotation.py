@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import expm
 
-from models import rotation, triples
+from models import rotation
+from models import vector3 as triples
 
 finite = st.floats(-10.0, 10.0, allow_nan=False)
 vectors = arrays(float, (4, 3), elements=finite)

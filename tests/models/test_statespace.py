@@ -18,8 +18,8 @@ from models.noise import (
     Sinusoid,
     White,
 )
+from models.noise.bias_instability import flicker_ladder
 from models.statespace import StateSpace, block_sum, discretize, spectrum
-from models.terms.flicker import flicker_ladder
 
 STATIONARY = [GaussMarkov(0.3, 5.0), LowPassWhite(0.1, 2.0), LowPassWhite(0.1, 2.0, order=2)]
 MODEL = NoiseModel([*STATIONARY, RandomWalk(0.2), White(0.1), Quantization(1e-4)])

@@ -9,10 +9,11 @@ import pytest
 from numba import njit
 from numba.extending import register_jitable
 
-from models import earth, rotation, strapdown, triples
-from models.motion import imu_increments
+from models import earth, rotation, strapdown
+from models import vector3 as triples
 from models.strapdown import NavigationState, correct_increments, increments_from_samples, mechanize, step
-from models.trajectories import TRAJECTORIES
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import imu_increments
 
 for kernel in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS):
     register_jitable(kernel)

@@ -7,10 +7,10 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from models import earth, rotation
-from models.motion import imu_increments
 from models.strapdown import mechanize
-from models.track import Track, smoothed_track
-from models.trajectories import TRAJECTORIES
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import imu_increments
+from models.trajectory.spline import Track, smoothed_track
 
 
 def _sampled(name, duration, interval=1.0):

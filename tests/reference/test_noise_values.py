@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from models.arma import Arma
 from models.noise import BiasInstability, GaussMarkov, LowPassWhite, Quantization, RandomWalk, Sinusoid, White
-from models.terms.flicker import flicker_ladder
+from models.noise.arma import Arma
+from models.noise.bias_instability import flicker_ladder
 from models.units import ARCSEC, DEG_PER_HOUR, DEG_PER_HOUR_PER_SQRT_HZ
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.terms.flicker import ALLAN_FLOOR
+from models.noise.bias_instability import ALLAN_FLOOR
 from models.units import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from tuner.results import ChannelNoise
 from tuner.synthesis import RULES, equivalent_markov_sd
-from tuner.synthesis.markov import FlickerView
+from tuner.synthesis.bias_states import FlickerView
+from tuner.types import ChannelNoise
 
 TABLE = {  # IMU: (bias instability, tuned gbstd) in deg/h, tuned arw in deg/√h
     "ICM20602": (10.0, 200.0, 0.2),

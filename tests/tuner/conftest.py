@@ -19,9 +19,9 @@ WHITE, CONSTANT = np.repeat([1.7e-4, 3e-3], 3), np.repeat([1e-3, 0.02], 3)
 @pytest.fixture(scope="session")
 def drive_config():
     """What the simulated unit is: white noise and constant biases."""
-    from tuner.grades import grade_identification, load_grade
-    from tuner.results import GnssNoise
+    from tuner.catalogue.grades import grade_identification, load_grade
     from tuner.synthesis import synthesize
+    from tuner.types import GnssNoise
 
     receiver = GnssNoise((1.0, 1.0, 1.8), (0.06, 0.06, 0.1), 1.0, 5.0)
     told = synthesize(grade_identification(load_grade("mpu9250")), gnss=receiver)
@@ -35,8 +35,8 @@ def drive_config():
 @cache
 def course(duration):
     """The trajectory, and what is felt on it."""
-    from models.motion import imu_increments
-    from models.trajectories import TRAJECTORIES
+    from models.trajectory.catalogue import TRAJECTORIES
+    from models.trajectory.motion import imu_increments
 
     motion = TRAJECTORIES["city"](duration)
     return motion, np.hstack(imu_increments(motion, INTERVAL)) / INTERVAL
@@ -49,9 +49,9 @@ def simulated():
     `reported` (k,) are factors on the sds that the receiver tells.
     """
     from models.earth import llh_displaced
-    from models.gnss import perfect_fixes
+    from models.measurements import perfect_fixes
     from tuner.navigation.compensation import sensor_matrix
-    from tuner.records import Drive, Gnss
+    from tuner.types.records import Drive, Gnss
 
     def make(
         seed, *, duration=300.0, values=None, delay=0.0, lag=0.0, arm=(0.0, 0.0, 0.0), unit=1.0, fixes=1.0,
@@ -81,9 +81,9 @@ def simulated():
 def _arrays(duration=400.0, *, seed=1, mounting=MOUNTING_RPY, delay=DELAY):
     """A simulated drive as the arrays of a file: a city after standing still."""
     from models import rotation
-    from models.gnss import perfect_fixes
-    from models.motion import imu_increments
-    from models.trajectories import TRAJECTORIES
+    from models.measurements import perfect_fixes
+    from models.trajectory.catalogue import TRAJECTORIES
+    from models.trajectory.motion import imu_increments
 
     rng = np.random.default_rng(seed)
     motion = TRAJECTORIES["city"](duration)
@@ -125,7 +125,7 @@ def _saved(path, data, **meta):
 
 
 def _configuration(receiver="dgnss"):
-    from tuner.grades import grade_identification, load_gnss, load_grade
+    from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
     from tuner.synthesis import synthesize
 
     config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss(receiver))

@@ -6,14 +6,14 @@ import pytest
 import yaml
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
-from tuner.agreement import agreed, findings_for_config, judge_hidden, settled_inflations
 from tuner.cli import run
-from tuner.exporters import native
+from tuner.formats import native
+from tuner.formats.logs import write_log
 from tuner.identification import identify
-from tuner.results import Coefficient, Diagnosis, Finding, Inflation
-from tuner.simulation import simulate
+from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
-from tuner.writers import write_log
+from tuner.synthesis.findings import agreed, findings_for_config, judge_hidden, settled_inflations
+from tuner.types import Coefficient, Diagnosis, Finding, Inflation
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 
@@ -146,7 +146,7 @@ def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatc
     def short(seed):
         return simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=seed, hidden=[hidden])
 
-    monkeypatch.setattr("tuner.simulation.demo", short)
+    monkeypatch.setattr("tuner.simulation.static.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
     assert "line in gyro_x (frequency 12.5, amplitude 0.001): found" in capsys.readouterr().out
     result = json.loads((tmp_path / "result.json").read_text())

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.covariance import allan_covariance
+from tuner.identification.allan_covariance import allan_covariance
 
 N = 160
 M = np.array([1, 3, 8, 24, 40])

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability
-from models.terms.flicker import flicker_ladder
-from models.trajectories import TRAJECTORIES
-from tuner.attribution import attribute, best
-from tuner.budget import error_budget
-from tuner.consistency import evaluate, score
-from tuner.explanations import Explanation, explanations
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.sensor import sensor_of_config
+from models.noise.bias_instability import flicker_ladder
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.attribution import attribute, best
+from tuner.consistency.attribution.hypotheses import Explanation, explanations
+from tuner.consistency.attribution.likelihood import scattered
+from tuner.consistency.attribution.sensitivity import hidden, responses
+from tuner.consistency.error_budget import error_budget
+from tuner.consistency.scores import evaluate, score
+from tuner.consistency.verdicts import explained
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import Runs, resolution, scenario, simulate
-from tuner.responses import hidden, responses
-from tuner.results import MarkovState
-from tuner.scatter import scattered
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import Runs, resolution, scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.verdicts import explained
+from tuner.types import MarkovState
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 TRUTH = sensor_of_config(CONFIG)

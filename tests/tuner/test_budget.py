@@ -7,16 +7,16 @@ import json
 import numpy as np
 import pytest
 
-from models.gnss import perfect_fixes
-from models.trajectories import TRAJECTORIES
-from tuner.budget import blind_spots, error_budget, table
+from models.measurements import perfect_fixes
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
-from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.error_budget import blind_spots, error_budget, table
+from tuner.consistency.observability import observability
 from tuner.navigation import engine
-from tuner.navigation.inputs import Fixes
+from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import scenario
-from tuner.observability import observability
+from tuner.simulation.monte_carlo import scenario
 from tuner.synthesis import synthesize
 
 

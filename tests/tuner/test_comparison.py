@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tuner.comparison import compare
-from tuner.grades import grade_identification, load_grade
+from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.identification import identify
-from tuner.records import Record
+from tuner.identification.comparison import compare
+from tuner.types.records import Record
 
 
 def white_log(density, seed, n=4000, interval=0.01):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tuner.cli import run
-from tuner.comparison import compare
-from tuner.conditions import at_rest, still_parts, temperature_parts
+from tuner.formats.logs import write_log
 from tuner.identification import identify
-from tuner.records import DataError, Record
-from tuner.writers import write_log
+from tuner.identification.comparison import compare
+from tuner.segments.conditions import at_rest, still_parts, temperature_parts
+from tuner.types.records import DataError, Record
 
 RATE = 50.0
 AXES = ("gyro_x", "gyro_y", "gyro_z")

@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.trajectories import TRAJECTORIES
-from tuner.check import check
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
-from tuner.consistency import evaluate, innovation_scores, score
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.sensor import sensor_of_config, sensor_of_grade
+from tuner.consistency.check import check
+from tuner.consistency.scores import evaluate, innovation_scores, score
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import outage_windows, scenario, simulate
-from tuner.results import MarkovState
+from tuner.simulation.imu import sensor_of_config, sensor_of_grade
+from tuner.simulation.monte_carlo import outage_windows, scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types import MarkovState
 
 
 def test_few_groups_do_not_pretend():
@@ -121,7 +121,7 @@ def test_check_from_the_command_line(tmp_path, capsys):
     arguments = ["check", "stim300", "--gnss", "rtk", "--runs", "4", "--duration", "300", "--quiet"]
     assert run([*arguments, "--json", str(file)]) == 0
     content = json.loads(file.read_text(encoding="utf-8"))
-    assert content["schema"] == "tuner.consistency/1"
+    assert content["schema"] == "tuner.consistency.scores/1"
     assert content["nees"]["dof"] == 15
     assert content["consistent"] is True
     assert "consistent" in capsys.readouterr().out

@@ -5,9 +5,9 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.curves import curve
-from tuner.identification.curvefit import identify_curve, record_span
-from tuner.records import DataError, Record
-from tuner.results import AllanCurve
+from tuner.identification.from_curve import identify_curve, record_span
+from tuner.types import AllanCurve
+from tuner.types.records import DataError, Record
 
 TRUTH = NoiseModel((White(1.0), BiasInstability(0.476), RandomWalk(0.06)))
 

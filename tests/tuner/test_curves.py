@@ -5,8 +5,8 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.curves import ESTIMATORS, curve, dof, empirical, theo
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import theo_br
-from tuner.records import DataError, Record
-from tuner.results import AllanCurve, Correlogram, Spectrum
+from tuner.types import AllanCurve, Correlogram, Spectrum
+from tuner.types.records import DataError, Record
 
 EVERY = [*ESTIMATORS, "theoh"]
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tuner.curves import kernels
+from tuner.curves import allan_kernels as kernels
 from tuner.curves.allan import (
     allan,
     hadamard,
@@ -16,7 +16,7 @@ from tuner.curves.allan import (
 )
 from tuner.curves.theo import theo1, theo_br, theo_h
 from tuner.curves.total import total
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 SIZES = np.array([1, 2, 3, 7, 16, 60])
 SQUARES = [allan, two_group_allan, overlapping_allan, modified_allan, hadamard, overlapping_hadamard, total]

@@ -5,10 +5,10 @@ import pytest
 from scipy.stats import binom, chi2
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.curves import differences
+from tuner.curves import difference_dof as differences
 from tuner.curves.allan import overlapping_allan
-from tuner.curves.confidence import PURE, dof, dominant
-from tuner.curves.differences import Difference, two_groups
+from tuner.curves.difference_dof import Difference, two_groups
+from tuner.curves.edf import PURE, dof, dominant
 from tuner.curves.theo import theo1, theo_br
 from tuner.curves.total import total
 

@@ -5,7 +5,7 @@ from scipy.linalg import solve_toeplitz
 from models.noise import BiasInstability
 from tuner.curves import acf, pacf
 from tuner.curves.series import averages, exponent, noise_types, nsec
-from tuner.records import DataError, Record
+from tuner.types.records import DataError, Record
 
 
 def record(y, interval=0.01, segments=()):

@@ -4,7 +4,7 @@ from scipy.stats import binom
 
 from tuner.curves import psd
 from tuner.curves.spectrum import multitaper
-from tuner.records import DataError, Record
+from tuner.types.records import DataError, Record
 
 
 def record(y, interval=0.01, segments=()):

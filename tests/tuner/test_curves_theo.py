@@ -4,7 +4,7 @@ import pytest
 from tuner.curves import theo
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, nearest_theo1_size, theo1, theo1_all, theo_br
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 
 def definition(y, m):

@@ -7,9 +7,9 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.cli import run
-from tuner.results import Diagnosis, Unexplained
-from tuner.simulation import simulate
-from tuner.writers import write_log
+from tuner.formats.logs import write_log
+from tuner.simulation.static import simulate
+from tuner.types import Diagnosis, Unexplained
 
 RATE, DURATION = 100.0, 600.0
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])

@@ -10,10 +10,10 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.jsondiagnosis import diagnosis_json
-from tuner.records import DataError, Record
-from tuner.results import Diagnosis
-from tuner.simulation import Channel, simulate
+from tuner.report.json.diagnosis import diagnosis_json
+from tuner.simulation.static import Channel, simulate
+from tuner.types import Diagnosis
+from tuner.types.records import DataError, Record
 
 SPAN, RATE = 1800.0, 50.0
 NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))

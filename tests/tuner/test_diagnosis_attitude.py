@@ -9,11 +9,11 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.causes import yielding
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.residual import residual
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.static.causes import mount_tilt as yielding
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 SPAN, RATE = 1200.0, 25.0
 NOISE = NoiseModel((White(1e-3), BiasInstability(1e-4), RandomWalk(3e-6)))

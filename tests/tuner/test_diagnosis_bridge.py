@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.causes import telegraph
-from tuner.diagnosis.causes.motion import Motion
-from tuner.diagnosis.causes.warmup import Warmup
-from tuner.diagnosis.channel import Channel
-from tuner.diagnosis.channel import channel as ready
-from tuner.diagnosis.residual import residual
-from tuner.records import Record
+from tuner.diagnosis.static.causes import telegraph
+from tuner.diagnosis.static.causes.motion import Motion
+from tuner.diagnosis.static.causes.warmup import Warmup
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.channel import channel as ready
+from tuner.diagnosis.static.model.residual import residual
+from tuner.types.records import Record
 
 RATE, BLOCKS = 1.0, 4096
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis import diagnose
-from tuner.records import Record
-from tuner.results import Diagnosis
+from tuner.types import Diagnosis
+from tuner.types.records import Record
 
 INTERVAL, N = 0.01, 120_000
 

@@ -11,8 +11,8 @@ import pytest
 
 from tuner.diagnosis import diagnose
 from tuner.readers import read
-from tuner.records import Record
-from tuner.results import Finding
+from tuner.types import Finding
+from tuner.types.records import Record
 
 DATA = Path(os.environ.get("TUNER_DATA", "")) / "static"
 pytestmark = [

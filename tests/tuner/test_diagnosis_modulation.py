@@ -7,11 +7,11 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.modulation import test as modulation
-from tuner.diagnosis.residual import residual
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.variance.modulation import test as modulation
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 SPAN, RATE = 1200.0, 50.0
 NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))

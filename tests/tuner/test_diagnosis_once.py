@@ -7,15 +7,15 @@ import pytest
 from scipy.optimize import minimize
 
 from models.noise import NoiseModel, White
-from tuner.diagnosis.alarm import Alarm
-from tuner.diagnosis.causes.heavy_tails import HeavyTails
-from tuner.diagnosis.causes.vibration import Vibration, _largest
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.loudness import block_loudness, loudness
-from tuner.diagnosis.residual import relabelled, residual
-from tuner.diagnosis.rounding import moments
-from tuner.diagnosis.statistics import minimum
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
+from tuner.diagnosis.static.causes.vibration import Vibration, _largest
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.null_distributions import minimum
+from tuner.diagnosis.static.model.residual import relabelled, residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.variance.level import block_loudness, loudness
+from tuner.diagnosis.static.variance.quantized_noise import moments
+from tuner.simulation.static import Channel, simulate
 
 
 def test_loudness_is_made_once_for_a_residual():

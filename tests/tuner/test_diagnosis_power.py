@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.fft import rfft
 
-from tuner.diagnosis import panel
-from tuner.diagnosis.bins import Bins, rise, sized
-from tuner.diagnosis.causes import line
-from tuner.diagnosis.causes.vibration import Vibration
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.forms import arma_power
-from tuner.diagnosis.residual import residual
-from tuner.records import Record
+from tuner.diagnosis.static import hypothesis_tests as panel
+from tuner.diagnosis.static.causes import line
+from tuner.diagnosis.static.causes.vibration import Vibration
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.spectrum.binned import Bins, rise, sized
+from tuner.diagnosis.static.spectrum.filters import arma_power
+from tuner.types.records import Record
 
 OTHERS = 12
 """Misfit, slow spectrum, three of the loudness, pair, sweep, held readings, rails, codes, shared noise, attitude."""

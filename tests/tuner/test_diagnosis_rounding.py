@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.diagnosis.hygiene import hygiene
-from tuner.diagnosis.loudness import block_loudness
-from tuner.diagnosis.panel import panel, threshold
-from tuner.diagnosis.preparation import prepared
-from tuner.diagnosis.residual import residual
-from tuner.diagnosis.rounding import cell_moments, moments
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.static.channel_preparation import prepared
+from tuner.diagnosis.static.hypothesis_tests import panel, threshold
+from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.variance.level import block_loudness
+from tuner.diagnosis.static.variance.quantized_noise import cell_moments, moments
+from tuner.simulation.static import Channel, simulate
 
 NOISE = NoiseModel((White(1e-3), BiasInstability(1.5e-4), RandomWalk(2e-6)))
 RATE, WHITE = 50.0, 1e-3 * np.sqrt(50.0)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.channel import computed
-from tuner.diagnosis.extension import Value
-from tuner.diagnosis.findings import SIZES, SIZES_OF, pooled
-from tuner.records import DataError, Record
-from tuner.results import Coefficient
+from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.static.channel import computed
+from tuner.diagnosis.static.findings import SIZES, SIZES_OF, pooled
+from tuner.types import Coefficient
+from tuner.types.records import DataError, Record
 
 INTERVAL, N = 0.01, 60_000
 

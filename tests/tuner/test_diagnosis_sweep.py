@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis import diagnose, sweep
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.residual import residual
-from tuner.records import Record
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes import chirp as sweep
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.types.records import Record
 
 N, RATE = 65536, 50.0
 

@@ -11,9 +11,15 @@ from scipy.integrate import quad
 from scipy.stats import kstest, norm
 
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.causes.heavy_tails import HeavyTails, beside_spikes, rounded_kurtosis, student, whole
-from tuner.diagnosis.histogram import histogram
-from tuner.records import Record
+from tuner.diagnosis.static.causes.heavy_tails import (
+    HeavyTails,
+    beside_spikes,
+    rounded_kurtosis,
+    student,
+    whole,
+)
+from tuner.diagnosis.static.variance.histogram import histogram
+from tuner.types.records import Record
 
 INTERVAL, N = 0.01, 180_000
 NORMAL, PURE, MIXED = HeavyTails(1e9), HeavyTails(5.0), HeavyTails(5.0, 0.3, 1.5)

@@ -9,10 +9,10 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.hops import STILL, Chain, Slow, likelihood
-from tuner.diagnosis.switching import paired, still, switching
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
+from tuner.diagnosis.static.switching.models import STILL, Chain, Slow, likelihood
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))
 

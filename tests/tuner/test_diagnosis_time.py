@@ -8,9 +8,9 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.covariate import hold, smoothed
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.static.model.covariate import hold, smoothed
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 SPAN, RATE = 1200.0, 50.0
 COUNT = int(SPAN * RATE)

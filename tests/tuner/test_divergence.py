@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.trajectories import TRAJECTORIES
-from tuner.check import check
-from tuner.consistency import run_ratios
-from tuner.grades import grade_identification, grade_names, load_gnss, load_grade
-from tuner.navigation.sensor import sensor_of_config
-from tuner.navigation.simulate import Runs
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
+from tuner.consistency.check import check
+from tuner.consistency.scores import run_ratios
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import Runs
 from tuner.synthesis import synthesize
 
 TOWN = TRAJECTORIES["city"](600.0)

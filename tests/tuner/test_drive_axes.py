@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.trajectories import TRAJECTORIES
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.drives import simulate_drive
-from tuner.driving import navigate_drive
-from tuner.grades import load_gnss, load_grade
-from tuner.navigation.axes import inertial_axes, named_axes
-from tuner.readers.drives import read_drive
-from tuner.records import DataError, Gnss
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.consistency.drive import navigate_drive
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.navigation.drive.axis_checks import inertial_axes, named_axes
+from tuner.readers.drive import read_drive
+from tuner.simulation.drive import simulate_drive
+from tuner.types.records import DataError, Gnss
 
 MOUNTING_RPY = (180.0, 3.0, 100.0)
 

@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.trajectories import TRAJECTORIES
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
-from tuner.commands import tune
-from tuner.commands.sources import is_drive
-from tuner.diagnosis.drives import Examined
-from tuner.diagnosis.drives.inflation import covers, words
-from tuner.driven import driven_config
-from tuner.drives import simulate_drive
-from tuner.exporters import native
-from tuner.grades import load_gnss, load_grade
+from tuner.cli.commands import tune
+from tuner.cli.commands.inputs import is_drive
+from tuner.diagnosis.drive import Examined
+from tuner.diagnosis.drive.config import driven_config
+from tuner.diagnosis.drive.inflation import covers, words
+from tuner.formats import native
+from tuner.formats.logs import write_drive
 from tuner.report.drive_tables import drive_tables
-from tuner.results import Coefficient, Demand, DriveDiagnosis, Gain, Inflation
-from tuner.standing import CONSERVATIVE, config_of_drive, nearest_grade, standing
-from tuner.writers import write_drive
+from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
+from tuner.types import Coefficient, Demand, DriveDiagnosis, Gain, Inflation
 
 DELAY = 0.15
 SETTINGS = ["gyro_white", "accel_white", "gyro_bias", "accel_bias", "position", "velocity"]
@@ -63,7 +63,7 @@ def tuned(file):
     """Configuration without a static log, the closing check cut to two short flights."""
     patch = pytest.MonkeyPatch()
     patch.setattr(tune, "CHECK_RUNS", 2)
-    patch.setattr("tuner.check.DURATION", 300.0)
+    patch.setattr("tuner.consistency.check.DURATION", 300.0)
     folder = file.with_name("out")
     assert run(["tune", "--drive", str(file), "-o", str(folder), "--quiet"]) == 0
     patch.undo()

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from models import rotation
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.diagnosis.drives.hypothesis import Hypothesis, examine
-from tuner.diagnosis.drives.likelihood import believed
-from tuner.diagnosis.drives.loop import THRESHOLD
-from tuner.diagnosis.drives.score import carried, families, fit
-from tuner.diagnosis.drives.sensitivity import Whitened, whitened
-from tuner.exporters import native
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.causes.constants import carried, families, fit
+from tuner.diagnosis.drive.hypothesis import Hypothesis, examine
+from tuner.diagnosis.drive.linear_model.likelihood import believed
+from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
+from tuner.diagnosis.drive.search import THRESHOLD
+from tuner.formats import native
 from tuner.navigation.compensation import compensated, sensor_matrix
 
 DURATION = 500.0

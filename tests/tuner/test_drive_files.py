@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from tuner.cli import run
-from tuner.commands.check import load_filter
-from tuner.driving import navigate_drive
-from tuner.exporters import export, native
-from tuner.readers.drives import read_drive
-from tuner.records import DataError
-from tuner.synthesis.equivalents import equivalent_markov_sd
+from tuner.cli.commands.check import load_filter
+from tuner.consistency.drive import navigate_drive
+from tuner.exporters import export
+from tuner.formats import native
+from tuner.readers.drive import read_drive
+from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.types.records import DataError
 
 LEVER = (0.5, -0.3, -1.2)
 MOUNTING_RPY = (180.0, 3.0, 100.0)

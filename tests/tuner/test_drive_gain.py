@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.diagnosis.drives.gain import change_interval
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.held_out_gain import change_interval
 
 
 @pytest.mark.parametrize("windows", [2, 4, 8, 20])

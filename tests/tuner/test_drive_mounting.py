@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models import rotation
-from tuner.diagnosis.drives import diagnose_drive
+from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.compensation import compensated
 
 PITCH, YAW = np.radians((3.0, -4.0))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.exporters import native
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.formats import native
 from tuner.navigation.compensation import compensated_settings
 from tuner.navigation.settings import filter_settings
 

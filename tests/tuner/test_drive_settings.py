@@ -110,7 +110,7 @@ def test_what_is_no_npz(small, tmp_path, capsys, content):
 
 
 def test_a_text_of_bytes_is_read(data, tmp_path):
-    from tuner.readers.drives import read_drive
+    from tuner.readers.drive import read_drive
 
     path = tmp_path / "bytes.npz"
     np.savez(path, meta=np.array(b'{"lever_arm_frd_m": [1, 2, 3]}'), **data)
@@ -129,7 +129,7 @@ def _folder(path, data, header):
 
 
 def test_units_in_brackets_are_believed(data, tmp_path):
-    from tuner.readers.drives import read_drive
+    from tuner.readers.drive import read_drive
 
     factor = np.array([1e-3, np.degrees(1.0), 1.0, 0.3048, 1.0 / 3.6, 1852.0 / 3600.0, 0.44704])
     names = ("gnss_t", "gnss_llh", "gnss_vned")

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.trajectories import TRAJECTORIES
-from tuner.commands.check import load_filter
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.drives import simulate_drive
-from tuner.drivescores import differences
-from tuner.driving import navigate_drive
-from tuner.grades import load_gnss, load_grade
-from tuner.navigation.initial import align
-from tuner.navigation.inputs import Steps
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.cli.commands.check import load_filter
+from tuner.consistency.drive import navigate_drive
+from tuner.consistency.drive_scores import differences
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment import align
+from tuner.simulation.drive import simulate_drive
 
 AXES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 ARM = (1.0, 0.5, -1.2)

@@ -10,19 +10,25 @@ import numpy as np
 import pytest
 
 from models.earth import llh_displaced
-from models.gnss import perfect_fixes
-from models.motion import Trajectory
-from models.profiles import Profile, Wave
-from models.trajectories import TRAJECTORIES
+from models.measurements import perfect_fixes
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import Trajectory
+from models.trajectory.profiles import Profile, Wave
+from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
-from tuner.drives import simulate_drive
-from tuner.grades import load_gnss, load_grade
-from tuner.navigation.axes import named_axes
-from tuner.navigation.legs import legs
-from tuner.navigation.outliers import without_outliers
-from tuner.navigation.scales import factor, height_factor, likely_unit, refuse_wrong_units, velocity_factor
-from tuner.readers.drives import read_drive
-from tuner.records import DataError, Gnss
+from tuner.navigation.drive.axis_checks import named_axes
+from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.unit_checks import (
+    factor,
+    height_factor,
+    likely_unit,
+    refuse_wrong_units,
+    velocity_factor,
+)
+from tuner.navigation.drive.windows import legs
+from tuner.readers.drive import read_drive
+from tuner.simulation.drive import simulate_drive
+from tuner.types.records import DataError, Gnss
 
 FOOT, MILE, KNOT = 0.3048, 1609.344 / 3600.0, 1852.0 / 3600.0
 DT = 0.02

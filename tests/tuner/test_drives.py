@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.gnss import perfect_fixes
-from models.trajectories import TRAJECTORIES
+from models.measurements import perfect_fixes
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
-from tuner.commands.check import load_filter
-from tuner.drivescores import differences, errors
-from tuner.driving import drive_filter, navigate_drive
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.drive import navigate, prepare, starting
-from tuner.navigation.initial import align, receiver_lag, standing_until
-from tuner.navigation.inputs import Steps
-from tuner.navigation.outliers import without_outliers
-from tuner.navigation.vehicle import Vehicle, accounts, forward_axes
-from tuner.readers.drives import read_drive
-from tuner.records import DataError, Gnss
-from tuner.standing import receiver_of
+from tuner.cli.commands.check import load_filter
+from tuner.consistency.drive import drive_filter, navigate_drive
+from tuner.consistency.drive_scores import differences, errors
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment import align, receiver_lag, standing_until
+from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.run import navigate, prepare, starting
+from tuner.navigation.drive.vehicle_constraints import Vehicle, accounts, forward_axes
+from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
+from tuner.synthesis.from_drive import receiver_of
+from tuner.types.records import DataError, Gnss
 
 INTERVAL = 0.02
 LEVER = (0.5, -0.3, -1.2)
@@ -342,7 +342,7 @@ def test_navigate_from_the_command_line(file, tmp_path, capsys):
     ]
     assert run(arguments) == 0
     content = json.loads(out.read_text(encoding="utf-8"))
-    assert content["schema"] == "tuner.consistency/1"
+    assert content["schema"] == "tuner.consistency.scores/1"
     assert content["source"]["estimates"]["time_offset"]
     assert [o["seconds"] for o in content["outage"]] == [10.0, 30.0, 60.0]
     assert not any("no receiver is named" in note for note in content["notes"])

@@ -17,9 +17,9 @@ import yaml
 
 from models.units import DEG
 from tuner.exporters import DIALECTS, export
-from tuner.records import DataError
-from tuner.results import ChannelNoise, FilterConfig, GnssNoise, Inflation, InitialUncertainty, MarkovState
 from tuner.synthesis import equivalent_random_walk
+from tuner.types import ChannelNoise, FilterConfig, GnssNoise, Inflation, InitialUncertainty, MarkovState
+from tuner.types.records import DataError
 
 DT = 0.01
 STEP = 0.008

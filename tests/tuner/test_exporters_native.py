@@ -10,11 +10,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tuner.exporters import native
-from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.records import DataError
-from tuner.results import (
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.formats import native
+from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.synthesis import synthesize
+from tuner.types import (
     ChannelNoise,
     Coefficient,
     FilterConfig,
@@ -24,7 +24,7 @@ from tuner.results import (
     MarkovState,
     TermEstimate,
 )
-from tuner.synthesis import synthesize
+from tuner.types.records import DataError
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 sizes = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)

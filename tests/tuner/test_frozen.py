@@ -10,11 +10,11 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from models.effects import Samples, hide
-from models.effects.sampling import Duplicates, Lattice
+from models.effects.static.sampling import Duplicates, Lattice
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.frozen import cut, frozen
-from tuner.diagnosis.hygiene import hygiene
-from tuner.records import Record
+from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.data_quality.frozen import cut, frozen
+from tuner.types.records import Record
 
 INTERVAL, N = 0.01, 120_000
 COLOURS = {

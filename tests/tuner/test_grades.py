@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import Sourced, TriadGrade
-from models.terms.flicker import ALLAN_FLOOR
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
-from tuner import grades
-from tuner.datasheet import is_datasheet, read_datasheet
-from tuner.grades import (
+from tuner.catalogue import grades
+from tuner.catalogue.datasheet import is_datasheet, read_datasheet
+from tuner.catalogue.datasheet_format import parse_sheet
+from tuner.catalogue.grades import (
     config_directory,
     gnss_names,
     grade_identification,
@@ -22,9 +23,8 @@ from tuner.grades import (
     load_grade,
     parse_gnss,
 )
-from tuner.records import DataError
-from tuner.sheets import parse_sheet
 from tuner.synthesis import synthesize
+from tuner.types.records import DataError
 
 SHEET = """\
 format: tuner-datasheet/1
@@ -98,10 +98,10 @@ def test_an_installed_package_finds_its_own_configurations(
 ) -> None:
     package = tmp_path / "tuner"
     (package / "configs" / "sensors").mkdir(parents=True)
-    monkeypatch.setattr(grades, "__file__", str(package / "grades.py"))
+    monkeypatch.setattr(grades, "__file__", str(package / "catalogue" / "grades.py"))
     assert config_directory() == package / "configs"
     assert grade_names() == ()
-    monkeypatch.setattr(grades, "__file__", str(tmp_path / "elsewhere" / "grades.py"))
+    monkeypatch.setattr(grades, "__file__", str(tmp_path / "elsewhere" / "catalogue" / "grades.py"))
     with pytest.raises(DataError, match="expected a folder 'configs'"):
         config_directory()
 

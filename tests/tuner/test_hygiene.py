@@ -11,14 +11,14 @@ from scipy import integrate, stats
 from scipy.signal import lfilter
 
 from models.effects import Samples, hide
-from models.effects.sampling import Clipping, Duplicates, Lattice
+from models.effects.static.sampling import Clipping, Duplicates, Lattice
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.diagnosis.clipping import rails
-from tuner.diagnosis.codes import lattice_step, read_codes
-from tuner.diagnosis.duplicates import chance_equality, held_readings
-from tuner.diagnosis.hygiene import HygieneTest, hygiene
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.data_quality import HygieneTest, hygiene
+from tuner.diagnosis.data_quality.quantizer import lattice_step, read_codes
+from tuner.diagnosis.data_quality.repeated_samples import chance_equality, held_readings
+from tuner.diagnosis.data_quality.saturation import rails
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 INTERVAL = 0.01
 ALARM = 1e-4

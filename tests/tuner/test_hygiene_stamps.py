@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from models.noise import NoiseModel, White
-from tuner.diagnosis.hygiene import hygiene
-from tuner.readers.timebase import stamped_timebase
-from tuner.records import Record
-from tuner.simulation import Channel, simulate
+from tuner.diagnosis.data_quality import hygiene
+from tuner.readers.time_base import stamped_timebase
+from tuner.simulation.static import Channel, simulate
+from tuner.types.records import Record
 
 
 def test_stamps_that_are_even_are_quiet_and_others_are_found():

@@ -6,10 +6,10 @@ import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, RandomWalk, White
 from tuner.identification import identify, identify_channel
-from tuner.identification.band import find_band
-from tuner.identification.octaves import OctaveCurve
-from tuner.jsonio import identification_json
-from tuner.records import DataError, Record
+from tuner.identification.allan_octaves import OctaveCurve
+from tuner.identification.valid_band import find_band
+from tuner.report.json.identification import identification_json
+from tuner.types.records import DataError, Record
 
 INTERVAL = 0.01
 MODEL = NoiseModel((White(1e-3), BiasInstability(5e-4), RandomWalk(6e-5)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tuner.identification import identify_channel
-from tuner.records import Record
+from tuner.types.records import Record
 
 OTHERS = ("quantization", "bias_instability", "random_walk", "ramp", "gauss_markov")
 

@@ -17,12 +17,12 @@ import yaml
 from models import rotation
 from models.units import from_si, to_si
 from tuner.cli import run
-from tuner.driving import navigate_drive
+from tuner.consistency.drive import navigate_drive
 from tuner.exporters import kf_gins
 from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
-from tuner.readers.drives import read_drive
-from tuner.records import DataError
-from tuner.results import MarkovState
+from tuner.readers.drive import read_drive
+from tuner.types import MarkovState
+from tuner.types.records import DataError
 
 REQUIRED = (
     *("imupath", "gnsspath", "outputpath", "imudatalen", "imudatarate", "starttime", "endtime"),

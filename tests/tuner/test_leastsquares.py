@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.leastsquares import fit, misfit, unweighted
-from tuner.identification.octaves import OctaveCurve
-from tuner.records import DataError
+from tuner.identification.allan_leastsquares import fit, misfit, unweighted
+from tuner.identification.allan_octaves import OctaveCurve
+from tuner.types.records import DataError
 
 INTERVAL = 0.01
 MIXED = NoiseModel((White(1.0), BiasInstability(0.476), RandomWalk(0.06)))

@@ -7,7 +7,7 @@ from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.expectation import expected_power
+from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.likelihood import fit, fit_periodogram
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import SINGLE, cosine_periodogram

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom, chi2, norm
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
-from tuner.identification.expectation import expected_power
+from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.intervals import _deviate, interval
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import cosine_periodogram

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.trajectories import TRAJECTORIES
-from tuner.budget import error_budget
-from tuner.check import check
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.linearity import spurious_information
-from tuner.navigation.sensor import sensor_of_config
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.check import check
+from tuner.consistency.error_budget import error_budget
+from tuner.consistency.false_observability import spurious_information
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import scenario, simulate
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))

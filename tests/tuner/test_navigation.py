@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from models import rotation
-from models.errorstate import corrected, navigation_error
-from models.gnss import perfect_fixes
-from models.layout import OPTIONAL
-from models.motion import imu_increments
-from models.trajectories import TRAJECTORIES
-from tuner.grades import grade_identification, load_gnss, load_grade
+from models.error_state import corrected, navigation_error
+from models.measurements import perfect_fixes
+from models.state_layout import OPTIONAL
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import imu_increments
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation import engine
-from tuner.navigation import filter as reference
-from tuner.navigation.inputs import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
-from tuner.navigation.sensor import sensor_of_config
+from tuner.navigation import reference_filter as reference
+from tuner.navigation.data import GATED, USED, WITHHELD, Constraints, Fixes, Steps, split_at
 from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
-from tuner.navigation.simulate import scenario, simulate
-from tuner.records import DataError
-from tuner.results import MarkovState
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types import MarkovState
+from tuner.types.records import DataError
 
 LEVER = (0.3, -0.2, -1.0)
 PRIORS = dict.fromkeys(OPTIONAL, 0.01) | {"lever_arm": 0.5, "gravity": 1e-3, "g_sensitivity": 1e-4}

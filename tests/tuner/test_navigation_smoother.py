@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.errorstate import corrected, navigation_error
-from models.gnss import perfect_fixes
-from models.motion import imu_increments
+from models.error_state import corrected, navigation_error
+from models.measurements import perfect_fixes
 from models.strapdown import NavigationState
-from models.trajectories import TRAJECTORIES
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation import filter as reference
-from tuner.navigation.inputs import Fixes, Steps, split_at
+from models.trajectory.catalogue import TRAJECTORIES
+from models.trajectory.motion import imu_increments
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.navigation import reference_filter as reference
+from tuner.navigation.data import Fixes, Steps, split_at
 from tuner.navigation.settings import filter_settings
 from tuner.navigation.smoother import separation, smooth
 from tuner.synthesis import synthesize

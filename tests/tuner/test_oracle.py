@@ -13,11 +13,11 @@ import sys
 import numpy as np
 import pytest
 
-from tuner.attribution import best
-from tuner.consistency import score, squares, whiteness
-from tuner.explanations import explanations
-from tuner.responses import SLOWER, STRETCHES
-from tuner.scatter import scattered
+from tuner.consistency.attribution import best
+from tuner.consistency.attribution.hypotheses import explanations
+from tuner.consistency.attribution.likelihood import scattered
+from tuner.consistency.attribution.sensitivity import SLOWER, STRETCHES
+from tuner.consistency.scores import score, squares, whiteness
 
 STEP, EPOCHS = 1.0, 400
 BLIND = (10, 30, 100)

@@ -7,15 +7,15 @@ import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
-from tuner.report.customary import digits_to
+from tuner.report.channel_view import signal_of, subject
 from tuner.report.diagnosis_figure import draw_findings
 from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
 from tuner.report.page import write_page
-from tuner.report.subject import signal_of, subject
-from tuner.results import Coefficient, Diagnosis, Finding, Gain
-from tuner.simulation import simulate
+from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
+from tuner.types import Coefficient, Diagnosis, Finding, Gain
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 EFFECTS = {

@@ -11,9 +11,9 @@ import pytest
 
 from tuner.cli import run as command
 from tuner.papers import ITEMS, Item, Settings, chosen, run
-from tuner.records import DataError
-from tuner.report.papers_figures import draw_item
-from tuner.report.papers_pages import papers_json, papers_markdown
+from tuner.papers.figures import draw_item
+from tuner.papers.pages import papers_json, papers_markdown
+from tuner.types.records import DataError
 
 CORRECTED = {
     "rlg-static": ("σ(10 s) if N were 0.09 deg/√h as printed", "σ(10 s), the accuracy in use"),

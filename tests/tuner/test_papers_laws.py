@@ -14,7 +14,7 @@ from tuner.papers.results import absent, exact, judge, rounded, untestable
 from tuner.papers.sampling import estimate, mean_of, ratio_of_means, share_of
 from tuner.papers.segments import relative_sd_of_sigma
 from tuner.papers.timeseries import MODEL, stays_white
-from tuner.results import Coefficient
+from tuner.types import Coefficient
 
 OURS = Coefficient.known(1.0, 0.9, 1.1, "1")
 

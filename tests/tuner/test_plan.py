@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Ramp, RandomWalk, White
-from tuner.plan import plan, relative_sd
+from tuner.identification.record_length import plan, relative_sd
 
 HOUR = 3600.0
 

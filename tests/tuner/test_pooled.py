@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import binom
 
 from tuner.identification import identify
-from tuner.identification.pooled import pool, pool_coefficients, random_effects
-from tuner.records import Record
-from tuner.results import Coefficient
+from tuner.identification.several_logs import pool, pool_coefficients, random_effects
+from tuner.types import Coefficient
+from tuner.types.records import Record
 
 
 def simulate(rng, spread, sd):

@@ -11,9 +11,9 @@ from scipy.stats import binom
 
 from models.units import STANDARD_GRAVITY as G
 from tuner.cli import run
-from tuner.poses import CROSS, FULL, calibrate, different_poses, find_poses, fit_accel
-from tuner.records import Record
-from tuner.writers import write_log
+from tuner.formats.logs import write_log
+from tuner.segments.multi_position import CROSS, FULL, calibrate, different_poses, find_poses, fit_accel
+from tuner.types.records import Record
 
 BIAS = np.array([0.12, -0.2, 0.35])
 MATRIX = np.array([[1.01, 0.0, 0.0], [0.006, 0.985, 0.0], [-0.009, 0.004, 1.02]])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tuner.identification.preprocess import (
+from tuner.identification.arma_preprocess import (
     prepare,
     remove_trend,
     replace_outliers,

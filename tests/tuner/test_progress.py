@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tuner.navigation.compiler import _Announcer
-from tuner.progress import Messages
+from tuner.cli.progress import Messages
+from tuner.navigation.engine.numba_pipeline import _Announcer
 
 
 @pytest.mark.parametrize("quiet", [True, False])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tuner.readers import is_curve, parse_columns, read, read_curve
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 COUNT = 1000
 T = 0.01 * np.arange(COUNT)

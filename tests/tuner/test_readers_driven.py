@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tuner.readers.driven import check_drive
-from tuner.records import DataError
+from tuner.readers.drive_checks import check_drive
+from tuner.types.records import DataError
 
 RATE, INTERVAL, COUNT, SPEED = 50.0, 1.0, 200, 10.0
 

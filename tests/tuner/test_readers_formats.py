@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from tuner.readers import parse_columns, read
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 INTERVAL = 0.01
 COUNT = 400

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tuner.readers import read
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 DATA = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")

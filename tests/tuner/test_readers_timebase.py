@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tuner.readers.timebase import BRIDGE, even_timebase, stamped_timebase
-from tuner.records import DataError
+from tuner.readers.time_base import BRIDGE, even_timebase, stamped_timebase
+from tuner.types.records import DataError
 
 COUNT = 20_000
 

@@ -11,11 +11,11 @@ from scipy.signal import lfilter
 
 from models.earth import llh_displaced
 from tuner.cli import run
-from tuner.commands.sources import load_receiver
-from tuner.identification.receiver import identify_receiver
-from tuner.progress import Messages
-from tuner.readers.fixes import is_fixes, read_fixes
-from tuner.records import DataError, Gnss
+from tuner.cli.commands.inputs import load_receiver
+from tuner.cli.progress import Messages
+from tuner.identification.gnss_receiver import identify_receiver
+from tuner.readers.gnss_log import is_fixes, read_fixes
+from tuner.types.records import DataError, Gnss
 
 HOME = np.array([np.radians(48.0), np.radians(11.0), 500.0])
 WHITE, SD, TIME = np.array([0.8, 0.6, 1.5]), np.array([0.9, 0.7, 2.0]), 40.0

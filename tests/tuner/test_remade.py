@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, White
-from models.trajectories import city
-from tuner.agreement import agreed, findings_for_config
+from models.trajectory.catalogue import city
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.diagnosis import diagnose
-from tuner.drives import simulate_drive
-from tuner.exporters import native
-from tuner.grades import grade_identification, load_gnss, load_grade
+from tuner.formats import native
 from tuner.identification import identify
-from tuner.readers.drives import read_drive
-from tuner.records import DataError
-from tuner.remade import remade, remade_drive
-from tuner.simulation import Channel, simulate
+from tuner.readers.drive import read_drive
+from tuner.simulation.drive import simulate_drive
+from tuner.simulation.from_config import remade, remade_drive
+from tuner.simulation.static import Channel, simulate
 from tuner.synthesis import synthesize
+from tuner.synthesis.findings import agreed, findings_for_config
+from tuner.types.records import DataError
 
 NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4)))
 LINE = "line@gyro_x:frequency=7.3,amplitude=1e-3"

@@ -9,18 +9,25 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
-from models.effects.spectral import Vibration
+from models.effects.static.spectral import Vibration
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.bins import bins, sized
-from tuner.diagnosis.causes import burst, vibration
-from tuner.diagnosis.channel import channel
-from tuner.diagnosis.codes import lattice_step
-from tuner.diagnosis.duplicates import held_readings
-from tuner.diagnosis.forms import COLOURS, FILTERS, arma_power, colour_arma, filter_arma, filter_power
-from tuner.diagnosis.panel import threshold
-from tuner.diagnosis.residual import Residual, residual
-from tuner.diagnosis.shape import shape_test
-from tuner.records import Record
+from tuner.diagnosis.data_quality.quantizer import lattice_step
+from tuner.diagnosis.data_quality.repeated_samples import held_readings
+from tuner.diagnosis.static.causes import burst, vibration
+from tuner.diagnosis.static.channel import channel
+from tuner.diagnosis.static.hypothesis_tests import threshold
+from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.spectrum.binned import bins, sized
+from tuner.diagnosis.static.spectrum.filters import (
+    COLOURS,
+    FILTERS,
+    arma_power,
+    colour_arma,
+    filter_arma,
+    filter_power,
+)
+from tuner.diagnosis.static.spectrum.shape import shape_test
+from tuner.types.records import Record
 
 RATE, N = 100.0, 120_000
 CYCLES = (np.arange(128) + 0.5) / 256.0

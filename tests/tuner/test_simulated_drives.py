@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 
 from models.earth import EARTH_RATE, ned_between
-from models.effects.navigation import EFFECTS
-from models.effects.receiver import TimeOffset
-from models.gnss import perfect_fixes
-from models.motion import Trajectory, imu_increments
-from models.profiles import Profile, steps
-from models.trajectories import city
+from models.effects.drive import EFFECTS
+from models.effects.drive.gnss import TimeOffset
+from models.measurements import perfect_fixes
+from models.trajectory.catalogue import city
+from models.trajectory.motion import Trajectory, imu_increments
+from models.trajectory.profiles import Profile, steps
+from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run as run_command
-from tuner.drives import hide_in_drive, simulate_drive
-from tuner.grades import load_gnss, load_grade
-from tuner.navigation.initial import align
-from tuner.navigation.inputs import Steps
-from tuner.readers.drives import read_drive
-from tuner.records import DataError
-from tuner.writers import write_drive
+from tuner.formats.logs import write_drive
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment import align
+from tuner.readers.drive import read_drive
+from tuner.simulation.drive import hide_in_drive, simulate_drive
+from tuner.types.records import DataError
 
 DURATION, RATE = 120.0, 50.0
 MOTION = city(DURATION)

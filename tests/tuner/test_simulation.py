@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from models.effects import EFFECTS
-from models.effects.events import Step
-from models.effects.profiles import Constant
+from models.effects.static.events import Step
+from models.effects.static.temperature_profiles import Constant
 from models.noise import BiasInstability, NoiseModel, Quantization, RandomWalk, White
 from models.sensors import SensorGrade, Sourced, TriadGrade
-from tuner.hidden import Hidden, noise_scale, read_hidden
-from tuner.records import DataError
-from tuner.simulation import GRAVITY, Channel, demo, grade_channels, simulate
+from tuner.simulation.effect_spec import Hidden, noise_scale, read_hidden
+from tuner.simulation.static import GRAVITY, Channel, demo, grade_channels, simulate
+from tuner.types.records import DataError
 
 GYRO = NoiseModel([White(1e-4), BiasInstability(1e-5), RandomWalk(1e-7), Quantization(1e-8)])
 ACCEL = NoiseModel([White(1e-3), BiasInstability(1e-4)])

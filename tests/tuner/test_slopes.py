@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, White
-from models.terms.flicker import ALLAN_FLOOR
+from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.identification.slopes import read_segments
 
 TAU = np.geomspace(0.01, 1e5, 120)

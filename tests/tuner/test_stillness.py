@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tuner.readers import read
-from tuner.records import DataError, Record
-from tuner.stillness import find_motion, keep_still, still_segments
+from tuner.segments.stationary import find_motion, keep_still, still_segments
+from tuner.types.records import DataError, Record
 
 RATE = 50.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from tuner.navigation.lanes import WIDTH, aligned, as_lanes, as_numbers
-from tuner.navigation.straight import cosine, sine, straight
+from tuner.navigation.engine.simd import WIDTH, aligned, as_lanes, as_numbers
+from tuner.navigation.engine.tracing import cosine, sine, straight
 
 
 @straight

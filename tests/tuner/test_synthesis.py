@@ -10,9 +10,10 @@ import pytest
 
 from models.earth import EARTH_RATE
 from models.noise import NoiseModel, White
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.records import DataError
-from tuner.results import (
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
+from tuner.synthesis.initial_covariance import GRAVITY_SPREAD
+from tuner.types import (
     AllanCurve,
     ArmaFit,
     ChannelIdentification,
@@ -21,16 +22,7 @@ from tuner.results import (
     Inflation,
     TermEstimate,
 )
-from tuner.synthesis import (
-    BOUND,
-    RULES,
-    bounding_state,
-    inflate,
-    shaping_states,
-    synthesize,
-    turn_on_spread,
-)
-from tuner.synthesis.initial import GRAVITY_SPREAD
+from tuner.types.records import DataError
 
 TAU = np.array([0.1, 1.0, 10.0])
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov
-from tuner.results import ChannelNoise, MarkovState
 from tuner.synthesis import (
     RULES,
     axis_states,
@@ -19,7 +18,8 @@ from tuner.synthesis import (
     step_noise,
     structure_function,
 )
-from tuner.synthesis.markov import FlickerView
+from tuner.synthesis.bias_states import FlickerView
+from tuner.types import ChannelNoise, MarkovState
 
 VIEW = FlickerView(
     level=2.4e-5, density=4.4e-5, minimum=1.6e-5, minimum_tau=600.0, horizon=1000.0, interval=0.01

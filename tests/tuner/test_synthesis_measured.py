@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from tuner.exporters import DIALECTS, export, native
-from tuner.grades import load_gnss, load_grade
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.exporters import DIALECTS, export
+from tuner.formats import native
 from tuner.identification import identify
 from tuner.readers import read
-from tuner.results import FilterConfig
 from tuner.synthesis import synthesize
+from tuner.types import FilterConfig
 
 
 @pytest.fixture(scope="module")

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.arma import Arma
-from models.terms.flicker import flicker_ladder
+from models.noise.arma import Arma
+from models.noise.bias_instability import flicker_ladder
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
-from tuner.results import ChannelNoise, MarkovState
 from tuner.synthesis import RULES
-from tuner.synthesis.markov import FlickerView
-from tuner.synthesis.mismatch import axis, outage_errors, shaped
+from tuner.synthesis.bias_states import FlickerView
+from tuner.synthesis.mismatched_filter import axis, outage_errors, shaped
+from tuner.types import ChannelNoise, MarkovState
 
 MINIMUM_TAU = 600.0
 OUTAGES = (10.0, 60.0, 300.0, 1000.0)

@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from scipy import stats
 
-from tuner.navigation.lanes import WIDTH, aligned, as_lanes, as_numbers
-from tuner.navigation.white import normal_numbers, stream
+from tuner.navigation.engine.random_normal import normal_numbers, stream
+from tuner.navigation.engine.simd import WIDTH, aligned, as_lanes, as_numbers
 
 WORD = 2**64 - 1
 

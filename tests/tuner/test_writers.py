@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.records import DataError, Record
-from tuner.writers import write_csv, write_log, write_npz
+from tuner.formats.logs import write_csv, write_log, write_npz
+from tuner.types.records import DataError, Record
 
 
 def records(n=50):

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.curves.confidence import dof
-from tuner.curves.pooled import ESTIMATORS, curve
+from tuner.curves.edf import dof
+from tuner.curves.segments import ESTIMATORS, curve
 from tuner.curves.series import acf, pacf
 from tuner.curves.spectrum import psd
-from tuner.records import DataError, Record
-from tuner.results import AllanCurve, Correlogram, Spectrum
+from tuner.types import AllanCurve, Correlogram, Spectrum
+from tuner.types.records import DataError, Record
 
 __all__ = ["ESTIMATORS", "acf", "curve", "dof", "empirical", "pacf", "psd"]
 

@@ -1,6 +1,6 @@
 """Allan and Hadamard variances of sampled rates.
 
-With the phase x of the samples (see `tuner.curves.kernels`) and m samples a cluster::
+With the phase x of the samples (see `tuner.curves.allan_kernels`) and m samples a cluster::
 
     AVAR(m) = <(x_{i+2m} - 2 x_{i+m} + x_i)²> / (2 m²)
     HVAR(m) = <(x_{i+3m} - 3 x_{i+2m} + 3 x_{i+m} - x_i)²> / (6 m²)
@@ -24,8 +24,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tuner.curves import kernels
-from tuner.records import DataError
+from tuner.curves import allan_kernels as kernels
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

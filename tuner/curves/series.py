@@ -21,9 +21,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import detrend
 
 from tuner.curves.allan import by_column, sizes
-from tuner.curves.confidence import PURE
-from tuner.records import DataError, Record
-from tuner.results import Correlogram
+from tuner.curves.edf import PURE
+from tuner.types import Correlogram
+from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

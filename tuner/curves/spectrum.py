@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from tuner.records import DataError, Record
-from tuner.results import Spectrum
+from tuner.types import Spectrum
+from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

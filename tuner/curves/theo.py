@@ -35,9 +35,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from tuner.curves import kernels
+from tuner.curves import allan_kernels as kernels
 from tuner.curves.allan import by_column, overlapping_allan, sizes
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

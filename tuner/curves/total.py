@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tuner.curves import kernels
+from tuner.curves import allan_kernels as kernels
 from tuner.curves.allan import by_column, sizes
 
 FloatArray = NDArray[np.float64]

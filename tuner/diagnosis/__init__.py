@@ -5,6 +5,6 @@ normal numbers, tests them in every way it knows (`panel`), extends the model by
 starts again (`loop`) until nothing alarms. Every cause is one file in `causes`.
 """
 
-from tuner.diagnosis.static import diagnose
+from tuner.diagnosis.static.diagnose import diagnose
 
 __all__ = ["diagnose"]

@@ -20,7 +20,6 @@ from tuner.exporters import (
     kf_gins,
     liosam,
     matlab,
-    native,
     navego,
     openvins,
     orbslam3,
@@ -29,10 +28,11 @@ from tuner.exporters import (
     robot_localization,
     vins,
 )
-from tuner.exporters.figures import Exporter, Target
-from tuner.records import DataError
-from tuner.results import FilterConfig
-from tuner.synthesis.equivalents import MEMORY
+from tuner.exporters.base import Exporter, Target
+from tuner.formats import native
+from tuner.synthesis.equivalent_models import MEMORY
+from tuner.types import FilterConfig
+from tuner.types.records import DataError
 
 __all__ = ["DIALECTS", "Exporter", "Target", "export"]
 

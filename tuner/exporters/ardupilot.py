@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.figures import Exporter, Figure, Limits, Target, limited, provenance, triad, walk, white
-from tuner.exporters.yamltext import comment
-from tuner.results import FilterConfig
+from tuner.exporters.base import Exporter, Figure, Limits, Target, limited, provenance, triad, walk, white
+from tuner.formats.yaml_text import comment
+from tuner.types import FilterConfig
 
 _LIMITS = {
     "EK3_GYRO_P_NSE": Limits(1e-4, 0.1),

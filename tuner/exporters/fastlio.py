@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tuner.exporters.figures import Exporter, Target, mean, provenance, triad
-from tuner.exporters.yamltext import yaml_text
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_random_walk
+from tuner.exporters.base import Exporter, Target, mean, provenance, triad
+from tuner.formats.yaml_text import yaml_text
+from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_markov_sd
+from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad
+from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -8,10 +8,10 @@ noise.
 from __future__ import annotations
 
 from models.units import from_si
-from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
 from tuner.exporters.scripts import commented, vector
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_markov_sd
+from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -8,10 +8,10 @@ variance (newer releases ignore it with a warning: set the prior of the first bi
 from __future__ import annotations
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.figures import Exporter, Target, provenance, triad, triple
+from tuner.exporters.base import Exporter, Target, provenance, triad, triple
 from tuner.exporters.scripts import commented, vector
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.figures import Exporter, Target, provenance, triad, walk, white
-from tuner.exporters.yamltext import Noted, yaml_text
-from tuner.results import FilterConfig
+from tuner.exporters.base import Exporter, Target, provenance, triad, walk, white
+from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.types import FilterConfig
 
 
 def noise_entries(config: FilterConfig, target: Target) -> dict[str, Any]:

@@ -21,11 +21,11 @@ from typing import Any
 import yaml
 
 from models.units import from_si, to_si
-from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad, triple
-from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.records import DataError
-from tuner.results import ChannelNoise, FilterConfig, InitialUncertainty, MarkovState
-from tuner.synthesis.equivalents import equivalent_markov_sd
+from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty, MarkovState
+from tuner.types.records import DataError
 
 SCALE_FACTOR_SD = 300.0
 """Scale-factor sd, ppm: assumed, as a static log cannot show it."""

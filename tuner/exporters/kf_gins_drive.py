@@ -27,18 +27,18 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.units import from_si
-from tuner.driving import drive_filter
-from tuner.exporters.figures import Target
+from tuner.consistency.drive import drive_filter
+from tuner.exporters.base import Target
 from tuner.exporters.kf_gins import entries, header
-from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.files import whole_file, write_text
+from tuner.formats.files import whole_file, write_text
+from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensated
-from tuner.navigation.drive import Stretch, navigate, prepare
-from tuner.navigation.inputs import Solution
-from tuner.navigation.outliers import without_outliers
+from tuner.navigation.data import Solution
+from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.settings import FilterSettings, total_bias
-from tuner.records import Drive, Reference
-from tuner.results import FilterConfig
+from tuner.types import FilterConfig
+from tuner.types.records import Drive, Reference
 
 FloatArray = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ states included, so BiasInstability stays at its default of zero: it would count
 
 from __future__ import annotations
 
-from tuner.exporters.figures import Exporter, Target, provenance, triad, triple
+from tuner.exporters.base import Exporter, Target, provenance, triad, triple
 from tuner.exporters.scripts import commented, vector
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from tuner.exporters.figures import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
 from tuner.exporters.scripts import commented, vector
-from tuner.results import ChannelNoise, FilterConfig
-from tuner.synthesis.equivalents import equivalent_markov_sd, equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk
+from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:

@@ -6,9 +6,9 @@ Units as Kalibr's. Extrinsics and intrinsics are identities here: a static log d
 from __future__ import annotations
 
 from tuner.exporters import kalibr
-from tuner.exporters.figures import Exporter, Target, provenance
-from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.results import FilterConfig
+from tuner.exporters.base import Exporter, Target, provenance
+from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.types import FilterConfig
 
 
 def _identity(size: int) -> list[Inline]:

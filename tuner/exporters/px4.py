@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.figures import (
+from tuner.exporters.base import (
     Exporter,
     Figure,
     Limits,
@@ -24,8 +24,8 @@ from tuner.exporters.figures import (
     walk,
     white,
 )
-from tuner.exporters.yamltext import comment
-from tuner.results import FilterConfig
+from tuner.formats.yaml_text import comment
+from tuner.types import FilterConfig
 
 _LIMITS = {
     "EKF2_GYR_NOISE": Limits(1e-4, 0.1),

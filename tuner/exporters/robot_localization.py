@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.figures import Exporter, Target, provenance, triad, triple
-from tuner.exporters.yamltext import Inline, Noted, yaml_text
-from tuner.results import FilterConfig
+from tuner.exporters.base import Exporter, Target, provenance, triad, triple
+from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.types import FilterConfig
 
 _ORDER = "diagonal: m², rad², (m/s)², (rad/s)², (m/s²)²; for the last two the turn-on variance"
 

@@ -8,6 +8,6 @@ make the time-series model; `means` judges the constants; `pooled` joins several
 from __future__ import annotations
 
 from tuner.identification.channel import METHODS, identify_channel
-from tuner.identification.log import identify
+from tuner.identification.identify import identify
 
 __all__ = ["METHODS", "identify", "identify_channel"]

@@ -1,6 +1,6 @@
 """ARMA model of a channel: order, coefficients with intervals, tests of what is left, and the answer "white".
 
-The series is prepared as the MEMS papers do (`tuner.identification.preprocess`); its correlograms
+The series is prepared as the MEMS papers do (`tuner.identification.arma_preprocess`); its correlograms
 suggest a class; orders up to (3, 3) are compared by BIC = −2 ln L + k ln n or AIC = −2 ln L + 2k, L the fast
 likelihood of the log-binned periodogram or, `exact`, the innovations likelihood of statsmodels on a shorter
 block.
@@ -32,10 +32,10 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, jarque_bera, kurtosis, norm, normaltest
 
 from tuner.curves import acf
+from tuner.identification.arma_preprocess import prepare
 from tuner.identification.arma_whittle import WhittleArma, fit_orders
-from tuner.identification.preprocess import prepare
-from tuner.records import Record
-from tuner.results import LEVEL, ArmaFit, Coefficient
+from tuner.types import LEVEL, ArmaFit, Coefficient
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 Order = tuple[int, int]

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
-from tuner.identification.scoring import minimise
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -15,22 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Quantization
-from models.terms.flicker import ALLAN_FLOOR
+from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
+from tuner.identification.allan_leastsquares import fit as fit_curve
+from tuner.identification.allan_leastsquares import misfit, unweighted
+from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import FEWEST, Likelihood, fit_arma
-from tuner.identification.band import Band, curve_within, find_band, periodogram_within
-from tuner.identification.doubts import about_band, disagreement
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
-from tuner.identification.leastsquares import fit as fit_curve
-from tuner.identification.leastsquares import unweighted
 from tuner.identification.likelihood import LikelihoodFit, fit, fit_periodogram
-from tuner.identification.means import mean_of_noise
-from tuner.identification.octaves import OctaveCurve
+from tuner.identification.mean import mean_of_noise
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.slopes import read_segments
-from tuner.records import DataError, Record
-from tuner.results import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
+from tuner.identification.valid_band import TOLERANCE, Band, curve_within, find_band, periodogram_within
+from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
+from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 
@@ -230,4 +229,36 @@ def _bounded(bound: Bound, unit: str) -> TermEstimate:
     (of_parameter,) = BASE[bound.name].units(unit)
     return TermEstimate(
         bound.name, {bound.parameter: Coefficient.bounded(bound.upper, of_parameter, bound.reason)}
+    )
+
+
+DISAGREES = 1e-3
+"""Probability below which the Allan curve and the fitted sum are said to disagree."""
+
+
+def about_band(band: Band, interval: float) -> tuple[str, ...]:
+    """Say what part of the record the terms do not describe."""
+    if band.m == 1:
+        return ()
+    part, side = 100.0 * abs(band.ratio - 1.0), "above" if band.ratio > 1.0 else "below"
+    return (
+        f"clusters shorter than {band.m * interval:.3g} s follow no sum of noise terms (samples {part:.2g} % "
+        f"{side} it: a filter in the sensor, vibration or a line): the terms are fitted to longer ones, "
+        f"f ≤ {band.highest:.3g} Hz",
+    )
+
+
+def disagreement(whole: OctaveCurve, band: Band, model: NoiseModel) -> tuple[str, ...]:
+    """Say where the Allan curve contradicts the fitted sum; in a cut band, where little above it reaches."""
+    if not model.terms:
+        return ()
+    judged = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
+    found = misfit(judged, model, tolerance=TOLERANCE)
+    if found.p_value >= DISAGREES:
+        return ()
+    part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
+    return (
+        f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
+        f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {part:.2g} % {side}: "
+        "something in the data is not among the terms",
     )

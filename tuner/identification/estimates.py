@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
 from tuner.identification.slopes import Segment
-from tuner.results import LEVEL, Coefficient, TermEstimate
+from tuner.types import LEVEL, Coefficient, TermEstimate
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Ramp, Sinusoid, Term
 from tuner.identification.intervals import interval as score_interval
-from tuner.identification.lines import Line, line_sd, take_out_line
 from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.identification.sinusoids import Line, line_sd, take_out_line
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]

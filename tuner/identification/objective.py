@@ -29,18 +29,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import (
-    BiasInstability,
-    GaussMarkov,
-    LowPassWhite,
-    Quantization,
-    Ramp,
-    RandomWalk,
-    White,
-)
-from tuner.identification.expectation import expected_power
+from models.noise import BiasInstability, GaussMarkov, LowPassWhite, Quantization, Ramp, RandomWalk, White
+from tuner.identification.expected_periodogram import expected_power
+from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram
-from tuner.identification.scoring import minimise
 
 FloatArray = NDArray[np.float64]
 Trial = tuple[tuple[float, ...], FloatArray]

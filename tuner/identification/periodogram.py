@@ -8,7 +8,7 @@ interval τ0, span T = n τ0::
     a_k = √τ0 DCT(y)_k,    f_k = k/(2T),    k = 1 … n-1,    E a_k² → S(f_k)
 
 White noise and random walk are diagonalised *exactly* for every n; the edge terms of the others are in
-closed form (`tuner.identification.expectation`). The mean is k = 0 and is dropped. A ramp R t adds R c_k::
+closed form (`tuner.identification.expected_periodogram`). The mean is k = 0 and is dropped. A ramp R t adds R c_k::
 
     c_k = -√(2τ0/n) τ0 (1-(-1)^k) cos(x/2) / (4 sin²(x/2)),    x = πk/n
 

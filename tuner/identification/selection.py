@@ -40,8 +40,8 @@ from tuner.identification.intervals import end
 from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
 from tuner.identification.objective import TERMS, Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
-from tuner.plan import relative_sd
-from tuner.results import Candidate
+from tuner.identification.record_length import relative_sd
+from tuner.types import Candidate
 
 FloatArray = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from models.terms.flicker import ALLAN_FLOOR
-from tuner.results import LEVEL
+from models.noise.bias_instability import ALLAN_FLOOR
+from tuner.types import LEVEL
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ misalignment.roll pitch yaw      the gyros are turned against the accelerometers
 g_sensitivity.xx …               gyro error by specific force
 gravity.offset                   excess of gravity
 mounting.roll pitch yaw          the unit is turned in the vehicle: true mounting = stated one times Rz Ry Rx
-gnss_noise_scale.…               true ÷ reported sd: `tuner.navigation.receiver`
+gnss_noise_scale.…               true ÷ reported sd: `tuner.navigation.fix_sd_model`
 ================================ ==========================================================================
 """
 
@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.navigation.receiver import CAUSE, fix_law
+from tuner.navigation.fix_sd_model import CAUSE, fix_law
 from tuner.navigation.settings import FilterSettings
-from tuner.records import Drive
+from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
 

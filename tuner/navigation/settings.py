@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from models.layout import OPTIONAL, AxisNoise, ErrorModel, error_model
-from tuner.navigation.receiver import FixLaw
-from tuner.records import DataError
-from tuner.results import FilterConfig
+from models.state_layout import OPTIONAL, AxisNoise, ErrorModel, error_model
+from tuner.navigation.fix_sd_model import FixLaw
+from tuner.types import FilterConfig
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
 GYROS, ACCELS = ("gyro_x", "gyro_y", "gyro_z"), ("accel_x", "accel_y", "accel_z")
 COVARIANCE_STEP = 0.1
-"""Longest step of the covariance, s: see `models.errorstate` for what it costs."""
+"""Longest step of the covariance, s: see `models.error_state` for what it costs."""
 GATE = 5.0
 """Gate where the configuration has none, sigmas."""
 PATIENCE = 10.0
@@ -93,7 +93,7 @@ def filter_settings(
     config : FilterConfig
         All six axes.
     constants : mapping of str to float
-        Further states, names of `models.layout.OPTIONAL`, with the sd of their prior, SI.
+        Further states, names of `models.state_layout.OPTIONAL`, with the sd of their prior, SI.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, in b, m.
     covariance_step : float

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errorstate import corrected
+from models.error_state import corrected
 from models.strapdown import NavigationState
-from tuner.navigation.filter import Passage
-from tuner.navigation.inputs import Solution
+from tuner.navigation.data import Solution
+from tuner.navigation.reference_filter import Passage
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 from tuner.papers.results import Claim, Item
 from tuner.papers.sampling import Settings
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 __all__ = ["ITEMS", "Claim", "Item", "Settings", "chosen", "run"]
 

@@ -20,7 +20,7 @@ from tuner.papers.expected import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, tot
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations, scaled
 from tuner.papers.theo import NOISES, PAPER, less_one
-from tuner.results import Coefficient
+from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 

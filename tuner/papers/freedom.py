@@ -17,7 +17,7 @@ With N samples, T = N t0 and r = 0.75 m, the formulas for clock noises are (over
     white PM        (N+1)(N−2m)/(2(N−m))                          Allan + 2
                     0.86(N+1)(N−4r/3)/(N−r) · r/(r+1.14)
 
-Exact degrees of freedom are those of `tuner.curves.dof`.
+Exact degrees of freedom are those of `tuner.curves.difference_dof`.
 
 References
 ----------

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import BiasInstability, NoiseModel, Ramp, RandomWalk, Term, White
-from tuner.curves import curve, differences
+from tuner.curves import curve
+from tuner.curves import difference_dof as differences
 from tuner.curves.allan import allan, overlapping_allan, two_group_allan
-from tuner.identification.leastsquares import unweighted
+from tuner.identification.allan_leastsquares import unweighted
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, realisations, record_from
 

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel, Quantization, White
 from models.units import ARCSEC, DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from tuner.catalogue.grades import load_grade
 from tuner.curves import curve
 from tuner.curves.series import averages
-from tuner.grades import load_grade
 from tuner.identification import identify_channel
 from tuner.papers.results import Curve, Item, Panel, Picture, Style, absent, exact, judge, rounded
 from tuner.papers.sampling import Settings, mean_of, record_from, record_of, scaled
-from tuner.records import Record
-from tuner.results import AllanCurve, ChannelIdentification, Coefficient
+from tuner.types import AllanCurve, ChannelIdentification, Coefficient
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from models.noise import GaussMarkov, NoiseModel
 from models.units import DEG_PER_HOUR
+from tuner.catalogue.grades import load_grade
 from tuner.curves import curve
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis import diagnose
-from tuner.grades import load_grade
 from tuner.identification import identify_channel
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, scaled
-from tuner.records import Record
-from tuner.results import AllanCurve, ChannelIdentification, Coefficient
-from tuner.simulation import Channel, simulate
+from tuner.simulation.static import Channel, simulate
+from tuner.types import AllanCurve, ChannelIdentification, Coefficient
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

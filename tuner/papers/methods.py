@@ -35,9 +35,9 @@ from models.noise import (
 from tuner.curves import acf, psd
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.series import averages, nsec
-from tuner.identification.leastsquares import fit
-from tuner.identification.octaves import OctaveCurve
-from tuner.identification.preprocess import remove_trend
+from tuner.identification.allan_leastsquares import fit
+from tuner.identification.allan_octaves import OctaveCurve
+from tuner.identification.arma_preprocess import remove_trend
 from tuner.papers.results import Claim, Item, Picture, Table, judge
 from tuner.papers.sampling import Settings, estimate, record_from
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from models.noise import NoiseModel, Quantization, Ramp, White
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
-from tuner.identification.leastsquares import unweighted
+from tuner.identification.allan_leastsquares import unweighted
 from tuner.papers.expected import theo1_ratio
 from tuner.papers.results import Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, record_from
 from tuner.papers.theo import LABELS, PAPER, less_one, spread, variances
-from tuner.records import Record
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

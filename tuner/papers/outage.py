@@ -2,7 +2,8 @@
 
 One axis of an MPU-9250 sees its angle to 0.3° once a second for an hour and then predicts. Truth is white noise,
 flicker (a fine ladder from 0.3 s to 10⁷ s) and rate random walk. Five filters differ in their bias states; the
-covariance of the true error is exact (`tuner.synthesis.mismatch`). The ARMA sequence is the one that an hour at 1 Hz
+covariance of the true error is exact (`tuner.synthesis.mismatched_filter`). The ARMA sequence is the one that
+an hour at 1 Hz
 tends to by likelihood: the least of Σ ln S' + S/S' over the frequencies of the record, S the true spectrum, with two
 real poles and zeros each. Run times are measured on simulated flights of the whole navigation filter.
 """
@@ -18,21 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from models.arma import Arma
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from models.terms.flicker import flicker_ladder
-from models.trajectories import figure_eight
+from models.noise.arma import Arma
+from models.noise.bias_instability import flicker_ladder
+from models.trajectory.catalogue import figure_eight
 from models.units import DEG
-from tuner.grades import grade_identification, load_gnss, load_grade
-from tuner.navigation.sensor import sensor_of_grade
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.settings import filter_settings
-from tuner.navigation.simulate import scenario, simulate
 from tuner.papers.results import Curve, Item, Panel, Picture, Table, exact, judge
 from tuner.papers.sampling import Settings, estimate
-from tuner.results import ChannelNoise, MarkovState
+from tuner.simulation.imu import sensor_of_grade
+from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize
-from tuner.synthesis.markov import FlickerView
-from tuner.synthesis.mismatch import AIDED, Linear, axis, outage_errors, shaped
+from tuner.synthesis.bias_states import FlickerView
+from tuner.synthesis.mismatched_filter import AIDED, Linear, axis, outage_errors, shaped
+from tuner.types import ChannelNoise, MarkovState
 
 FloatArray = NDArray[np.float64]
 

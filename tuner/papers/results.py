@@ -10,7 +10,7 @@ A verdict follows from numbers alone. Ours has a 95 % interval; a value *agrees*
 
 Where both values agree, as in small samples, the nearer one counts.
 
-A picture names what is drawn, not how: `tuner.report.papers_figures` draws it.
+A picture names what is drawn, not how: `tuner.papers.figures` draws it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.results import Coefficient
+from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]

@@ -12,9 +12,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.noise import NoiseModel, Term
-from tuner.progress import Advance
-from tuner.records import Record
-from tuner.results import LEVEL, Coefficient
+from tuner.cli.progress import Advance
+from tuner.types import LEVEL, Coefficient
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

@@ -25,14 +25,14 @@ from models.noise import (
     Term,
     White,
 )
-from models.terms.flicker import ALLAN_FLOOR
+from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve, dof
 from tuner.curves.allan import allan, overlapping_allan
+from tuner.identification.record_length import plan
 from tuner.identification.slopes import Segment, read_segments
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
-from tuner.plan import plan
-from tuner.results import Coefficient
+from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 

@@ -19,14 +19,7 @@ from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
 from tuner.papers.expected import PRINTED_TOTAL, theo1_ratio, total_ratio
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
-from tuner.papers.sampling import (
-    Settings,
-    estimate,
-    ratio_of_means,
-    record_from,
-    relative_sd,
-    scatter,
-)
+from tuner.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -18,15 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import ncx2
 
-from models.arma import Arma
+from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
-from tuner.identification.preprocess import (
-    prepare,
-    remove_trend,
-    reverse_arrangements,
-    sigma_outliers,
-)
+from tuner.identification.arma_preprocess import prepare, remove_trend, reverse_arrangements, sigma_outliers
 from tuner.papers.groupings import MEAN, PAPER, VARIANCE
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
 from tuner.papers.sampling import Settings, estimate, record_from, share_of

@@ -18,8 +18,8 @@ from tuner.identification import identify_channel
 from tuner.papers.laser import AXES, INTERVAL, LASER, PAPER, N, in_degrees_per_hour
 from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, record_from, record_of, scaled
-from tuner.results import ChannelIdentification, Coefficient
-from tuner.stillness import find_motion, keep_still
+from tuner.segments.stationary import find_motion, keep_still
+from tuner.types import ChannelIdentification, Coefficient
 
 FloatArray = NDArray[np.float64]
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import assemble_records
-from tuner.readers.curve import is_curve, read_curve
-from tuner.readers.listing import Listing, Progress, digest
-from tuner.readers.mapping import parse_columns
+from tuner.readers.column_mapping import parse_columns
+from tuner.readers.columns import Listing, Progress, digest
 from tuner.readers.npz import list_npz
-from tuner.readers.stated import Options
+from tuner.readers.options import Options
 from tuner.readers.text import list_text
-from tuner.records import DataError, Record
+from tuner.types.records import DataError, Record
 
 __all__ = ["is_curve", "parse_columns", "read", "read_curve"]
 

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.units import unit_value
-from tuner.readers import names
-from tuner.readers.layout import Channel, Layout, choose
-from tuner.readers.listing import Listing, Part
-from tuner.readers.plausibility import check_units
-from tuner.readers.stated import Options, sensor_unit, stated_rate
-from tuner.readers.timebase import Timebase, even_timebase, stamped_timebase
-from tuner.records import DataError, Record
+from tuner.readers import column_names as names
+from tuner.readers.column_choice import Channel, Layout, choose
+from tuner.readers.columns import Listing, Part
+from tuner.readers.options import Options, sensor_unit, stated_rate
+from tuner.readers.time_base import Timebase, even_timebase, stamped_timebase
+from tuner.readers.unit_checks import check_units
+from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.documents import Node
-from tuner.records import DataError
+from tuner.formats.nodes import Node
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.readers.listing import Listing, listing_of_arrays
-from tuner.records import DataError
+from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.types.records import DataError
 
 
 def list_hdf5(path: Path) -> Listing:

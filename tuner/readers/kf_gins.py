@@ -31,10 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.units import unit_value
-from tuner.documents import Node, parsed
+from tuner.formats.nodes import Node, parsed
 from tuner.readers.drive_npz import FARTHEST
 from tuner.readers.text import find_dialect, read_numbers
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.hdf5 import read_hdf5
-from tuner.readers.listing import Listing, listing_of_arrays
-from tuner.records import DataError
+from tuner.types.records import DataError
 
 
 def list_mat(path: Path) -> Listing:

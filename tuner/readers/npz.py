@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tuner.readers.listing import Listing, listing_of_arrays
-from tuner.records import DataError
+from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.types.records import DataError
 
 
 def list_npz(path: Path) -> Listing:

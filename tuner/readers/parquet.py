@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.readers.listing import Listing, Part
-from tuner.records import DataError
+from tuner.readers.columns import Listing, Part
+from tuner.types.records import DataError
 
 
 def list_parquet(path: Path) -> Listing:

@@ -23,8 +23,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.readers.listing import Listing, Part, Progress
-from tuner.records import DataError
+from tuner.readers.columns import Listing, Part, Progress
+from tuner.types.records import DataError
 
 CHUNK = 1 << 22
 """Bytes of text that are parsed at a time."""

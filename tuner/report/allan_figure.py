@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tuner.files import whole_file
-from tuner.report.customary import SYMBOLS, customary_unit, digits, in_customary, pretty
-from tuner.results import ChannelIdentification, Identification
+from tuner.formats.customary_units import SYMBOLS, customary_unit, digits, in_customary, pretty
+from tuner.formats.files import whole_file
+from tuner.types import ChannelIdentification, Identification
 
 FloatArray = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.budget import Budget, blind_spots
-from tuner.budget import table as budget_rows
-from tuner.consistency import Consistency, Score
-from tuner.observability import Observability
+from tuner.consistency.error_budget import Budget, blind_spots
+from tuner.consistency.error_budget import table as budget_rows
+from tuner.consistency.observability import Observability
+from tuner.consistency.scores import Consistency, Score
 
 _TITLES = {
     "nees": "NEES, all",

@@ -21,11 +21,11 @@ from scipy.fft import rfft
 
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
-from tuner.files import whole_file
-from tuner.records import Record
+from tuner.formats.files import whole_file
+from tuner.report.channel_view import Subject, parameters, subject
 from tuner.report.diagnosis_views import CAUSE, DATA, VIEWS, draw_course, shown, unit_of
-from tuner.report.subject import Subject, parameters, subject
-from tuner.results import Diagnosis, Finding
+from tuner.types import Diagnosis, Finding
+from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.report.customary import digits, digits_to
-from tuner.results import Coefficient, Diagnosis, Finding, Gain
+from tuner.formats.customary_units import digits, digits_to
+from tuner.types import Coefficient, Diagnosis, Finding, Gain
 
 EVENTS = ("step", "burst", "warmup")
 """Causes that happen once."""

@@ -11,8 +11,8 @@ from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import norm
 
-from tuner.report.customary import customary_unit, in_customary, pretty
-from tuner.report.subject import Subject
+from tuner.formats.customary_units import customary_unit, in_customary, pretty
+from tuner.report.channel_view import Subject
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, Subject, Mapping[str, float]], None]

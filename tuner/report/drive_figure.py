@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drives import Examined
-from tuner.diagnosis.drives.hypothesis import Pass
-from tuner.files import whole_file
-from tuner.navigation.drive import navigate
-from tuner.navigation.inputs import WITHHELD
+from tuner.diagnosis.drive import Examined
+from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.formats.files import whole_file
+from tuner.navigation.data import WITHHELD
+from tuner.navigation.drive.run import navigate
 from tuner.report.drive_views import (
     AFTER,
     BEFORE,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.diagnosis.drives.inflation import covers, said
-from tuner.report.customary import customary_unit, digits, in_customary, pretty
+from tuner.diagnosis.drive.inflation import covers, said
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.diagnosis_tables import findings_table
-from tuner.results import Demand, DriveDiagnosis, Gain
+from tuner.types import Demand, DriveDiagnosis, Gain
 
 
 def drive_tables(found: DriveDiagnosis) -> list[Table | str]:

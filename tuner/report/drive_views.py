@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tuner.diagnosis.drives.hypothesis import Pass
+from tuner.diagnosis.drive.hypothesis import Pass
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, Pass, str], None]

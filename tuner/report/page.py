@@ -13,10 +13,10 @@ from tempfile import TemporaryDirectory
 
 from rich.table import Table
 
+from tuner.formats.customary_units import SYMBOLS, TITLES, customary_unit, digits, in_customary, pretty
 from tuner.report.allan_figure import draw_allan
-from tuner.report.customary import SYMBOLS, TITLES, customary_unit, digits, in_customary, pretty
 from tuner.report.tables import identification_tables
-from tuner.results import ChannelNoise, FilterConfig, Identification
+from tuner.types import ChannelNoise, FilterConfig, Identification
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c1917; max-width: 1180px; margin: 2rem auto; padding:

@@ -10,11 +10,20 @@ from rich.console import Console
 from rich.table import Table
 
 from models.sensors import SensorGrade
-from tuner.comparison import ComparedCoefficient, Comparison
 from tuner.exporters import Exporter
-from tuner.plan import Plan
-from tuner.report.customary import SYMBOLS, TITLES, customary_unit, digits, in_customary, phrase, pretty
-from tuner.results import (
+from tuner.formats.customary_units import (
+    SYMBOLS,
+    TITLES,
+    customary_unit,
+    digits,
+    in_customary,
+    phrase,
+    pretty,
+)
+from tuner.identification.comparison import ComparedCoefficient, Comparison
+from tuner.identification.gnss_receiver import ReceiverErrors
+from tuner.identification.record_length import Plan
+from tuner.types import (
     AllanCurve,
     ChannelIdentification,
     Coefficient,
@@ -285,3 +294,23 @@ def dialect_tables(dialects: Mapping[str, Exporter]) -> list[Table | str]:
     for name, dialect in dialects.items():
         table.add_row(name, dialect.title, dialect.units)
     return [table]
+
+
+_NAMES = {"white_sd": "white", "sd": "Gauss–Markov", "time_constant": "time constant"}
+
+
+def receiver_words(found: ReceiverErrors) -> list[str]:
+    """Return a line an axis, with intervals, and the notes."""
+    lines = [
+        f"  position {axis}: "
+        + ", ".join(f"{_NAMES[name]} {_number(coefficient)}" for name, coefficient in parts.items())
+        for axis, parts in found.position.items()
+    ]
+    lines += [f"  velocity {axis}: white {_number(c)}" for axis, c in found.velocity.items()]
+    return lines + [f"  {note}" for note in found.notes]
+
+
+def _number(coefficient: Coefficient) -> str:
+    assert coefficient.interval is not None
+    low, high = coefficient.interval
+    return f"{coefficient.value:.3g} {coefficient.unit} ({low:.3g} … {high:.3g})"

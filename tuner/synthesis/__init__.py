@@ -7,11 +7,11 @@
 
 from __future__ import annotations
 
-from tuner.synthesis.config import inflate, synthesize
-from tuner.synthesis.equivalents import equivalent_markov_sd, equivalent_random_walk, structure_function
-from tuner.synthesis.initial import turn_on_spread
-from tuner.synthesis.markov import BOUND, RULES, bounding_state
+from tuner.synthesis.bias_states import BOUND, RULES, bounding_state
+from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk, structure_function
+from tuner.synthesis.initial_covariance import turn_on_spread
 from tuner.synthesis.process_noise import axis_states, axis_system, shaping_states, step_noise
+from tuner.synthesis.synthesize import inflate, synthesize
 
 __all__ = [
     "BOUND",

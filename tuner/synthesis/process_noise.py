@@ -20,9 +20,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.arma import Arma
+from models.noise.arma import Arma
 from models.statespace import StateSpace, discretize
-from tuner.results import ArmaFit, ChannelNoise
+from tuner.types import ArmaFit, ChannelNoise
 
 FloatArray = NDArray[np.float64]
 

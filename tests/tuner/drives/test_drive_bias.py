@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives import diagnose_drive
-from tuner.diagnosis.drives.hypothesis import Hypothesis, Jump
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump
 
 
 def test_a_gyro_bias_beyond_its_prior_is_named_with_what_it_may_be(simulated, drive_config):

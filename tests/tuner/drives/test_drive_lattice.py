@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuner.diagnosis.drives.lattice import coarse_lattices
-from tuner.records import Drive, Gnss
+from tuner.diagnosis.drive.causes.quantizer import coarse_lattices
+from tuner.types.records import Drive, Gnss
 
 
 def rounded(step: float) -> Drive:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.trajectories import TRAJECTORIES
-from tuner.commands.check import load_filter
-from tuner.diagnosis.drives import diagnose_drive, examine_drive
-from tuner.diagnosis.drives.hypothesis import Hypothesis, examine, in_sensor_axes
-from tuner.diagnosis.drives.leaning import leaning, noisier
-from tuner.drives import simulate_drive
-from tuner.grades import load_gnss, load_grade
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.cli.commands.check import load_filter
+from tuner.diagnosis.drive import diagnose_drive, examine_drive
+from tuner.diagnosis.drive.causes.errors_in_variables import leaning, noisier
+from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes
+from tuner.simulation.drive import simulate_drive
 
 RECEIVER = replace(load_gnss("spp"), interval=2.4)
 

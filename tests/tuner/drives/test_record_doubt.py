@@ -8,15 +8,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives.candidates import LARGEST, Candidate
-from tuner.diagnosis.drives.claim import Claim
-from tuner.diagnosis.drives.doubt import PARTS, WEAK, doubted, jump_left_by, jumps_still, left_by, loosened
-from tuner.diagnosis.drives.jump import bias_jump, with_jump
-from tuner.diagnosis.drives.likelihood import believed, evaluate
-from tuner.diagnosis.drives.record import LinearRecord
-from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.score import Scored, retested
-from tuner.diagnosis.drives.sensitivity import whitened
+from tests.tuner.drives.replicas import Source
+from tuner.diagnosis.drive.causes.bias_jump import bias_jump, with_jump
+from tuner.diagnosis.drive.causes.constants import Scored, retested
+from tuner.diagnosis.drive.hypothesis_tests import LARGEST, Candidate
+from tuner.diagnosis.drive.leftover_checks import (
+    PARTS,
+    WEAK,
+    doubted,
+    jump_left_by,
+    jumps_still,
+    left_by,
+    loosened,
+)
+from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened import whitened
+from tuner.diagnosis.drive.outcome import Claim
 
 KNOWN = ("time_offset", "lever_arm")
 THRESHOLD = 1e-4

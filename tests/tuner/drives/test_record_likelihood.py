@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drives.record import LinearRecord
-from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.scales import factors
+from tests.tuner.drives.replicas import Source
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.noise_parameters import factors
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
 
 NAMES = (
     "position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical", "gyro_white",

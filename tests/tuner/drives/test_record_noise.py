@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tuner.diagnosis.drives.correlated import correlated_gnss
-from tuner.diagnosis.drives.jump import bias_jump, jump_sensor, with_jump
-from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
-from tuner.diagnosis.drives.noise import fit_noise, gnss_noise, imu_noise, scores
-from tuner.diagnosis.drives.outliers import KINDS, mask, outliers
-from tuner.diagnosis.drives.record import GROUPS, LinearRecord
-from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.scales import ROWS, factors
+from tests.tuner.drives.replicas import Source
+from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor, with_jump
+from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
+from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
+from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, scores
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
+from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
 
 ALARM = 7e-4
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives.prior import TYPICAL, VAGUE, static_prior
-from tuner.results import ChannelNoise, Coefficient, TermEstimate
+from tuner.diagnosis.drive.linear_model.noise_prior import TYPICAL, VAGUE, static_prior
+from tuner.types import ChannelNoise, Coefficient, TermEstimate
 
 
 def channel(axis: str, *estimates: TermEstimate) -> ChannelNoise:

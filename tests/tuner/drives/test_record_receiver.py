@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives.adaptive import sage_husa
-from tuner.diagnosis.drives.fitting import maximise
-from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate
-from tuner.diagnosis.drives.record import LinearRecord
-from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.reported import edges_of, reported_law, reported_noise
-from tuner.diagnosis.drives.scales import ROWS, factors
-from tuner.navigation.receiver import fix_law
+from tests.tuner.drives.replicas import Source
+from tests.tuner.drives.sage_husa import sage_husa
+from tuner.diagnosis.drive.causes.reported_sd import edges_of, reported_law, reported_noise
+from tuner.diagnosis.drive.linear_model.fit import maximise
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.navigation.fix_sd_model import fix_law
 
 
 def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> Belief:

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drives.fitting import maximise
-from tuner.diagnosis.drives.likelihood import Belief, believed, evaluate, held
-from tuner.diagnosis.drives.outliers import mask
-from tuner.diagnosis.drives.record import LinearRecord
-from tuner.diagnosis.drives.replicas import Source
-from tuner.diagnosis.drives.scales import factors
-from tuner.diagnosis.drives.score import wandering
-from tuner.diagnosis.drives.sensitivity import whitened
+from tests.tuner.drives.replicas import Source
+from tuner.diagnosis.drive.causes.constants import wandering
+from tuner.diagnosis.drive.causes.gnss_outliers import mask
+from tuner.diagnosis.drive.linear_model.fit import maximise
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate, held
+from tuner.diagnosis.drive.linear_model.noise_parameters import factors
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened import whitened
 
 DELAY = "time_offset.delay"
 

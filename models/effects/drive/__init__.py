@@ -1,0 +1,90 @@
+"""The causes that a drive can show, by their codes: make one, read one from text, draw one, hide several.
+
+==================  ====================================================================  ==========
+code                parameters                                                            module
+==================  ====================================================================  ==========
+time_offset         delay: p_meas(t) = p(t − delay)                                       receiver
+velocity_lag        delay                                                                 receiver
+lever_arm           x, y, z                                                               receiver
+correlated_gnss     sd, time_constant                                                     receiver
+gnss_noise_scale    position_horizontal, position_vertical, velocity_horizontal,          receiver
+                    velocity_vertical: true ÷ reported sd
+gnss_outliers       fraction                                                              receiver
+gnss_velocity       fraction, rms                                                         receiver
+gnss_frame          roll, pitch, yaw                                                      receiver
+imu_noise_scale     gyro, accel: true ÷ assumed density                                   unit
+gyro_scale          x, y, z                                                               unit
+accel_scale         x, y, z                                                               unit
+misalignment        roll, pitch, yaw                                                      unit
+g_sensitivity       xx … zz                                                               unit
+mounting            roll, pitch, yaw                                                      unit
+gravity             offset                                                                unit
+bias_jump           time, x, y, z                                                         unit
+==================  ====================================================================  ==========
+
+Some have one further parameter that no finding reports: the size of outliers, the sensor that jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from models.effects import parsing as text
+from models.effects.drive.base import DriveEffect, DriveSamples
+from models.effects.drive.course import Course, course_of_fixes
+from models.effects.drive.gnss import (
+    CorrelatedGnss,
+    GnssFrame,
+    GnssNoiseScale,
+    GnssOutliers,
+    GnssVelocity,
+    LeverArm,
+    TimeOffset,
+    VelocityLag,
+)
+from models.effects.drive.imu import (
+    AccelScale,
+    BiasJump,
+    Gravity,
+    GSensitivity,
+    GyroScale,
+    ImuNoiseScale,
+    Misalignment,
+    Mounting,
+)
+
+__all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]
+
+EFFECTS: Mapping[str, type[DriveEffect]] = MappingProxyType(
+    {
+        effect.name: effect
+        for effect in (
+            TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
+            GnssFrame, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
+            BiasJump,
+        )
+    }
+)  # fmt: skip
+"""Class of every cause of a drive, by its code."""
+
+
+def parse(written: str) -> DriveEffect:
+    """Read an effect such as ``time_offset:delay=0.05`` (see `models.effects.parsing`)."""
+    return text.parse(written, EFFECTS)
+
+
+def draw(code: str, rng: np.random.Generator, drive: DriveSamples) -> DriveEffect:
+    """Draw the parameters of a cause at random, in the range that its class states."""
+    return text.kind(code, EFFECTS).draw(rng, drive)
+
+
+def hide(drive: DriveSamples, effects: Sequence[DriveEffect], rng: np.random.Generator) -> DriveSamples:
+    """Hide effects in a drive, in the order of their stages; each has a stream of its own from `rng`."""
+    for effect, stream in sorted(
+        zip(effects, rng.spawn(len(effects)), strict=True), key=lambda pair: pair[0].stage
+    ):
+        drive = effect.apply(drive, stream)
+    return drive

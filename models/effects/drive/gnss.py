@@ -1,0 +1,323 @@
+"""Effects of the receiver and of its antenna on a drive.
+
+::
+
+    lever_arm          the antenna stands (x, y, z) from where it is believed to stand
+    velocity_lag       v_meas(t) = v(t − delay)
+    gnss_noise_scale   white errors · ratio (true ÷ reported sd)
+    correlated_gnss    position + g: Gauss–Markov of `sd` and `time_constant`, each of north, east, down
+    gnss_outliers      `fraction` of the positions off by `size` sds in a random direction, in runs
+    gnss_velocity      `fraction` of the velocities off by a normal vector of length `rms`
+    gnss_frame         v_meas = R v                 R = Rz(yaw) Ry(pitch) Rx(roll) in north-east-down
+    time_offset        p_meas(t) = p(t − delay), v_meas(t) = v(t − delay): stamps are late by `delay`
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from models.earth import ned_between
+from models.effects.drive.base import (
+    ANTENNA,
+    ERROR,
+    FRAME,
+    LAG,
+    NOISE,
+    STAMP,
+    DriveEffect,
+    DriveSamples,
+    FloatArray,
+    direction,
+)
+from models.effects.drive.imu import Turn
+from models.effects.static.base import (
+    log_uniform,
+    require_between,
+    require_finite,
+    require_not_negative,
+    require_positive,
+    sign,
+)
+
+LARGEST = 0.95
+"""Largest share of fixes that may be wrong."""
+
+
+@dataclass(frozen=True)
+class LeverArm(DriveEffect):
+    """The antenna is not where it is believed to be.
+
+    Attributes
+    ----------
+    x, y, z : float
+        Forward, right, down, m.
+    """
+
+    name: ClassVar[str] = "lever_arm"
+    stage: ClassVar[int] = ANTENNA
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(x=self.x, y=self.y, z=self.z)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Move the antenna; the errors of the fixes stay."""
+        a = drive.lever_arm
+        arm = (a[0] + self.x, a[1] + self.y, a[2] + self.z)
+        llh, vel = drive.course.antenna(drive.fix_t, a)
+        there, faster = drive.course.antenna(drive.fix_t, arm)
+        return replace(drive.moved(ned_between(there, llh), faster - vel), lever_arm=arm)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """0.05 … 3 m in a random direction."""
+        return cls(*(log_uniform(rng, 0.05, 3.0) * direction(rng)).tolist())
+
+
+@dataclass(frozen=True)
+class VelocityLag(DriveEffect):
+    """Velocities that lag behind positions, as behind a filter of the receiver.
+
+    Attributes
+    ----------
+    delay : float
+        s.
+    """
+
+    name: ClassVar[str] = "velocity_lag"
+    stage: ClassVar[int] = LAG
+    delay: float
+
+    def __post_init__(self) -> None:
+        require_finite(delay=self.delay)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Give each fix the velocity of an earlier time."""
+        _, now = drive.course.antenna(drive.fix_t, drive.lever_arm)
+        _, earlier = drive.course.antenna(drive.fix_t - self.delay, drive.lever_arm)
+        return drive.moved(np.zeros_like(now), earlier - now)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """± 0.01 … 0.5 s."""
+        return cls(sign(rng) * log_uniform(rng, 0.01, 0.5))
+
+
+@dataclass(frozen=True)
+class GnssNoiseScale(DriveEffect):
+    """Fixes that are not as good as the receiver says.
+
+    Attributes
+    ----------
+    position_horizontal, position_vertical, velocity_horizontal, velocity_vertical : float
+        True ÷ reported sd.
+    """
+
+    name: ClassVar[str] = "gnss_noise_scale"
+    stage: ClassVar[int] = NOISE
+    position_horizontal: float = 1.0
+    position_vertical: float = 1.0
+    velocity_horizontal: float = 1.0
+    velocity_vertical: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_positive(**{f.name: getattr(self, f.name) for f in fields(self)})
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Scale the white errors where they are known.
+
+        Else errors are added where a ratio exceeds 1, and the reported sd is raised where it is below.
+        """
+        p, v = self.position_horizontal, self.velocity_horizontal
+        ratio = np.array([p, p, self.position_vertical, v, v, self.velocity_vertical])
+        if drive.fix_white is not None:
+            change = (ratio - 1.0) * drive.fix_white
+            return replace(drive.moved(change[:, :3], change[:, 3:]), fix_white=drive.fix_white + change)
+        sd = np.hstack([drive.position_sd, drive.velocity_sd])
+        more = np.sqrt(np.maximum(ratio**2 - 1.0, 0.0)) * np.nan_to_num(sd)
+        change = more * rng.standard_normal(sd.shape)
+        said = sd / np.minimum(ratio, 1.0)
+        return replace(
+            drive.moved(change[:, :3], change[:, 3:]), position_sd=said[:, :3], velocity_sd=said[:, 3:]
+        )
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """0.3 … 3, one ratio for position and one for velocity."""
+        position, velocity = log_uniform(rng, 0.3, 3.0), log_uniform(rng, 0.3, 3.0)
+        return cls(position, position, velocity, velocity)
+
+
+@dataclass(frozen=True)
+class CorrelatedGnss(DriveEffect):
+    """Position errors that stay for a while.
+
+    Attributes
+    ----------
+    sd : float
+        Stationary standard deviation along each of north, east, down, m.
+    time_constant : float
+        s.
+    """
+
+    name: ClassVar[str] = "correlated_gnss"
+    stage: ClassVar[int] = ERROR
+    sd: float
+    time_constant: float
+
+    def __post_init__(self) -> None:
+        require_not_negative(sd=self.sd)
+        require_positive(time_constant=self.time_constant)
+
+    def signal(self, t: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return stationary paths at increasing times t, shape (k, 3), m."""
+        decay = np.exp(-np.diff(t) / self.time_constant)
+        drive = np.sqrt(1.0 - decay**2)
+        paths = rng.standard_normal((len(t), 3))
+        for i in range(1, len(t)):
+            paths[i] = decay[i - 1] * paths[i - 1] + drive[i - 1] * paths[i]
+        return np.asarray(self.sd * paths)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Add a path to the positions."""
+        return drive.moved(self.signal(drive.fix_t, rng), np.zeros_like(drive.vel_n))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """0.2 … 3 reported sds (of 1 m where there are none), 5 … 300 s."""
+        reported = drive.position_sd[np.isfinite(drive.position_sd)]
+        unit = float(np.median(reported)) if len(reported) else 1.0
+        return cls(unit * log_uniform(rng, 0.2, 3.0), log_uniform(rng, 5.0, 300.0))
+
+
+@dataclass(frozen=True)
+class GnssOutliers(DriveEffect):
+    """Positions that are wrong, one or some in a row.
+
+    Attributes
+    ----------
+    fraction : float
+        Share of the fixes, at most `LARGEST`.
+    size : float
+        Length of the error, in reported sds.
+    run : int
+        Fixes in a row.
+    """
+
+    name: ClassVar[str] = "gnss_outliers"
+    stage: ClassVar[int] = ERROR
+    fraction: float
+    size: float = 10.0
+    run: int = 1
+
+    def __post_init__(self) -> None:
+        require_between(0.0, LARGEST, fraction=self.fraction)
+        require_not_negative(size=self.size)
+        require_positive(run=self.run)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Displace runs of fixes, each run in a direction of its own."""
+        if not np.isfinite(drive.position_sd).all():
+            msg = "'size' is in reported sds; the receiver reports none"
+            raise ValueError(msg)
+        k = len(drive.fix_t)
+        hit = rng.random(-(-k // self.run)) < self.fraction
+        ways = np.array([direction(rng) for _ in hit]).reshape(-1, 3)
+        off = np.repeat(np.where(hit[:, None], self.size * ways, 0.0), self.run, axis=0)[:k]
+        return drive.moved(off * drive.position_sd, np.zeros_like(drive.vel_n))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """0.1 … 5 %, 4 … 50 sds, 1 … 10 in a row."""
+        return cls(log_uniform(rng, 1e-3, 5e-2), log_uniform(rng, 4.0, 50.0), int(rng.integers(1, 11)))
+
+
+@dataclass(frozen=True)
+class GnssVelocity(DriveEffect):
+    """Velocities that do not belong to the positions.
+
+    Attributes
+    ----------
+    fraction : float
+        Share of the fixes, at most `LARGEST`.
+    rms : float
+        Root mean square length of the error of such a fix, m/s.
+    """
+
+    name: ClassVar[str] = "gnss_velocity"
+    stage: ClassVar[int] = ERROR
+    fraction: float
+    rms: float
+
+    def __post_init__(self) -> None:
+        require_between(0.0, LARGEST, fraction=self.fraction)
+        require_not_negative(rms=self.rms)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Add normal errors to some velocities."""
+        hit = rng.random(len(drive.fix_t)) < self.fraction
+        error = self.rms / np.sqrt(3.0) * rng.standard_normal(drive.vel_n.shape)
+        return drive.moved(np.zeros_like(error), np.where(hit[:, None], error, 0.0))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """1 … 30 %, 0.5 … 10 m/s."""
+        return cls(log_uniform(rng, 0.01, 0.3), log_uniform(rng, 0.5, 10.0))
+
+
+@dataclass(frozen=True)
+class GnssFrame(Turn):
+    """Velocities in a frame that is turned against north-east-down."""
+
+    name: ClassVar[str] = "gnss_frame"
+    stage: ClassVar[int] = FRAME
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Turn the velocities."""
+        return replace(drive, vel_n=drive.vel_n @ self.matrix.T)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """0.05 … 3° about a random axis."""
+        return cls(*(np.radians(log_uniform(rng, 0.05, 3.0)) * direction(rng)).tolist())
+
+
+@dataclass(frozen=True)
+class TimeOffset(DriveEffect):
+    """Stamps of the fixes that are late.
+
+    Attributes
+    ----------
+    delay : float
+        s.
+    """
+
+    name: ClassVar[str] = "time_offset"
+    stage: ClassVar[int] = STAMP
+    delay: float
+
+    def __post_init__(self) -> None:
+        require_finite(delay=self.delay)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Stamp every fix later; those outside the inertial record are lost."""
+        t = drive.fix_t + self.delay
+        kept = (t >= drive.t[0]) & (t <= drive.t[-1])
+        if not kept.any():
+            msg = f"'delay' must leave fixes within the record, {drive.t[-1] - drive.t[0]:.6g} s, got {self.delay}"
+            raise ValueError(msg)
+        columns = {
+            name: getattr(drive, name)[kept] for name in ("llh", "vel_n", "position_sd", "velocity_sd")
+        }
+        white = None if drive.fix_white is None else drive.fix_white[kept]
+        return replace(drive, fix_t=t[kept], fix_white=white, **columns)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """± 3 … 300 ms."""
+        return cls(sign(rng) * log_uniform(rng, 3e-3, 0.3))

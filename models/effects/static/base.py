@@ -1,0 +1,174 @@
+"""What an effect is: a map from a block of samples to a block of samples.
+
+A block y is the sum of a slow part and a fast part, its white noise w::
+
+    y_k = slow_k + w_k
+
+An effect acts at one stage on the way from the sensing element to the file: on the noise itself (w), as a
+signal added to y, in the filter, as a glitch of the wire, at the rails, on the lattice of codes, when a
+reading is held, or in the time stamps. Every effect is a frozen set of SI parameters with the names a finding
+uses; all chance comes from the generator given to `apply`.
+
+References
+----------
+.. [1] IEEE Std 952-1997, Annex C (environment-sensitive errors of gyros).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from models.effects.parsing import Written
+
+FloatArray = NDArray[np.float64]
+
+NOISE, SIGNAL, FILTER, GLITCH, RAIL, LATTICE, HOLD, STAMP = range(8)
+"""Stages in the order in which a sample passes them."""
+
+FAST_WINDOW = 101
+"""Width in samples of the moving mean that parts slow from fast where the white noise is not known."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A block of evenly sampled channels.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time stamps, s.
+    y : ndarray, shape (n, k)
+        Samples, SI unit of the sensor.
+    interval : float
+        Nominal sampling interval, s.
+    temperature : ndarray, shape (n,), optional
+        True temperature of the sensor, °C.
+    white : ndarray, shape (n, k), optional
+        White part of `y`, where it is known (in a simulation).
+    breaks : tuple of int
+        Samples that come after a gap.
+    """
+
+    t: FloatArray
+    y: FloatArray
+    interval: float
+    temperature: FloatArray | None = None
+    white: FloatArray | None = None
+    breaks: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        if self.y.ndim != 2 or self.t.shape != (self.y.shape[0],):
+            msg = f"'t' and 'y' must have shapes (n,) and (n, k), got {self.t.shape} and {self.y.shape}"
+            raise ValueError(msg)
+        if self.temperature is not None and self.temperature.shape != (n,):
+            msg = f"'temperature' must have shape ({n},), got {self.temperature.shape}"
+            raise ValueError(msg)
+        if self.white is not None and self.white.shape != self.y.shape:
+            msg = f"'white' must have the shape {self.y.shape} of 'y', got {self.white.shape}"
+            raise ValueError(msg)
+        require_positive(interval=self.interval)
+
+    def fast(self) -> FloatArray:
+        """Return the white part, or `y` less its moving mean over `FAST_WINDOW` samples; shape (n, k)."""
+        if self.white is not None:
+            return self.white
+        slow: FloatArray = uniform_filter1d(self.y, FAST_WINDOW, axis=0, mode="reflect")
+        return self.y - slow
+
+    def add(self, signal: FloatArray) -> Samples:
+        """Return the block with a signal of shape (n,) or (n, k) added to every channel."""
+        return replace(self, y=self.y + (signal[:, np.newaxis] if signal.ndim == 1 else signal))
+
+    def reshaped(self, old: FloatArray, new: FloatArray) -> Samples:
+        """Return the block with its fast part `old` replaced by `new`, both of shape (n, k)."""
+        return replace(self, y=self.y + (new - old), white=None if self.white is None else new)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What an amplitude is measured by when an effect is drawn at random.
+
+    Attributes
+    ----------
+    white_sd : float
+        Standard deviation of the white noise of a sample, unit.
+    interval, span, start : float
+        Sampling interval, length and first time stamp of the record, s.
+    floor : float
+        Smallest Allan deviation of the record, unit.
+    level : float
+        Mean of the channel, unit.
+    """
+
+    white_sd: float
+    interval: float
+    span: float
+    start: float
+    floor: float
+    level: float
+
+
+@dataclass(frozen=True)
+class Effect(Written, ABC):
+    """One cause with its parameters (the fields), in SI units."""
+
+    stage: ClassVar[int] = SIGNAL
+
+    @abstractmethod
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Return the block as it is with the effect in it."""
+
+    @classmethod
+    @abstractmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Return the effect with random parameters, sized by the record they are meant for."""
+
+
+def require_finite(**values: float) -> None:
+    """Raise ValueError for a parameter that is not a finite number."""
+    for name, value in values.items():
+        if not math.isfinite(value):
+            msg = f"'{name}' must be finite, got {value}"
+            raise ValueError(msg)
+
+
+def require_positive(**values: float) -> None:
+    """Raise ValueError for a parameter that is not positive and finite."""
+    for name, value in values.items():
+        if not (value > 0 and math.isfinite(value)):
+            msg = f"'{name}' must be positive, got {value}"
+            raise ValueError(msg)
+
+
+def require_not_negative(**values: float) -> None:
+    """Raise ValueError for a parameter that is negative or not finite."""
+    for name, value in values.items():
+        if not (value >= 0 and math.isfinite(value)):
+            msg = f"'{name}' must not be negative, got {value}"
+            raise ValueError(msg)
+
+
+def require_between(low: float, high: float, **values: float) -> None:
+    """Raise ValueError for a parameter outside low ≤ x < high."""
+    for name, value in values.items():
+        if not low <= value < high:
+            msg = f"'{name}' must be at least {low} and below {high}, got {value}"
+            raise ValueError(msg)
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Return a number whose logarithm is uniform between two positive bounds."""
+    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def sign(rng: np.random.Generator) -> float:
+    """Return +1 or −1 with equal chance."""
+    return float(rng.choice((-1.0, 1.0)))

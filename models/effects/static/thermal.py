@@ -1,0 +1,145 @@
+"""Effects of heat: a temperature coefficient, one that lags, and the transient after power-on.
+
+::
+
+    temperature    slope · (T − T_0)
+    thermal_lag    slope · (L − T_0),    time_constant · dL/dt = T − L,   L(0) = T_0
+    warmup         amplitude · exp(−(t − t_0) / time_constant)
+
+T_0 is the first temperature of the block, t_0 its first time. Curves of the temperature itself are in
+`models.effects.static.temperature_profiles`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+from scipy.signal import lfilter
+
+from models.effects.static.base import (
+    Effect,
+    FloatArray,
+    Samples,
+    Scale,
+    log_uniform,
+    require_finite,
+    require_positive,
+    sign,
+)
+
+
+def _temperature(block: Samples, cause: str) -> FloatArray:
+    if block.temperature is None:
+        msg = f"'{cause}' needs a block with a temperature, got one without"
+        raise ValueError(msg)
+    return block.temperature
+
+
+@dataclass(frozen=True)
+class TemperatureSlope(Effect):
+    """Bias in proportion to temperature.
+
+    Attributes
+    ----------
+    slope : float
+        unit/K.
+    """
+
+    name: ClassVar[str] = "temperature"
+    slope: float
+
+    def __post_init__(self) -> None:
+        require_finite(slope=self.slope)
+
+    def signal(self, temperature: FloatArray) -> FloatArray:
+        """Return the bias at each temperature (n,), °C."""
+        signal: FloatArray = self.slope * (temperature - temperature[0])
+        return signal
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the bias to every channel."""
+        return block.add(self.signal(_temperature(block, self.name)))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Slope ± 3 … 30 Allan floors per kelvin (0.005 … 0.05 deg/s/K at a floor of 6 deg/h)."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 3.0, 30.0))
+
+
+@dataclass(frozen=True)
+class ThermalLag(Effect):
+    """Bias in proportion to a temperature that follows the measured one with a first-order lag.
+
+    Attributes
+    ----------
+    slope : float
+        unit/K.
+    time_constant : float
+        Lag, s.
+    """
+
+    name: ClassVar[str] = "thermal_lag"
+    slope: float
+    time_constant: float
+
+    def __post_init__(self) -> None:
+        require_finite(slope=self.slope)
+        require_positive(time_constant=self.time_constant)
+
+    def lagged(self, temperature: FloatArray, interval: float) -> FloatArray:
+        """Return the lagging temperature (n,), °C, exact where the input is constant between samples."""
+        phi = math.exp(-interval / self.time_constant)
+        rise = np.concatenate(([0.0], temperature[:-1] - temperature[0]))
+        return np.asarray(temperature[0] + lfilter([1.0 - phi], [1.0, -phi], rise), dtype=float)
+
+    def signal(self, temperature: FloatArray, interval: float) -> FloatArray:
+        """Return the bias for evenly sampled temperatures (n,), °C."""
+        signal: FloatArray = self.slope * (self.lagged(temperature, interval) - temperature[0])
+        return signal
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the bias to every channel."""
+        return block.add(self.signal(_temperature(block, self.name), block.interval))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Slope ± 3 … 30 Allan floors per kelvin, lag 50 … 800 s."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 3.0, 30.0), log_uniform(rng, 50.0, 800.0))
+
+
+@dataclass(frozen=True)
+class Warmup(Effect):
+    """Exponential transient after power-on.
+
+    Attributes
+    ----------
+    amplitude : float
+        Deviation at the first sample, unit (either sign).
+    time_constant : float
+        s.
+    """
+
+    name: ClassVar[str] = "warmup"
+    amplitude: float
+    time_constant: float
+
+    def __post_init__(self) -> None:
+        require_finite(amplitude=self.amplitude)
+        require_positive(time_constant=self.time_constant)
+
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the transient at times `t`, power-on being the first of them; shape (n,)."""
+        signal: FloatArray = self.amplitude * np.exp(-(t - t[0]) / self.time_constant)
+        return signal
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the transient to every channel."""
+        return block.add(self.signal(block.t))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Amplitude ± 1.5 … 50 Allan floors (10 … 300 deg/h at 6 deg/h), time constant 20 … 900 s."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 1.5, 50.0), log_uniform(rng, 20.0, 900.0))

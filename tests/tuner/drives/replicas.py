@@ -1,0 +1,133 @@
+"""Replicas of a linear record: the same filter on the same way, errors drawn from a belief.
+
+::
+
+    e ← Φ e + B θ + w,    ν = H e + D θ + v,    c = K ν,    e ← e − c
+
+with w and v as the belief has them, K as the recorded filter had it. They say how a statistic is spread where
+the belief is true, and hide causes in records whose filter does not know them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, gains_of
+from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Source:
+    """What replicas of one belief are drawn from.
+
+    Attributes
+    ----------
+    belief : Belief
+        What is true.
+    roots : ndarray, shape (k, n, n)
+        Square roots of the process noise.
+    start : ndarray, shape (n, n)
+        Square root of P at the start.
+    gains : ndarray, shape (k, 6, n)
+        Of the recorded filter, row by row.
+    """
+
+    belief: Belief
+    roots: FloatArray
+    start: FloatArray
+    gains: FloatArray
+
+    @classmethod
+    def of(cls, belief: Belief) -> Source:
+        """Prepare a belief."""
+        record = belief.record
+        factors = (belief.drive**2).tolist()
+        total = record.noise.get("gnss_position", np.zeros_like(record.transition))
+        for factor, group in zip(factors, GROUPS, strict=True):
+            total = total + factor * record.noise[group]
+        return cls(belief, _root(total), _root(record.initial[None])[0], gains_of(believed(record)))
+
+    def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearRecord:
+        """Return a replica.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of all noise.
+        theta : ndarray, shape (p,), optional
+            Mean parameters, one for each column of the record.
+        """
+        h, record = self.belief, self.belief.record
+        k, n = record.transition.shape[:2]
+        drive = np.einsum("kij,kj->ki", self.roots, rng.standard_normal((k, n)))
+        noise = h.sd * rng.standard_normal((k, 6)) * record.available
+        if np.any(h.markov_sd > 0.0):
+            noise[:, :3] += _markov(record.t, h.markov_sd, h.markov_time, rng)
+        if theta is not None:
+            drive += record.drive @ theta
+            noise += record.seen @ theta
+        starts = (self.start @ rng.standard_normal((n, int(record.starts.sum()) + 1))).T
+        innovation, correction = np.zeros((k, 6)), np.zeros((k, n))
+        _run(
+            record.transition, record.H, drive, noise, record.available, record.used & record.available,
+            record.starts, np.ascontiguousarray(starts), self.gains, innovation, correction,
+        )  # fmt: skip
+        return replace(record, innovation=innovation, correction=correction)
+
+
+def _root(matrices: FloatArray) -> FloatArray:
+    """Return square roots of covariances (k, n, n), which may be singular and of mixed units."""
+    scale = np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(matrices / (scale[:, :, None] * scale[:, None, :]))
+    return np.asarray(scale[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+
+
+def _markov(t: FloatArray, sd: FloatArray, time: float, rng: np.random.Generator) -> FloatArray:
+    """Return a Gauss–Markov process at times t, one column for each sd; shape (k, 3)."""
+    decay = np.exp(-np.diff(t, prepend=t[:1]) / time)
+    drawn = rng.standard_normal((len(t), len(sd)))
+    for i in range(1, len(t)):
+        drawn[i] = decay[i] * drawn[i - 1] + np.sqrt(1.0 - decay[i] ** 2) * drawn[i]
+    return np.asarray(drawn * sd)
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _run(
+    phi: FloatArray,
+    H: FloatArray,
+    drive: FloatArray,
+    noise: FloatArray,
+    available: BoolArray,
+    rows: BoolArray,
+    starts: BoolArray,
+    begin: FloatArray,
+    gains: FloatArray,
+    innovation: FloatArray,
+    correction: FloatArray,
+) -> None:
+    """Set innovations (k, 6) and corrections (k, n) of the recorded filter on drawn errors."""
+    k = len(drive)
+    e = begin[0].copy()
+    stretch = 1
+    for i in range(k):
+        if i > 0 and starts[i]:
+            e[:NAVIGATION] = begin[stretch, :NAVIGATION]
+            stretch += 1
+        e = phi[i] @ e + drive[i]
+        a = correction[i]
+        for row in range(6):
+            if available[i, row]:
+                innovation[i, row] = H[i, row] @ e + noise[i, row]
+                if rows[i, row]:
+                    z = innovation[i, row] - H[i, row] @ a
+                    a += gains[i, row] * z
+        e -= a

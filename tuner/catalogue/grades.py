@@ -1,0 +1,205 @@
+"""Built-in grades of sensors and GNSS receivers: the YAML files of ``configs/``, by name.
+
+``configs/`` stands beside the package in a checkout and inside it in an installed wheel; `config_directory`
+finds either. A grade without data is an identification whose values have no intervals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from models.noise.bias_instability import ALLAN_FLOOR
+from models.sensors import SensorGrade, Sourced, TriadGrade
+from tuner.catalogue.datasheet_format import parse_sheet
+from tuner.formats.nodes import Node, document
+from tuner.types import (
+    AllanCurve,
+    ChannelIdentification,
+    Coefficient,
+    GnssNoise,
+    Identification,
+    MarkovState,
+    TermEstimate,
+)
+from tuner.types.records import DataError
+
+GNSS_FORMAT = "tuner-gnss/1"
+
+_SINGLE = {
+    "quantization": "increment_sd",
+    "white": "density",
+    "bias_instability": "level",
+    "random_walk": "density",
+    "ramp": "rate",
+}
+
+
+def config_directory() -> Path:
+    """Return the folder of built-in configurations, of the checkout or of the installed package."""
+    package = Path(__file__).parent.parent
+    for candidate in (package / "configs", package.parent / "configs"):
+        if (candidate / "sensors").is_dir():
+            return candidate
+    msg = f"{package}: expected a folder 'configs' in or beside the package; reinstall it"
+    raise DataError(msg)
+
+
+def grade_names() -> tuple[str, ...]:
+    """Return the names of the built-in sensors."""
+    return _names("sensors")
+
+
+def gnss_names() -> tuple[str, ...]:
+    """Return the names of the built-in GNSS receivers."""
+    return _names("gnss")
+
+
+@cache
+def load_grade(name: str) -> SensorGrade:
+    """Return a built-in sensor.
+
+    Raises
+    ------
+    DataError
+        For an unknown name, with the known ones.
+    """
+    path = _path("sensors", name)
+    return parse_sheet(path.read_text(encoding="utf-8"), source=str(path))
+
+
+@cache
+def load_gnss(name: str) -> GnssNoise:
+    """Return the errors of a built-in GNSS receiver.
+
+    Raises
+    ------
+    DataError
+        For an unknown name, with the known ones.
+    """
+    path = _path("gnss", name)
+    return parse_gnss(path.read_text(encoding="utf-8"), source=str(path))
+
+
+def parse_gnss(text: str, *, source: str) -> GnssNoise:
+    """Return the errors described by a YAML of format ``tuner-gnss/1`` (SI; sds north, east, down)."""
+    root = document(text, source, GNSS_FORMAT)
+    root.only(
+        "format",
+        "name",
+        "title",
+        "position_sd",
+        "velocity_sd",
+        "interval",
+        "gate",
+        "correlated",
+        "reference",
+        "notes",
+    )
+    north, east, down = root["position_sd"].numbers(3, positive=True)
+    velocity = root.get("velocity_sd")
+    correlated = root.get("correlated")
+    return GnssNoise(
+        (north, east, down),
+        _triple(velocity) if velocity else None,
+        root["interval"].number(positive=True),
+        root["gate"].number(positive=True),
+        tuple(_state(entry) for entry in correlated.elements()) if correlated else (),
+        root["reference"].text(),
+    )
+
+
+def grade_identification(grade: SensorGrade) -> Identification:
+    """Return a grade as an identification: values with their references, no intervals, method ``datasheet``.
+
+    ``source`` carries the sds of the turn-on constants by axis.
+    """
+    channels: dict[str, ChannelIdentification] = {}
+    turn_on: dict[str, float] = {}
+    for triad in (grade.gyro, grade.accel):
+        estimates = tuple(_estimates(triad))
+        if not estimates:
+            continue
+        for axis in (f"{triad.kind}_{letter}" for letter in "xyz"):
+            channels[axis] = _channel(axis, triad, estimates, 1.0 / grade.rate.value)
+            if triad.turn_on_sd is not None:
+                turn_on[axis] = triad.turn_on_sd.value
+    source = {"name": grade.key, "title": grade.title, "turn_on_sd": turn_on}
+    return Identification(
+        source, channels, (f"figures of a sheet, not of a log: {grade.title}", *grade.notes)
+    )
+
+
+def _names(folder: str) -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in (config_directory() / folder).glob("*.yaml")))
+
+
+def _path(folder: str, name: str) -> Path:
+    if name not in _names(folder):
+        msg = f"{name}: expected a built-in grade ({' '.join(_names(folder))})"
+        raise DataError(msg)
+    return config_directory() / folder / f"{name}.yaml"
+
+
+def _triple(node: Node) -> tuple[float, float, float]:
+    north, east, down = node.numbers(3, positive=True)
+    return north, east, down
+
+
+def _state(node: Node) -> MarkovState:
+    return MarkovState(node["sd"].number(positive=True), node["time_constant"].number(positive=True))
+
+
+def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
+    """Yield the terms a triad tells of, in the order of its noise model."""
+    terms = iter(triad.noise_model().terms)
+    for name, field in _SINGLE.items():
+        number: Sourced | None = getattr(triad, name)
+        if number is not None:
+            (unit,) = next(terms).units(triad.unit)
+            yield TermEstimate(name, {field: Coefficient(number.value, None, None, unit, number.reference)})
+    for state in triad.gauss_markov:
+        figures = {"sd": (state.sd, triad.unit), "time_constant": (state.time_constant, "s")}
+        yield TermEstimate(
+            "gauss_markov",
+            {
+                name: Coefficient(value, None, None, unit, state.reference)
+                for name, (value, unit) in figures.items()
+            },
+        )
+
+
+def _channel(
+    axis: str, triad: TriadGrade, estimates: tuple[TermEstimate, ...], interval: float
+) -> ChannelIdentification:
+    """Return an axis without data; its minimum is where the model first comes within 1 % of its lowest."""
+    model = triad.noise_model()
+    tau = np.geomspace(0.1, 1e4, 201)
+    deviation = np.sqrt(model.allan_variance(tau))
+    first = int(np.argmax(deviation <= 1.01 * deviation.min()))
+    lowest = float(deviation[first])
+
+    def figure(value: float) -> Coefficient:
+        return Coefficient(value, None, None, triad.unit, "of the model, not of data")
+
+    return ChannelIdentification(
+        axis,
+        triad.unit,
+        interval,
+        0.0,
+        "datasheet",
+        model,
+        estimates,
+        (),
+        np.zeros((0, 0)),
+        Coefficient(None, None, None, triad.unit, "no data"),
+        figure(math.sqrt(float(model.allan_variance(10.0)))),
+        figure(lowest),
+        figure(lowest / ALLAN_FLOOR),
+        float(tau[first]),
+        AllanCurve("none", np.zeros(0), np.zeros((0, 1)), np.zeros((0, 1)), triad.unit, (axis,)),
+    )

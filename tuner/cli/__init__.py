@@ -1,0 +1,94 @@
+"""The command line, `tuner COMMAND …`; each command lives in a file of its own, imported when used.
+
+Exit status: 0 done; 1 done, but with a verdict against the filter or the model (only with ``--strict``);
+2 bad usage or bad input, said in one line; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import click
+
+# Threads inside small matrix products cost more than they give; this must be said before numpy is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from tuner.cli.origin import foreign_models
+from tuner.types.records import DataError
+
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "tune": "The main job: log in, filter configuration out.",
+        "identify": "Noise terms of a log, with intervals.",
+        "diagnose": "What a simulation of the noise gets wrong, why, and the gain.",
+        "check": "Is the filter honest? Monte-Carlo on simulated trajectories.",
+        "navigate": "A measured drive through the filter: innovations, errors, outages.",
+        "plan": "How long a static test must be.",
+        "curve": "One empirical curve: Allan family, spectrum, correlation.",
+        "compare": "Logs, identifications and built-in grades side by side.",
+        "export": "Write a configuration in the dialect of another filter.",
+        "papers": "The three papers, reproduced and judged.",
+        "simulate": "A static log of a sensor, with effects hidden on request.",
+    }
+)
+"""Every command with its line of help; its code is `tuner.cli.commands.NAME.command`."""
+
+
+class _Commands(click.Group):
+    """Commands imported on use, so that starting is quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        command = importlib.import_module(f"tuner.cli.commands.{cmd_name}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="ins-noise-tuner", message="%(package)s %(version)s")
+def tuner() -> None:
+    """Turn inertial-sensor recordings into navigation-filter settings one can trust."""
+
+
+def main() -> None:
+    """Run the command line and leave the process with its exit status."""
+    if (clash := foreign_models()) is not None:
+        sys.exit(_refuse(clash))
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit status; bad usage and bad input are one line on standard error."""
+    try:
+        status = tuner.main(args=list(arguments), prog_name="tuner", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        sys.stderr.write(error.format_message() + "\n")
+        return 2
+    except click.ClickException as error:
+        return _refuse(error.format_message())
+    except (DataError, OSError) as error:
+        return _refuse(str(error))
+    except MemoryError as error:
+        return _refuse(f"not enough memory: {error}; ask for less, or split the log")
+    except (click.Abort, KeyboardInterrupt):
+        sys.stderr.write("tuner: interrupted; files already finished were kept\n")
+        return 130
+    return status if isinstance(status, int) else 0
+
+
+def _refuse(message: str) -> int:
+    sys.stderr.write("tuner: " + " ".join(message.split()) + "\n")
+    return 2

@@ -1,0 +1,69 @@
+"""`tuner curve`: one empirical curve of a log with its intervals, raw."""
+
+from __future__ import annotations
+
+import click
+
+from tuner.cli.commands.inputs import load_records
+from tuner.cli.commands.options import Output, Reading, common, reading
+from tuner.cli.progress import Messages
+from tuner.types.records import DataError
+
+ESTIMATORS = (
+    "adev",
+    "oadev",
+    "twogroup",
+    "mdev",
+    "hdev",
+    "ohdev",
+    "totdev",
+    "theo1",
+    "theobr",
+    "theoh",
+    "nsec",
+    "psd",
+    "acf",
+    "pacf",
+)
+
+
+@click.command("curve", short_help="One empirical curve: Allan family, spectrum, correlation.")
+@click.argument("log")
+@click.option("--estimator", type=click.Choice(ESTIMATORS), default="oadev", show_default=True)
+@click.option(
+    "--tau", metavar="LIST", help="Cluster times in seconds, separated by commas; one result for each."
+)
+@reading
+@common
+def command(
+    log: str,
+    estimator: str,
+    tau: str | None,
+    reading: Reading,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Compute one curve of a log, without preprocessing, refusal or bias correction."""
+    from tuner.curves import empirical
+    from tuner.report.json.identification import curves_json
+    from tuner.report.tables import show, statistic_tables
+
+    wanted = None if tau is None else _seconds(tau)
+    records = load_records(log, reading, messages)
+    try:
+        found = [empirical(record, estimator, tau=wanted) for record in records]
+    except ValueError as error:
+        raise DataError(f"{log}: {error}") from error  # noqa: EM102
+    if output.tables:
+        for one in found:
+            show(statistic_tables(one))
+    output.write(curves_json(found))
+
+
+def _seconds(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        msg = f"--tau: expected seconds separated by commas, such as 1,10,100, got {text!r}"
+        raise click.UsageError(msg) from None

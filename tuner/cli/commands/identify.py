@@ -1,0 +1,109 @@
+"""`tuner identify`: the noise terms of a log, with intervals; several logs of one sensor are pooled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import click
+
+from tuner.cli.commands.inputs import load_at_rest, load_identification, source_name
+from tuner.cli.commands.options import Finite, Output, Reading, common, reading, term_list
+from tuner.cli.progress import Messages
+
+if TYPE_CHECKING:
+    from tuner.identification.arma import Likelihood
+
+ARMA: Mapping[str, Likelihood | None] = MappingProxyType({"fast": "fast", "exact": "exact", "off": None})
+METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
+
+
+@click.command("identify", short_help="Noise terms of a log, with intervals.")
+@click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG…]")
+@click.option(
+    "--terms",
+    callback=term_list,
+    metavar="LIST",
+    help="Fit exactly this sum, such as white,gauss_markov,random_walk.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="likelihood",
+    show_default=True,
+    help="How coefficients are estimated.",
+)
+@click.option(
+    "--arma",
+    type=click.Choice(list(ARMA)),
+    default="fast",
+    show_default=True,
+    help="Time-series model.",
+)
+@click.option(
+    "--latitude",
+    type=Finite(-90, 90),
+    metavar="DEG",
+    help="Take the Earth's rate out of the gyro means.",
+)
+@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Allan figure (PNG or SVG).")
+@reading
+@common
+def command(
+    logs: tuple[str, ...],
+    terms: tuple[str, ...] | None,
+    method: str,
+    arma: str,
+    latitude: float | None,
+    figure: Path | None,
+    reading: Reading,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Find the noise terms of each axis: quantization, white, flicker or Gauss–Markov, random walk, ramp.
+
+    A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled,
+    with their spread. A CSV of satellite fixes of an antenna at rest (t,lat,lon,height,…) gives the errors
+    of the receiver.
+    """
+    from tuner.identification.several_logs import pool
+    from tuner.readers.gnss_log import is_fixes
+    from tuner.report.json.identification import identification_json
+    from tuner.report.json.views import pooled_json, receiver_json
+    from tuner.report.tables import identification_tables, pooled_tables, receiver_words, show
+
+    if len(logs) == 1 and is_fixes(logs[0]):
+        receiver = load_at_rest(logs[0], messages)
+        if output.tables:
+            show(receiver_words(receiver))
+        output.write(receiver_json(receiver))
+        return
+    found = [
+        load_identification(
+            log,
+            reading,
+            messages,
+            terms=terms,
+            method=method,
+            arma=ARMA[arma],
+            latitude=latitude,
+        )
+        for log in logs
+    ]
+    names = [source_name(log) for log in logs]
+    if output.tables:
+        for name, one in zip(names, found, strict=True):
+            show([name, *identification_tables(one)])
+        if len(found) > 1:
+            show(pooled_tables(pool(found), names))
+    output.write(identification_json(found[0]) if len(found) == 1 else pooled_json(names, found, pool(found)))
+    if figure is not None:
+        from tuner.report.allan_figure import draw_allan
+
+        for name, one in zip(names, found, strict=True):
+            path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
+            draw_allan(one, [path], title=name)
+            messages.say(f"wrote {path}")

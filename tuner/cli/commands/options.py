@@ -1,0 +1,144 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import functools
+import math
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tuner.cli.progress import Messages
+from tuner.formats.files import json_text, write_text
+
+Command = Callable[..., Any]
+
+
+class Finite(click.FloatRange):
+    """A number in a range; neither NaN, which no range refuses, nor infinite."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, or refuse it."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How to understand a log: see `tuner.readers.read`."""
+
+    rate: float | None = None
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    gyro_scale: float | None = None
+    accel_scale: float | None = None
+    columns: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where the machine-readable result goes: a file, standard output (``-``) or nowhere."""
+
+    json_file: str | None
+
+    @property
+    def tables(self) -> bool:
+        """Whether tables may be printed: standard output is not taken by JSON."""
+        return self.json_file != "-"
+
+    def write(self, content: Mapping[str, Any]) -> None:
+        """Write the JSON result, if one is wanted."""
+        if self.json_file == "-":
+            sys.stdout.write(json_text(content))
+        elif self.json_file is not None:
+            write_text(Path(self.json_file), json_text(content))
+
+
+def common(command: Command) -> Command:
+    """Add ``--json``, ``--seed``, ``--quiet``; the command receives `output`, `seed` and `messages`."""
+
+    @click.option(
+        "--json",
+        "json_file",
+        metavar="FILE",
+        callback=_json_file,
+        help="Result as JSON (- for standard output).",
+    )
+    @click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Seed of everything random.",
+    )
+    @click.option("--quiet", is_flag=True, help="No progress, no messages.")
+    @functools.wraps(command)
+    def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
+        messages = Messages(quiet)
+        with messages.kept():
+            return command(*args, output=Output(json_file), messages=messages, **options)
+
+    return wrapped
+
+
+def reading(command: Command) -> Command:
+    """Add the options that say how to understand a log; the command receives `reading`."""
+
+    @click.option(
+        "--rate",
+        type=Finite(min=0, min_open=True),
+        metavar="HZ",
+        help="Sampling rate where the log has no time.",
+    )
+    @click.option("--gyro-unit", metavar="UNIT", help="rad/s deg/s deg/h, or increments rad deg arcsec.")
+    @click.option("--accel-unit", metavar="UNIT", help="m/s^2 g mg, or increments m/s.")
+    @click.option("--gyro-scale", type=float, metavar="X", help="Gyro unit of one count.")
+    @click.option("--accel-scale", type=float, metavar="X", help="Accelerometer unit of one count.")
+    @click.option("--columns", metavar="NAME=COLUMN,…", help="Which column, or array of an NPZ, is what.")
+    @functools.wraps(command)
+    def wrapped(
+        *args: Any,
+        rate: float | None,
+        gyro_unit: str | None,
+        accel_unit: str | None,
+        gyro_scale: float | None,
+        accel_scale: float | None,
+        columns: str | None,
+        **options: Any,
+    ) -> Any:
+        from tuner.readers import parse_columns
+
+        chosen = None if columns is None else parse_columns(columns)
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen)
+        return command(*args, reading=how, **options)
+
+    return wrapped
+
+
+def term_list(
+    _context: click.Context, _parameter: click.Parameter, value: str | None
+) -> tuple[str, ...] | None:
+    """Turn ``white,random_walk`` into names of noise terms that can be fitted (a callback of click)."""
+    if value is None:
+        return None
+    from models.noise import TERMS
+
+    fitted = [name for name in TERMS if name not in ("sinusoid", "arma")]
+    names = tuple(part.strip() for part in value.split(","))
+    if unknown := [name for name in names if name not in fitted]:
+        msg = f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}"
+        raise click.BadParameter(msg)
+    return names
+
+
+def _json_file(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str | None:
+    if value is not None and value != "-" and not value.endswith(".json"):
+        msg = f"expected a file that ends in .json, or - for standard output, got {value!r}"
+        raise click.BadParameter(msg)
+    return value

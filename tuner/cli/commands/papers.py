@@ -1,0 +1,70 @@
+"""`tuner papers`: the figures, tables and claims of the three papers, reproduced and judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tuner.cli.commands.options import Output, common
+from tuner.cli.progress import Messages
+
+
+@click.command("papers", short_help="The three papers, reproduced and judged.")
+@click.argument("names", nargs=-1, metavar="[NAME…|all]")
+@click.option(
+    "-o",
+    "--output-directory",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Write papers.md there, figures and papers.json into DIR/papers.",
+)
+@click.option("--small", is_flag=True, help="Smaller samples: everything in about a minute, wider intervals.")
+@common
+def command(
+    names: tuple[str, ...],
+    output_directory: Path | None,
+    small: bool,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Reproduce items of the three papers; without NAME: list them.
+
+    Each item simulates data to the paper's settings, runs the functions of the other commands, draws the paper's
+    figure and judges every claim: reproduced, corrected, untestable. The page is written anew after each item, so that
+    an interrupted run keeps what is done.
+    """
+    import time
+
+    from tuner.formats.files import json_text, write_text
+    from tuner.papers import ITEMS, Settings, chosen, run
+    from tuner.papers.pages import item_table, papers_json, papers_markdown
+    from tuner.report.tables import show
+
+    if not names:
+        if output.tables:
+            click.echo("\n".join(ITEMS))
+        output.write({"schema": "tuner.papers/1", "names": list(ITEMS)})
+        return
+    items = []
+    wanted = chosen(names)
+    if output_directory is not None:
+        (output_directory / "papers").mkdir(parents=True, exist_ok=True)
+    for name in wanted:
+        messages.say(f"{name} …")
+        begin = time.perf_counter()
+        with messages.bar(name) as advance:
+            items.append(run(name, Settings(seed, small, advance)))
+        if output_directory is not None:
+            from tuner.papers.figures import draw_item
+
+            draw_item(items[-1], output_directory / "papers" / f"{name}.png")
+            write_text(output_directory / "papers.md", papers_markdown(items, "papers/"))
+            write_text(output_directory / "papers" / "papers.json", json_text(papers_json(items)))
+        messages.say(f"{name}: {time.perf_counter() - begin:.1f} s")
+        if output.tables:
+            show([item_table(items[-1])])
+    if output_directory is not None:
+        messages.say(f"wrote {output_directory / 'papers.md'}")
+    output.write(papers_json(items))

@@ -1,0 +1,48 @@
+"""`tuner plan`: which terms H hours can show, and the hours a wanted accuracy needs."""
+
+from __future__ import annotations
+
+import click
+
+from tuner.cli.commands.inputs import load_identification, source_name
+from tuner.cli.commands.options import Output, Reading, common, reading
+from tuner.cli.progress import Messages
+from tuner.types.records import DataError
+
+
+@click.command("plan", short_help="How long a static test must be.")
+@click.argument("source", metavar="SENSOR-OR-LOG")
+@click.option(
+    "--accuracy", type=float, default=0.1, show_default=True, help="Wanted relative standard deviation."
+)
+@click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test.")
+@reading
+@common
+def command(
+    source: str,
+    accuracy: float,
+    hours: float,
+    reading: Reading,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Say what a static test of a sensor can show: the Cramér–Rao bound of every term and the cluster rule.
+
+    The noise to expect comes from a built-in grade, a datasheet or an earlier log of the sensor.
+    """
+    from tuner.identification.record_length import plan
+    from tuner.report.json.views import plan_json
+    from tuner.report.tables import plan_tables, show
+
+    identification = load_identification(source, reading, messages, arma=None)
+    plans = {}
+    for axis, channel in identification.channels.items():
+        try:
+            plans[axis] = plan(channel.model, interval=channel.interval, hours=hours, accuracy=accuracy)
+        except ValueError as error:
+            raise DataError(f"plan: {error}") from error  # noqa: EM102
+    if output.tables:
+        for axis, one in plans.items():
+            show(plan_tables(one, identification.channels[axis].unit, f"{source_name(source)} {axis}"))
+    output.write(plan_json(plans))

@@ -1,0 +1,288 @@
+"""A measured drive on trial: innovations, errors against a reference where there is one, outages everywhere.
+
+An outage withholds the fixes of a window and scores the position at its end against the reference, or else
+against the withheld fix itself, whose own error is part of the prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.earth import ned_between
+from tuner.consistency.drive_scores import (
+    against_reference,
+    against_smoother,
+    blocks,
+    errors,
+    reference_at,
+    settled,
+)
+from tuner.consistency.scores import (
+    DIVERGED,
+    REJECTED,
+    Consistency,
+    Outage,
+    Whiteness,
+    innovation_scores,
+    score,
+    whiteness,
+)
+from tuner.consistency.verdicts import verdicts
+from tuner.navigation.compensation import compensated, compensated_settings
+from tuner.navigation.data import GATED, WITHHELD, Solution
+from tuner.navigation.drive.axis_checks import inertial_axes
+from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.run import SETTLING, Stretch, navigate, prepare
+from tuner.navigation.drive.unit_checks import likely_unit
+from tuner.navigation.drive.vehicle_constraints import (
+    MOUNTING_SD,
+    Vehicle,
+    accounts,
+    constrained,
+    standing_noise,
+    told,
+    turned_from,
+)
+from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
+from tuner.simulation.imu import sensor_of_config
+from tuner.types import FilterConfig
+from tuner.types.records import DataError, Drive, Reference
+
+FloatArray = NDArray[np.float64]
+
+HORIZONS = (10.0, 30.0, 60.0)
+RECOVERY = 30.0
+"""Time with fixes between two outages, s."""
+STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
+"""Further states of a filter on a drive, with their priors."""
+NOTHING_ASSUMED = Vehicle()
+LOUD = 2.0
+"""Ratio of noise to belief that is worth a note."""
+UNKNOWN_LEVER_ARM = 1.0
+"""Prior of a lever arm that nobody gave, m."""
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """What a filter made of a drive.
+
+    Attributes
+    ----------
+    consistency : Consistency
+        Scores and verdicts.
+    settings : FilterSettings
+        The filter.
+    stretches : tuple of Stretch
+        What was filtered.
+    solutions : tuple of Solution
+        One a stretch, all fixes used.
+    estimates : mapping of str to tuple of (value, sd)
+        Final estimates of lever arm, time offset and other constants, SI.
+    notes : tuple of str
+        What was repaired, found and done.
+    """
+
+    consistency: Consistency
+    settings: FilterSettings
+    stretches: tuple[Stretch, ...]
+    solutions: tuple[Solution, ...]
+    estimates: Mapping[str, tuple[tuple[float, float], ...]]
+    notes: tuple[str, ...]
+
+
+def drive_filter(
+    drive: Drive, config: FilterConfig, *, states: Mapping[str, float] | None = None
+) -> tuple[FilterSettings, tuple[str, ...]]:
+    """Return the filter of a configuration for a drive: with the offset of the clocks and an unknown lever arm."""
+    constants = {**STATES, **config.constants, **(states or {})}
+    arm, notes = drive.lever_arm, []
+    if arm is not None and drive.mounting is None and any(arm):
+        arm = None
+        notes.append("the lever arm is given in vehicle axes, but the mounting of the sensor is unknown")
+    if arm is None:
+        constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM)
+        notes.append(f"lever arm estimated from 0 ± {constants['lever_arm']:g} m")
+    settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
+    return compensated_settings(settings, config.compensation), tuple(notes)
+
+
+def navigate_drive(
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    states: Mapping[str, float] | None = None,
+    vehicle: Vehicle = NOTHING_ASSUMED,
+) -> DriveResult:
+    """Filter a drive, with and without its fixes.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    config : FilterConfig
+        What the filter believes of the sensor.
+    states : mapping of str to float, optional
+        Further states, names of `models.state_layout.OPTIONAL`, with the sd of their prior.
+    vehicle : Vehicle
+        What may be assumed of the vehicle: that it does not slip, and stands where it seems to.
+
+    Raises
+    ------
+    DataError
+        Where the configuration lacks an axis or the drive cannot be aligned.
+    """
+    drive = compensated(drive, config.compensation)
+    gnss, positions, velocities = without_outliers(drive.gnss)
+    left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
+    if positions or velocities:
+        drive = replace(drive, gnss=gnss, notes=(*drive.notes, left_out))
+    if vehicle.sideways is not None:
+        states = {"mounting": MOUNTING_SD, **(states or {})}
+    settings, assumed = drive_filter(drive, config, states=states)
+    stretches, notes = prepare(drive, settings)
+    solutions = navigate(stretches, settings, np.zeros((0, 2)))
+    notes = (*notes, *_louder(stretches[0], config))
+    contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
+    if not vehicle.free:
+        stretches, more = constrained(
+            stretches, solutions, settings, vehicle, mounted=drive.mounting is not None and not contradicted
+        )
+        solutions = navigate(stretches, settings, np.zeros((0, 2)))
+        notes = (*notes, *more, *told(accounts(solutions), vehicle))
+    scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
+    if not any(map(len, scored)):
+        span = max(float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches)
+        msg = (
+            f"{drive.source}: expected fixes beyond {SETTLING:g} s after the start or the stand, in which the filter "
+            f"settles, found {span:.0f} s of them: nothing is left to judge it by"
+        )
+        raise DataError(msg)
+    groups = [
+        block for stretch, rows in zip(solutions, scored, strict=True) for block in blocks(stretch, rows)
+    ]
+    found = Consistency(
+        None,
+        against_reference(drive.reference, solutions, scored)
+        if drive.reference is not None
+        else against_smoother(settings, stretches, scored),
+        innovation_scores(
+            [s.innovation[rows] for s, rows in groups],
+            [s.innovation_covariance[rows] for s, rows in groups],
+            [s.use[rows] for s, rows in groups],
+        ),
+        _whiteness(solutions, scored),
+        tuple(
+            outage
+            for horizon in HORIZONS
+            if (outage := _outage(drive.reference, stretches, settings, horizon)) is not None
+        ),
+        errors(drive.reference, solutions, scored),
+        float(
+            np.mean(
+                np.concatenate([s.use[rows, 0] == GATED for s, rows in zip(solutions, scored, strict=True)])
+            )
+        ),
+        False,
+    )
+    found = replace(found, diverged=_diverged(found, solutions))
+    wrong = (likely_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
+    if wrong:
+        notes = (*notes, wrong)
+    if drive.reference is None and found.blocks:
+        notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
+    return DriveResult(
+        replace(found, verdicts=verdicts(found)),
+        settings,
+        stretches,
+        solutions,
+        _estimates(settings, solutions[-1]),
+        (*drive.notes, *assumed, *notes),
+    )
+
+
+def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
+    """Return a note where the sensors are louder than the configuration says, standing still, over a second."""
+    found = standing_noise(stretch.steps, stretch.alignment)
+    if found is None:
+        return ()
+    said = np.array([model.allan_variance(1.0) for model in sensor_of_config(config).noise])
+    ratios = found / np.sqrt(said)
+    loud = [f"{axis} {ratio:.1f}" for axis, ratio in zip(GYROS + ACCELS, ratios, strict=True) if ratio > LOUD]
+    if not loud:
+        return ()
+    return (
+        f"standing, the sensors are louder over 1 s than the configuration says: {', '.join(loud)} times",
+    )
+
+
+def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:
+    longest = max(range(len(solutions)), key=lambda i: len(scored[i]))
+    solution, rows = solutions[longest], scored[longest]
+    return whiteness(
+        solution.t[rows],
+        [solution.innovation[rows]],
+        [solution.innovation_covariance[rows]],
+        [solution.use[rows]],
+    )
+
+
+def _outage(
+    reference: Reference | None, stretches: tuple[Stretch, ...], settings: FilterSettings, horizon: float
+) -> Outage | None:
+    """Withhold windows of one length and score the position at their ends; None where no window fits."""
+    windows = [
+        (begin, begin + horizon)
+        for s in stretches
+        for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY)
+    ]
+    if not windows:
+        return None
+    found: list[tuple[float, float]] = []
+    for solution in navigate(stretches, settings, np.array(windows)):
+        for begin, end in windows:
+            inside = np.flatnonzero(
+                (solution.t > begin) & (solution.t <= end) & (solution.use[:, 0] == WITHHELD)
+            )
+            if not len(inside) or end - solution.t[inside[-1]] > 0.2 * horizon + 0.5:
+                continue
+            k = int(inside[-1])
+            if reference is None:
+                error, spread = solution.innovation[k, :3], solution.innovation_covariance[k, :3, :3]
+            else:
+                error = ned_between(
+                    reference_at(reference, solution.t[k : k + 1])[0][0], solution.state.llh[k]
+                )
+                spread = solution.covariance[k, :3, :3]
+            if np.isfinite(error).all():
+                found.append((float(error @ error), float(np.trace(spread))))
+    if not found:
+        return None
+    e2, predicted = np.array(found).T
+    return Outage(
+        horizon,
+        float(np.sqrt(e2.mean())),
+        float(np.sqrt(predicted.mean())),
+        score(f"outage {horizon:g} s", [[v] for v in e2 / predicted], 1, components=3),
+        len(found),
+    )
+
+
+def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:
+    """Whether the filter lost its way: not finite, most fixes refused, or errors beyond all prediction."""
+    finite = all(np.isfinite(s.state.llh).all() and np.isfinite(s.covariance).all() for s in solutions)
+    return not finite or found.gated > REJECTED or any(s.ratio > DIVERGED for s in found.nis)
+
+
+def _estimates(settings: FilterSettings, last: Solution) -> dict[str, tuple[tuple[float, float], ...]]:
+    sd = np.sqrt(np.diag(last.final_covariance))
+    layout = settings.model.layout
+    return {
+        name: tuple(zip(last.final_parameters[layout[name]].tolist(), sd[layout[name]].tolist(), strict=True))
+        for name, _ in layout.blocks[3:]
+        if not name.endswith("_markov") and name != "gnss_position"
+    }

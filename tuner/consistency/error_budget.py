@@ -1,0 +1,293 @@
+"""Where the errors of a filter come from: the share of every source, by linear covariance.
+
+Along the noise-free flight (`tuner.navigation.engine.linear_covariance`) the covariance of every error is a
+sum over sources,
+P = Σ_g P_g. The shares of a source in the variances are its part of the error budget;
+`tuner.consistency.attribution` reads
+from them what explains a bad score, `blind_spots` which wrong belief would not show.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.measurements import perfect_fixes
+from tuner.consistency.scores import HORIZONS as SCORED
+from tuner.consistency.scores import MARGIN, scored_epochs
+from tuner.navigation.engine import layout
+from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
+from tuner.navigation.settings import FilterSettings
+from tuner.simulation.monte_carlo import Scenario
+
+FloatArray = NDArray[np.float64]
+
+HORIZONS = (10.0, 60.0, 300.0)
+"""Lengths of outage whose budget is shown, s."""
+NO_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Something that drives errors, alone.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    initial, drive, rate : ndarray, shapes (n,)
+        Variances at the start, squared driving densities, inverse time constants, 1/s.
+    white, fix_sd : ndarray, shapes (6,)
+        Squared white densities of the sensors, sds of the fixes.
+    """
+
+    name: str
+    initial: FloatArray
+    drive: FloatArray
+    rate: FloatArray
+    white: FloatArray
+    fix_sd: FloatArray
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Covariance by source, at the e epochs that are scored (SI).
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Names, g of them.
+    t : ndarray, shape (e,)
+        Times of the fixes, s.
+    covariance : ndarray, shape (e, g, 15, 15)
+        Of position, velocity, attitude errors and total biases, by source.
+    total : ndarray, shape (e, 15, 15)
+        The filter's own: for the sources that it knows, their sum.
+    innovation, innovation_total : ndarray, shapes (e, g, 6, 6), (e, 6, 6)
+        The same of innovations.
+    aided, after : NDArray of int, mapping of float to NDArray of int
+        Epochs with fixes; epochs so long, s, after the begin of an outage.
+    prior, final : ndarray, shapes (n,), (n, n)
+        Sds at the start, the filter's own P after its last fix.
+    """
+
+    sources: tuple[str, ...]
+    t: FloatArray
+    covariance: FloatArray
+    total: FloatArray
+    innovation: FloatArray
+    innovation_total: FloatArray
+    aided: NDArray[np.intp]
+    after: dict[float, NDArray[np.intp]]
+    prior: FloatArray
+    final: FloatArray
+
+    def share(self, epochs: NDArray[np.intp], block: slice) -> FloatArray:
+        """Return the share of every source in the variances of a block, mean over epochs; shape (g,), sum 1."""
+        parts = np.einsum("egii->egi", self.covariance[epochs])[:, :, block]
+        whole = np.einsum("eii->ei", self.total[epochs])[:, None, block]
+        return np.asarray((parts / whole).mean(axis=(0, 2)))
+
+
+def table(budget: Budget) -> list[tuple[str, FloatArray]]:
+    """Return the shares by source: aided and after 10, 60 and 300 s; rows of (name, (sources, 3)).
+
+    The columns are position, velocity and attitude.
+    """
+    cases = [("aided", budget.aided)]
+    cases += [(f"{h:g} s without fixes", budget.after[h]) for h in HORIZONS if h in budget.after]
+    answer = []
+    for name, epochs in cases:
+        blocks = [budget.share(epochs, slice(3 * i, 3 * i + 3)) for i in range(3)]
+        answer.append((name, np.stack(blocks, axis=-1)))
+    return answer
+
+
+def blind_spots(budget: Budget) -> dict[str, tuple[float, float]]:
+    """Return how many times too small and too large the sd of each source may be before any score shows it.
+
+    A share a of a source in a variance lets an sd f times too small raise the error by √(1 + (f² − 1) a), and
+    one f times too large lower it likewise; shown is what moves some error by more than 10 %. Infinite where
+    nothing does.
+    """
+    shares = np.max([rows.max(axis=1) for _, rows in table(budget)], axis=0)
+    small = np.sqrt(1.0 + ((1.0 + MARGIN) ** 2 - 1.0) / np.maximum(shares, 1e-12))
+    left = 1.0 - (1.0 - (1.0 + MARGIN) ** -2) / np.maximum(shares, 1e-12)
+    large = np.where(left > 0.0, 1.0 / np.sqrt(np.maximum(left, 1e-12)), math.inf)
+    return {name: (float(a), float(b)) for name, a, b in zip(budget.sources, small, large, strict=True)}
+
+
+def error_budget(settings: FilterSettings, plan: Scenario) -> Budget:
+    """Return the covariance of every error by source along a scenario.
+
+    Parameters
+    ----------
+    settings : FilterSettings
+        The filter.
+    plan : Scenario
+        Trajectory, fixes and outages.
+    """
+    own, parts = known_sources(settings, plan)
+    return trace(settings, plan, own, parts)
+
+
+def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, list[Source]]:
+    """Return all that a filter believes in as one source, and its parts."""
+    at = settings.model.layout
+    position_sd = settings.position_sd or plan.receiver.position_sd
+    velocity_sd = settings.velocity_sd or plan.receiver.velocity_sd or (1.0, 1.0, 1.0)
+    own = Source(
+        "all",
+        settings.initial_sd**2,
+        settings.model.driving_density**2,
+        1.0 / settings.model.time_constant,
+        np.concatenate([settings.model.gyro_density, settings.model.accel_density]) ** 2,
+        np.array([*position_sd, *velocity_sd]),
+    )
+
+    def only(values: FloatArray, which: Sequence[slice]) -> FloatArray:
+        kept = np.zeros_like(values)
+        for block in which:
+            kept[block] = values[block]
+        return kept
+
+    def part(
+        name: str,
+        *,
+        started: Sequence[slice] = (),
+        driven: Sequence[slice] = (),
+        sensors: Sequence[slice] = (),
+        fixes: Sequence[slice] = (),
+    ) -> Source:
+        return Source(
+            name,
+            only(own.initial, started),
+            only(own.drive, driven),
+            own.rate,
+            only(own.white, sensors),
+            only(own.fix_sd, fixes),
+        )
+
+    parts = [
+        part("gyro white noise", sensors=[slice(0, 3)]),
+        part("accelerometer white noise", sensors=[slice(3, 6)]),
+    ]
+    for sensor, title in (("gyro", "gyro"), ("accel", "accelerometer")):
+        if f"{sensor}_markov" in at:
+            rungs = [at[f"{sensor}_markov"]]
+            parts.append(part(f"{title} bias noise", started=rungs, driven=rungs))
+        bias = [at[f"{sensor}_bias"]]
+        parts.append(part(f"{title} bias random walk", driven=bias))
+        parts.append(part(f"{title} turn-on bias", started=bias))
+    parts.append(part("start", started=[slice(0, 9)]))
+    parts.append(part("position fixes", fixes=[slice(0, 3)]))
+    parts.append(part("velocity fixes", fixes=[slice(3, 6)]))
+    if "gnss_position" in at:
+        errors = [at["gnss_position"]]
+        parts.append(part("correlated fixes", started=errors, driven=errors))
+    known = {"position", "velocity", "attitude", "gyro_bias", "accel_bias", "gyro_markov", "accel_markov"}
+    for name, _ in at.blocks:
+        if name not in known | {"gnss_position"}:
+            parts.append(part(name.replace("_", " "), started=[at[name]], driven=[at[name]]))
+    return own, parts
+
+
+def trace(
+    settings: FilterSettings,
+    plan: Scenario,
+    own: Source,
+    sources: Sequence[Source],
+    *,
+    rows: NDArray[np.int64] = NO_STATES,
+) -> Budget:
+    """Carry the covariance of every source along the noise-free flight, with the gains of the filter.
+
+    Parameters
+    ----------
+    settings, plan
+        The filter and what it flies.
+    own : Source
+        All that the filter believes in, from `known_sources`.
+    sources : sequence of Source
+        With n states, and as many more as `rows` has, behind them.
+    rows : ndarray of int, shape (r,)
+        Sensor axis, 0 … 5, to whose error each further state adds.
+    """
+    more = len(rows)
+    size = settings.size + more
+    initial, drive, rate = (np.pad(values, (0, more)) for values in (own.initial, own.drive, own.rate))
+    all_of_it = Source(own.name, initial, drive, rate, own.white, own.fix_sd)
+    lay = layout(settings)
+    lay = lay._replace(
+        size=size,
+        rate=np.pad(lay.rate, (0, more)),
+        drive=np.pad(lay.drive, (0, more)),
+        row=np.concatenate([lay.row, rows]),
+        source=np.pad(lay.source, (0, more), constant_values=-1),
+        slope=np.pad(lay.slope, (0, more), constant_values=-1),
+    )
+    aided = scored_epochs(plan.times, plan.outages)
+    after: dict[float, NDArray[np.intp]] = {}
+    for horizon in SCORED:
+        goals = [begin + horizon for begin, end in plan.outages if end - begin >= horizon]
+        if goals:
+            after[horizon] = np.array([int(np.argmin(np.abs(plan.times - goal))) for goal in goals])
+    epochs = np.unique(np.concatenate([aided, *after.values()]))
+    k, e = len(plan.times), len(epochs)
+    slot = np.full(k, -1, dtype=np.int64)
+    slot[epochs] = np.arange(e)
+    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
+    withheld = np.zeros(k, dtype=bool)
+    for begin, end in plan.outages:
+        withheld |= (plan.times > begin) & (plan.times <= end)
+    start = np.concatenate([plan.start.llh, plan.start.vel_n, plan.start.quat_nb])
+    nominal = Nominal(
+        start,
+        plan.steps.dt,
+        plan.steps.increments,
+        plan.after,
+        plan.times,
+        np.concatenate([llh, vel_n], axis=1),
+        np.full(k, 1 + (settings.velocity_sd is not None), dtype=np.int64),
+        withheld,
+        slot,
+    )
+
+    def carry(part: Sequence[Source]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Carry some sources, with all that the filter believes in before them."""
+        each = [all_of_it, *part]
+        return trace_sources(
+            lay,
+            np.stack([source.initial for source in each]),
+            np.stack([source.rate for source in each]),
+            np.stack([source.white for source in each]),
+            np.stack([source.drive for source in each]),
+            np.stack([source.fix_sd for source in each]),
+            nominal,
+        )
+
+    threads = min(os.cpu_count() or 1, len(sources))
+    chunks = [
+        sources[len(sources) * i // threads : len(sources) * (i + 1) // threads] for i in range(threads)
+    ]
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        done = list(pool.map(carry, chunks))
+    out, out_s, final = done[0]
+    return Budget(
+        tuple(source.name for source in sources),
+        plan.times[epochs],
+        np.concatenate([each[:, 1:] for each, _, _ in done], axis=1),
+        out[:, 0],
+        np.concatenate([each[:, 1:] for _, each, _ in done], axis=1),
+        out_s[:, 0],
+        slot[aided],
+        {horizon: slot[which] for horizon, which in after.items()},
+        settings.initial_sd,
+        final[: settings.size, : settings.size],
+    )

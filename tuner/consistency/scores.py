@@ -1,0 +1,378 @@
+"""Is a filter honest? Errors and innovations against what the filter predicts of them.
+
+Every score is a mean square over its prediction, ideally 1, and is read as a ratio, its square root: true
+rms ÷ predicted sd. Scores of one run are dependent, runs are not: with the scores s_g of G runs (or of blocks
+of one drive), mean s and variance v,
+
+    ν = min(2 s²/(v/G), number of squares)          χ² with ν degrees of freedom has this scatter
+    interval of the ratio²                          s ν'/χ²_{1−α/2}(ν') … s ν'/χ²_{α/2}(ν')
+    ν' = max(ν (z_{α/2}/t_{α/2}(G − 1))², G d)      v is itself an estimate; d the components of one square
+
+A score is against the filter where the whole interval lies beyond 10 % from 1: `MARGIN`. α is 1 % over all
+scores together (Bonferroni): `FAMILY`.
+
+==============  ==========================================================================================
+nees            eᵀ P⁻¹ e of position, velocity, attitude and total biases, while aided; and of each block
+nis             zᵀ S⁻¹ z of position and velocity fixes; nearly blind to a wrong Q
+whiteness       autocorrelation of whitened innovations at lags 1 … 10
+outage          |position error|² ÷ tr P after 10, 30, 60, 300 s without fixes
+==============  ==========================================================================================
+
+References
+----------
+.. [1] Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+       ch. 5.4 (NEES, NIS, autocorrelation).
+.. [2] F. E. Satterthwaite, An approximate distribution of estimates of variance components, Biometrics
+       Bulletin 2 (1946).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtri, gammaincinv, ndtri, stdtrit
+
+from tuner.navigation.data import USED
+from tuner.simulation.monte_carlo import Runs
+
+FloatArray = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+
+FAMILY = 0.01
+"""Chance that any score of an honest filter is called against it."""
+MARGIN = 0.1
+"""A filter within this of honest is called honest."""
+TESTS = 14
+"""Scores that share `FAMILY`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
+HORIZONS = (10.0, 30.0, 60.0, 300.0)
+"""Lengths of outage that are scored, s."""
+SETTLING = 120.0
+"""Time after the start and after an outage that is not scored as aided, s."""
+EPOCHS = 60
+"""Aided epochs of each run that are scored: more are not independent."""
+LAGS = 10
+BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
+DIVERGED = 20.0
+"""Ratio from which a filter is called diverged."""
+STRAYED = 5.0
+"""Ratio of one run beyond chance and belief, where the median run is honest: it lost its way."""
+REJECTED = 0.5
+"""Share of gated fixes from which a filter is called diverged."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A mean square against its prediction.
+
+    Attributes
+    ----------
+    name : str
+        What is scored.
+    mean : float
+        Mean of the squares, `dof` ideally.
+    dof : int
+        Components of one square.
+    effective : float
+        ν.
+    band : (float, float)
+        Means that speak for the filter.
+    """
+
+    name: str
+    mean: float
+    dof: int
+    effective: float
+    band: tuple[float, float]
+
+    @property
+    def ratio(self) -> float:
+        """True rms ÷ predicted sd."""
+        return math.sqrt(self.mean / self.dof)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mean lies in the band."""
+        return self.band[0] <= self.mean <= self.band[1]
+
+
+@dataclass(frozen=True)
+class Outage:
+    """Position after some time without fixes: rms error and prediction, m, over a number of windows."""
+
+    seconds: float
+    rms: float
+    predicted: float
+    score: Score
+    windows: int
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Autocorrelation of whitened innovations: the largest over lags and parts, with its lag (epochs)."""
+
+    part: str
+    lag: int
+    correlation: float
+    band: float
+
+    @property
+    def consistent(self) -> bool:
+        """Whether it is inside the band."""
+        return abs(self.correlation) <= self.band
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Scores of a filter and what they say.
+
+    Attributes
+    ----------
+    nees : Score or None
+        None without a truth.
+    blocks : tuple of Score
+        NEES of position, velocity, attitude, gyro and accelerometer biases.
+    nis : tuple of Score
+        All, position, velocity.
+    whiteness : Whiteness or None
+        None where there are too few innovations in a row.
+    outages : tuple of Outage
+        By length.
+    errors : mapping of str to tuple of floats
+        Rms while aided: ``position_rms_m``, ``velocity_rms_m_s``, ``attitude_rms_rad``.
+    gated : float
+        Share of fixes refused by the gate.
+    diverged : bool
+        Whether the filter lost its way.
+    verdicts : tuple of str
+        Sentences, the gravest first.
+    """
+
+    nees: Score | None
+    blocks: tuple[Score, ...]
+    nis: tuple[Score, ...]
+    whiteness: Whiteness | None
+    outages: tuple[Outage, ...]
+    errors: dict[str, tuple[float, ...]]
+    gated: float
+    diverged: bool
+    verdicts: tuple[str, ...] = field(default=())
+
+    @property
+    def shown(self) -> Consistency:
+        """What may be shown: of a filter that diverged nothing but that, and the share of fixes refused."""
+        if not self.diverged:
+            return self
+        return Consistency(None, (), (), None, (), {}, self.gated, self.diverged, self.verdicts)
+
+    @property
+    def scores(self) -> tuple[Score, ...]:
+        """All scores of mean squares."""
+        first = () if self.nees is None else (self.nees,)
+        return (*first, *self.blocks, *self.nis, *(outage.score for outage in self.outages))
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing speaks against the filter."""
+        white = self.whiteness is None or self.whiteness.consistent
+        return white and not self.diverged and all(score.consistent for score in self.scores)
+
+
+def score(
+    name: str, groups: Sequence[ArrayLike], dof: int, *, components: int | None = None, tests: int = TESTS
+) -> Score:
+    """Score squares that come in independent groups.
+
+    Parameters
+    ----------
+    name : str
+        What they are.
+    groups : sequence of array_like
+        Squares of each run, `dof` ideally each.
+    dof : int
+        What a square is ideally.
+    components : int, optional
+        Normal numbers behind a square; by default `dof`.
+    tests : int
+        Scores that share the family-wise error.
+    """
+    runs = [np.asarray(group, dtype=float).ravel() for group in groups]
+    runs = [run for run in runs if run.size]
+    weights = np.array([run.size for run in runs], dtype=float)
+    means = np.array([run.mean() for run in runs])
+    mean = float(np.average(means, weights=weights))
+    count = (components or dof) * weights.sum()
+    effective = count
+    if len(runs) > 1 and mean > 0.0:
+        # Variance of the weighted mean from the scatter of the groups.
+        share = weights / weights.sum()
+        variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
+        effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
+    tail = 0.5 * FAMILY / tests
+    sure = effective
+    if 1 < len(runs) < count:
+        # The scatter of few groups is itself hardly known; each has one square of its own at least.
+        sure = effective * (ndtri(tail) / stdtrit(len(runs) - 1, tail)) ** 2
+        sure = min(max(sure, (components or dof) * len(runs)), effective)
+    low, high = 2.0 * gammaincinv(0.5 * sure, tail) / sure, chdtri(sure, tail) / sure
+    wide = (1.0 + MARGIN) ** 2
+    return Score(name, mean, dof, float(effective), (float(dof * low / wide), float(dof * high * wide)))
+
+
+def squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return eᵀ P⁻¹ e; shapes (..., n), (..., n, n) → (...)."""
+    return np.asarray(np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1))
+
+
+def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> Consistency:
+    """Score simulated runs.
+
+    Parameters
+    ----------
+    runs : Runs
+        Errors and innovations.
+    outages : ndarray, shape (w, 2)
+        Begin and end of withheld fixes, s.
+    settling : float
+        Time after the start and after an outage that is not scored as aided, s.
+    """
+    chosen = scored_epochs(runs.t, outages, settling)
+    error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
+    lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
+    if lost:
+        return Consistency(
+            None, (), (), None, (), {}, 1.0, True, ("the filter diverged: its errors are not finite",)
+        )
+    blocks = []
+    for i, name in enumerate(BLOCKS):
+        own = slice(3 * i, 3 * i + 3)
+        blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3))
+    found = tuple(_outage(runs, outages, h) for h in HORIZONS if len(outages) and h <= np.diff(outages).max())
+    rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
+    gated = float(np.mean(runs.use == 2))
+    each = squares(error, covariance)
+    nees = score("nees", list(each), 15)
+    return Consistency(
+        nees,
+        tuple(blocks),
+        innovation_scores(list(runs.innovation), list(runs.innovation_covariance), list(runs.use)),
+        whiteness(runs.t, list(runs.innovation), list(runs.innovation_covariance), list(runs.use)),
+        found,
+        {
+            "position_rms_m": tuple(rms[:3].tolist()),
+            "velocity_rms_m_s": tuple(rms[3:6].tolist()),
+            "attitude_rms_rad": tuple(rms[6:9].tolist()),
+        },
+        gated,
+        gated > REJECTED or nees.ratio > DIVERGED or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
+    )
+
+
+def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> FloatArray:
+    """Return true rms ÷ predicted sd of each run while aided, all states together, inf where one is not finite; (m,).
+
+    Parameters are those of `evaluate`.
+    """
+    finite = np.isfinite(runs.error).all(axis=(1, 2)) & np.isfinite(runs.covariance).all(axis=(1, 2, 3))
+    own = np.ix_(finite, scored_epochs(runs.t, outages, settling))
+    error, covariance = runs.error[own], runs.covariance[own].astype(float)
+    ratios = np.full(len(runs.error), np.inf)
+    ratios[finite] = np.sqrt(squares(error, covariance).mean(axis=1) / error.shape[-1])
+    return ratios
+
+
+def some_strayed(ratios: FloatArray) -> bool:
+    """Tell from `run_ratios` whether some runs lost their way while most are honest."""
+    return bool(ratios.max() > STRAYED and np.median(ratios) < 1.0 + MARGIN)
+
+
+def innovation_scores(
+    innovation: Sequence[FloatArray],
+    covariance: Sequence[Floats],
+    use: Sequence[NDArray[np.int64]],
+) -> tuple[Score, ...]:
+    """Score innovations of used fixes, groups of (k, 6), (k, 6, 6), (k, 2): all, position, velocity."""
+    parts: dict[str, list[FloatArray]] = {"nis": [], "nis_position": [], "nis_velocity": []}
+    for z, s, u in zip(innovation, covariance, use, strict=True):
+        s = s.astype(float)
+        both, position, velocity = (u == USED).all(axis=-1), u[:, 0] == USED, u[:, 1] == USED
+        parts["nis"].append(squares(z[both], s[both].astype(float)))
+        parts["nis_position"].append(squares(z[position, :3], s[position][:, :3, :3].astype(float)))
+        parts["nis_velocity"].append(squares(z[velocity, 3:], s[velocity][:, 3:, 3:].astype(float)))
+    return tuple(
+        score(name, groups, 6 if name == "nis" else 3)
+        for name, groups in parts.items()
+        if sum(len(group) for group in groups) > 1
+    )
+
+
+def whiteness(
+    t: FloatArray,
+    innovation: Sequence[FloatArray],
+    covariance: Sequence[Floats],
+    use: Sequence[NDArray[np.int64]],
+    *,
+    tests: int = TESTS,
+) -> Whiteness | None:
+    """Return the largest autocorrelation of innovations, whitened by S = L Lᵀ, over lags 1 … 10 and parts.
+
+    Pairs across an outage or a refused fix are left out.
+    """
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    best: Whiteness | None = None
+    for part, own, column in (("position", slice(0, 3), 0), ("velocity", slice(3, 6), 1)):
+        sums, counts = np.zeros(LAGS + 1), np.zeros(LAGS + 1)
+        for z, s, u in zip(innovation, covariance, use, strict=True):
+            used = u[:, column] == USED
+            e = np.zeros((len(z), 3))
+            lower = np.linalg.cholesky(s[used][:, own, own].astype(float))
+            e[used] = np.linalg.solve(lower, z[used][:, own, None])[..., 0]
+            for lag in range(LAGS + 1):
+                near = t[lag:] - t[: len(t) - lag] < (lag + 0.5) * interval
+                pairs = used[lag:] & used[: len(t) - lag] & near
+                sums[lag] += np.sum(e[lag:][pairs] * e[: len(t) - lag][pairs])
+                counts[lag] += 3 * np.count_nonzero(pairs)
+        if counts[LAGS] < 100 or sums[0] == 0.0:
+            continue
+        r = (sums / counts) / (sums[0] / counts[0])
+        lag = 1 + int(np.argmax(np.abs(r[1:])))
+        limit = -ndtri(0.5 * FAMILY / tests / (2 * LAGS)) / math.sqrt(counts[lag])
+        found = Whiteness(part, lag, float(r[lag]), float(limit + MARGIN))
+        if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
+            best = found
+    return best
+
+
+def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
+    """Return `EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
+    aided = aided_epochs(t, outages, settling)
+    return aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))] if len(aided) else aided
+
+
+def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
+    """Return the epochs that are aided and settled; all where none is settled."""
+    settled = t >= t[0] + settling
+    for begin, end in outages:
+        settled &= (t <= begin) | (t >= end + settling)
+    return np.flatnonzero(settled if settled.any() else np.ones(len(t), dtype=bool))
+
+
+def _outage(runs: Runs, outages: FloatArray, horizon: float) -> Outage:
+    """Score the position error at a horizon, over all windows that reach it."""
+    step = float(np.median(np.diff(runs.t)))
+    goals = [begin + horizon for begin, end in outages if end - begin >= horizon]
+    nearest = [int(np.argmin(np.abs(runs.t - goal))) for goal in goals]
+    epochs = [k for k, goal in zip(nearest, goals, strict=True) if abs(runs.t[k] - goal) < step]
+    e2 = np.sum(runs.error[:, epochs, :3] ** 2, axis=-1)
+    predicted = np.trace(runs.covariance[:, epochs, :3, :3].astype(float), axis1=-2, axis2=-1)
+    return Outage(
+        horizon,
+        math.sqrt(float(e2.mean())),
+        math.sqrt(float(predicted.mean())),
+        score(f"outage {horizon:g} s", list(e2 / predicted), 1, components=3),
+        e2.size,
+    )

@@ -1,0 +1,257 @@
+"""Hygiene: what is wrong with the samples themselves, before any noise is modelled.
+
+Each test is exact or free of the distribution of the noise: frozen readings
+(`tuner.diagnosis.data_quality.frozen`), held ones
+(`tuner.diagnosis.data_quality.repeated_samples`), rails (`tuner.diagnosis.data_quality.saturation`), the
+lattice of codes (`tuner.diagnosis.data_quality.quantizer`) and
+what the time stamps said. A lattice whose step is at most two white sd is a note: it only adds step²/12 to the
+variance. All other tests are of the samples outside of frozen stretches; where readings are held, rails and codes are
+judged by the samples that are not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
+from tuner.diagnosis.data_quality.quantizer import lattice_step, read_codes
+from tuner.diagnosis.data_quality.repeated_samples import held_readings
+from tuner.diagnosis.data_quality.saturation import rails
+from tuner.types import Coefficient
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+
+JITTER = 1e-3
+"""Jitter of the stamps that is worth a word, share of the interval."""
+ROUNDED = 1.05
+"""Scatter of the stamps ÷ the largest that rounding makes, up to which it is nothing else."""
+CERTAIN = 1e-4
+"""Chance below which a test decides how the others are made and what is said."""
+DRIFT = 1e-6
+"""Deviation of the clock that is worth a word, relative."""
+
+
+@dataclass(frozen=True)
+class HygieneTest:
+    """One test of one channel or sensor.
+
+    Attributes
+    ----------
+    cause : str
+        ``duplicates timing clipping lattice``.
+    channels : tuple of str
+        Axes it concerns.
+    statistic : float
+        Size of the effect in the unit of the test.
+    p_value : float
+        Chance of such data without the cause; 0 where there is nothing to chance about it.
+    parameters : mapping of str to Coefficient
+        By the names of `models.effects`.
+    note : bool
+        Present, but harmless: to be told, not to be treated.
+    text : str
+        The same in words.
+    stretches : tuple of (int, int)
+        Samples that say nothing: frozen ones.
+    """
+
+    cause: str
+    channels: tuple[str, ...]
+    statistic: float
+    p_value: float
+    parameters: Mapping[str, Coefficient] = field(default_factory=lambda: MappingProxyType({}))
+    note: bool = False
+    text: str = ""
+    stretches: tuple[tuple[int, int], ...] = ()
+
+
+def hygiene(record: Record) -> tuple[HygieneTest, ...]:
+    """Run every test on a record.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+
+    Returns
+    -------
+    tuple of HygieneTest
+        All tests, passed or not: the caller holds the p-values against its budget of false alarms.
+    """
+    stuck = standing_still(record)
+    single = {axis: alive(record, (axis,), stuck).pieces(axis) for axis in record.axes}
+    steps = {axis: lattice_step(pieces) for axis, pieces in single.items()}
+    held = duplicates(record, steps, stuck)
+    tests = [timing(record), *stuck, *held]
+    for axis, pieces in single.items():
+        if any(test.p_value < CERTAIN and axis in test.channels for test in held):
+            fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
+        else:
+            fresh = pieces
+        tests += [
+            clipping(fresh, steps[axis], axis=axis, unit=record.unit),
+            lattice(fresh, steps[axis], axis=axis, unit=record.unit),
+        ]
+    return tuple(tests)
+
+
+def timing(record: Record) -> HygieneTest:
+    """Judge what the time stamps said: gaps, jitter, the rate of the clock.
+
+    Stamps rounded to a unit u scatter by what is f (1 − f) u²/2 ≤ u²/8 in half the variance of their steps, f the
+    fraction of the interval beyond a whole number of units: that much is rounding, a note, and no jitter. The rate of
+    the clock is known to a unit in the whole record then.
+    """
+    said = record.timing
+    gaps, scatter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0)
+    unit = said.get("rounding", 0.0)
+    rounded = 0.0 < scatter < ROUNDED * unit / math.sqrt(8.0)
+    jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - unit**2 / 12.0, 0.0)) / record.interval
+    ratio = said.get("clock_ratio", 1.0)
+    coarse = unit / (len(record) * record.interval)
+    bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT + coarse
+    parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
+    text = f"{gaps:.0f} gaps"
+    if jitter > 0.0:
+        text += f", stamps scatter by {100 * jitter:.3g} % of the interval"
+    if unit > 0.0:
+        parameters["rounding"] = Coefficient.known(unit, unit, unit, "s")
+        text += f", rounded to {unit:.6g} s"
+    if jitter > 0.0:
+        sd, error = jitter * record.interval, 1.96 / math.sqrt(2.0 * len(record))
+        parameters["jitter_sd"] = Coefficient.known(sd, sd * (1.0 - error), sd * (1.0 + error), "s")
+    if "clock_ratio" in said:
+        spread = 1.96 * scatter / record.interval * math.sqrt(12.0 / len(record) ** 3) + coarse
+        parameters["clock_ratio"] = Coefficient.known(ratio, ratio - spread, ratio + spread, "1")
+        text += f", clock ratio {ratio:.8g}"
+    note = rounded and not bad
+    p_value = 0.0 if bad or rounded else 1.0
+    return HygieneTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
+
+
+def standing_still(record: Record) -> list[HygieneTest]:
+    """Return the frozen stretches: axes that froze together in one test."""
+    found = [(axis, one) for axis in record.axes if (one := frozen(record, axis)) is not None]
+    return [_standing_still(record, group) for group in together(found)]
+
+
+def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> HygieneTest:
+    """Return the test of axes that froze at the same times, measured on the one in which chance adds least."""
+    best = min((one for _, one in group), key=lambda one: (one.slack, one.held))
+    (first, last), dt, n = best.longest, record.interval, len(record)
+    number, slack = len(best.stretches), best.slack
+    begin, length = float(record.t[first]), (last - first) * dt
+    free = number * (1 + 2 * slack)
+    parameters = {
+        "fraction": Coefficient.known(
+            best.held / n, max(best.held - free, 0) / n, (best.held + number) / n, "1"
+        ),
+        "count": Coefficient.known(float(number), float(number), float(number), "1"),
+        "start": Coefficient.known(begin, begin, begin + (1 + slack) * dt, "s"),
+        "duration": Coefficient.known(length, max(length - (1 + 2 * slack) * dt, dt), length, "s"),
+    }
+    plural = "es" if number > 1 else ""
+    text = (
+        f"{number} stretch{plural}, {100 * best.held / n:.3g} % of the samples; "
+        f"the longest lasts {length:.6g} s, from {begin:.6g} s on"
+    )
+    return HygieneTest(
+        "duplicates",
+        tuple(axis for axis, _ in group),
+        float(last - first),
+        max(one.p_value for _, one in group),
+        parameters,
+        text=text,
+        stretches=tuple(
+            (min(edges[0]), max(edges[1]))
+            for edges in (
+                tuple(zip(*same, strict=True))
+                for same in zip(*(one.stretches for _, one in group), strict=True)
+            )
+        ),
+    )
+
+
+def alive(record: Record, axes: tuple[str, ...], tests: Sequence[HygieneTest]) -> Record:
+    """Return some axes of a record, without the stretches in which one of them was frozen."""
+    stretches = [stretch for test in tests if set(axes) & set(test.channels) for stretch in test.stretches]
+    columns = [record.axes.index(axis) for axis in axes]
+    return replace(record, y=record.y[:, columns], axes=axes, segments=cut(record.segments, stretches))
+
+
+def duplicates(
+    record: Record, steps: Mapping[str, float], stuck: Sequence[HygieneTest] = ()
+) -> tuple[HygieneTest, ...]:
+    """Test for held readings: of all axes together, and of each axis where the axes do not hold together.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+    steps : mapping of str to float
+        Lattice step of each axis, unit; 0 for none.
+    stuck : sequence of HygieneTest
+        Those that found frozen stretches: what is in these does not count.
+    """
+    tests = [_duplicates(alive(record, record.axes, stuck), steps)]
+    if len(record.axes) > 1 and tests[0].p_value > CERTAIN:
+        tests += [_duplicates(alive(record, (axis,), stuck), steps) for axis in record.axes]
+    return tuple(tests)
+
+
+def _duplicates(record: Record, steps: Mapping[str, float]) -> HygieneTest:
+    pieces = [record.y[start:stop] for start, stop in record.segments if stop - start > 2]
+    held = held_readings(pieces, [steps[axis] for axis in record.axes])
+    fraction = Coefficient.known(held.fraction, *held.interval, "1")
+    text = f"{100 * held.fraction:.3g} % of the samples repeat the one before"
+    return HygieneTest(
+        "duplicates", record.axes, held.statistic, held.p_value, {"fraction": fraction}, text=text
+    )
+
+
+def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+    """Test whether the range of an axis, given as gap-free pieces (n,), ends at rails."""
+    low, high = rails(pieces, step)
+    worst = min((low, high), key=lambda rail: rail.p_value)
+    parameters = {
+        name: Coefficient.known(rail.level, rail.level - 0.5 * step, rail.level + 0.5 * step, unit)
+        for name, rail in (("low", low), ("high", high))
+        if rail.p_value < CERTAIN
+    }
+    text = (
+        f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
+        f"{worst.crossings:.3g} were to be expected there"
+    )
+    return HygieneTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
+
+
+def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+    """Judge the lattice of an axis: a note, or a finding where it is coarse, has a dead band or holes."""
+    if step == 0.0:
+        return HygieneTest("lattice", (axis,), 0.0, 1.0, text="no lattice")
+    codes = read_codes(pieces, step)
+    p_value = 0.0 if codes.coarse else codes.p_value
+    parameters = {"step": Coefficient.known(step, step, step, unit)}
+    if codes.deadband > 0:
+        half = 0.5 * step
+        parameters["deadband"] = Coefficient.known(
+            codes.deadband, max(codes.deadband - half, 0.0), codes.deadband + half, unit
+        )
+    ratio = step / codes.white_sd
+    text = f"codes lie {step:.6g} {unit} apart, {ratio:.3g} white sd; {codes.missing} are missing"
+    return HygieneTest(
+        "lattice",
+        (axis,),
+        ratio,
+        p_value,
+        parameters,
+        note=p_value > CERTAIN,
+        text=text,
+    )

@@ -1,0 +1,228 @@
+"""Frozen readings: stretches in which an axis gives one value over and over, as a stuck register does.
+
+Noise on a lattice of step D repeats a code with a chance q a sample, so that runs of equal values have a geometric
+tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `SURE`::
+
+    K exp(−(ℓ − u)/(2 s))       u the K-th longest of the runs that are not frozen, s their mean excess over it:
+                                whatever the noise, its colour, its changes, a dead band or readings held one by one
+    n q^(ℓ−1),  q = erf(w/(√8 σ))   the noise with its mean in the middle of the code all the time, w the distance
+                                between the edges of the code: where no other code comes, as in a dead band, it is wide
+
+The 2 pays for a tail that is a mixture of several. σ is read off the share of neighbours two codes and more apart,
+which knows no slow track, in the quietest tenth of the record::
+
+    h(D/σ) = 1 − Σ p_c² − 2 Σ p_c p_(c+1)     the mean on a code or half-way between two, where it is larger
+
+Where it is below `TELLING`, D above some 3 σ, runs of any length are natural, and nothing is told. A value at the end
+of all others, at which these pile up as well, is a rail, where the sensor saturated
+(`tuner.diagnosis.data_quality.saturation`).
+Nor is it where more than half of the samples would be frozen, but for one stretch of values that lie on no lattice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import erf, ndtr
+
+from tuner.diagnosis.data_quality.quantizer import lattice_step
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Range = tuple[int, int]
+
+SURE = 1e-9
+"""Chance of a run below which it is frozen."""
+SHORTEST = 16
+"""Samples in the shortest run that is asked for."""
+LONGEST = 50
+"""Runs that tell the tail, K; a record has four times as many at least."""
+TELLING = 0.01
+"""Least share of neighbours two codes and more apart."""
+QUIET = 0.1
+"""Share of the record that may be quieter than the noise that is reckoned with."""
+BLOCK = 256
+"""Pairs of neighbours that tell how quiet it is."""
+NEAR = 12.0
+"""Distance of two values, σ, from which noise does not get from one to the other: there is no code in between."""
+MOST = 0.5
+"""Largest share of a record that can be frozen, but for a sensor without a lattice that dies."""
+SINGLE = 0.5
+"""Least number of different values ÷ changes from one sample to the next in data that lie on no lattice."""
+PILE = 3
+"""Samples at the end of all values that make it a rail, at least."""
+APART = 16
+"""Samples by which edges of stretches may differ that several axes share."""
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """Frozen stretches of one axis.
+
+    Attributes
+    ----------
+    stretches : tuple of (int, int)
+        First sample that has the value, and the first after that has not.
+    p_value : float
+        Chance of the least remarkable of them.
+    slack : int
+        Samples at either end that may equal the value by chance (97.5 %).
+    """
+
+    stretches: tuple[Range, ...]
+    p_value: float
+    slack: int
+
+    @property
+    def longest(self) -> Range:
+        """The longest stretch."""
+        return max(self.stretches, key=lambda stretch: stretch[1] - stretch[0])
+
+    @property
+    def held(self) -> int:
+        """Samples that repeat the one before."""
+        return sum(last - first - 1 for first, last in self.stretches)
+
+    def alike(self, other: Frozen) -> bool:
+        """Tell whether another axis froze at the same times."""
+        return len(self.stretches) == len(other.stretches) and all(
+            abs(a - b) <= APART
+            for mine, its in zip(self.stretches, other.stretches, strict=True)
+            for a, b in zip(mine, its, strict=True)
+        )
+
+
+def frozen(record: Record, axis: str) -> Frozen | None:
+    """Return the frozen stretches of an axis; None where there are none.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+    axis : str
+        One of its axes.
+    """
+    y = record.column(axis)
+    first, length = _runs(y, record.segments)
+    order = np.argsort(-length, kind="stable") if np.any(length >= SHORTEST) else np.zeros(0, dtype=np.int64)
+    chance = _beyond_the_tail(length[order])
+    remarkable = np.flatnonzero(chance < SURE)
+    if not len(remarkable):
+        return None
+    number = int(remarkable[-1]) + 1
+    candidates = np.sort(order[:number])
+    ranges = [(int(first[i]), int(first[i] + length[i])) for i in candidates]
+    rest = [y[start:stop] for start, stop in cut(record.segments, ranges)]
+    repeating = _in_one_code(y[first[candidates]], rest)
+    natural = repeating ** (length[candidates] - 1.0) * len(y)
+    kept = np.flatnonzero(natural < SURE)
+    stretches = tuple(ranges[i] for i in kept)
+    if not stretches:
+        return None
+    died = len(stretches) == 1 and repeating[kept[0]] == 0.0
+    if not died and sum(stop - start for start, stop in stretches) > MOST * len(y):
+        return None
+    pairs = sum(len(piece) - 1 for piece in rest)
+    same = sum(int(np.count_nonzero(np.diff(piece) == 0.0)) for piece in rest) / pairs
+    slack = math.ceil(math.log(0.025) / math.log(same)) if same > 0.025 else 0
+    return Frozen(stretches, float(max(chance[number - 1], natural[kept].max())), slack)
+
+
+def cut(segments: Sequence[Range], stretches: Sequence[Range]) -> tuple[Range, ...]:
+    """Return what is left of segments without stretches of samples; pieces of two samples at least."""
+    pieces = []
+    for start, stop in segments:
+        begin = start
+        for first, last in sorted(one for one in stretches if one[0] < stop and one[1] > start):
+            pieces.append((begin, first))
+            begin = max(begin, last)
+        pieces.append((begin, stop))
+    return tuple((a, b) for a, b in pieces if b - a > 1)
+
+
+def _runs(y: FloatArray, segments: Sequence[Range]) -> tuple[IntArray, IntArray]:
+    """Return where runs of equal values begin, and their lengths."""
+    begins, lengths = [], []
+    for start, stop in segments:
+        edges = np.concatenate(([0], np.flatnonzero(np.diff(y[start:stop]) != 0.0) + 1, [stop - start]))
+        begins.append(edges[:-1] + start)
+        lengths.append(np.diff(edges))
+    return np.concatenate(begins).astype(np.int64), np.concatenate(lengths).astype(np.int64)
+
+
+def _beyond_the_tail(length: IntArray) -> FloatArray:
+    """Return the chance of each run of `SHORTEST` samples and more by those that are shorter; lengths descend."""
+    number = min(int(np.count_nonzero(length >= SHORTEST)), len(length) - 4 * LONGEST)
+    if number <= 0:
+        return np.zeros(0)
+    total = np.concatenate(([0], np.cumsum(length[: number + LONGEST])))
+    j = np.arange(number)
+    least = length[j + LONGEST]
+    excess = (total[j + 1 + LONGEST] - total[j + 1]) - LONGEST * least
+    repeat = (excess + 1.0) / (excess + 1.0 + LONGEST)
+    return np.asarray(LONGEST * np.exp(0.5 * (length[:number] - least) * np.log(repeat)))
+
+
+def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
+    """Return the largest chance that a sample repeats the one before, at each of the values; 1 where nothing tells."""
+    others, count = np.unique(np.concatenate(rest), return_counts=True)
+    chance = np.where(_at_a_rail(values, others, count), 1.0, 0.0)
+    moved = np.concatenate([np.abs(np.diff(piece)) for piece in rest])
+    step = lattice_step(rest)
+    if step == 0.0:
+        return chance if len(others) > SINGLE * np.count_nonzero(moved) else np.ones(len(values))
+    apart = moved > 1.5 * step
+    share = apart[: len(apart) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+    telling = float(np.quantile(share, QUIET)) if len(share) else float(apart.mean())
+    if telling < TELLING:
+        return np.ones(len(values))
+    u = math.exp(brentq(lambda x: _two_apart(math.exp(x)) - telling, math.log(1e-3), math.log(8.0)))
+    inside = (values >= others[0]) & (values <= others[-1])
+    others = np.concatenate(([-np.inf], others, [np.inf]))
+    above = others[np.searchsorted(others, values, side="right")] - values
+    below = values - others[np.searchsorted(others, values, side="left") - 1]
+    near = np.minimum(above, below)
+    above, below = (np.where(gap * u < NEAR * step, gap, near) for gap in (above, below))
+    within = inside & (near * u < NEAR * step)
+    width = np.where(within, np.maximum(above + below - step, step), step)
+    return np.asarray(np.maximum(chance, erf(width * u / (step * math.sqrt(8.0)))))
+
+
+def _at_a_rail(values: FloatArray, others: FloatArray, count: IntArray) -> NDArray[np.bool_]:
+    """Tell which of the values are the end of all, where others pile up as well: there a sensor saturates.
+
+    `others` are the other values, in order, and `count` says how often they come.
+    """
+    low = (values <= others[0]) & (count[0] >= max(PILE, count[1]))
+    high = (values >= others[-1]) & (count[-1] >= max(PILE, count[-2]))
+    at_end = (values == others[0]) | (values == others[-1])
+    return np.asarray(at_end & (low | high), dtype=bool)
+
+
+def _two_apart(u: float) -> float:
+    """Return h for a lattice of u = D/σ: with the mean on a code or half-way between two, the larger one."""
+    reach = math.ceil(8.0 / u) + 1
+    edges = np.arange(-reach, reach + 1.0) - 0.5
+    alike = []
+    for phase in (0.0, 0.5):
+        share = np.diff(ndtr(u * (edges - phase)))
+        alike.append(float(share @ share + 2.0 * share[1:] @ share[:-1]))
+    return 1.0 - min(alike)
+
+
+def together(found: Sequence[tuple[str, Frozen]]) -> list[list[tuple[str, Frozen]]]:
+    """Return axes with their frozen stretches, in groups that froze at the same times."""
+    groups: list[list[tuple[str, Frozen]]] = []
+    for axis, one in found:
+        home = next((group for group in groups if group[0][1].alike(one)), None)
+        if home is None:
+            groups.append([(axis, one)])
+        else:
+            home.append((axis, one))
+    return groups

@@ -1,0 +1,199 @@
+"""Saturation: nothing exceeds a rail that noise should have crossed.
+
+A sample is predicted from those before it (moving mean and autoregression) with the normal error σ. Unclipped
+samples exceed a rail r with ::
+
+    p = exp(−ρ²E) for none at all,   E = Σ_t Φ(−(r − prediction_t)/σ_t)
+
+where ρ ≤ 1, the samples found beyond a level half a sd inside the rail ÷ those expected there, guards against
+noise whose tails are lighter than normal. At a rail all that should have exceeded it lies on one value: where
+the lattice is fine enough to show it, the count there is also held against the tail inside it, continued as a
+parabola in the logarithm. Both chances must be small. On a coarse lattice noise with hard ends of its own,
+such as a uniform one, looks clipped.
+
+Where values are fine, what is tied at the end tells enough by itself: the c outermost samples of a tail that falls
+by the rate λ lie within a step δ of each other with the chance [1]_ ::
+
+    p = (1 − exp(−λδ))^(c − 1)
+
+if the rail is one that noise, or spikes of other sizes, should have crossed: equal glitches are no rail.
+
+References
+----------
+.. [1] A. Rényi, On the theory of order statistics, Acta Math. Hung. 4 (1953): gaps between the largest of exponential
+   samples are independent, the k-th one of mean 1/(λk).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+from scipy.special import ndtr
+from scipy.stats import nbinom, poisson
+
+from tuner.diagnosis.data_quality.quantizer import FLOOR, fast_part
+
+FloatArray = NDArray[np.float64]
+
+ORDER = 32
+"""Samples that a prediction looks back."""
+BLOCK = 4096
+"""Samples over which σ is constant."""
+LEAST = 3
+"""Samples at a rail that make it one."""
+COARSE = 1.2
+"""Step ÷ σ above which a prediction from rounded samples is too far from normal."""
+FINE = 0.15
+"""Largest step ÷ sd at which what is piled up at a rail shows in its count."""
+FAR = 5.0
+"""Deviations beyond which samples are spikes."""
+UNLIKELY = 1e-3
+"""Chance below which samples at an end are more than the noise brings there."""
+DIGITS = 1e6
+"""Values in the range of data without a lattice, at least."""
+STEEPER = 2.0
+"""Factor by which a tail may fall faster than that of a Gaussian."""
+
+
+@dataclass(frozen=True)
+class Rail:
+    """One end of the range of a channel.
+
+    Attributes
+    ----------
+    level : float
+        Outermost value, unit.
+    count : int
+        Samples there.
+    crossings : float
+        Samples that should lie beyond it, E.
+    p_value : float
+        Chance that unclipped noise ends there, doubled for the two ends; 1 where the lattice is too coarse.
+    """
+
+    level: float
+    count: int
+    crossings: float
+    p_value: float
+
+
+def rails(pieces: Sequence[FloatArray], step: float) -> tuple[Rail, Rail]:
+    """Test both ends of the range of one channel.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n,)
+        Gap-free samples of the channel.
+    step : float
+        Its lattice step, unit; 0 for none.
+
+    Returns
+    -------
+    (Rail, Rail)
+        The low and the high end.
+    """
+    low = _upper_end([-piece for piece in pieces], step)
+    return Rail(-low.level, low.count, low.crossings, low.p_value), _upper_end(pieces, step)
+
+
+def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
+    level = max(float(piece.max()) for piece in pieces)
+    slack = 0.5 * step
+    count = (
+        sum(int(np.count_nonzero(piece > level - slack)) for piece in pieces)
+        if step > 0
+        else _ties(pieces, level)
+    )
+    if count < LEAST:
+        return Rail(level, count, 0.0, 1.0)
+    noises = [fast_part(piece) for piece in pieces]
+    spread = math.sqrt(float(np.mean(np.concatenate(noises) ** 2)))
+    width = max(1.0, round(0.5 * spread / step)) * step if step > 0 else 0.5 * spread
+    whitener = _prediction_error_filter(noises)
+    errors = [lfilter(whitener, [1.0], noise) for noise in noises]
+    sd = math.sqrt(float(np.mean(np.concatenate(errors) ** 2)))
+    if sd == 0.0 or step > COARSE * sd:
+        return Rail(level, count, 0.0, 1.0)
+    crossings = _crossings(pieces, errors, level + slack, step)
+    edges = [level - slack - k * width for k in range(3)]
+    beyond = [sum(int(np.count_nonzero(piece > edge)) for piece in pieces) for edge in edges]
+    inside = _crossings(pieces, errors, edges[1], step)
+    lightness = min(1.0, beyond[1] / inside) if inside > 0.0 else 1.0
+    p_value = math.exp(-crossings * lightness**2)
+    if step <= FINE * spread:
+        p_value = max(p_value, _pile(count, beyond[1] - count, beyond[2] - beyond[1], step, width, spread))
+        if _reachable(pieces, level, slack, count, crossings, spread):
+            p_value = min(p_value, _tie(pieces, level, step, spread))
+    return Rail(level, count, crossings, min(1.0, 2.0 * p_value))
+
+
+def _reachable(
+    pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
+) -> bool:
+    """Tell whether the noise reaches the end, or explains all samples there, or whether as many others are far off."""
+    if crossings > 1.0 or poisson.sf(count - 1, crossings) > UNLIKELY:
+        return True
+    y = np.concatenate(pieces)
+    away = np.abs(y - np.median(y))
+    far = away > FAR * spread
+    return bool(np.count_nonzero(far & (y < level - slack)) >= count)
+
+
+def _tie(pieces: Sequence[FloatArray], level: float, step: float, spread: float) -> float:
+    """Return the chance that the outermost samples, one a visit, are as close to each other as they are."""
+    y = np.concatenate(pieces)
+    at = y > level - 0.5 * step if step > 0 else y == level
+    visits = int(np.count_nonzero(np.diff(at.astype(np.int8), prepend=np.int8(0)) > 0))
+    grain = max(step, float(np.ptp(y)) / DIGITS)
+    rate = max(level - float(np.median(y)), spread) / spread**2
+    return float(-math.expm1(-STEEPER * rate * grain)) ** max(visits - 1, 0)
+
+
+def _ties(pieces: Sequence[FloatArray], level: float) -> int:
+    return sum(int(np.count_nonzero(piece == level)) for piece in pieces)
+
+
+def _crossings(pieces: Sequence[FloatArray], errors: Sequence[FloatArray], edge: float, step: float) -> float:
+    """Return how many samples should exceed the edge, given the errors of their predictions."""
+    expected = 0.0
+    for piece, error in zip(pieces, errors, strict=True):
+        prediction = piece - error
+        for i in range(ORDER, len(piece), BLOCK):
+            square = float(np.mean(error[i : i + BLOCK] ** 2))
+            sigma = math.sqrt(max(square - step**2 / 12.0, FLOOR * step**2, np.finfo(float).tiny))
+            expected += float(np.sum(ndtr((prediction[i : i + BLOCK] - edge) / sigma)))
+    return expected
+
+
+def _pile(count: int, first: int, second: int, step: float, width: float, spread: float) -> float:
+    """Return the chance of `count` samples at the outermost value, given those in the two bands inside it.
+
+    The logarithm of the density of the bands, whose centres are (step + width)/2 and one width more inside,
+    is continued to the outermost value with the curvature −1/spread² of a Gaussian of all the noise, which is
+    the least that noise of lighter tails has.
+    """
+    inside = 0.5 * (step + width)
+    weight = inside / width
+    log_first, log_second = math.log((first + 0.5) / width), math.log((second + 0.5) / width)
+    curve = 0.5 * inside * (inside + width) / spread**2
+    expected = step * math.exp(log_first + weight * (log_first - log_second) - curve)
+    variance = (1.0 + weight) ** 2 / (first + 0.5) + weight**2 / (second + 0.5)
+    return float(nbinom.sf(count - 1, 1.0 / variance, 1.0 / (1.0 + expected * variance)))
+
+
+def _prediction_error_filter(noises: Sequence[FloatArray]) -> FloatArray:
+    """Return 1, −a_1, …, −a_p of the autoregression of order `ORDER` that the noise has (Yule–Walker)."""
+    covariance = np.zeros(ORDER + 1)
+    for noise in noises:
+        if len(noise) > ORDER:
+            covariance += [float(noise[lag:] @ noise[: len(noise) - lag]) for lag in range(ORDER + 1)]
+    if covariance[0] == 0.0:
+        return np.array([1.0])
+    covariance[0] *= 1.0 + 1e-9
+    return np.concatenate(([1.0], -solve_toeplitz(covariance[:-1], covariance[1:])))

@@ -1,0 +1,137 @@
+"""A bias that jumps once: score of an impulse in the biases after every fix, from one pass.
+
+For an impulse δ in three bias states just after fix k, score s_k and information N_k come with the backward pass
+of the likelihood [2]_; with them the statistic of Willsky and Jones [1]_::
+
+    Λ_k = s_kᵀ N_k⁻¹ s_k ~ χ²₃,    δ = N_k⁻¹ s_k,    var δ = N_k⁻¹
+
+for every k at the price of one. The scan is paid for by Davies' bound [3]_: with V, the sum of |Δ√Λ| over the scan,
+P(max Λ > u) ≤ P(χ²₃ > u) + V u e^{−u/2} / (2^{3/2} Γ(3/2)). Extension: the impulse as three more columns of the
+record.
+
+References
+----------
+.. [1] A. S. Willsky, H. L. Jones, A generalized likelihood ratio approach to the detection and estimation of jumps
+   in linear systems, IEEE Trans. Automatic Control 21 (1976).
+.. [2] P. de Jong, J. Penzer, Diagnosing shocks in time series, J. Amer. Statist. Assoc. 93 (1998).
+.. [3] R. B. Davies, Hypothesis testing when a nuisance parameter is present only under the alternative,
+   Biometrika 74 (1987): several degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gamma
+from scipy.stats import chi2
+
+from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+CAUSE = "bias_jump"
+SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
+"""Places of the biases among those that are scored, and their units."""
+EDGE = 5
+"""Fixes at either end of the record that are left out: the prior of the biases stands for jumps there."""
+LIKELY = 3.841
+"""Drop of the statistic within which a time is in its 95 % interval."""
+_SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """Statistic, sizes and their covariances of a jump of one sensor after every fix, (k,), (k, 3), (k, 3, 3)."""
+
+    statistic: FloatArray
+    size: FloatArray
+    covariance: FloatArray
+
+
+def bias_jump(belief: Belief) -> Claim:
+    """Test the biases for one jump; see `jump_sensor` for whose it is."""
+    title = "likelihood ratio of a jump of a bias"
+    settled = replace(belief, record=replace(belief.record, scored=np.ones(len(belief.record.t), dtype=bool)))
+    _, gradient = evaluate_with_gradient(settled)
+    if gradient.score.shape[1] < 6:
+        return silent(CAUSE, belief, 1.0, 0.0, title)
+    inside = np.flatnonzero(belief.record.scored)
+    inside = inside[(inside >= EDGE) & (inside < len(belief.record.t) - EDGE)]
+    if not len(inside):
+        return silent(CAUSE, belief, 1.0, 0.0, title)
+    found = {
+        sensor: scan(gradient.score[:, at], gradient.information[:, at, at])
+        for sensor, (at, _) in SENSORS.items()
+    }
+    sensor = max(found, key=lambda name: float(found[name].statistic[inside].max()))
+    jumps = found[sensor]
+    k = int(inside[np.argmax(jumps.statistic[inside])])
+    ratio = float(jumps.statistic[k])
+    p_value = min(1.0, len(SENSORS) * davies(ratio, np.sqrt(jumps.statistic[inside])))
+    price = 1.5 * np.log(belief.count) + np.log(len(SENSORS) * len(inside))
+    alarm = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
+    likely = inside[jumps.statistic[inside] > ratio - LIKELY]
+    return Claim(
+        alarm, with_jump(belief, k, sensor), lambda: _described(belief.record, jumps, k, likely, sensor)
+    )
+
+
+def scan(score: FloatArray, information: FloatArray) -> Jumps:
+    """Return the statistics of impulses with scores (k, 3) and informations (k, 3, 3)."""
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    inverse = np.linalg.pinv(
+        information / (scale[:, :, None] * scale[:, None, :]), rcond=_SINGULAR, hermitian=True
+    )
+    inverse = inverse / (scale[:, :, None] * scale[:, None, :])
+    size = np.einsum("kij,kj->ki", inverse, score)
+    return Jumps(np.sum(size * score, axis=1), size, inverse)
+
+
+def davies(ratio: float, root: FloatArray) -> float:
+    """Return the bound on the chance that a scan of χ²₃ exceeds `ratio`; `root` are its square roots (k,)."""
+    variation = float(np.abs(np.diff(root)).sum())
+    crossings = variation * ratio * np.exp(-0.5 * ratio) / (2.0**1.5 * gamma(1.5))
+    return float(min(1.0, chi2.sf(ratio, 3) + crossings))
+
+
+def with_jump(belief: Belief, k: int, sensor: str) -> Belief:
+    """Return the belief with a jump after fix k: three more columns ``bias_jump.SENSOR_x`` …, free."""
+    record = belief.record
+    n, p = record.transition.shape[1], record.drive.shape[2]
+    at = SENSORS[sensor][0]
+    drive = np.zeros((len(record.t), n, 3))
+    drive[k + 1] = record.transition[k + 1][:, NAVIGATION + at.start : NAVIGATION + at.stop]
+    more = replace(
+        record,
+        parameters=(*record.parameters, *(f"{CAUSE}.{sensor}_{axis}" for axis in "xyz")),
+        drive=np.concatenate([record.drive, drive], axis=2),
+        seen=np.concatenate([record.seen, np.zeros((len(record.t), 6, 3))], axis=2),
+    )
+    return replace(belief, record=more, columns=(*belief.columns, p, p + 1, p + 2))
+
+
+def jump_sensor(belief: Belief) -> str:
+    """Return the sensor of the last jump of a belief."""
+    return belief.record.parameters[belief.columns[-1]].partition(".")[2].partition("_")[0]
+
+
+def _described(
+    record: LinearRecord, jumps: Jumps, k: int, likely: NDArray[np.intp], sensor: str
+) -> Mapping[str, Coefficient]:
+    last = min(int(likely.max()) + 1, len(record.t) - 1)
+    middle = 0.5 * float(record.t[k] + record.t[k + 1])
+    out = {"time": Coefficient.known(middle, float(record.t[likely.min()]), float(record.t[last]), "s")}
+    sd = np.sqrt(np.diag(jumps.covariance[k]))
+    for axis, value, spread in zip("xyz", jumps.size[k].tolist(), sd.tolist(), strict=True):
+        low, high = value - 1.96 * spread, value + 1.96 * spread
+        out[axis] = Coefficient.known(value, low, high, SENSORS[sensor][1])
+    return out

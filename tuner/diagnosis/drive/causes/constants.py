@@ -1,0 +1,278 @@
+"""Tests of causes that shift innovations: scores, information, what cannot be told apart.
+
+With W = S θ + white (`sensitivity`), for a family g of constants, the accepted ones a fitted beside it::
+
+    b = Sᵀ W          I = Sᵀ S          b_g|a = b_g − I_ga I_aa⁻¹ b_a          I_g|a = I_gg − I_ga I_aa⁻¹ I_ag
+    z² = b_gᵀ I_g⁻¹ b_g / c ~ χ²        θ̂ = I⁻¹ b,  covariance c I⁻¹
+    gain = ½ b_gᵀ (I_g + Λ⁻¹)⁻¹ b_g / c − ½ ln det(1 + Λ I_g / c)
+
+Λ is the spread a cause has in practice: the gain is the log Bayes factor of the family, so that families of one
+and of nine parameters compete fairly. c ≥ 1 is what the sums of S W over blocks vary more than white noise would
+have it: colour that is left widens every interval (the sandwich form [1]_).
+
+References
+----------
+.. [1] W. K. Newey, K. D. West, A simple, positive semi-definite, heteroskedasticity and autocorrelation
+       consistent covariance matrix, Econometrica 55 (1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.drive.linear_model.whitened import Whitened
+
+FloatArray = NDArray[np.float64]
+
+PRIORS: Mapping[str, float] = {
+    "time_offset": 0.1,
+    "velocity_lag": 0.1,
+    "lever_arm": 1.0,
+    "gnss_frame": 0.02,
+    "gyro_scale": 5e-3,
+    "accel_scale": 5e-3,
+    "misalignment": 1e-2,
+    "g_sensitivity": 2e-4,
+    "gravity": 1e-3,
+}
+"""Spread of each parameter of a cause in practice, SI."""
+LARGEST: Mapping[str, float] = {
+    "time_offset": 3.0,
+    "velocity_lag": 1.5,
+    "lever_arm": 10.0,
+    "gnss_frame": 3.2,
+    "gyro_scale": 0.1,
+    "accel_scale": 0.1,
+    "misalignment": 0.2,
+    "g_sensitivity": 0.01,
+    "gravity": 0.02,
+}
+"""Size from which a cause is not believed, however well it fits: something else is wrong."""
+BLOCK = 30.0
+"""Length of the blocks whose sums are compared, s."""
+SHARE = 0.6
+"""Part of the scored time that constants are taken from where the rest is to judge them."""
+ALIKE = 0.97
+"""Correlation from which two causes count as one on a drive."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A family under test.
+
+    Attributes
+    ----------
+    cause : str
+        Which.
+    columns : tuple of int
+        Its constants.
+    statistic, p_value, gain : float
+        z², its chance, log Bayes factor.
+    size : float
+        The largest constant, estimated with its spread in practice as prior, SI.
+    """
+
+    cause: str
+    columns: tuple[int, ...]
+    statistic: float
+    p_value: float
+    gain: float
+    size: float
+
+    @property
+    def credible(self) -> bool:
+        """Whether a cause of this size is met in practice."""
+        return self.size < LARGEST[self.cause]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Constants fitted together.
+
+    Attributes
+    ----------
+    columns : tuple of int
+        Which.
+    value, shrunk : ndarray, shape (a,)
+        Estimate, and the same with the prior.
+    covariance : ndarray, shape (a, a)
+        Of the estimate.
+    """
+
+    columns: tuple[int, ...]
+    value: FloatArray
+    shrunk: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Wandering:
+    """How fast a constant changes, unit/s, its sd, and the chance of so much if it does not."""
+
+    rate: float
+    sd: float
+    p_value: float
+
+
+def columns_of(cause: str, parameters: Sequence[str]) -> tuple[int, ...]:
+    """Return the columns of a cause."""
+    return tuple(i for i, name in enumerate(parameters) if name.partition(".")[0] == cause)
+
+
+def families(w: Whitened, parameters: Sequence[str], accepted: Sequence[str]) -> tuple[Scored, ...]:
+    """Test every cause that is not accepted yet, those that are fitted beside it."""
+    known = _columns(accepted, parameters)
+    residual, slope = _without(w, known)
+    return tuple(
+        _scored(w.t, residual, slope, cause, columns_of(cause, parameters))
+        for cause in PRIORS
+        if cause not in accepted
+    )
+
+
+def retested(
+    w: Whitened, parameters: Sequence[str], accepted: Sequence[str], cause: str, values: FloatArray
+) -> Scored:
+    """Test a cause whose values are compensated already, as if they were not; the others fitted beside it."""
+    own = columns_of(cause, parameters)
+    raw = Whitened(w.t, w.residual + w.slope[:, list(own)] @ values, w.slope)
+    others = _columns([other for other in accepted if other != cause], parameters)
+    residual, slope = _without(raw, others)
+    return _scored(w.t, residual, slope, cause, own)
+
+
+def carried(
+    w: Whitened, parameters: Sequence[str], accepted: Sequence[str], cause: str, at: FloatArray
+) -> float:
+    """Return the log likelihood that a cause gains in the last part of a drive with constants from the first.
+
+    Parameters
+    ----------
+    w : Whitened
+        The rows, compensated.
+    parameters, accepted : sequences of str
+        Constants of the record; causes that are accepted, this one among them.
+    cause : str
+        The cause.
+    at : ndarray, shape (p,)
+        What is compensated.
+    """
+    early = w.t < w.t[0] + SHARE * (w.t[-1] - w.t[0])
+    every = list(_columns(accepted, parameters))
+    raw = w.residual + w.slope[:, every] @ at[every]
+
+    def left(causes: Sequence[str]) -> FloatArray:
+        own = list(_columns(causes, parameters))
+        prior = np.array([PRIORS[parameters[i].partition(".")[0]] for i in own])
+        s = w.slope[:, own]
+        theta = np.linalg.solve(s[early].T @ s[early] + np.diag(prior**-2), s[early].T @ raw[early])
+        return np.asarray((raw - s @ theta)[~early], dtype=float)
+
+    named, unnamed = left(accepted), left([other for other in accepted if other != cause])
+    level = max(1.0, float(np.mean(named**2))) if len(named) else 1.0
+    return 0.5 * float(unnamed @ unnamed - named @ named) / level
+
+
+def fit(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], at: FloatArray) -> Fit:
+    """Fit the constants of accepted causes; `at` (p,) is what is compensated already: the answer is the total."""
+    known = _columns(accepted, parameters)
+    own = list(known)
+    s = w.slope[:, own]
+    prior = np.array([PRIORS[parameters[i].partition(".")[0]] for i in own])
+    information = s.T @ s
+    inverse = np.linalg.pinv(information * np.outer(prior, prior), rcond=1e-10, hermitian=True)
+    inverse *= np.outer(prior, prior)
+    step = inverse @ (s.T @ w.residual)
+    left = w.residual - s @ step
+    c = np.array([_colour(w.t, left, s[:, [i]]) for i in range(len(own))])
+    covariance = inverse * np.sqrt(np.outer(c, c))
+    total = np.asarray(at[own] + step, dtype=float)
+    shrunk = np.asarray(np.linalg.solve(information + np.diag(prior**-2), information @ total), dtype=float)
+    return Fit(known, total, shrunk, np.asarray(covariance, dtype=float))
+
+
+def inseparable(
+    w: Whitened, parameters: Sequence[str], cause: str, accepted: Sequence[str]
+) -> tuple[str, ...]:
+    """Return causes whose pull on the innovations is nearly that of an accepted one, on this drive."""
+    others = _columns([a for a in accepted if a != cause], parameters)
+    residual, slope = _without(w, others)
+    own = slope[:, list(columns_of(cause, parameters))]
+    at = np.linalg.lstsq(own, residual, rcond=None)[0]
+    path = own @ at
+    names = []
+    for other in PRIORS:
+        if other in accepted:
+            continue
+        s = slope[:, list(columns_of(other, parameters))]
+        fitted = s @ np.linalg.lstsq(s, path, rcond=None)[0]
+        if float(fitted @ fitted) > ALIKE**2 * float(path @ path):
+            names.append(other)
+    return tuple(names)
+
+
+def wandering(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], name: str) -> Wandering:
+    """Test whether a constant that is compensated changes steadily with time, accepted ones fitted beside it.
+
+    Parameters
+    ----------
+    w : Whitened
+        The rows.
+    parameters, accepted : sequences of str
+        Constants of the record; causes that are accepted.
+    name : str
+        The constant.
+    """
+    residual, _ = _without(w, _columns(accepted, parameters))
+    column = w.slope[:, parameters.index(name)] * (w.t - w.t.mean())
+    known = w.slope[:, list(_columns(accepted, parameters))]
+    s = (column - known @ np.linalg.lstsq(known, column, rcond=None)[0])[:, None]
+    information = float(s[:, 0] @ s[:, 0])
+    if information <= 0.0:
+        return Wandering(0.0, np.inf, 1.0)
+    rate = float(s[:, 0] @ residual) / information
+    sd = float(np.sqrt(_colour(w.t, residual - s[:, 0] * rate, s) / information))
+    return Wandering(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
+
+
+def _columns(causes: Sequence[str], parameters: Sequence[str]) -> tuple[int, ...]:
+    return tuple(i for cause in causes for i in columns_of(cause, parameters))
+
+
+def _without(w: Whitened, known: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and slopes with accepted constants fitted out."""
+    if not known:
+        return w.residual, w.slope
+    q, _ = np.linalg.qr(w.slope[:, list(known)])
+    return w.residual - q @ (q.T @ w.residual), w.slope - q @ (q.T @ w.slope)
+
+
+def _scored(
+    t: FloatArray, residual: FloatArray, slope: FloatArray, cause: str, own: tuple[int, ...]
+) -> Scored:
+    s = slope[:, list(own)] * PRIORS[cause]
+    information, b = s.T @ s, s.T @ residual
+    inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
+    step = inverse @ b
+    c = _colour(t, residual - s @ step, s)
+    z2 = float(b @ step) / c
+    eye = np.eye(len(own))
+    shrunk = np.linalg.solve(information / c + eye, b / c)
+    gain = 0.5 * float(b @ shrunk) / c - 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
+    return Scored(
+        cause, own, z2, float(chi2.sf(z2, len(own))), gain, PRIORS[cause] * float(np.abs(shrunk).max())
+    )
+
+
+def _colour(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
+    """Return how many times the sums of s W over blocks vary as much as white noise would have it, at least 1."""
+    block = ((t - t[0]) // BLOCK).astype(int) if len(t) else np.zeros(0, dtype=int)
+    sums = np.stack([np.bincount(block, weights=column * residual) for column in s.T], axis=-1)
+    inverse = np.linalg.pinv(s.T @ s, rcond=1e-9, hermitian=True)
+    rank = max(1, int(np.linalg.matrix_rank(inverse, hermitian=True)))
+    return max(1.0, float(np.einsum("mi,ij,mj->", sums, inverse, sums)) / rank)

@@ -1,0 +1,120 @@
+"""Correlated errors of the position fixes: a Gauss–Markov process beside their white part.
+
+Pre-test: correlations of the whitened position innovations summed over lags 1 … L; those of velocity are not looked
+at, since a Q that is too small shows in both. Then a likelihood ratio of three more states, with sd of the
+horizontal and of the vertical error and one time constant, the white part refitted under both hypotheses: a wrong R
+alone gains nothing. Under the null the sds are at their bound 0 and the time constant roams: the ratio lies below
+χ²₃ nearly everywhere (measured on replicas, see the tests). Which cause is named, Q, R or this one, is left to the
+gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from tuner.diagnosis.drive.linear_model.fit import Fit, maximise
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, Likelihood, evaluate, held
+from tuner.diagnosis.drive.linear_model.noise_parameters import TIME, factors, present
+from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+CAUSE = "correlated_gnss"
+LAGS = (1, 2, 4, 8, 16, 32)
+"""Numbers of lags over which correlations are summed."""
+SUMS = 4.0
+"""Independent tests that so many sums over nested lags are worth."""
+SUSPECT = 0.05
+"""Chance of the pre-test below which states are fitted."""
+SHARES = (0.3, 0.6, 1.0)
+"""Sds of the correlated part that are tried, relative to the white one: the second at all times, all at the best."""
+TIMES = 7
+"""Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
+
+
+def correlated_gnss(belief: Belief, found: Likelihood) -> Claim:
+    """Test position fixes for a correlated error; `found` is the likelihood of the belief."""
+    title = "likelihood ratio of correlated position errors"
+    if not belief.counted[:, :3].any():
+        return silent(CAUSE, belief, 1.0, 0.0, title)
+    chance = pretest(np.where(belief.counted, found.white, 0.0)[:, :3])
+    if chance > SUSPECT:
+        return silent(CAUSE, belief, chance, 0.0, title)
+    white = maximise(belief, factors(present(belief, ("position_horizontal", "position_vertical"))))
+    fit = fit_correlated(white.belief)
+    ratio = max(0.0, 2.0 * (fit.log_likelihood - white.log_likelihood))
+    if fit.belief.markov_time < _interval(belief):
+        # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
+        return silent(CAUSE, belief, 1.0, ratio, title)
+    price = 1.5 * float(np.log(np.count_nonzero(belief.counted[:, :3])))
+    alarm = Alarm(CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - found.value - price, ratio, title)
+    return Claim(alarm, fit.belief, lambda: _described(fit))
+
+
+def pretest(white: FloatArray) -> float:
+    """Return the chance of the summed lag correlations of whitened innovations (k, a), 0 where there is none."""
+    most = 0.0
+    total = 0.0
+    for lag in range(1, min(LAGS[-1], len(white) - 1) + 1):
+        total += float(np.sum(white[lag:] * white[:-lag]))
+        if lag in LAGS:
+            square = float(np.sum(white**2)) ** 2 / white.size
+            most = max(most, abs(total) / np.sqrt(lag * square))
+    return float(min(1.0, 2.0 * SUMS * norm.sf(most)))
+
+
+def fit_correlated(belief: Belief) -> Fit:
+    """Fit a Gauss–Markov error of the position fixes and their white part together.
+
+    Parameters
+    ----------
+    belief : Belief
+        Its sds of the fixes are the scale of what is tried.
+    """
+    record = belief.record
+    rows = belief.counted[:, :3]
+    sd = np.array(
+        [np.sqrt(np.mean(belief.sd[rows[:, a], a] ** 2)) if rows[:, a].any() else 1.0 for a in range(3)]
+    )
+    sd[:2] = np.sqrt(np.mean(sd[:2] ** 2))
+    span = float(record.t[-1] - record.t[0])
+    interval = _interval(belief)
+    fixed = held(belief)
+
+    def trial(time: float, share: float) -> Belief:
+        white = belief.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2))
+        return replace(fixed, sd=np.hstack([white, belief.sd[:, 3:]]), markov_sd=share * sd, markov_time=time)
+
+    def best(trials: Iterable[Belief]) -> Belief:
+        return max(trials, key=lambda one: evaluate(one).value)
+
+    times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), TIMES).tolist()
+    time = best(trial(time, SHARES[1]) for time in times).markov_time
+    chosen = best(trial(time, share) for share in SHARES)
+    start = replace(chosen, record=belief.record, columns=belief.columns)
+    white = present(belief, ("position_horizontal", "position_vertical"))
+    markov = tuple(name.replace("position", "markov") for name in white)
+    return maximise(start, factors((*markov, TIME, *white)))
+
+
+def _interval(belief: Belief) -> float:
+    """Return the time between fixes, s."""
+    return float(np.median(np.diff(belief.record.t)))
+
+
+def _described(fit: Fit) -> Mapping[str, Coefficient]:
+    start, names = fit.start, fit.scales.names
+    out = {"time_constant": fit.coefficient(TIME, unit="s", scale=start.markov_time)}
+    for name, label, axis in (("markov_horizontal", "sd", 0), ("markov_vertical", "sd_vertical", 2)):
+        if name in names:
+            out[label] = fit.coefficient(name, unit="m", scale=float(start.markov_sd[axis]))
+    if "sd" not in out:
+        out["sd"] = out.pop("sd_vertical")
+    return out

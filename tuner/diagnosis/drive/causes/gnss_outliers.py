@@ -1,0 +1,215 @@
+"""Outliers among fixes: positions far off (`gnss_outliers`), velocities that contradict them (`gnss_velocity`).
+
+A block is the position or the velocity of one fix. What its rows are off given all other rows, before and after them
+and corrected for all accepted mean parameters, names the culprit among neighbours; its square is q ~ χ²₃. By a robust
+scale, median q ÷ median χ², a wrong R is no reason for an alarm.
+
+*Masking.* Velocities far from what positions and inertial unit alone predict are left out first, as there may be
+more wrong than right ones; then all blocks at once where n P(χ² > q) < `SUSPECT`. What is fine without itself is taken
+back, and round by round the worst of its neighbourhood that still is suspect follows.
+
+*Test.* On the unmasked blocks of one kind, those of the other kind masked: the largest q, exact with n blocks, and the
+count beyond the 10⁻³ quantile, Poisson; twice the smaller chance.
+
+*Gain.* Likelihood of the mixture (1−ε) N(0, S) + ε N(0, κ² S), ε and κ from the blocks masked, over that of the belief
+with them, on the same rows; less ln n for ε and κ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+from scipy.stats import beta, chi2, poisson
+
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import Coefficient
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+KINDS = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
+"""Rows of a block by the cause that its outliers are called."""
+UNITS = {"gnss_outliers": "m", "gnss_velocity": "m/s"}
+SUSPECT = 0.05
+"""Expected number of good blocks that a mask takes."""
+TAIL = 1e-3
+"""Chance of a block beyond which blocks are counted."""
+REACH = 5
+"""Fixes on either side among which only the worst block is left out in one round."""
+ROUNDS = 12
+"""Most rounds of masking."""
+
+
+@dataclass(frozen=True)
+class Mask:
+    """Which blocks are left out, and how far all of them are off.
+
+    Attributes
+    ----------
+    out : ndarray of bool, shape (k, 2)
+        Position and velocity blocks that are left out.
+    off : ndarray, shape (k, 6)
+        What every row is off given all that are left, by its sd.
+    left : Belief
+        Without the blocks that are left out.
+    """
+
+    out: BoolArray
+    off: FloatArray
+    left: Belief
+
+    def rows(self, belief: Belief) -> BoolArray:
+        """Return the rows that are left, shape (k, 6)."""
+        return belief.rows & ~np.repeat(self.out, 3, axis=1)
+
+
+def mask(belief: Belief) -> Mask:
+    """Leave outliers out, see the module."""
+    record = belief.record
+    tried = _tried(belief)
+    whole = replace(belief, rows=belief.rows | tried, record=_settled(record))
+    out = np.zeros((len(record.t), 2), dtype=bool)
+    limit = np.log(SUSPECT / max(int(np.count_nonzero(tried[:, ::3])), 1))
+    alone = whole.rows.copy()
+    alone[:, 3:] = False
+    if alone[:, :3].any():
+        off = _deleted(replace(whole, rows=alone))
+        out[:, 1] = log_chances(off, tried, 1, scaled=False) < limit
+    off = _deleted(_without(whole, out))
+    for n in range(ROUNDS):
+        chance = np.stack([log_chances(off, tried, block) for block in range(2)], axis=1)
+        again = chance < limit
+        if n:
+            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * REACH + 1)
+            again &= out | (chance <= worst[:, None])
+        if np.array_equal(again, out):
+            break
+        out = again
+        off = _deleted(_without(whole, out))
+    return Mask(out, off, _without(replace(belief, rows=belief.rows | tried), out))
+
+
+def _without(belief: Belief, out: BoolArray) -> Belief:
+    """Return a belief without blocks (k, 2)."""
+    return replace(belief, rows=belief.rows & ~np.repeat(out, 3, axis=1))
+
+
+def _deleted(belief: Belief) -> FloatArray:
+    """Return what every row is off given all others, by its sd, shape (k, 6)."""
+    return evaluate_with_gradient(belief)[1].deleted
+
+
+def _settled(record: LinearRecord) -> LinearRecord:
+    return replace(record, scored=np.ones(len(record.t), dtype=bool))
+
+
+def _tried(belief: Belief) -> BoolArray:
+    """Return the rows that may be outliers: all that count, and those that the filter itself refused."""
+    record = belief.record
+    return record.available & record.scored[:, None] & (belief.rows | ~record.used)
+
+
+def log_chances(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
+    """Return ln P(χ² > q) of all blocks of a kind, q by its robust scale if wished, shape (k,).
+
+    Parameters
+    ----------
+    off : ndarray, shape (k, 6)
+        What rows are off, by their sds.
+    tried : ndarray of bool, shape (k, 6)
+        Rows that count.
+    block : int
+        0 position, 1 velocity.
+    scaled : bool
+        Whether to divide by the robust scale.
+    """
+    at = slice(3 * block, 3 * block + 3)
+    q = np.sum(np.where(tried[:, at], off[:, at], 0.0) ** 2, axis=1)
+    freedom = np.count_nonzero(tried[:, at], axis=1)
+    have = freedom > 0
+    if not have.any():
+        return np.zeros(len(q))
+    scale = float(np.median(q[have] / chi2.median(freedom[have]))) if scaled else 1.0
+    return np.where(have, chi2.logsf(q / scale, np.maximum(freedom, 1)), 0.0)
+
+
+def outliers(belief: Belief, masked: Mask, cause: str) -> Claim:
+    """Test the blocks of one kind for outliers.
+
+    Parameters
+    ----------
+    belief : Belief
+        What is believed so far.
+    masked : Mask
+        Of this belief.
+    cause : str
+        ``gnss_outliers`` or ``gnss_velocity``.
+    """
+    title = "least chance of a fix" if cause == "gnss_outliers" else "least chance of a velocity fix"
+    block = list(KINDS).index(cause)
+    tried = _tried(belief)
+    n = int(np.count_nonzero(tried[:, 3 * block]))
+    if not n:
+        return silent(cause, belief, 1.0, 1.0, title)
+    off = masked.off
+    if masked.out[:, block].any():
+        others = masked.out.copy()
+        others[:, block] = False
+        whole = replace(belief, rows=belief.rows | tried, record=_settled(belief.record))
+        off = _deleted(_without(whole, others))
+    chance = np.exp(log_chances(off, tried, block))
+    least = float(chance.min())
+    count = int(np.count_nonzero(chance < TAIL))
+    p_value = min(1.0, 2.0 * min(-np.expm1(n * np.log1p(-min(least, 0.5))), poisson.sf(count - 1, n * TAIL)))
+    out = masked.out[:, block]
+    if not out.any():
+        return silent(cause, belief, p_value, least, title)
+    rows = belief.rows.copy()
+    rows[:, KINDS[cause]] &= ~out[:, None]
+    without = replace(belief, rows=rows)
+    dropped = belief.counted & ~without.counted
+    gain = contamination(belief, without, dropped) if dropped.any() else 0.0
+    alarm = Alarm(cause, float(p_value), gain, least, title)
+    return Claim(alarm, without, lambda: _described(masked, cause, n))
+
+
+def contamination(belief: Belief, others: Belief, off: BoolArray) -> float:
+    """Return what the mixture gains over one normal law, nats, less ln n.
+
+    Parameters
+    ----------
+    belief, others : Belief
+        With all rows, and without the outliers.
+    off : ndarray of bool, shape (k, 6)
+        Rows of the outliers.
+    """
+    found = evaluate(others)
+    n, m = int(np.count_nonzero(belief.counted)) / 3.0, int(np.count_nonzero(off)) / 3.0
+    square = float(np.sum(found.white[off] ** 2))
+    spread = square / (3.0 * m)
+    outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * found.variance[off]))) - 1.5 * m
+    share = m * np.log(m / n) + (n - m) * np.log1p(-m / n) if m < n else 0.0
+    return found.value + outside + float(share) - evaluate(belief).value - float(np.log(n))
+
+
+def _described(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:
+    block = list(KINDS).index(cause)
+    out = masked.out[:, block]
+    m = int(np.count_nonzero(out))
+    low = float(beta.ppf(0.025, m, n - m + 1)) if m else 0.0
+    high = float(beta.ppf(0.975, m + 1, n - m)) if m < n else 1.0
+    fraction = Coefficient.known(m / n, low, high, "1")
+    runs = int(np.count_nonzero(np.diff(out.astype(int), prepend=0) == 1))
+    length = Coefficient(m / max(runs, 1), None, None, "1", "fixes in a row")
+    off = evaluate(masked.left).innovation[out, KINDS[cause]]
+    rms = float(np.sqrt(np.mean(np.sum(np.nan_to_num(off) ** 2, axis=1)))) if m else 0.0
+    spread = np.sqrt(3.0 * m / chi2.ppf((0.975, 0.025), max(3 * m, 1)))
+    size = Coefficient.known(rms, rms * float(spread[0]), rms * float(spread[1]), UNITS[cause])
+    return {"fraction": fraction, "rms": size, "run_length": length}

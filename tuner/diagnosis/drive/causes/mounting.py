@@ -1,0 +1,139 @@
+"""How a unit is turned in its vehicle, and what a drive cannot say of it.
+
+Positions and velocities move with the antenna, however the unit is turned in the vehicle. Where wheels do not slip the
+vehicle goes where it points: on straight parts, of the velocity in stated vehicle axes::
+
+    yaw = atan(v_y/v_x)      pitch = −asin(v_z/|v|)      of the true axes in the stated ones, R_true = R_stated Rz Ry
+
+Roll turns about the direction of motion and does not show. The sd of a mean angle is that of the means of blocks of
+`BLOCK`, and the filter's own sd of the attitude as if its error were one constant of the drive: pitch and yaw that
+stick out of both are not errors of the attitude. Both together are tested, χ²₂.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from models import rotation
+from models.units import STANDARD_GRAVITY
+from tuner.diagnosis.drive.causes.constants import PRIORS, columns_of
+from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.static.findings import words
+from tuner.navigation.drive.vehicle_constraints import DRIVING, STRAIGHT
+from tuner.types import Coefficient, Finding, Inseparable
+
+FloatArray = NDArray[np.float64]
+
+CAUSE = "mounting"
+MEANING = "the unit is turned in the vehicle against the mounting given"
+CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
+BLOCK = 30.0
+"""Length of the blocks whose means are compared, s."""
+FEWEST = 8
+"""Blocks with straight parts that it takes."""
+SEEN = 4.0
+"""Sds from which a constant is told from nothing."""
+
+
+def mounting(found: Pass, stated: FloatArray, threshold: float) -> Finding | None:
+    """Test the stated mounting of a vehicle whose wheels do not slip; None where it stands, or too little is driven.
+
+    Parameters
+    ----------
+    found : Pass
+        The last pass, in axes of the sensor.
+    stated : ndarray, shape (3, 3)
+        Turns vehicle axes into those of the sensor.
+    threshold : float
+        Chance below which it is a finding.
+    """
+    t, angles, spread = _directions(found, stated)
+    block = ((t - found.record.t[0]) // BLOCK).astype(int)
+    present = np.unique(block)
+    if len(present) < FEWEST:
+        return None
+    means = np.stack([angles[block == b].mean(axis=0) for b in present])
+    value = means.mean(axis=0)
+    sd = np.hypot(means.std(axis=0, ddof=1) / np.sqrt(len(means)), spread)
+    statistic = float(np.sum((value / sd) ** 2))
+    p_value = float(chi2.sf(statistic, 2))
+    if p_value >= threshold:
+        return None
+    told = {
+        name: Coefficient.known(float(v), float(v - 1.96 * s), float(v + 1.96 * s), "rad")
+        for name, v, s in zip(("pitch", "yaw"), value, sd, strict=True)
+    }
+    values = {
+        "cause": CAUSE,
+        "joins": "preprocessing",
+        "parameters": {name: c.value for name, c in told.items()},
+    }
+    title = "direction of motion in axes of the vehicle"
+    text = words(CAUSE, ("imu",), MEANING, told)
+    return Finding(CAUSE, ("imu",), title, statistic, p_value, told, text, CONSEQUENCE, values)
+
+
+def _directions(found: Pass, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times of straight driving (m,), pitch and yaw of the motion (m, 2), sds of the attitude there (2,)."""
+    vel = np.concatenate([one.state.vel_n for one in found.solutions])
+    mat = rotation.mat_from_quat(np.concatenate([one.state.quat_nb for one in found.solutions]))
+    variance = np.concatenate(
+        [np.diagonal(one.covariance, axis1=1, axis2=2)[:, 6:9] for one in found.solutions]
+    )
+    t, axes = found.record.t, mat @ stated
+    ahead = np.unwrap(np.arctan2(axes[:, 1, 0], axes[:, 0, 0]))
+    rate = np.abs(np.gradient(ahead, t))
+    v = np.swapaxes(axes, -1, -2) @ vel[..., None]
+    v = v[..., 0]
+    use = found.record.scored & (v[:, 0] > DRIVING) & (rate < STRAIGHT)
+    v = v[use]
+    angles = np.stack(
+        [-np.arcsin(v[:, 2] / np.linalg.norm(v, axis=1)), np.arctan2(v[:, 1], v[:, 0])], axis=-1
+    )
+    tilt = np.sqrt(np.mean(variance[use, :2])) if use.any() else np.inf
+    heading = np.sqrt(np.mean(variance[use, 2])) if use.any() else np.inf
+    return t[use], angles, np.array([tilt, heading])
+
+
+def not_told(
+    final: Pass, stated: FloatArray | None, *, wheels: bool, accepted: tuple[str, ...]
+) -> tuple[Inseparable, ...]:
+    """Return causes of the catalogue that this drive cannot tell, each with the reason.
+
+    Parameters
+    ----------
+    final : Pass
+        The last pass.
+    stated : ndarray, shape (3, 3), or None
+        Mounting of the unit, if given.
+    wheels : bool
+        Whether the vehicle's wheels may be supposed not to slip.
+    accepted : tuple of str
+        Causes that were found.
+    """
+    lines = []
+    if not wheels or stated is None:
+        lacking = (
+            "no wheels that do not slip are supposed (--wheels)" if not wheels else "the drive states none"
+        )
+        lines.append(Inseparable((CAUSE,), f"not tested on this drive: {CAUSE} of the unit, {lacking}"))
+    if "gravity" not in accepted:
+        w = final.whitened
+        column = w.slope[:, columns_of("gravity", final.record.parameters)[0]]
+        least = SEEN / max(float(np.linalg.norm(column)), 1e-12)
+        if least > PRIORS["gravity"]:
+            size = (
+                f"gravity off by less than {least:.1g} m/s^2" if least < STANDARD_GRAVITY else "gravity off"
+            )
+            text = f"{size} and a bias of the vertical accelerometer"
+            lines.append(
+                Inseparable(("gravity", "sensor_bias"), f"cannot be told apart on this drive: {text}")
+            )
+    if "sensor_bias" in accepted and "g_sensitivity" not in accepted:
+        text = "a constant bias of a gyro and its sensitivity to the vertical force; turn the unit over"
+        lines.append(
+            Inseparable(("sensor_bias", "g_sensitivity"), f"cannot be told apart on this drive: {text}")
+        )
+    return tuple(lines)

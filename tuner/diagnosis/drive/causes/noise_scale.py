@@ -1,0 +1,219 @@
+"""Wrong R, wrong Q: the noise that a drive asks for, next to what the filter was told.
+
+`fit_noise` estimates all factors together, true ÷ assumed; prior knowledge, such as the intervals of a static
+identification, enters as sds of the logs. The tests `gnss_noise_scale` and `imu_noise_scale` ask for each factor
+alone, the rest as believed: score and curvature of ln L by the log x of the factor first (of R: 2 Σ (r d)², d the
+precision of a row given all others), a refit where they promise something. The null of a factor whose log is known to
+σ only is a factor anywhere about 1 with that σ::
+
+    LR = max_x 2 ln L(x) − max_x [2 ln L(x) − x²/σ²] ~ χ²₁,    exactly known (σ = 0): 2 ln L(x̂) − 2 ln L(0)
+
+whether x ~ N(0, σ²) or x = 0. A factor on R or Q is inside its range there: no mixture of χ² is needed. The family
+pays for its number of factors; of R, those on all of a position or a velocity bear less of it than those on a part.
+Where R and Q are both surely wrong, each leaks into the other's test: `joint_noise` fits both (a car whose unit is 5
+to 8 times as noisy as at rest and whose receiver says twice its error: 4300 nats together, 740 and 2600 one by one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate, evaluate_with_gradient, held
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS, factors, present
+from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import Coefficient
+
+FloatArray = NDArray[np.float64]
+
+PROMISING = 6.0
+"""Score statistic from which a refit is worth its time."""
+SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROWS, 0.1)}
+"""Share of the family's error rate that goes to each factor of R."""
+SURE = 10.0
+"""Curvature by a log above which the slope tells of large factors, too."""
+FLAT = 0.25
+"""Curvature by a log below which the drive says nothing of a factor."""
+TRIALS = (1.0, 2.5)
+"""Logs of large factors on Q that are tried where ln L is flat here: its slope may say little of them."""
+SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
+"""Names of factors in a finding where they differ."""
+SURELY = 1e-9
+"""Chance of wrong R, and of wrong Q, below which both are fitted together."""
+_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Score and curvature of ln L by the logs of factors, others as believed; twice the most gained by `TRIALS`."""
+
+    names: tuple[str, ...]
+    value: float
+    slope: FloatArray
+    curvature: FloatArray
+    tried: FloatArray
+
+    def size(self, name: str) -> float:
+        """Return the curvature, at least the slope: where a factor is far off, ln L is not convex here."""
+        j = self.names.index(name)
+        return float(max(self.curvature[j], abs(self.slope[j])))
+
+    def tells(self, name: str) -> bool:
+        """Whether the drive says anything of a factor."""
+        return self.size(name) > FLAT or float(self.tried[self.names.index(name)]) > PROMISING
+
+    def ratio(self, name: str, prior_sd: float) -> float:
+        """Return the likelihood ratio of a factor as the score, or a trial, has it."""
+        j, size = self.names.index(name), max(self.size(name), FLAT)
+        exact = max(float(self.slope[j]) ** 2 / size, float(self.tried[j]))
+        return exact / (1.0 + size * prior_sd**2)
+
+
+def scores(belief: Belief) -> Scores:
+    """Return scores of all factors that the record has anything of."""
+    names = present(belief, (*ROWS, *BLOCKS, *GROUPS))
+    scales, zero = factors(names), np.zeros(len(names))
+    belief = held(belief)
+    found, gradient = evaluate_with_gradient(belief)
+    slope = scales.slopes(belief, zero, gradient)
+    own = 2.0 * np.where(belief.counted, gradient.precision * belief.sd**2, 0.0) ** 2
+    curvature, tried = np.empty(len(names)), np.zeros(len(names))
+    for j, unit in enumerate(np.eye(len(names))):
+        if names[j] not in GROUPS:
+            curvature[j] = own[:, (ROWS | BLOCKS)[names[j]]].sum()
+            continue
+        other = scales.slopes(belief, zero, evaluate_with_gradient(scales.change(belief, _STEP * unit))[1])
+        curvature[j] = (slope[j] - other[j]) / _STEP
+        if curvature[j] < max(SURE, abs(slope[j])):
+            trials = [evaluate(scales.change(belief, log * unit)).value for log in TRIALS]
+            tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
+    return Scores(names, found.value, slope, curvature, tried)
+
+
+def fit_noise(belief: Belief, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
+    """Fit all factors of R and Q together.
+
+    Parameters
+    ----------
+    belief : Belief
+        What is believed so far: its noise is factor 1.
+    prior_sd : mapping of str to float
+        What is known of the log of a factor, by name of `ROWS` or `GROUPS`.
+    """
+    return maximise(belief, factors(present(belief, (*ROWS, *GROUPS))), prior_sd=prior_sd)
+
+
+def gnss_noise(belief: Belief, found: Scores) -> Claim:
+    """Test the factors on the sds of the fixes."""
+    return _test(belief, found, "gnss_noise_scale", SHARE, NO_PRIOR)
+
+
+def imu_noise(belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Claim:
+    """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
+    told = [name for name in GROUPS if name in found.names and found.tells(name)]
+    return _test(belief, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
+
+
+def joint_noise(
+    belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+) -> tuple[Claim, Claim] | None:
+    """Test factors on R and Q together where both are surely wrong; None where one of them is not.
+
+    Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have one
+    belief (the same object) and the same gain, that of both.
+
+    Parameters
+    ----------
+    belief : Belief
+        What is believed so far.
+    found : Scores
+        Its scores.
+    prior_sd : mapping of str to float
+        As of `imu_noise`.
+    """
+    told = tuple(name for name in found.names if name in ROWS or (name in GROUPS and found.tells(name)))
+    sides = [tuple(n for n in told if n in side) for side in (ROWS, GROUPS)]
+    score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
+    if any(not side or chi2.sf(max(side), 1) > SURELY for side in score):
+        return None
+    fit = _held(belief, told)
+    told = fit.scales.names
+    sides = [tuple(name for name in told if name in side) for side in sides]
+    ratio = [max((_off(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides]
+    chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
+    if max(chance) > SURELY:
+        return None
+    gain = fit.log_likelihood - found.value - 0.5 * float(np.log(belief.count)) * len(told)
+    title = "squares of factors on R and Q fitted together, by their variances"
+    fitted = fit.belief
+
+    def claim(cause: str, i: int) -> Claim:
+        def described() -> Mapping[str, Coefficient]:
+            return {SHORT.get(name, name): fit.coefficient(name) for name in sides[i]}
+
+        return Claim(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
+
+    return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
+
+
+def _held(belief: Belief, names: tuple[str, ...]) -> Fit:
+    """Fit factors; those on Q that the drive does not hold, or hold at 1, stay as told.
+
+    Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
+    1 Hz.
+    """
+    fit = maximise(belief, factors(names))
+    sure = tuple(n for n in names if n in ROWS or (fit.held(n) and _off(fit, n, 0.0) > PROMISING))
+    return fit if sure in (names, ()) else maximise(belief, factors(sure))
+
+
+def _off(fit: Fit, name: str, prior_sd: float) -> float:
+    """Return the square of the log of a factor by its variance, that of what is known of it included."""
+    j = fit.number(name)
+    return float(fit.estimate[j] ** 2 / (fit.covariance[j, j] + prior_sd**2))
+
+
+def _test(
+    belief: Belief, found: Scores, cause: str, share: Mapping[str, float], prior_sd: Mapping[str, float]
+) -> Claim:
+    title = "likelihood ratio of a factor on the noise"
+    ratio = {name: found.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in found.names}
+    chance = {name: min(1.0, float(chi2.sf(value, 1)) / share[name]) for name, value in ratio.items()}
+    best = min(chance, key=lambda name: chance[name], default="")
+    if not best or ratio[best] < PROMISING:
+        return silent(cause, belief, chance.get(best, 1.0), ratio.get(best, 0.0), title)
+    alone = maximise(belief, factors((best,)))
+    exact = _ratio(alone, found.value, prior_sd.get(best, 0.0))
+    p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
+    price = 0.5 * float(np.log(belief.count))
+    parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
+    wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
+    fits = [alone] if wrong in ((), (best,)) else [alone, _held(belief, wrong)]
+    fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
+    gain = fit.log_likelihood - found.value - price * len(fit.estimate)
+    alarm = Alarm(cause, p_value, gain, exact, title)
+    others = {name: sd for name, sd in prior_sd.items() if name not in fit.scales.names}
+    return Claim(alarm, fit.belief, lambda: _described(belief, parts, others))
+
+
+def _ratio(alone: Fit, value: float, prior_sd: float) -> float:
+    """Return the likelihood ratio of the factor that was fitted alone."""
+    if prior_sd == 0.0:
+        return max(0.0, 2.0 * (alone.log_likelihood - value))
+    (name,), half = alone.scales.names, 0.5 * alone.estimate
+    tied = maximise(alone.start, factors((name,)), prior_sd={name: prior_sd}, start=half)
+    return max(0.0, 2.0 * (alone.log_likelihood - tied.objective))
+
+
+def _described(
+    belief: Belief, names: tuple[str, ...], prior_sd: Mapping[str, float]
+) -> Mapping[str, Coefficient]:
+    fit = maximise(belief, factors(names), prior_sd=prior_sd)
+    return {SHORT.get(name, name): fit.coefficient(name) for name in names}

@@ -1,0 +1,35 @@
+"""Coarse lattices of the samples of a drive: where rounding is no white noise any more.
+
+A step D above the sd σ of the samples of a calm second rounds most of them to one code: a bias below D/2 is not seen
+while the unit rests, and the error of rounding follows the motion instead of being white of variance D²/12.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tuner.diagnosis.data_quality.quantizer import lattice_step
+from tuner.types.records import Drive
+
+SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}
+CALM = 0.25
+"""Quantile of the sds of seconds that stands for a calm one."""
+
+
+def coarse_lattices(drive: Drive) -> tuple[str, ...]:
+    """Return what is worth knowing of the lattices of a drive, one line for each coarse one."""
+    size = max(2, round(1.0 / float(np.median(np.diff(drive.imu_t)))))
+    count = len(drive.rates) // size
+    if not count:
+        return ()
+    sd = np.quantile(drive.rates[: count * size].reshape(count, size, 6).std(axis=1), CALM, axis=0)
+    steps = np.array([lattice_step([column]) for column in drive.rates.T])
+    notes = []
+    for sensor, (at, unit) in SENSORS.items():
+        step, usual = float(steps[at].max()), float(np.sqrt(np.mean(sd[at] ** 2)))
+        if step > usual:
+            notes.append(
+                f"{sensor}: the samples lie on a lattice of {step:.3g} {unit}, their sd in a calm second is "
+                f"{usual:.2g}: biases below half a step do not show at rest, and rounding is no white noise"
+            )
+    return tuple(notes)

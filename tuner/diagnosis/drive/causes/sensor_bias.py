@@ -1,0 +1,105 @@
+"""Constant biases far beyond what the filter was told to expect of them.
+
+After a drive the estimate of a turn-on constant with prior sd σ and posterior variance p is N(0, σ² − p) where the
+prior is right, plus what its random walk has added since. A gyro that feels gravity has the same bias, as long as the
+unit stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. Constants that are compensated
+and badly known, as a scale factor of the vertical accelerometer, leave what they are off by to the bias: the spread
+that this makes with the force at the start counts with the prior.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from models import rotation
+from models.earth import gravity
+from tuner.diagnosis.drive.causes.constants import fit
+from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive.linear_model.linearize import columns
+from tuner.diagnosis.static.findings import words
+from tuner.navigation.settings import ACCELS, GYROS
+from tuner.types import Alternative, Coefficient, FilterConfig, Finding, Inflation
+
+CAUSE = "sensor_bias"
+MEANING = "a constant bias far beyond its prior"
+CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
+
+FELT = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
+"""Causes that are the same on a level road."""
+
+
+def beyond_prior(
+    found: Pass, config: FilterConfig, shifts: tuple[str, ...], threshold: float
+) -> tuple[Finding, ...]:
+    """Return the biases that their priors do not explain, one finding for each sensor.
+
+    Parameters
+    ----------
+    found : Pass
+        The last pass.
+    config : FilterConfig
+        The priors.
+    shifts : tuple of str
+        Causes whose constants are compensated.
+    threshold : float
+        Chance below which one is a finding, all axes together.
+    """
+    longest = max(range(len(found.solutions)), key=lambda i: len(found.solutions[i].t))
+    solution, at = found.solutions[longest], found.settings.model.layout
+    span = float(solution.t[-1] - found.solutions[0].t[0])
+    sd = np.sqrt(np.diag(solution.final_covariance))
+    passed = _passed_on(found, shifts)
+    findings = []
+    for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
+        told, inflations, least, most = {}, [], 1.0, 0.0
+        for axis, j in zip(axes, range(at[f"{sensor}_bias"].start, at[f"{sensor}_bias"].stop), strict=True):
+            noise = config.channels[axis]
+            left = passed[(GYROS + ACCELS).index(axis)]
+            prior = float(
+                np.hypot(np.hypot(noise.constant_sd, left), noise.random_walk_density * np.sqrt(span))
+            )
+            value, spread = float(solution.final_parameters[j]), float(sd[j])
+            z = abs(value) / max(prior, 1e-300)
+            p_value = min(1.0, 12.0 * float(norm.sf(z)))
+            if p_value >= threshold or abs(value) < 4.0 * spread:
+                continue
+            least, most = min(least, p_value), max(most, z)
+            low, high = value - 1.96 * spread, value + 1.96 * spread
+            told[axis] = Coefficient.known(value, low, high, noise.unit)
+            if noise.constant_sd > 0.0:
+                reason = f"{CAUSE}: on this drive"
+                inflations.append(Inflation(f"{axis}.constant_sd", abs(value) / noise.constant_sd, reason))
+        if told:
+            channels = tuple(told)
+            values = {"cause": CAUSE, "joins": "states", "parameters": {a: c.value for a, c in told.items()}}
+            text = words(CAUSE, channels, MEANING, told)
+            findings.append(
+                Finding(
+                    CAUSE,
+                    channels,
+                    "bias ÷ its prior sd",
+                    most,
+                    least,
+                    told,
+                    text,
+                    CONSEQUENCE,
+                    values,
+                    alternatives=FELT[sensor],
+                    inflations=tuple(inflations),
+                )
+            )
+    return tuple(findings)
+
+
+def _passed_on(found: Pass, shifts: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the sds of what compensated constants leave to the biases under the force at the start, (6,)."""
+    if not shifts:
+        return np.zeros(6)
+    start, names = found.solutions[0].state, found.record.parameters
+    now = fit(found.whitened, names, shifts, np.zeros(len(names)))
+    size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
+    force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
+    felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]
+    return np.asarray(np.sqrt(np.einsum("ia,ij,ja->a", felt, now.covariance, felt)))

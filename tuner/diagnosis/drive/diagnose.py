@@ -1,0 +1,147 @@
+"""Diagnosis of a measured drive: clocks coarsely, the loop, the gain on data held out, the extended filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tuner.diagnosis.drive.causes.mounting import mounting, not_told
+from tuner.diagnosis.drive.causes.quantizer import coarse_lattices
+from tuner.diagnosis.drive.causes.sensor_bias import beyond_prior
+from tuner.diagnosis.drive.causes.time_offset import coarse_clocks, drifting, suspicious
+from tuner.diagnosis.drive.findings import finding, told_apart
+from tuner.diagnosis.drive.held_out_gain import gain_of
+from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
+from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.search import THRESHOLD, Criticism, criticise
+from tuner.navigation.drive.axis_checks import refuse_wrong_axes
+from tuner.report.json.diagnosis import carried
+from tuner.types import DriveDiagnosis, FilterConfig, Gain, Unexplained
+from tuner.types.records import DataError, Drive
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A drive with what was found in it: the drive as looked at, the passes before and after, and the outcome."""
+
+    drive: Drive
+    criticism: Criticism
+    diagnosis: DriveDiagnosis
+
+
+def diagnose_drive(
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    wheels: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> DriveDiagnosis:
+    """Find what the navigation simulation gets wrong on a drive, and why; see `examine_drive`."""
+    return examine_drive(drive, config, wheels=wheels, progress=progress).diagnosis
+
+
+def examine_drive(
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    wheels: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Examined:
+    """Find what the navigation simulation gets wrong on a drive, and why.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    config : FilterConfig
+        What the filter believes of the sensor and of the receiver; where the receiver reports sds, those count.
+    wheels : bool
+        Whether the vehicle's wheels do not slip: then the stated mounting of the unit is tested.
+    progress : callable, optional
+        Called with what is being done.
+
+    Raises
+    ------
+    DataError
+        Where the drive cannot be aligned, its sensors are read in wrong axes, the configuration lacks an
+        axis, or its covariances are lost in rounding.
+    """
+    try:
+        return _examined(drive, config, wheels, progress)
+    except np.linalg.LinAlgError as error:
+        msg = (
+            f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
+            "noise of the size of the sensor's and the receiver's; give a configuration nearer to them (--config)"
+        )
+        raise DataError(msg) from error
+
+
+def _examined(
+    drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
+) -> Examined:
+    sensor, every = thinned(in_sensor_axes(drive))
+    base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
+    doubtful = suspicious(base)
+    if doubtful:
+        refuse_wrong_axes(drive)
+    coarse, notes = coarse_clocks(sensor, base.hypothesis) if doubtful else ({}, ())
+    outcome = criticise(sensor, base, coarse, progress)
+    notes = (*base.notes, *notes, *outcome.notes, *coarse_lattices(sensor))
+    if every > 1:
+        notes = (*notes, f"one fix of {every} is looked at")
+    gain = gain_of(sensor, outcome)
+    return Examined(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
+
+
+def _diagnosis(
+    drive: Drive,
+    config: FilterConfig,
+    wheels: bool,
+    outcome: Criticism,
+    notes: tuple[str, ...],
+    gain: Gain | None,
+) -> DriveDiagnosis:
+    """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
+    n = max(1, int(np.count_nonzero(outcome.base.record.counted.any(axis=1))))
+    before = evaluate(believed(outcome.base.record)).value / n
+    own = [
+        gain
+        if gain is not None and len(outcome.accepted) == 1
+        else Gain("in sample", before, before + one.candidate.alarm.gain / n, one.candidate.alarm.gain)
+        for one in outcome.accepted
+    ]
+    pairs = zip(outcome.accepted, own, strict=True)
+    findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
+    biases = beyond_prior(outcome.final, config, outcome.shifts, THRESHOLD)
+    # A bias is what named causes leave: it comes last.
+    turned = (
+        mounting(outcome.final, drive.mounting, THRESHOLD) if wheels and drive.mounting is not None else None
+    )
+    findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
+    final = outcome.final.hypothesis
+    wider = {axis: abs(c.value or 0.0) for f in biases for axis, c in f.parameters.items()}
+    channels = {
+        axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
+        for axis, noise in final.config.channels.items()
+    }
+    taken_out = {name: value for name, value in final.values.items() if value != 0.0}
+    if turned is not None:
+        for name, c in turned.parameters.items():
+            key = f"{turned.cause}.{name}"
+            taken_out[key] = taken_out.get(key, 0.0) + (c.value or 0.0)
+    after = replace(
+        final.config,
+        channels=channels,
+        compensation=taken_out,
+        findings=(*config.findings, *map(carried, findings)),
+    )
+    left = tuple(
+        Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
+    )
+    left = (*left, *drifting(outcome.final, outcome.shifts, THRESHOLD))
+    told = (*drive.notes, *notes)
+    causes = tuple(finding.cause for finding in findings)
+    untold = not_told(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
+    return DriveDiagnosis(findings, config, after, left, (*told_apart(outcome.accepted), *untold), told, gain)

@@ -1,0 +1,158 @@
+"""What the findings are worth on the last 40 % of a drive, with parameters from the first 60 % of what is scored.
+
+Both filters, before and after, run over the whole drive with frozen parameters. Of the fixes that both took in the last
+part::
+
+    ln p = −½ Σ (z²/f + ln 2πf)          mean NIS, its lag-1 correlation
+    outage: fixes withheld for 30 and 60 s, horizontal distance of the last one from its prediction, rms
+
+Outages are compared in pairs, squared errors aᵢ before and bᵢ after; with their rms values a and b the change is
+b − a = mean (bᵢ − aᵢ)/(a + b), its interval that of Student for the mean: a drive has few windows, and a bootstrap over
+four of them says "worse" of every tenth filter that is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from tuner.diagnosis.drive.causes.constants import SHARE
+from tuner.diagnosis.drive.causes.reported_sd import names_in, refitted, said_by
+from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drive.hypothesis_tests import belief_of
+from tuner.diagnosis.drive.linear_model.fit import maximise
+from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
+from tuner.diagnosis.drive.search import Criticism, refined
+from tuner.navigation.data import WITHHELD
+from tuner.navigation.drive.run import navigate
+from tuner.types import Gain
+from tuner.types.records import DataError, Drive
+
+FloatArray = NDArray[np.float64]
+
+HORIZONS = (30.0, 60.0)
+RECOVERY = 30.0
+"""Outages and the time with fixes between them, s."""
+FEWEST = 30
+"""Rows that a gain must be measured on."""
+
+
+def gain_of(drive: Drive, outcome: Criticism) -> Gain | None:
+    """Return the gain of all that was accepted; None where nothing was, or the drive is too short.
+
+    Parameters
+    ----------
+    drive : Drive
+        In sensor axes.
+    outcome : Criticism
+        Of the loop.
+    """
+    if not outcome.accepted:
+        return None
+    final = outcome.final.record
+    t = final.t[final.counted.any(axis=1)]
+    if not len(t):
+        return None
+    cut = float(t[0] + SHARE * (t[-1] - t[0]))
+    try:
+        after = examine(drive, _frozen(drive, outcome, cut))
+    except DataError:
+        return None
+    before = outcome.base
+    rows_b, rows_a = _shared(before, after, cut, len(drive.gnss))
+    if np.count_nonzero(rows_b) < FEWEST:
+        return None
+    told = [_scores(each, rows) for each, rows in ((before, rows_b), (after, rows_a))]
+    user = {
+        "nis": (told[0][1], told[1][1]),
+        "innovation_lag1_correlation": (told[0][2], told[1][2]),
+    }
+    for horizon in HORIZONS:
+        user |= _outages(before, after, cut, horizon)
+    n = int(np.count_nonzero(rows_b.any(axis=1)))
+    return Gain("60/40", told[0][0] / n, told[1][0] / n, told[1][0] - told[0][0], user=user)
+
+
+def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
+    """Return the final hypothesis with its values fitted to what comes before the cut."""
+    final = outcome.final.hypothesis
+    kept = drive.gnss.t < cut
+    inertial = drive.imu_t < cut + 1.0
+    part = replace(
+        drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
+    )
+    own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
+    found = refined(part, examine(part, own), outcome.shifts)
+    values = dict(found.hypothesis.values)
+    if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
+        belief, said = belief_of(found, outcome.shifts), said_by(found.record, values)
+        names = present(belief, names_in(values), said)
+        if names:
+            values |= refitted(values, maximise(belief, factors(names, said)))
+    return replace(final, values=values)
+
+
+def _shared(before: Pass, after: Pass, cut: float, count: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the rows after the cut that both passes took, as rows of each; shapes (k, 6)."""
+    both = np.ones((count, 6), dtype=bool)
+    for each in (before, after):
+        mine = np.zeros((count, 6), dtype=bool)
+        mine[each.index] = each.record.counted & (each.record.t > cut)[:, None]
+        both &= mine
+    return both[before.index], both[after.index]
+
+
+def _scores(found: Pass, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Return log likelihood, mean square and lag-1 correlation of whitened innovations in rows."""
+    told = evaluate(believed(found.record))
+    white = np.where(rows, told.white, 0.0)
+    value = -0.5 * float(np.sum(white[rows] ** 2 + np.log(2.0 * np.pi * told.variance[rows])))
+    square = float(np.sum(white**2))
+    return value, square / int(np.count_nonzero(rows)), float(np.sum(white[1:] * white[:-1])) / square
+
+
+def _outages(before: Pass, after: Pass, cut: float, horizon: float) -> dict[str, tuple[float, float]]:
+    """Return the rms horizontal error at the end of outages, and the 95 % interval of its change."""
+    last = float(before.record.t[-1])
+    begins = np.arange(cut, last - horizon, horizon + RECOVERY)
+    if len(begins) < 2:
+        return {}
+    windows = np.stack([begins, begins + horizon], axis=-1)
+    first, second = (_ends(each, windows) for each in (before, after))
+    good = np.isfinite(first) & np.isfinite(second)
+    if np.count_nonzero(good) < 2:
+        return {}
+    pairs = np.stack([first[good], second[good]], axis=-1)
+    rms = np.sqrt(pairs.mean(axis=0))
+    low, high = change_interval(pairs)
+    name = f"outage_{horizon:.0f}s_horizontal"
+    return {
+        f"{name} [m]": (float(rms[0]), float(rms[1])),
+        f"{name}_change_interval [m]": (low, high),
+    }
+
+
+def change_interval(pairs: FloatArray) -> tuple[float, float]:
+    """Return the 95 % interval of the change of an rms error from squared errors before and after, (n, 2)."""
+    n, change = len(pairs), pairs[:, 1] - pairs[:, 0]
+    middle = float(change.mean())
+    half = float(student.ppf(0.975, n - 1) * change.std(ddof=1) / np.sqrt(n))
+    whole = max(float(np.sqrt(pairs.mean(axis=0)).sum()), 1e-300)
+    return (middle - half) / whole, (middle + half) / whole
+
+
+def _ends(found: Pass, windows: FloatArray) -> FloatArray:
+    """Return the squared horizontal error at the last withheld fix of every window, NaN where there is none."""
+    shift = found.hypothesis.values.get("time_offset.delay", 0.0)
+    out = np.full(len(windows), np.nan)
+    for solution in navigate(found.stretches, found.settings, windows - shift):
+        for i, (begin, end) in enumerate(windows - shift):
+            inside = (solution.t > begin) & (solution.t <= end) & (solution.use[:, 0] == WITHHELD)
+            inside = np.flatnonzero(inside)
+            if len(inside) and end - solution.t[inside[-1]] < 0.1 * (end - begin) + 0.5:
+                out[i] = float(np.sum(solution.innovation[inside[-1], :2] ** 2))
+    return out

@@ -1,0 +1,213 @@
+"""What is held to be true of a drive, and the filter's pass under it.
+
+A hypothesis is a configuration, a compensation and fixes left out. `examine` takes the compensation out of the drive,
+aligns, filters and leaves the linear record; the criticism happens in the axes of the sensor, whatever the mounting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.linear_model.likelihood import believed
+from tuner.diagnosis.drive.linear_model.linearize import linear_record
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
+from tuner.navigation.compensation import compensated, compensated_settings
+from tuner.navigation.data import Solution
+from tuner.navigation.drive.run import Stretch, beginning, navigate, prepare, told_sds
+from tuner.navigation.fix_sd_model import FixLaw
+from tuner.navigation.settings import FilterSettings, filter_settings
+from tuner.types import FilterConfig
+from tuner.types.records import Drive
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MOST = 1500
+"""Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
+
+
+SAME = 0.05
+"""Relative difference of values that a filter hardly notices."""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A bias of a sensor, ``gyro`` or ``accel``, that jumped: time, s, and change, shape (3,)."""
+
+    time: float
+    sensor: str
+    size: FloatArray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What is held to be true.
+
+    Attributes
+    ----------
+    config : FilterConfig
+        Noise of the sensor and of the receiver.
+    values : mapping of str to float
+        Compensation, see `tuner.navigation.compensation`.
+    position_out, velocity_out : ndarray of bool, shape (k,)
+        Fixes of the drive whose position (and velocity), or velocity alone, is left out.
+    jumps : tuple of Jump
+        Jumps of biases, on the clock of the inertial unit.
+    leaning : ndarray, shape (p,), optional
+        What noise by itself makes of the constants of a record, see `leaning`.
+    """
+
+    config: FilterConfig
+    values: Mapping[str, float]
+    position_out: BoolArray
+    velocity_out: BoolArray
+    jumps: tuple[Jump, ...] = ()
+    leaning: FloatArray | None = None
+
+    @classmethod
+    def first(
+        cls, drive: Drive, config: FilterConfig, values: Mapping[str, float] | None = None
+    ) -> Hypothesis:
+        """Return the hypothesis that a drive is as a configuration says."""
+        none = np.zeros(len(drive.gnss), dtype=bool)
+        return cls(config, dict(values or {}), none, none)
+
+    def with_values(self, values: Mapping[str, float]) -> Hypothesis:
+        """Return the hypothesis with further values of the compensation, or others."""
+        return replace(self, values={**self.values, **values})
+
+    def is_like(self, other: Hypothesis) -> bool:
+        """Whether a filter would hardly notice the difference."""
+        names = self.values.keys() | other.values.keys()
+        return (
+            self.config is other.config
+            and {(j.time, j.sensor) for j in self.jumps} == {(j.time, j.sensor) for j in other.jumps}
+            and np.array_equal(self.position_out, other.position_out)
+            and np.array_equal(self.velocity_out, other.velocity_out)
+            and all(
+                np.isclose(self.values.get(n, 0.0), other.values.get(n, 0.0), rtol=SAME, atol=0.0)
+                for n in names
+            )
+        )
+
+    def with_all_fixes(self) -> Hypothesis:
+        """Return the hypothesis with no fix left out."""
+        none = np.zeros_like(self.position_out)
+        return replace(self, position_out=none, velocity_out=none)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A filter's pass over a drive under a hypothesis.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+        Under which.
+    settings : FilterSettings
+        The filter.
+    stretches, solutions : tuples
+        What was filtered, and the outcome.
+    record : LinearRecord
+        The same made linear.
+    index : ndarray of int, shape (k,)
+        Fix of the drive behind every fix of the record.
+    notes : tuple of str
+        What was done on the way.
+    """
+
+    hypothesis: Hypothesis
+    settings: FilterSettings
+    stretches: tuple[Stretch, ...]
+    solutions: tuple[Solution, ...]
+    record: LinearRecord
+    index: NDArray[np.intp]
+    notes: tuple[str, ...]
+
+    @cached_property
+    def whitened(self) -> Whitened:
+        """Innovations and sensitivities by their sds, as the filter believed, less what noise makes of constants."""
+        w, leaning = whitened(believed(self.record)), self.hypothesis.leaning
+        return w if leaning is None else replace(w, residual=w.residual - w.slope @ leaning)
+
+
+def in_sensor_axes(drive: Drive) -> Drive:
+    """Return the drive with its lever arm in the axes of the sensor and no mounting."""
+    if drive.mounting is None:
+        return drive
+    arm = drive.lever_arm
+    if arm is not None:
+        x, y, z = (drive.mounting @ np.array(arm)).tolist()
+        arm = (x, y, z)
+    return replace(drive, mounting=None, lever_arm=arm)
+
+
+def thinned(drive: Drive) -> tuple[Drive, int]:
+    """Return the drive with at most `MOST` fixes, and of how many one was kept."""
+    every = -(-len(drive.gnss) // MOST)
+    return replace(drive, gnss=drive.gnss.rows(slice(None, None, every))), every
+
+
+def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
+    """Return the filter of a hypothesis for a drive that is already compensated: it believes the receiver's sds."""
+    arm = drive.lever_arm or (0.0, 0.0, 0.0)
+    settings = filter_settings(hypothesis.config, lever_arm=arm)
+    settings = replace(settings, fix_laws=(FixLaw(), FixLaw()))
+    return compensated_settings(settings, hypothesis.values)
+
+
+def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
+    """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
+    drive = compensated(drive, hypothesis.values)
+    gnss = drive.gnss
+    for jump in hypothesis.jumps:
+        first = 0 if jump.sensor == "gyro" else 3
+        rates = drive.rates.copy()
+        rates[drive.imu_t > jump.time, first : first + 3] -= jump.size
+        drive = replace(drive, rates=rates)
+    if hypothesis.velocity_out.any():
+        gnss = replace(gnss, vel_n=np.where(hypothesis.velocity_out[:, None], np.nan, gnss.vel_n))
+    if hypothesis.position_out.any():
+        gnss = gnss.rows(~hypothesis.position_out)
+    return replace(drive, gnss=gnss)
+
+
+def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
+    """Filter a drive in sensor axes under a hypothesis.
+
+    Raises
+    ------
+    DataError
+        Where the drive cannot be aligned.
+    """
+    seen = mended(drive, hypothesis)
+    settings = settings_of(seen, hypothesis)
+    stretches, notes = prepare(seen, settings, timed=True)
+    solutions = navigate(stretches, settings, np.zeros((0, 2)))
+    starts = [
+        beginning(settings, stretch, solutions[i - 1] if i else None) for i, stretch in enumerate(stretches)
+    ]
+    stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
+    indices = [_nearest(stamps, solution.t) for solution in solutions]
+    told = told_sds(drive.gnss, settings)
+    record = linear_record(
+        settings,
+        stretches,
+        solutions,
+        starts[0][1],
+        [x for x, _ in starts],
+        [told[index] for index in indices],
+    )
+    return Pass(hypothesis, settings, stretches, solutions, record, np.concatenate(indices), notes)
+
+
+def _nearest(stamps: FloatArray, t: FloatArray) -> NDArray[np.intp]:
+    """Return the numbers of the rising stamps nearest to times."""
+    after = np.clip(np.searchsorted(stamps, t), 1, len(stamps) - 1)
+    return np.asarray(after - (np.abs(stamps[after - 1] - t) < np.abs(stamps[after] - t)))

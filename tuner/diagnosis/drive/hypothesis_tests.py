@@ -1,0 +1,239 @@
+"""Families of tests on one pass, and the hypothesis that each would lead to.
+
+Causes that shift innovations come from `score`; those of the noise and of single fixes make another belief of the
+record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver or a law of them,
+densities, correlated states, fixes left out.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
+from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor
+from tuner.diagnosis.drive.causes.constants import Scored, families
+from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
+from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
+from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, joint_noise, scores
+from tuner.diagnosis.drive.causes.reported_sd import has_law, reported_noise, scaled
+from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump, Pass
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS
+from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
+from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.diagnosis.drive.linear_model.whitened import Whitened
+from tuner.diagnosis.drive.outcome import Claim
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, MarkovState
+
+FloatArray = NDArray[np.float64]
+
+STRONG = 1e-9
+"""Chance below which a shift is believed whatever the noise."""
+WORTH = 1.0
+"""Gain from which a cause is named, nats."""
+JUMPS = 2
+"""Most jumps that are named; more of them are another thing."""
+LARGEST = {"gyro": 0.05, "accel": 1.0}
+"""Size of a jump of a bias, rad/s and m/s², from which it is not believed: something else is wrong."""
+MEAN_TITLE = "score of the sensitivity of the innovations"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A cause that may explain a pass.
+
+    Attributes
+    ----------
+    alarm : Alarm
+        How surely.
+    scored : Scored or None
+        Of a cause that shifts innovations.
+    claim : Claim or None
+        Of any other.
+    """
+
+    alarm: Alarm
+    scored: Scored | None = None
+    claim: Claim | None = None
+
+    @property
+    def cause(self) -> str:
+        """Code of the cause."""
+        return self.alarm.cause
+
+    @property
+    def credible(self) -> bool:
+        """Whether a cause of the size that it would have to be is met in practice."""
+        if self.scored is None and self.cause == JUMP and self.claim is not None:
+            size = np.abs(evaluate(self.claim.belief).theta[-3:]).max()
+            return bool(size < LARGEST[jump_sensor(self.claim.belief)])
+        return self.scored is None or self.scored.credible
+
+    def raised(self, threshold: float) -> bool:
+        """Whether the family alarms and its cause gains."""
+        return self.alarm.p_value < threshold and self.alarm.gain > WORTH
+
+
+def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
+    """Return what the filter of a pass believed, with accepted shifts free."""
+    names = found.record.parameters
+    columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
+    return replace(believed(found.record), columns=columns)
+
+
+def candidates(
+    found: Pass, w: Whitened, accepted: tuple[str, ...], threshold: float
+) -> tuple[Candidate, ...]:
+    """Return what families say of a pass; accepted shifts are fitted beside every test.
+
+    What shifts innovations leaks into all noise, and wrong noise makes weak shifts look sure. Where a shift is strong,
+    noise and jumps are asked with all shifts free, so that none of them leaks: what is still sure is named before any
+    shift; then strong shifts. Where none is, noise and jumps come first, both beside single fixes; weak shifts are
+    listened to last. A family that comes later is not asked, or taken for silent, while an earlier one alarms.
+    """
+    record = found.record
+    belief = belief_of(found, accepted)
+    shifts = [shift(one) for one in families(w, record.parameters, accepted)]
+    if any(one.raised(STRONG) for one in shifts):
+        free = replace(belief, columns=tuple(range(len(record.parameters))))
+        fixes, noise = _asked(found, free, threshold)
+        if any(one.raised(STRONG) for one in noise):
+            return (*fixes, *noise)
+        return (*shifts, *_fixes(belief, threshold))
+    fixes, noise = _asked(found, belief, threshold)
+    if any(one.raised(threshold) for one in (*fixes, *noise)):
+        return (*fixes, *noise)
+    return (*shifts, *fixes, *noise)
+
+
+def _fixes(belief: Belief, threshold: float) -> tuple[Candidate, ...]:
+    """Return what single fixes say; where positions and velocities both alarm they have one belief."""
+    record = belief.record
+    every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
+    masked = mask(every)
+    told = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
+    if all(one.raised(threshold) for one in told):
+        both = replace(every, rows=masked.rows(every))
+        told = [_claimed(replace(one.claim, belief=both)) for one in told if one.claim is not None]
+    return tuple(told)
+
+
+def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
+    """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
+
+    The kernels of the likelihood let other threads run. What a line search says is not for the user, and scipy keeps it
+    to itself in one thread only.
+    """
+    with warnings.catch_warnings(), ThreadPoolExecutor(max_workers=2) as pool:
+        warnings.filterwarnings("ignore", "The line search|Rounding errors", RuntimeWarning)
+        correlated = pool.submit(lambda: correlated_gnss(belief, evaluate(belief)))
+        factors = pool.submit(_factors, found, belief)
+        fixes = pool.submit(_fixes, belief, threshold)
+        jumps = [pool.submit(bias_jump, belief)] if len(found.hypothesis.jumps) < JUMPS else []
+        claims = (*factors.result(), correlated.result(), *(jump.result() for jump in jumps))
+        return fixes.result(), tuple(_claimed(claim) for claim in claims)
+
+
+def _factors(found: Pass, belief: Belief) -> tuple[Claim, ...]:
+    """Return what is said of factors on the noise, and of laws of the reported sds."""
+    told, prior = scores(belief), static_prior(found.hypothesis.config.channels)
+    factors = joint_noise(belief, told, prior_sd=prior)
+    if factors is None:
+        factors = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
+    asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
+    laws = [claim for block in asked if (claim := reported_noise(belief, block)) is not None]
+    return (*factors, *laws)
+
+
+def _claimed(claim: Claim) -> Candidate:
+    return Candidate(claim.alarm, claim=claim)
+
+
+def shift(scored: Scored) -> Candidate:
+    """Return the candidate of a cause that shifts innovations."""
+    alarm = Alarm(scored.cause, scored.p_value, scored.gain, scored.statistic, MEAN_TITLE)
+    return Candidate(alarm, scored=scored)
+
+
+def adopted(found: Pass, claim: Claim) -> Hypothesis:
+    """Return the hypothesis of a pass with what a claim holds true besides."""
+    was, record, belief = found.hypothesis, found.record, claim.belief
+    if claim.alarm.cause == JUMP:
+        theta = evaluate(belief).theta[-3:]
+        time = claim.describe()["time"].value
+        assert time is not None
+        return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(belief), theta)))
+    ratio = belief.sd / record.sd
+    told = claim.law or {
+        f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)])) for name, rows in ROWS.items()
+    }
+    factor = tuple(f"gnss_noise_scale.{name}" for name in ROWS)
+    values = {name: scaled(was.values, name, v) if name in factor else v for name, v in told.items()}
+    config = _denser(was.config, dict(zip(GROUPS, belief.drive.tolist(), strict=True)))
+    if np.any(belief.markov_sd > 0.0) and config.gnss is not None:
+        level, down = float(np.sqrt(np.mean(belief.markov_sd[:2] ** 2))), float(belief.markov_sd[2])
+        state = MarkovState(level or down, float(belief.markov_time))
+        gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
+        config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
+    position, velocity = was.position_out.copy(), was.velocity_out.copy()
+    if claim.alarm.cause in KINDS:
+        dropped = record.available & record.scored[:, None] & ~belief.rows
+        position[found.index[dropped[:, :3].any(axis=1)]] = True
+        velocity[found.index[dropped[:, 3:].any(axis=1)]] = True
+    changed = {name: value for name, value in values.items() if value != 1.0}
+    return replace(
+        was,
+        config=config,
+        values={**was.values, **changed},
+        position_out=position,
+        velocity_out=velocity,
+    )
+
+
+def _denser(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
+    """Return the configuration with its densities times factors by group."""
+
+    def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:
+        white, slow = factor[f"{axis[:-2]}_white"], factor[f"{axis[:-2]}_bias"]
+        return replace(
+            noise,
+            white_density=white * noise.white_density,
+            random_walk_density=slow * noise.random_walk_density,
+            markov=tuple(replace(state, sd=slow * state.sd) for state in noise.markov),
+        )
+
+    if all(value == 1.0 for value in factor.values()):
+        return config
+    return replace(config, channels={axis: channel(axis, noise) for axis, noise in config.channels.items()})
+
+
+def coefficients(names: tuple[str, ...], value: FloatArray, covariance: FloatArray) -> dict[str, Coefficient]:
+    """Return estimates with their normal intervals, by parameter name."""
+    sd = np.sqrt(np.diag(covariance))
+    return {
+        name.partition(".")[2]: Coefficient.known(
+            float(v), float(v - 1.96 * s), float(v + 1.96 * s), UNITS[name.partition(".")[0]]
+        )
+        for name, v, s in zip(names, value, sd, strict=True)
+    }
+
+
+UNITS = {
+    "time_offset": "s",
+    "velocity_lag": "s",
+    "lever_arm": "m",
+    "gnss_frame": "rad",
+    "gyro_scale": "1",
+    "accel_scale": "1",
+    "misalignment": "rad",
+    "g_sensitivity": "rad/s/(m/s^2)",
+    "gravity": "m/s^2",
+}
+"""Unit of the parameters of a cause."""

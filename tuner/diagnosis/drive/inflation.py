@@ -1,0 +1,277 @@
+"""Explained inflation: by how much a drive wants each noise setting enlarged, and what it really asks for.
+
+All factors on Q and R are fitted together, true ÷ stated: to the pass of the filter as it was configured, to the pass
+with all findings, and to passes in which one finding is forgotten::
+
+    plain    what one would inflate by without naming anything
+    named    what is left once the causes are in the filter
+    cause    of all findings, the one whose forgetting brings most of the factor back
+
+What is left of white noise is put down to vibration where the unit is that much noisier above 5 Hz while it moves than
+while it stands, what is left of the receiver to its stated sds where those were found wrong; else it is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.diagnose import Examined
+from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drive.hypothesis_tests import belief_of
+from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, factors, present
+from tuner.types import ChannelNoise, Coefficient, Demand, FilterConfig
+from tuner.types.records import DataError, Drive
+
+FloatArray = NDArray[np.float64]
+
+SETTINGS: Mapping[str, tuple[str, str]] = {
+    "gyro_white": ("white noise of the gyros", "rad/s/√Hz"),
+    "accel_white": ("white noise of the accelerometers", "m/s^2/√Hz"),
+    "gyro_bias": ("wander of the gyro biases", "rad/s/√s"),
+    "accel_bias": ("wander of the accelerometer biases", "m/s^2/√s"),
+    "position": ("error of the positions", "m"),
+    "velocity": ("error of the velocities", "m/s"),
+}
+"""Noise settings of a filter: in words, SI unit."""
+SCALES = ("gnss_noise_scale", "imu_noise_scale")
+"""Findings that are themselves an inflation: they explain none."""
+NOTABLE = 1.5
+"""Vibration, moving ÷ standing, from which it counts."""
+SHARE = 0.25
+"""Part of what a factor lost that forgetting a cause must bring back for it to be named."""
+MOST = 4
+"""Findings that are forgotten in turn, the first accepted: each costs a pass and a fit."""
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Factors on the stated settings that a pass asks for, and the same as coefficients with intervals."""
+
+    fit: Fit
+    scale: Mapping[str, float]
+
+    def log(self, name: str) -> float:
+        """Return the size of a factor: how far its log is from 0."""
+        return abs(float(np.log(self.fit.factor(name) * self.scale[name])))
+
+    def coefficient(self, name: str) -> Coefficient:
+        """Return a factor with its interval."""
+        return self.fit.coefficient(name, scale=self.scale[name])
+
+
+def demands(
+    examined: Examined,
+    vibration: Mapping[str, float] | None = None,
+    *,
+    prior_sd: Mapping[str, float] = NO_PRIOR,
+) -> tuple[Demand, ...]:
+    """Return what a drive asks of each noise setting, and why.
+
+    None where the likelihood has no maximum that could be found.
+
+    Parameters
+    ----------
+    examined : Examined
+        The drive, its passes and findings.
+    vibration : mapping of str to float
+        Noise above 5 Hz, moving ÷ standing, of ``gyro`` and ``accel``.
+    prior_sd : mapping of str to float
+        What is known beforehand of the log of a factor, by name of `SETTINGS`; nothing by default, so that the drive
+        speaks for itself.
+    """
+    base, final = examined.criticism.base, examined.criticism.final
+    config = base.hypothesis.config
+    known = tuple(a.cause for a in examined.criticism.accepted)
+    if not all(present(belief_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
+        return ()
+    try:
+        plain = _asked(base, base, (), prior_sd)
+        named = _asked(base, final, known, prior_sd)
+    except np.linalg.LinAlgError:
+        return ()
+    names = [name for name in SETTINGS if name in plain.fit.scales.names and name in named.fit.scales.names]
+    factor = {name: (plain.coefficient(name), named.coefficient(name)) for name in names}
+    fallen = [
+        name
+        for name in names
+        if not covers(factor[name][0]) and plain.log(name) - named.log(name) > SHARE * plain.log(name)
+    ]
+    accounted = _accounted(examined.drive, base, final, known, fallen, plain, named, prior_sd)
+    answer = []
+    for name in SETTINGS:
+        stated = stated_value(config, base, name)
+        if name not in names:
+            continue
+        held = plain.fit.held(name) or named.fit.held(name)
+        causes = accounted.get(name, ())
+        if held and not covers(factor[name][1]):
+            causes = (*causes, _rest(name, factor[name][1], known, vibration or {}))
+        answer.append(
+            Demand(name, stated, SETTINGS[name][1], *factor[name], causes if held else (), held, "")
+        )
+    return tuple(replace(one, text=words(one, (vibration or {}).get(one.quantity[:-6]))) for one in answer)
+
+
+def covers(factor: Coefficient) -> bool:
+    """Whether a factor may be 1."""
+    if factor.interval is not None:
+        return factor.interval[0] <= 1.0 <= factor.interval[1]
+    return factor.upper is None or factor.upper >= 1.0
+
+
+def stated_value(config: FilterConfig, base: Pass, name: str) -> float | None:
+    """Return what is stated of a setting, root mean square over axes (and fixes), SI."""
+    if name in BLOCKS:
+        rows = base.record.counted[:, BLOCKS[name]]
+        return float(np.sqrt(np.mean(base.record.sd[:, BLOCKS[name]][rows] ** 2))) if rows.any() else None
+    sensor, _, kind = name.partition("_")
+    channels = [c for axis, c in config.channels.items() if axis.startswith(sensor)]
+    density = [c.white_density if kind == "white" else wander(c) for c in channels]
+    return float(np.sqrt(np.mean(np.square(density))))
+
+
+def wander(channel: ChannelNoise) -> float:
+    """Return the density that drives all bias states of an axis together, unit/√s."""
+    return float(np.sqrt(channel.random_walk_density**2 + sum(s.driving_density**2 for s in channel.markov)))
+
+
+def _asked(
+    base: Pass,
+    found: Pass,
+    known: Sequence[str],
+    prior_sd: Mapping[str, float],
+    free: Sequence[str] = tuple(SETTINGS),
+    others: Fit | None = None,
+) -> _Asked:
+    """Fit the free settings of a pass, the others as a fit has them."""
+    belief = belief_of(found, tuple(known))
+    names = present(belief, tuple(free))
+    if others is not None:
+        fixed = tuple(name for name in others.scales.names if name not in names)
+        logs = np.array([others.estimate[others.number(name)] for name in fixed])
+        belief = factors(fixed).change(belief, logs)
+    # Far from the truth variances may come out negative: the search turns back from there.
+    with np.errstate(invalid="ignore"):
+        fit = maximise(belief, factors(names), prior_sd=prior_sd)
+    return _Asked(fit, {name: settled(found, name) / settled(base, name) for name in names})
+
+
+def settled(found: Pass, name: str) -> float:
+    """Return what the filter of a pass believed of a setting, in proportion to what was stated."""
+    if name in BLOCKS:
+        record, rows = found.record, found.record.counted[:, BLOCKS[name]]
+        now, said = (sd[:, BLOCKS[name]][rows] for sd in (record.sd, record.reported_sd))
+        known = np.isfinite(said)
+        return float(np.sqrt(np.sum(now[known] ** 2) / np.sum(said[known] ** 2))) if known.any() else 1.0
+    value = stated_value(found.hypothesis.config, found, name)
+    return value or 1.0
+
+
+def _accounted(
+    drive: Drive,
+    base: Pass,
+    final: Pass,
+    known: tuple[str, ...],
+    fallen: Sequence[str],
+    plain: _Asked,
+    named: _Asked,
+    prior_sd: Mapping[str, float],
+) -> dict[str, tuple[str, ...]]:
+    """Return the findings that bring factors back when they are forgotten, the most important first."""
+    causes = tuple(dict.fromkeys(c for c in known if c not in SCALES))[:MOST]
+    if not fallen or not causes:
+        return {}
+    if len(causes) == 1:
+        return dict.fromkeys(fallen, causes)
+    back: dict[str, dict[str, float]] = {name: {} for name in fallen}
+    for cause in causes:
+        others = tuple(c for c in known if c != cause)
+        try:
+            less = examine(drive, forgotten(final.hypothesis, base.hypothesis, cause))
+            asked = _asked(base, less, others, prior_sd, fallen, named.fit)
+        except (DataError, np.linalg.LinAlgError):
+            # A filter that cannot do without the cause: all of the factor is back.
+            back = {name: {**shares, cause: 1.0} for name, shares in back.items()}
+            continue
+        for name in fallen:
+            lost = plain.log(name) - named.log(name)
+            back[name][cause] = (asked.log(name) - named.log(name)) / lost
+    answer = {}
+    for name, shares in back.items():
+        order = sorted(shares, key=lambda cause: -shares[cause])
+        answer[name] = tuple(c for c in order if shares[c] > SHARE) or (order[0],)
+    return answer
+
+
+def forgotten(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
+    """Return a hypothesis without one of its causes."""
+    values = {name: value for name, value in final.values.items() if name.partition(".")[0] != cause}
+    values |= {name: value for name, value in base.values.items() if name.partition(".")[0] == cause}
+    less = replace(final, values=values)
+    if cause == "bias_jump":
+        return replace(less, jumps=base.jumps)
+    if cause == "gnss_outliers":
+        return replace(less, position_out=base.position_out)
+    if cause == "gnss_velocity":
+        return replace(less, velocity_out=base.velocity_out)
+    if cause == "correlated_gnss" and final.config.gnss is not None and base.config.gnss is not None:
+        was = base.config.gnss
+        gnss = replace(final.config.gnss, correlated=was.correlated, correlated_down=was.correlated_down)
+        return replace(less, config=replace(final.config, gnss=gnss))
+    return less
+
+
+def _rest(name: str, left: Coefficient, known: Sequence[str], vibration: Mapping[str, float]) -> str:
+    """Return what accounts for a factor that stays."""
+    if name in BLOCKS:
+        return "gnss_noise_scale" if "gnss_noise_scale" in known else UNKNOWN
+    sensor, _, kind = name.partition("_")
+    ratio = vibration.get(sensor, 1.0)
+    low = left.interval[0] if left.interval else 0.0
+    return "vibration" if kind == "white" and ratio > NOTABLE and 1.0 < low < ratio else UNKNOWN
+
+
+def words(one: Demand, vibration: float | None = None) -> str:
+    """Say a demand in words."""
+    title = SETTINGS[one.quantity][0]
+    if not one.identifiable:
+        return f"{title}: not identifiable on this drive; the stated value stays"
+    if covers(one.plain) and covers(one.named):
+        return f"{title}: as stated; the drive allows {_times(one.plain)}"
+    named = [cause.replace("_", " ") for cause in one.causes if cause not in (UNKNOWN, "vibration", *SCALES)]
+    parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
+    if named:
+        parts.append(f"{_times(one.named)} once {listed(named)} {'is' if len(named) == 1 else 'are'} named")
+    else:
+        parts.append(f"{_times(one.named)} with all findings in the filter")
+    if "vibration" in one.causes and vibration is not None:
+        parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy moving as standing")
+    if "gnss_noise_scale" in one.causes:
+        parts.append("the receiver's own standard deviations are off by that much")
+    if UNKNOWN in one.causes:
+        parts.append("what is left has no known cause")
+    return "; ".join(parts)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Join names as a sentence does."""
+    return " and ".join([*filter(None, [", ".join(names[:-1])]), names[-1]])
+
+
+def _times(factor: Coefficient) -> str:
+    return f"less than × {factor.upper:.3g}" if factor.value is None else f"× {said(factor)}"
+
+
+def said(factor: Coefficient) -> str:
+    """Say a factor: ``1.8 (1.5 … 2.2)``, ``below 0.9``."""
+    if factor.value is None:
+        return f"below {factor.upper:.3g}" if factor.upper is not None else "–"
+    if factor.interval is None:
+        return f"{factor.value:.3g}"
+    return f"{factor.value:.3g} ({factor.interval[0]:.3g} … {factor.interval[1]:.3g})"

@@ -1,0 +1,244 @@
+"""The most likely noise of a record, how well it is held, and what may be said of it.
+
+::
+
+    x̂ = argmax ln L(x) − ½ Σ (x_j/σ_j)²          logs of factors; σ_j the prior, wide where nothing is known
+    covariance = (−∂²/∂x²)⁻¹                      by differences of the analytic gradient
+
+A parameter is *held* where the record alone, the others being free, says more of it than a factor e either way
+(1/C_jj − 1/σ_j² > 1). Its interval is that of the quadratic where it is narrow, else where the likelihood, along the
+ridge of the others and with one step of theirs more, has fallen by 1.92; without a lower end there is only an upper
+limit (1.35). A wide prior keeps the search within bounds and has no part in intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, minimize
+
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate_with_gradient, held
+from tuner.diagnosis.drive.linear_model.noise_parameters import Scales
+from tuner.types import Coefficient
+
+FloatArray = NDArray[np.float64]
+Cost = Callable[[FloatArray], tuple[float, FloatArray]]
+"""(parameters (q,)) → cost and its gradient."""
+
+WIDE = 2.0
+"""Prior sd of the log of a factor of which nothing is known."""
+FAR = 5.0
+"""Greatest distance of a log that is looked at."""
+NARROW = 0.15
+"""Sd of a log below which the quadratic stands for the likelihood."""
+ENOUGH = 0.01
+"""Gain of a step, nats, from which on a search goes on."""
+ROUGHLY = 1e-3
+"""The same, as a share of all that was gained: what is so far off is fitted again once it is adopted."""
+HOLDS = 3
+"""Times that the noise is fitted at most, mean parameters held as fitted with the noise before."""
+HARDLY = 0.1
+"""Gain by other mean parameters, nats, from which the noise is fitted once more."""
+HOPELESS = 1e12
+"""Cost, nats, of noise so far from the record's that its likelihood is lost in rounding."""
+NO_PRIOR: Mapping[str, float] = MappingProxyType({})
+_STEP = 0.02
+_TWO_SIDED, _ONE_SIDED = 1.9207, 1.3528
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Noise fitted to a record.
+
+    Attributes
+    ----------
+    scales : Scales
+        The parameters.
+    start : Belief
+        Where they are 0, mean parameters held.
+    estimate, prior_sd : ndarray, shape (q,)
+        Parameters and their prior sds.
+    cost : callable
+        −ln L and the prior, with its gradient.
+    log_likelihood, objective : float
+        ln L there, without and with the prior.
+    """
+
+    scales: Scales
+    start: Belief
+    estimate: FloatArray
+    prior_sd: FloatArray
+    cost: Cost
+    log_likelihood: float
+    objective: float
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of the estimate, with the prior; shape (q, q)."""
+        return curvature(self.cost, self.estimate, self.prior_sd)
+
+    @property
+    def belief(self) -> Belief:
+        """What is believed after the fit."""
+        return self.scales.change(self.start, self.estimate)
+
+    def number(self, name: str) -> int:
+        """Return the number of a parameter."""
+        return self.scales.names.index(name)
+
+    def factor(self, name: str) -> float:
+        """Return the exponential of a parameter."""
+        return float(np.exp(self.estimate[self.number(name)]))
+
+    def held(self, name: str) -> bool:
+        """Whether the record itself holds a parameter within a factor e."""
+        j = self.number(name)
+        return bool(1.0 / self.covariance[j, j] - 1.0 / self.prior_sd[j] ** 2 > 1.0)
+
+    def coefficient(self, name: str, *, unit: str = "1", scale: float = 1.0) -> Coefficient:
+        """Return `scale` times the exponential of a parameter, with its 95 % interval.
+
+        Parameters
+        ----------
+        name, unit : str
+            Parameter; unit of the answer.
+        scale : float
+            What the exponential is multiplied by.
+        """
+        j = self.number(name)
+        sd, x = float(np.sqrt(self.covariance[j, j])), float(self.estimate[j])
+        value = scale * float(np.exp(x))
+        if sd < NARROW:
+            low, high = scale * np.exp(x - 1.96 * sd), scale * np.exp(x + 1.96 * sd)
+            return Coefficient.known(value, float(low), float(high), unit)
+        reason = None
+        if not self.held(name):
+            reason = f"the drive holds it no better than a factor {np.exp(min(sd, WIDE)):.1f} either way"
+        low = self._reach(j, -1.0, _TWO_SIDED)
+        if low <= -FAR:
+            upper = scale * float(np.exp(self._reach(j, 1.0, _ONE_SIDED)))
+            return Coefficient.bounded(upper, unit, reason or "indistinguishable from none on this drive")
+        high = self._reach(j, 1.0, _TWO_SIDED)
+        return Coefficient.known(value, scale * float(np.exp(low)), scale * float(np.exp(high)), unit, reason)
+
+    def _reach(self, j: int, side: float, drop: float) -> float:
+        """Return the value of a parameter where the objective, along the ridge, has fallen by `drop`."""
+        ridge = self.covariance[:, j] / self.covariance[j, j]
+        sd = float(np.sqrt(self.covariance[j, j]))
+        others = self.covariance - np.outer(ridge, self.covariance[j])
+        known = np.where(self.prior_sd < WIDE, self.prior_sd, np.inf)
+        top = self.log_likelihood - 0.5 * float(np.sum((self.estimate / known) ** 2))
+
+        def fallen(distance: float) -> bool:
+            x = np.clip(self.estimate + side * distance * ridge, -FAR, FAR)
+            belief = self.scales.change(self.start, x)
+            found, gradient = evaluate_with_gradient(belief)
+            slopes = self.scales.slopes(self.start, x, gradient) - x / self.prior_sd**2
+            value = found.value + 0.5 * float(slopes @ others @ slopes)
+            return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
+
+        most = FAR - side * float(self.estimate[j])
+        near, far = 0.0, min(np.sqrt(2.0 * drop) * sd, most)
+        while not fallen(far):
+            if far >= most:
+                return side * FAR
+            near, far = far, min(2.0 * far, most)
+        for _ in range(5):
+            middle = 0.5 * (near + far)
+            near, far = (near, middle) if fallen(middle) else (middle, far)
+        return float(self.estimate[j] + side * 0.5 * (near + far))
+
+
+def maximise(
+    belief: Belief,
+    scales: Scales,
+    *,
+    prior_sd: Mapping[str, float] = NO_PRIOR,
+    start: FloatArray | None = None,
+) -> Fit:
+    """Fit noise to a record.
+
+    Parameters
+    ----------
+    belief : Belief
+        Where all parameters are 0.
+    scales : Scales
+        The parameters.
+    prior_sd : mapping of str to float
+        Prior sd of a log by name, about 0; `WIDE` where it is not given.
+    start : ndarray, shape (q,), optional
+        Where to begin.
+    """
+    sd = np.array([prior_sd.get(name, WIDE) for name in scales.names])
+    x = np.zeros(len(scales.names)) if start is None else start
+    fixed, cost = _held_cost(belief, scales, x, sd)
+    last = -np.inf
+    for _ in range(HOLDS):
+        x, last = _climbed(cost, x, curvature(cost, x, sd))
+        if not belief.columns:
+            break
+        fixed, cost = _held_cost(belief, scales, x, sd)
+        was, last = last, -cost(x)[0]
+        if last - was < HARDLY:
+            break
+    prior = 0.5 * float(np.sum((x / sd) ** 2))
+    return Fit(scales, fixed, x, sd, cost, prior + last, last)
+
+
+def _held_cost(belief: Belief, scales: Scales, x: FloatArray, sd: FloatArray) -> tuple[Belief, Cost]:
+    """Return a belief with mean parameters held at their best for some noise, and the cost of other noise."""
+    fixed = replace(belief, record=held(scales.change(belief, x)).record, columns=())
+    return fixed, _cost(fixed, scales, sd)
+
+
+def _cost(belief: Belief, scales: Scales, sd: FloatArray) -> Cost:
+    """Return the cost to minimise, −ln L and the prior, with its gradient."""
+
+    def cost(x: FloatArray) -> tuple[float, FloatArray]:
+        x = np.clip(x, -FAR, FAR)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found, gradient = evaluate_with_gradient(scales.change(belief, x))
+            slopes = scales.slopes(belief, x, gradient)
+        if not (np.isfinite(found.value) and np.isfinite(slopes).all()):
+            return HOPELESS, x / sd**2
+        return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes
+
+    return cost
+
+
+def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float]:
+    """Return where a search from x ends, the inverse of the curvature there given, and the objective."""
+    options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
+    first = last = cost(x)[0]
+
+    def enough(intermediate_result: OptimizeResult) -> None:
+        nonlocal last
+        gained, last = last - float(intermediate_result.fun), float(intermediate_result.fun)
+        if gained < max(ENOUGH, ROUGHLY * (first - last)):
+            raise StopIteration
+
+    answer = minimize(cost, x, method="BFGS", jac=True, options=options, callback=enough)
+    return np.clip(answer.x, -FAR, FAR), -float(answer.fun)
+
+
+def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the inverse of the second derivatives of a cost with gradient, by differences of the gradient.
+
+    Directions in which the cost is not convex are left to the prior `sd`.
+    """
+    middle = cost(x)[1]
+    second = np.empty((len(x), len(x)))
+    for j in range(len(x)):
+        moved = x.copy()
+        moved[j] += _STEP
+        second[j] = (cost(moved)[1] - middle) / _STEP
+    second = np.where(np.abs(second) < HOPELESS, second, 0.0)
+    second = 0.5 * (second + second.T) * np.outer(sd, sd)
+    values, vectors = np.linalg.eigh(second)
+    inverse = (vectors / np.maximum(values, 1.0)) @ vectors.T * np.outer(sd, sd)
+    return np.asarray(0.5 * (inverse + inverse.T))

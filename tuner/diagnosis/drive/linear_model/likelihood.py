@@ -1,0 +1,270 @@
+"""Likelihood of a linear record under other noise: what every judgement of a drive stands on.
+
+A `Belief` says what is believed of a record: sds of the fixes, factors on the drives of the process noise, a
+Gauss–Markov error of the position fixes, rows that are taken, columns of mean parameters θ that are free. With the
+innovations z of the filter it describes, their variances f and their sensitivities s (`passes`)::
+
+    ln L = −½ Σ [(z − s θ)²/f + ln 2πf],    θ = I⁻¹ Σ s z/f,    I = Σ s sᵀ/f
+
+over the rows that are taken and count: θ is profiled out. The gradient by all noise at once costs one pass
+backwards. As believed by the filter itself (`believed`), z and f are exactly its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.linear_model.kalman_kernels import Places, backward, forward, unaided
+from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+IMPULSES = 6
+"""States after the first nine whose impulses are scored: the biases of gyroscopes and accelerometers."""
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is believed of a record of k fixes.
+
+    Attributes
+    ----------
+    record : LinearRecord
+        The pass of the filter.
+    sd : ndarray, shape (k, 6)
+        Of the fixes.
+    drive : ndarray, shape (4,)
+        Factor on the density of each of `GROUPS`, as configured 1.
+    rows : ndarray of bool, shape (k, 6)
+        Rows that are taken.
+    columns : tuple of int
+        Columns of B and D whose parameters are free.
+    markov_sd : ndarray, shape (3,)
+        Stationary sd of a Gauss–Markov error of the position fixes, north, east, down, m.
+    markov_time : float
+        Its time constant, s.
+    """
+
+    record: LinearRecord
+    sd: FloatArray
+    drive: FloatArray
+    rows: BoolArray
+    columns: tuple[int, ...] = ()
+    markov_sd: FloatArray = field(default_factory=lambda: np.zeros(3))
+    markov_time: float = 60.0
+
+    @property
+    def counted(self) -> BoolArray:
+        """Rows that enter ln L: taken, after the filter has settled; shape (k, 6)."""
+        return self.rows & self.record.available & self.record.scored[:, None]
+
+    @property
+    def count(self) -> int:
+        """Number of rows that enter ln L."""
+        return int(np.count_nonzero(self.counted))
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """What a belief says of its record.
+
+    Attributes
+    ----------
+    value : float
+        ln L.
+    theta, theta_covariance : ndarray, shapes (p,), (p, p)
+        Free mean parameters.
+    innovation, variance : ndarray, shape (k, 6)
+        z − s θ and f, of one row after the other of a fix; NaN where it has none.
+    sensitivity : ndarray, shape (k, 6, p)
+        s.
+    """
+
+    value: float
+    theta: FloatArray
+    theta_covariance: FloatArray
+    innovation: FloatArray
+    variance: FloatArray
+    sensitivity: FloatArray
+
+    @property
+    def white(self) -> FloatArray:
+        """Innovations by their sds: independent and of unit variance; shape (k, 6), NaN where there is none."""
+        return np.asarray(self.innovation / np.sqrt(self.variance))
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Derivatives of ln L by logs of the noise, deleted residuals, and scores of impulses.
+
+    The last four suppose that all rows taken count.
+
+    Attributes
+    ----------
+    value : float
+        ln L.
+    by_sd : ndarray, shape (k, 6)
+        By ln sd of every row.
+    by_drive : ndarray, shape (4,)
+        By ln drive.
+    by_markov_sd : ndarray, shape (3,)
+        By ln markov_sd.
+    deleted : ndarray, shape (k, 6)
+        What each row is off given all other rows taken, by its sd; NaN where there is none.
+    precision : ndarray, shape (k, 6)
+        Inverse variance of a row given all other rows, 0 where it is not taken.
+    score, information : ndarray, shapes (k, 6), (k, 6, 6)
+        Of an impulse in the biases of gyroscopes and accelerometers just after each fix: I⁻¹ score is its size.
+    """
+
+    value: float
+    by_sd: FloatArray
+    by_drive: FloatArray
+    by_markov_sd: FloatArray
+    deleted: FloatArray
+    precision: FloatArray
+    score: FloatArray
+    information: FloatArray
+
+
+def believed(record: LinearRecord) -> Belief:
+    """Return what the filter itself believed."""
+    return Belief(record, record.sd, np.ones(len(GROUPS)), record.used & record.available)
+
+
+def evaluate(belief: Belief) -> Likelihood:
+    """Return the likelihood of a record under a belief, the free mean parameters profiled out."""
+    return _forward(belief)[0]
+
+
+def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
+    """Return the likelihood and its gradient."""
+    found, gains = _forward(belief)
+    record = belief.record
+    k, b = len(record.t), min(IMPULSES, record.transition.shape[1] - 9)
+    gradient = Gradient(
+        found.value,
+        np.zeros((k, 6)),
+        np.zeros(4),
+        np.zeros(3),
+        np.full((k, 6), np.nan),
+        np.zeros((k, 6)),
+        np.zeros((k, max(b, 0))),
+        np.zeros((k, max(b, 0), max(b, 0))),
+    )
+    backward(
+        *_packed(record),
+        belief.drive**2,
+        record.H,
+        belief.sd,
+        record.available,
+        belief.rows & record.available,
+        belief.counted,
+        record.starts,
+        _decay(belief),
+        belief.markov_sd,
+        found.innovation,
+        found.variance,
+        gains,
+        gradient.by_sd,
+        gradient.by_drive,
+        gradient.by_markov_sd,
+        gradient.deleted,
+        gradient.precision,
+        gradient.score,
+        gradient.information,
+    )
+    gradient.by_drive[:] *= 2.0
+    return found, gradient
+
+
+def held(belief: Belief) -> Belief:
+    """Return a belief with its free mean parameters held where they are now, which costs no column any more.
+
+    What they do to the record is taken out of its innovations. Estimates of mean and noise of normal laws are
+    independent to first order: noise may be fitted with the mean held.
+    """
+    if not belief.columns:
+        return belief
+    record, columns = belief.record, list(belief.columns)
+    theta = evaluate(belief).theta
+    push, offset = record.drive[:, :, columns] @ theta, record.seen[:, :, columns] @ theta
+    error = np.empty_like(push)
+    unaided(_packed(record)[0], push, record.starts, error)
+    seen = (record.H @ error[:, :, None])[:, :, 0] + offset
+    return replace(belief, record=replace(record, innovation=record.innovation - seen), columns=())
+
+
+def gains_of(belief: Belief) -> FloatArray:
+    """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
+    return _forward(belief)[1]
+
+
+def _packed(record: LinearRecord) -> tuple[Places, Places, Places, Places, Places]:
+    """Return the transition and the noise of `GROUPS` as the passes take them."""
+    phi = record.compact("transition")
+    gyro, accel, gyro_bias, accel_bias = (_places(record, group) for group in GROUPS)
+    return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias
+
+
+def _places(record: LinearRecord, name: str) -> Places:
+    kept = record.compact(name)
+    return kept.row, kept.column, kept.values
+
+
+def _chosen(of: FloatArray, columns: list[int]) -> FloatArray:
+    """Return columns of the last axis, without a copy where they are all."""
+    every = columns == list(range(of.shape[2]))
+    return np.ascontiguousarray(of if every else of[:, :, columns])
+
+
+def _decay(belief: Belief) -> FloatArray:
+    t = belief.record.t
+    return np.asarray(np.exp(-np.diff(t, prepend=t[:1]) / belief.markov_time))
+
+
+def _forward(belief: Belief) -> tuple[Likelihood, FloatArray]:
+    record, columns = belief.record, list(belief.columns)
+    k, n, p = len(record.t), record.transition.shape[1], len(columns)
+    size = n + 3 if np.any(belief.markov_sd > 0.0) else n
+    z, f = np.full((k, 6), np.nan), np.full((k, 6), np.nan)
+    s, gains = np.zeros((k, 6, p)), np.zeros((k, 6, size))
+    forward(
+        *_packed(record),
+        _places(record, "gnss_position"),
+        belief.drive**2,
+        record.H,
+        record.innovation,
+        belief.sd,
+        record.available,
+        belief.rows & record.available,
+        record.correction,
+        record.initial,
+        record.starts,
+        _chosen(record.drive, columns),
+        _chosen(record.seen, columns),
+        _decay(belief),
+        belief.markov_sd,
+        z,
+        f,
+        s,
+        gains,
+    )
+    rows = belief.counted
+    theta, covariance = np.zeros(p), np.zeros((p, p))
+    if p:
+        root = np.sqrt(f[rows])
+        design = s[rows] / root[:, None]
+        scale = np.sqrt(np.sum(design**2, axis=0))
+        scale[scale == 0.0] = 1.0
+        design = design / scale
+        inverse = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True)
+        theta = inverse @ (design.T @ (z[rows] / root)) / scale
+        covariance = inverse / np.outer(scale, scale)
+        z = z - s @ theta
+    value = -0.5 * float(np.sum(z[rows] ** 2 / f[rows] + np.log(2.0 * np.pi * f[rows])))
+    return Likelihood(value, theta, covariance, z, f, s), gains

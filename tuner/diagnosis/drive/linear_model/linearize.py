@@ -1,0 +1,251 @@
+"""From a filter's pass over a drive to its linear record.
+
+The filter runs as it is; `tracing` follows it a second time and leaves Φ, Q and B, the fixes give H and D::
+
+    position = llh ⊕ C l             velocity = v + ω_eb × C l          H: their derivatives by the states
+    D: time_offset  −v, −a           velocity_lag  0, −a                lever_arm  C, [ω_eb ×] C
+       gnss_frame   0, [· ×] v       all others act on the sensors: B
+
+with a the mean acceleration around the fix. Candidate constants are in the axes of the filter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.earth import earth_rate, gravity, transport_rate
+from models.error_state import navigation_error
+from models.strapdown import NavigationState
+from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
+from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
+from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.navigation import engine
+from tuner.navigation.data import ABSENT, USED, Solution
+from tuner.navigation.drive.run import Stretch
+from tuner.navigation.settings import FilterSettings
+
+FloatArray = NDArray[np.float64]
+
+XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
+PARAMETERS = (
+    "time_offset.delay",
+    "velocity_lag.delay",
+    *(f"lever_arm.{a}" for a in XYZ),
+    *(f"gnss_frame.{a}" for a in RPY),
+    *(f"gyro_scale.{a}" for a in XYZ),
+    *(f"accel_scale.{a}" for a in XYZ),
+    *(f"misalignment.{a}" for a in RPY),
+    *(f"g_sensitivity.{a}{b}" for a in XYZ for b in XYZ),
+    "gravity.offset",
+)
+"""Columns of B and D."""
+
+
+def columns(parameters: Sequence[str] = PARAMETERS) -> Columns:
+    """Return how candidate constants act on what is felt."""
+    mix, down = np.zeros((len(parameters), 6, 6)), np.zeros(len(parameters))
+    for q, name in enumerate(parameters):
+        cause, _, part = name.partition(".")
+        if cause in ("gyro_scale", "accel_scale"):
+            i = XYZ.index(part) + (3 if cause == "accel_scale" else 0)
+            mix[q, i, i] = 1.0
+        elif cause == "misalignment":
+            mix[q, :3, :3] = rotation.skew(np.eye(3)[RPY.index(part)])
+        elif cause == "g_sensitivity":
+            mix[q, XYZ.index(part[0]), 3 + XYZ.index(part[1])] = 1.0
+        elif cause == "gravity":
+            down[q] = 1.0
+    return Columns(mix, down)
+
+
+def linear_record(
+    settings: FilterSettings,
+    stretches: Sequence[Stretch],
+    solutions: Sequence[Solution],
+    covariance: FloatArray,
+    starts: Sequence[FloatArray],
+    reported: Sequence[FloatArray],
+) -> LinearRecord:
+    """Return the record of a filter's pass.
+
+    Parameters
+    ----------
+    settings : FilterSettings
+        The filter; none of the candidates may be a state of it.
+    stretches, solutions : sequences
+        What was filtered, and the outcome.
+    covariance : ndarray, shape (n, n)
+        P at the start of the first stretch.
+    starts : sequence of ndarray, shape (n,)
+        Estimates of the other states at the start of every stretch.
+    reported : sequence of ndarray, shape (k, 6)
+        Sds that the receiver reports, those of the configuration where it does not.
+    """
+    parts = [
+        _part(settings, *each, first=i == 0)
+        for i, each in enumerate(zip(stretches, solutions, starts, reported, strict=True))
+    ]
+
+    def joined(name: str) -> FloatArray:
+        return _joined([np.asarray(getattr(part, name)) for part in parts])
+
+    groups = parts[0].noise
+    return LinearRecord(
+        joined("t"),
+        joined("transition"),
+        {g: _joined([part.noise[g] for part in parts]) for g in groups},
+        joined("H"),
+        joined("innovation"),
+        joined("sd"),
+        joined("reported_sd"),
+        joined("available").astype(bool),
+        joined("used").astype(bool),
+        joined("correction"),
+        covariance,
+        PARAMETERS,
+        joined("drive"),
+        joined("seen"),
+        joined("starts").astype(bool),
+        joined("scored").astype(bool),
+    )
+
+
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    """Return what parts of a record are together, without a copy where there is one."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _part(
+    settings: FilterSettings,
+    stretch: Stretch,
+    solution: Solution,
+    x_start: FloatArray,
+    reported: FloatArray,
+    *,
+    first: bool,
+) -> LinearRecord:
+    """Return the record of one stretch."""
+    k, n, p = len(solution.t), settings.size, len(PARAMETERS)
+    own = columns()
+    out = Trace(
+        np.empty((k, n, n)),
+        np.empty((2, k, 9, 9)),
+        np.empty((3, k, n, n)),
+        np.empty((k, 9, p)),
+        np.empty((k, 10)),
+        np.empty((k, n)),
+        np.empty((k, 6)),
+        np.empty((k, 2, 3)),
+    )
+    states = np.hstack([solution.state.llh, solution.state.vel_n, solution.state.quat_nb])
+    start = np.concatenate([stretch.start.llh, stretch.start.vel_n, stretch.start.quat_nb])
+    kept_trace(
+        engine.layout(settings),
+        own,
+        np.ascontiguousarray(stretch.steps.dt, dtype=float),
+        np.ascontiguousarray(stretch.steps.increments, dtype=float),
+        start,
+        x_start.astype(float),
+        stretch.fixes.after,
+        states,
+        np.ascontiguousarray(solution.parameters),
+        out,
+    )
+    white = np.zeros((2, k, n, n))
+    white[:, :, :9, :9] = out.white
+    noise = {
+        "gyro_white": white[0],
+        "accel_white": white[1],
+        "gyro_bias": out.slow[0],
+        "accel_bias": out.slow[1],
+    }
+    if "gnss_position" in settings.model.layout:
+        noise["gnss_position"] = out.slow[2]
+    drive = np.zeros((k, n, p))
+    drive[:, :9] = out.pull
+    if first:
+        drive[0] += out.phi[0] @ _start(settings, stretch, own)
+    before = NavigationState(out.prior[:, :3], out.prior[:, 3:6], out.prior[:, 6:])
+    correction = solution.parameters - out.x
+    correction[:, :9] = navigation_error(solution.state, before)
+    h, d = _jacobians(settings, out)
+    use = np.repeat(solution.use, 3, axis=1)
+    return LinearRecord(
+        solution.t,
+        out.phi,
+        noise,
+        h,
+        solution.innovation,
+        stretch.fixes.sd,
+        reported,
+        use != ABSENT,
+        use == USED,
+        correction,
+        np.zeros((0, 0)),
+        PARAMETERS,
+        drive,
+        d,
+        np.arange(k) == 0,
+        solution.t >= stretch.settled,
+    )
+
+
+def _start(settings: FilterSettings, stretch: Stretch, own: Columns) -> FloatArray:
+    """Return what constants do to the errors at the start, (n, p): standing still takes them for biases and tilt.
+
+    With the mean force f there, u = f/|f|, and the error M (0, f) of the sensors by a constant: the gyro bias is
+    read from their mean, that of the accelerometers along u from |f| − γ, the tilt from the direction of f.
+    """
+    at, v = settings.model.layout, np.zeros((settings.size, len(own.down)))
+    if stretch.alignment.still <= 0.0:
+        return v
+    mat = rotation.mat_from_quat(stretch.start.quat_nb)
+    size = float(gravity(np.sin(stretch.start.llh[0]), stretch.start.llh[2]))
+    u = -mat[2]
+    felt = own.mix @ np.concatenate([np.zeros(3), size * u])
+    v[at["gyro_bias"]] = -felt[:, :3].T
+    along = felt[:, 3:] @ u + own.down
+    v[at["accel_bias"]] = -np.outer(u, along)
+    across = (felt[:, 3:] - np.outer(felt[:, 3:] @ u, u)) @ mat.T / size
+    v[6], v[7] = across[:, 1], -across[:, 0]
+    return v
+
+
+def _jacobians(settings: FilterSettings, out: Trace) -> tuple[FloatArray, FloatArray]:
+    """Return H (k, 6, n) and D (k, 6, p)."""
+    at, k, n = settings.model.layout, len(out.x), settings.size
+    llh, vel = out.prior[:, :3], out.prior[:, 3:6]
+    mat = rotation.mat_from_quat(out.prior[:, 6:])
+    arm = np.array(settings.lever_arm) + (
+        out.x[:, at["lever_arm"]] if "lever_arm" in at else np.zeros((k, 3))
+    )
+    u = (mat @ arm[..., None])[..., 0]
+    sin_lat, cos_lat = np.sin(llh[:, 0]), np.cos(llh[:, 0])
+    of_earth = np.stack(earth_rate(sin_lat, cos_lat), axis=-1)
+    omega = (mat @ out.rates[:, :3, None])[..., 0]
+    relative = omega - of_earth
+    h = np.zeros((k, 6, n))
+    h[:, :3, :3] = h[:, 3:, 3:6] = np.eye(3)
+    h[:, :3, 6:9] = -rotation.skew(u)
+    h[:, 3:, 6:9] = rotation.skew(of_earth) @ rotation.skew(u) - rotation.skew(np.cross(omega, u))
+    h[:, 3:, at["gyro_bias"]] = rotation.skew(u) @ mat
+    if "gyro_markov" in at:
+        h[:, 3:, at["gyro_markov"]] = (rotation.skew(u) @ mat)[:, :, list(settings.model.gyro_markov_axes)]
+    if "lever_arm" in at:
+        h[:, :3, at["lever_arm"]], h[:, 3:, at["lever_arm"]] = mat, rotation.skew(relative) @ mat
+    if "gnss_position" in at:
+        errors = at["gnss_position"]
+        h[:, :3, errors] = np.tile(np.eye(3), (errors.stop - errors.start) // 3)
+    antenna = vel + np.cross(relative, u)
+    frame = np.stack(transport_rate(sin_lat, cos_lat, llh[:, 2], tuple(vel.T)), axis=-1)
+    acc = out.force.mean(axis=1) - np.cross(2.0 * of_earth + frame, vel)
+    acc[:, 2] += gravity(sin_lat, llh[:, 2])
+    d = np.zeros((k, 6, len(PARAMETERS)))
+    d[:, :3, 0], d[:, 3:, 0], d[:, 3:, 1] = -antenna, -acc, -acc
+    d[:, :3, 2:5], d[:, 3:, 2:5] = mat, rotation.skew(relative) @ mat
+    d[:, 3:, 5:8] = -rotation.skew(antenna)
+    return h, d

@@ -1,0 +1,147 @@
+"""Noise as a few numbers: which parameters a fit may change, and what the likelihood says of their change.
+
+Parameters are natural logs: of factors on the sds of groups of rows, of all fixes or of one class
+(``position_class_1``), on the drives of groups of process noise, on sd and time constant of a Gauss–Markov error of
+the fixes; and what is added to the exponent of a reported sd (``position_exponent``). Parameters at 0 change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, Gradient, evaluate
+from tuner.diagnosis.drive.linear_model.record import GROUPS
+
+FloatArray = NDArray[np.float64]
+
+ROWS: dict[str, tuple[int, ...]] = {
+    "position_horizontal": (0, 1),
+    "position_vertical": (2,),
+    "velocity_horizontal": (3, 4),
+    "velocity_vertical": (5,),
+}
+"""Groups of the rows of a fix that share a factor on their sd."""
+BLOCKS: dict[str, tuple[int, ...]] = {"position": (0, 1, 2), "velocity": (3, 4, 5)}
+"""The same, coarser."""
+MARKOV = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_vertical": slice(2, 3)}
+"""Axes of the Gauss–Markov error of the fixes that share a factor on their sd."""
+TIME = "markov_time"
+"""Name of the factor on its time constant."""
+_ROWS = ROWS | BLOCKS
+EXPONENT = "_exponent"
+"""Ending of the name of what is added to the exponent of a reported sd."""
+_CLASS = "_class_"
+STEP = 1e-4
+"""Width of the difference that stands for the derivative by the time constant."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Parameters of a fit.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What each parameter is called.
+    change : callable
+        (belief, parameters (q,)) → belief.
+    slopes : callable
+        (belief, parameters (q,), gradient at the changed belief) → derivatives of ln L, (q,).
+    """
+
+    names: tuple[str, ...]
+    change: Callable[[Belief, FloatArray], Belief]
+    slopes: Callable[[Belief, FloatArray, Gradient], FloatArray]
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a receiver says of its fixes, by block: class and log of the level of its sds, (k,), the typical log."""
+
+    classes: Mapping[str, NDArray[np.int64]]
+    logs: Mapping[str, FloatArray]
+    typical: Mapping[str, float]
+
+
+SILENT = Said({}, {}, {})
+
+
+def of_block(names: Iterable[str], block: str) -> tuple[str, ...]:
+    """Return the names that begin with that of a block."""
+    return tuple(name for name in names if name.startswith(block))
+
+
+def weights(name: str, count: int, said: Said) -> FloatArray:
+    """Return what a parameter adds to ln sd of every row, where it is 1; shape (count, 6).
+
+    Parameters
+    ----------
+    name : str
+        Of `ROWS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT`.
+    count : int
+        Number of fixes.
+    said : Said
+        What the receiver says of them.
+    """
+    base, _, number = name.removesuffix(EXPONENT).partition(_CLASS)
+    block, out = base.partition("_")[0], np.zeros((count, 6))
+    if name.endswith(EXPONENT):
+        out[:, _ROWS[base]] = (said.logs[block] - said.typical[block])[:, None]
+    else:
+        out[:, _ROWS[base]] = (said.classes[block] == int(number))[:, None] if number else 1.0
+    return out
+
+
+def factors(names: tuple[str, ...], said: Said = SILENT) -> Scales:
+    """Return parameters by name: of the rows as `weights` has them, of `GROUPS`, `MARKOV` and `TIME`."""
+
+    def change(belief: Belief, logs: FloatArray) -> Belief:
+        sd, drive = belief.sd.copy(), belief.drive.copy()
+        markov, time = belief.markov_sd.copy(), belief.markov_time
+        for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
+            if _of_rows(name):
+                sd *= factor ** weights(name, len(sd), said)
+            elif name in GROUPS:
+                drive[GROUPS.index(name)] *= factor
+            elif name in MARKOV:
+                markov[MARKOV[name]] *= factor
+            else:
+                time *= factor
+        return replace(belief, sd=sd, drive=drive, markov_sd=markov, markov_time=time)
+
+    def slopes(belief: Belief, logs: FloatArray, gradient: Gradient) -> FloatArray:
+        out = np.zeros(len(names))
+        for j, name in enumerate(names):
+            if _of_rows(name):
+                out[j] = float(np.sum(gradient.by_sd * weights(name, len(belief.sd), said)))
+            elif name in GROUPS:
+                out[j] = gradient.by_drive[GROUPS.index(name)]
+            elif name in MARKOV:
+                out[j] = gradient.by_markov_sd[MARKOV[name]].sum()
+            else:
+                here = change(belief, logs)
+                longer = replace(here, markov_time=here.markov_time * float(np.exp(STEP)))
+                out[j] = (evaluate(longer).value - gradient.value) / STEP
+        return out
+
+    return Scales(names, change, slopes)
+
+
+def _of_rows(name: str) -> bool:
+    return name.removesuffix(EXPONENT).partition(_CLASS)[0] in _ROWS
+
+
+def present(belief: Belief, names: tuple[str, ...], said: Said = SILENT) -> tuple[str, ...]:
+    """Return those of the names of rows and of `GROUPS` that the record has anything of."""
+    counted = belief.counted
+
+    def there(name: str) -> bool:
+        if _of_rows(name):
+            return bool(np.any(weights(name, len(counted), said)[counted]))
+        return bool(belief.record.noise[name].any())
+
+    return tuple(name for name in names if there(name))

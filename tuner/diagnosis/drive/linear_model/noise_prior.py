@@ -1,0 +1,64 @@
+"""How well a static identification knows the process noise: sds of the logs of the factors of a drive.
+
+The interval of a coefficient, (low, high) at 95 %, is (ln high − ln low)/3.92 of its log; a group takes the rms over
+its axes, of the bias terms that of the best known one. White noise that stands in a datasheet without an interval is
+known to `TYPICAL`: the filter was told that number, and a drive that contradicts it is to say so. Bias terms without
+an interval, and terms that are only bounded, are known to `VAGUE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.types import ChannelNoise, Coefficient
+
+TYPICAL = 0.1
+"""Sd of the log of a white density as a datasheet has it: what units of one type differ by."""
+VAGUE = 0.5
+"""Sd of the log of a density that is hardly known: a factor 1.6 either way."""
+COEFFICIENTS = {
+    "white": {"white": "density"},
+    "bias": {"bias_instability": "level", "random_walk": "density", "gauss_markov": "sd"},
+}
+"""Terms behind a group, with the coefficient that sets its density."""
+
+
+def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
+    """Return the sds of the logs of the factors by group, for `noise.fit_noise` and `noise.imu_noise`.
+
+    Parameters
+    ----------
+    channels : mapping of str to ChannelNoise
+        Of a configuration, with what was identified behind it.
+    """
+    out = {}
+    for group in GROUPS:
+        sensor, _, kind = group.partition("_")
+        own = [noise for axis, noise in channels.items() if axis.startswith(sensor)]
+        if own:
+            told = TYPICAL if kind == "white" else VAGUE
+            sds = [_axis(noise, COEFFICIENTS[kind], told) for noise in own]
+            out[group] = float(np.sqrt(np.mean(np.square(sds))))
+    return out
+
+
+def _axis(noise: ChannelNoise, terms: Mapping[str, str], told: float) -> float:
+    """Return the sd of the log of the best known of some terms of one axis; of one without an interval `told`."""
+    known = [
+        _log_sd(estimate.coefficients[terms[estimate.name]], told)
+        for estimate in noise.identified
+        if estimate.name in terms and estimate.present
+    ]
+    return min(known, default=VAGUE)
+
+
+def _log_sd(coefficient: Coefficient, told: float) -> float:
+    if coefficient.value is not None and coefficient.interval is None:
+        return told
+    if coefficient.interval is None or coefficient.interval[0] <= 0.0:
+        return VAGUE
+    low, high = coefficient.interval
+    return min(float(np.log(high / low)) / 3.92, VAGUE)

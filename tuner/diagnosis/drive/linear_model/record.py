@@ -1,0 +1,136 @@
+"""One pass of a filter as a linear record: all that a criticism of the drive needs, and no trajectory any more.
+
+Between the updates of fixes i − 1 and i the error state obeys e⁻ᵢ = Φᵢ e⁺ᵢ₋₁ + Bᵢ θ + w, e⁺ᵢ = e⁻ᵢ − cᵢ, and the
+innovation of fix i is νᵢ = Hᵢ e⁻ᵢ + Dᵢ θ + v. Here cᵢ is the correction that the filter applied, θ the parameters
+of causes that the filter does not know, var w = Σ_g s_g Q_gᵢ over groups of process noise, each as configured
+(s_g = 1), and var v the square of the assumed sds. Errors are truth minus estimate, attitude the φ-angle in n, as
+in `models.error_state`. All causes, other Q, R and further states are judged on this record alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
+"""Groups of process noise: white noise of the sensors, and the drives of all their bias states."""
+
+
+@dataclass(frozen=True)
+class LinearRecord:
+    """A filter's pass over k fixes, n states, p candidate parameters.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Times of the fixes, s.
+    transition : ndarray, shape (k, n, n)
+        Φ from just after the update of the fix before (or from the start) to each fix.
+    noise : mapping of str to ndarray, shape (k, n, n)
+        Process noise of each of `GROUPS` over the same interval, as configured, and of ``gnss_position`` where the
+        filter has such states; Q is the sum of all.
+    H : ndarray, shape (k, 6, n)
+        Jacobian of position (north, east, down, m) and velocity (m/s) fixes.
+    innovation : ndarray, shape (k, 6)
+        Fix minus prediction; 0 where the fix has none.
+    sd : ndarray, shape (k, 6)
+        Assumed sds.
+    reported_sd : ndarray, shape (k, 6)
+        What the receiver says of each fix, NaN where it says nothing.
+    available, used : ndarray of bool, shape (k, 6)
+        Rows that the fix has; rows that the filter took (neither gated nor withheld).
+    correction : ndarray, shape (k, n)
+        c: what the filter added to its state.
+    initial : ndarray, shape (n, n)
+        P at the start.
+    parameters : tuple of str
+        Names of the columns of B and D: ``time_offset.delay``, ``lever_arm.x``, …: cause, dot, parameter.
+    drive : ndarray, shape (k, n, p)
+        B.
+    seen : ndarray, shape (k, 6, p)
+        D.
+    starts : ndarray of bool, shape (k,)
+        True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
+    scored : ndarray of bool, shape (k,)
+        Fixes that count in sums over the record; false while the filter settles, all by default.
+    packed : dict of str to Sparse
+        Transition and noise without their zeros as far as they were asked for, handed on to copies.
+    """
+
+    t: FloatArray
+    transition: FloatArray
+    noise: Mapping[str, FloatArray]
+    H: FloatArray
+    innovation: FloatArray
+    sd: FloatArray
+    reported_sd: FloatArray
+    available: BoolArray
+    used: BoolArray
+    correction: FloatArray
+    initial: FloatArray
+    parameters: tuple[str, ...]
+    drive: FloatArray
+    seen: FloatArray
+    starts: BoolArray
+    scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    packed: dict[str, Sparse] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if len(self.scored) != len(self.t):
+            object.__setattr__(self, "scored", np.ones(len(self.t), dtype=bool))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def counted(self) -> BoolArray:
+        """Rows that enter sums: taken by the filter, after it has settled; shape (k, 6)."""
+        return self.used & self.scored[:, None]
+
+    def compact(self, name: str) -> Sparse:
+        """Return ``transition``, or the lower half of a noise, without its zeros."""
+        dense = self.transition if name == "transition" else self.noise.get(name, self.transition[:, :0, :0])
+        kept = self.packed.get(name)
+        if kept is None or kept.of is not dense:
+            self.packed[name] = kept = sparse(dense, lower=name != "transition")
+        return kept
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """The m places of (k, n, n) matrices that are not 0 throughout, row by row.
+
+    Attributes
+    ----------
+    of : ndarray, shape (k, n, n)
+        The matrices.
+    start : ndarray of int, shape (n + 1,)
+        First place of every row.
+    row, column : ndarray of int, shape (m,)
+        Of every place.
+    values : ndarray, shape (k, m)
+        What stands there.
+    """
+
+    of: FloatArray
+    start: IntArray
+    row: IntArray
+    column: IntArray
+    values: FloatArray
+
+
+def sparse(matrices: FloatArray, *, lower: bool = False) -> Sparse:
+    """Return matrices (k, n, n) without their zeros; of symmetric ones, if wished, the lower half only."""
+    n = matrices.shape[-1]
+    place = np.any(matrices != 0.0, axis=0) if len(matrices) else np.zeros((n, n), dtype=bool)
+    row, column = np.nonzero(np.tril(place | place.T) if lower else place)
+    start = np.searchsorted(row, np.arange(n + 1))
+    values = np.ascontiguousarray(matrices[:, row, column])
+    return Sparse(matrices, start.astype(np.int64), row.astype(np.int64), column.astype(np.int64), values)

@@ -1,0 +1,53 @@
+"""Whitened innovations and what unknown constants do to them.
+
+The separate-bias form of Friedland [1]_: with the filter's own gains K, the error that constants θ cause is V θ,
+
+    V⁻ = Φ V + B        s = H V⁻ + D        V = V⁻ − K s        z = s θ + white of variance f
+
+row by row. W = z/√f is white under the model, and W = (s/√f) θ + white.
+
+References
+----------
+.. [1] B. Friedland, Treatment of bias in recursive filtering, IEEE Trans. Automatic Control 14 (1969).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The m rows of a record that count, made white.
+
+    Attributes
+    ----------
+    t : ndarray, shape (m,)
+        s.
+    residual : ndarray, shape (m,)
+        W.
+    slope : ndarray, shape (m, p)
+        s/√f, of all constants of the record.
+    """
+
+    t: FloatArray
+    residual: FloatArray
+    slope: FloatArray
+
+
+def whitened(belief: Belief) -> Whitened:
+    """Return the innovations of a record made white, and their sensitivities to all its constants."""
+    record = belief.record
+    every = evaluate(replace(belief, columns=tuple(range(len(record.parameters)))))
+    rows = belief.counted
+    root = np.sqrt(every.variance[rows])
+    slope = every.sensitivity[rows]
+    t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
+    return Whitened(t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None])

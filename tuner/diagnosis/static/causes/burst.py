@@ -1,0 +1,265 @@
+"""Burst: a stretch of louder (or quieter) noise.
+
+Statistic: mean squares of the residuals in windows of 64, 128, … samples, three quarters overlapping, made normal by
+the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
+same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
+overlap. Where a window alarms, its edges are fitted and the others are searched again without it, until no window is
+beyond `SURELY`: all such stretches, louder or quieter than what is left, are proposed together. Where they are more
+than `SEVERAL` or cover more than `MOSTLY` of the record, the variance is not that of bursts, and `FEW` are told. Gain:
+likelihood of a variance for each and one for the rest, over that of one for all, with the degrees of freedom that the
+kurtosis about these variances allows.
+Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
+noise itself (`tuner.diagnosis.static.variance.white_share`), and edges by the likelihood of a point of change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.null_distributions import EDGE
+from tuner.diagnosis.static.model.residual import CLIP, Residual, robust_sd
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.variance.level import Loudness, loudness
+from tuner.diagnosis.static.variance.white_share import dilution
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger[Any]]
+BoolArray = NDArray[np.bool_]
+
+SHORTEST = 64
+"""Samples in the narrowest window."""
+SURELY = 1e-9
+"""Chance of a window below which it is proposed together with a clearer one."""
+MOSTLY = 0.25
+"""Share of the record beyond which what is louder (or quieter) is no burst but a variance that changes."""
+SEVERAL, FEW = 24, 3
+"""Stretches in one record, and those that are told where there are more, or where they cover more."""
+WIDER = 3.0
+"""Residuals are cut at so many `CLIP`, in their own deviations, where sizes are measured."""
+
+
+@dataclass(frozen=True)
+class Burst(Extension):
+    """Samples first … last − 1 have `ratio` times the variance of the others."""
+
+    cause: ClassVar[str] = "burst"
+    repeats: ClassVar[int] = SEVERAL
+    meaning: ClassVar[str] = (
+        "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
+    )
+    consequence: ClassVar[str] = (
+        "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
+    )
+    first: int
+    last: int
+    ratio: float
+
+    def whiten(self, e: FloatArray) -> FloatArray:
+        """Bring the stretch to the variance of the rest."""
+        out = e.copy()
+        out[self.first : self.last] /= np.sqrt(self.ratio)
+        return out
+
+
+def test(found: Residual) -> Alarm:
+    """Scan windows for another variance."""
+    loud = loudness(found)
+    first = _loudest(loud)
+    gain, stretches = 0.0, [(first.start, first.start + first.width)]
+    if first.chance < 1e-2:
+        gain, stretches = _all(found, loud, first)
+    return Alarm(
+        "burst",
+        first.chance,
+        gain,
+        first.mean,
+        f"mean square of {first.width} residuals",
+        lambda: tuple(extension(found, stretches, i) for i in range(len(stretches))),
+    )
+
+
+@dataclass(frozen=True)
+class _Window:
+    """The window whose loudness has the least chance."""
+
+    chance: float
+    start: int
+    width: int
+    mean: float
+
+
+def _loudest(loud: Loudness) -> _Window:
+    """Return the most remarkable of all windows."""
+    n = len(loud.square)
+    total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
+    best = _Window(1.0, 0, SHORTEST, 1.0)
+    widths = _widths(n)
+    for width in widths:
+        start = np.arange(0, n - width, width // 4)
+        mean = (total[start + width] - total[start]) / width
+        freedom = 2.0 * width**2 / np.maximum(scatter[start + width] - scatter[start], 1e-9)
+        deviate = np.abs(loud.deviate(mean, freedom * (1.0 - width / n)))
+        at = int(np.argmax(deviate))
+        chance = float(norm.sf(deviate[at])) * len(start) * len(widths)
+        if chance < best.chance:
+            best = _Window(chance, int(start[at]), width, float(mean[at]))
+    return best
+
+
+def _widths(n: int) -> list[int]:
+    """Return the widths of windows of n samples."""
+    return [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
+
+
+def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+    """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
+    known = [x for x in found.extensions if isinstance(x, Burst)]
+    allowed = FEW if 0 < len(known) <= FEW else SEVERAL
+    stretches: list[tuple[int, int]] = []
+    rest = loud
+    while window.chance < SURELY or not stretches:
+        total = np.concatenate(([0.0], np.cumsum(rest.square)))
+        edges = refine(total, window.start, window.start + window.width)[1]
+        stretches.append(_beside(edges, stretches))
+        covered = sum(last - first for first, last in (*stretches, *((x.first, x.last) for x in known)))
+        if len(stretches) + len(known) > allowed or covered > MOSTLY * len(loud.square):
+            stretches = stretches[:1]
+            if len(known) >= FEW:
+                return 0.0, stretches
+            break
+        rest = loud.outside(stretches)
+        window = _loudest(rest)
+    square, told = loud.square, loud.scatter > 0.0
+    if not loud.rounded:
+        square = np.where(told, _squares(found, stretches), 1.0)
+        square /= square[told].mean()
+    return _gain(square, told, stretches), stretches
+
+
+def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int, int]:
+    """Return the edges of a stretch, without what belongs to others."""
+    first, last = edges
+    for a, b in others:
+        if a <= first < b:
+            first = b
+        if a < last <= b:
+            last = a
+    return (first, last) if last > first else edges
+
+
+def _squares(found: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
+    """Return the squares of the residuals, cut at so many robust deviations of the part of the record they are in."""
+    outside = found.valid.copy()
+    for first, last in stretches:
+        outside[first:last] = False
+    most = np.full(len(found.e), WIDER * CLIP * robust_sd(found.e[outside]))
+    for first, last in stretches:
+        most[first:last] = WIDER * CLIP * robust_sd(found.e[first:last])
+    return np.asarray(np.minimum(np.abs(found.e), most) ** 2)
+
+
+def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]]) -> float:
+    """Return the gain of variances of their own for these stretches, less a price for each."""
+    n = len(square)
+    inside = np.zeros(n, dtype=bool)
+    variance = np.empty(n)
+    for first, last in stretches:
+        inside[first:last] = True
+        variance[first:last] = max(float(square[first:last].mean()), 1e-3)
+    variance[~inside] = max(float(square[~inside].mean()), 1e-3)
+    kappa = float(np.var(square[told] / variance[told]))
+    gain = 0.5 * float(n * np.log(square.mean()) - np.sum(np.log(variance)))
+    cells = [len(_widths(n)) * 4.0 * n / (last - first) for first, last in stretches]
+    return gain * 2.0 / max(kappa, 1e-9) - float(np.sum(np.log(cells) + 0.5 * np.log(n)))
+
+
+def two_variances(total: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Return the log likelihood gained by another variance in samples first … last − 1, same shapes."""
+    n = len(total) - 1
+    inside = np.asarray(last - first, dtype=float)
+    energy = total[last] - total[first]
+    outside = np.maximum((total[-1] - energy) / np.maximum(n - inside, 1.0), 1e-12)
+    gain = n * np.log(total[-1] / n) - (n - inside) * np.log(outside)
+    return np.asarray(0.5 * (gain - inside * np.log(np.maximum(energy / inside, 1e-12))))
+
+
+def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, int]]:
+    """Return the best edges next to a window, and their gain, nats."""
+    n, step = len(total) - 1, max(1, (last - first) // 8)
+    gain = float(two_variances(total, np.array(first), np.array(last)))
+    while True:
+        offsets = step * np.arange(-16, 17)
+        a = np.clip(first + offsets, 0, n - 2)[:, None]
+        b = np.clip(last + offsets, 2, n)[None, :]
+        a, b = np.broadcast_arrays(a, b)
+        value = np.where(b - a >= 16, two_variances(total, np.minimum(a, b - 1), b), -np.inf)
+        best = np.unravel_index(int(np.argmax(value)), value.shape)
+        if value[best] > gain + 1e-6:
+            gain, first, last = float(value[best]), int(a[best]), int(b[best])
+        elif step > 1:
+            step = max(1, step // 4)
+        else:
+            return gain, (first, last)
+
+
+def extension(found: Residual, stretches: list[tuple[int, int]], which: int) -> Burst:
+    """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
+    dt, begin = found.channel.interval, found.channel.start
+    first, last = stretches[which]
+    square = _squares(found, stretches)
+    quietly = found.valid.copy()
+    for a, b in stretches:
+        quietly[a:b] = False
+    usual = float(square[quietly].mean())
+    square[~found.valid] = usual
+    for a, b in stretches[:which] + stretches[which + 1 :]:
+        square[a:b] = usual
+    quiet, loud = square[quietly], square[first:last]
+    ratio = float(loud.mean() / quiet.mean())
+    kappa = float(np.var(quiet) / quiet.mean() ** 2)
+    relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))
+    total = np.concatenate(([0.0], np.cumsum(square)))
+    start = _reach(total, first, last, kappa, move_first=True)
+    stop = _reach(total, first, last, kappa, move_first=False)
+    duration = Value((last - first) * dt, max(stop[0] - start[1], 1) * dt, (stop[1] - start[0]) * dt, "s")
+    return Burst(
+        first,
+        last,
+        ratio,
+        values={
+            "start": Value(begin + first * dt, begin + start[0] * dt, begin + start[1] * dt, "s"),
+            "duration": duration,
+            "variance_ratio": _ratio(found, ratio, relative, (last - first) / len(square)),
+        },
+    )
+
+
+def _ratio(found: Residual, seen: float, relative: float, share: float) -> Value:
+    """Return the ratio of variances of the white noise, from that of the residuals and its relative deviation."""
+    white = dilution(found)
+    low, value, high = (
+        white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-1.96, 0.0, 1.96)
+    )
+    return Value(value, low, high).owing(1.96 * white.error * abs(value - 1.0))
+
+
+def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:
+    """Return between which samples an edge lies, 95 %: where the likelihood is within `EDGE` of its best.
+
+    The true edge lies after one sample and not after the next: the sample before the first one belongs to it.
+    """
+    edge, n = (first, len(total) - 1) if move_first else (last, len(total) - 1)
+    width = max(64, last - first)
+    place = np.unique(np.clip(np.linspace(edge - width, edge + width, 4001).astype(int), 0, n))
+    place = place[place < last - 8] if move_first else place[place > first + 8]
+    fixed = np.full(len(place), last if move_first else first)
+    value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
+    near = np.flatnonzero(value > value.max() - EDGE * 0.5 * kappa)
+    low, high = place[max(near[0] - 1, 0)], place[min(near[-1] + 1, len(place) - 1)]
+    return min(int(low), edge - 1), max(int(high), edge)

@@ -1,0 +1,168 @@
+"""A tone whose frequency moves evenly through the record: no test of a whole spectrum sees it for what it is.
+
+The residuals are cut into K parts, each with its periodogram on half bins, divided by the mean of its part and of its
+frequency: a burst, a line and the shape of the spectrum leave nothing behind. Where the model is right the
+ordinates I are exponential numbers, independent from part to part, and on every straight track::
+
+    Σ_k I[k, f + d k/(K − 1)]   is Gamma distributed with K,    d = −(K − 1) … K − 1 half bins
+
+All tracks cost K F log K additions by halves of halves. A resonance that wanders fills many tracks side by side, a tone
+one: each drift is looked for in the fewest, longest parts in which it is slow, and where the mean of the tracks beside
+exceeds its expectation, sums are divided by that excess. Chance: that of the greatest sum times the number of tracks
+and of lengths of parts (many parts for fast sweeps, few for slow ones). No cause of the catalogue sweeps: it is told
+as what it is. Extension: the tone is taken out part by part, phase and size free.
+
+References
+----------
+.. [1] J. H. Taylor, A sensitive method for detecting dispersed radio emission, Astron. Astrophys. Suppl. 15 (1974).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import gamma
+
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.outcome import Alarm
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+
+PARTS = (512, 256, 128, 64)
+"""Parts that a record is cut into."""
+SHORTEST = 16
+"""Samples of a part at least."""
+SLOWEST = 4
+"""Half bins by which a track must move: what does not is a line."""
+NEAR, FAR = 4, 10
+"""Half bins from a track at which the tracks beside it lie: a tone does not reach them, a resonance does."""
+LOWEST = 8
+"""Half bins at the lower end that are left out: slow noise is not white within a part."""
+PIECES = 8
+"""Pieces of a part in which the tone keeps step with the track, for its ends to be placed."""
+FINE = 17
+"""Places of each end that are tried then, within two half bins."""
+
+
+@dataclass(frozen=True)
+class Sweep(Extension):
+    """A tone from frequency `first` to `last`, cycles a sample, of free phase and size in each of `parts`."""
+
+    cause: ClassVar[str] = "sweep"
+    meaning: ClassVar[str] = "a tone that sweeps"
+    consequence: ClassVar[str] = "distrust the band it crosses; look for what speeds up or slows down"
+    first: float
+    last: float
+    parts: int
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the tone out."""
+        size = len(channel) // self.parts
+        y = channel.y.copy()
+        inside = y[: self.parts * size].reshape(self.parts, size)
+        turn = _turn(self.first, self.last, len(channel))[: self.parts * size].reshape(self.parts, size)
+        level = inside.mean(axis=1, keepdims=True)
+        size_and_phase = 2.0 / size * np.sum((inside - level) * turn.conj(), axis=1, keepdims=True)
+        inside -= np.real(size_and_phase * turn)
+        return replace(channel, y=y)
+
+
+@dataclass(frozen=True)
+class _Track:
+    """The clearest track for one number of parts: its chance, its sum less the expected one, its tone."""
+
+    chance: float
+    excess: float
+    tone: Sweep
+
+
+def test(found: Residual) -> Alarm:
+    """Search the residuals for a tone that sweeps from one end of the record to the other."""
+    e = np.clip(found.e, -CLIP, CLIP)
+    tried = [parts for parts in PARTS if len(e) >= SHORTEST * parts]
+    slowest = {parts: parts // 4 if parts > min(tried) else SLOWEST for parts in tried}
+    single = e.astype(np.float32)
+    tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
+    if not tracks:
+        return Alarm(Sweep.cause, 1.0, -9.0, 0.0, Sweep.meaning)
+    best = min(tracks, key=lambda track: track.chance)
+    low, high = (f / found.channel.interval for f in (best.tone.first, best.tone.last))
+    name = f"{Sweep.meaning} from {low:.3g} to {high:.3g} Hz"
+    chance = min(1.0, len(tried) * best.chance)
+    return Alarm(Sweep.cause, chance, best.excess, best.excess, name, lambda: (_placed(e, best.tone),))
+
+
+def _turn(first: float, last: float, n: int) -> NDArray[np.complex128]:
+    """Return the tone as a unit vector that turns, shape (n,)."""
+    t = np.arange(n)
+    return np.asarray(np.exp(2j * np.pi * t * (first + 0.5 * (last - first) / n * t)))
+
+
+def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
+    """Return the clearest track of residuals (n,) cut into a power of two of parts; None where nothing stands out.
+
+    It moves by `slowest` half bins at least.
+    """
+    size = len(e) // parts
+    spectrum = rfft(e[: parts * size].reshape(parts, size), 2 * size)[:, LOWEST:-1]
+    power = spectrum.real**2 + spectrum.imag**2
+    power /= power.mean(axis=1, keepdims=True)
+    power /= power.mean(axis=0)
+    best = None
+    width = power.shape[1]
+    for mirrored in (False, True):
+        sums = _sums(power[:, ::-1] if mirrored else power)[slowest:]
+        sums = np.asarray(sums / np.maximum(_beside(sums) / parts, 1.0), dtype=np.float32)
+        drift, at = np.unravel_index(int(np.argmax(sums)), sums.shape)
+        moved = np.array([at, min(at + drift + slowest, width - 1)])
+        ends = (LOWEST + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
+        most = float(sums[drift, at])
+        chance = 2.0 * sums.size * float(gamma.sf(most, parts))
+        if chance < (best.chance if best else 1.0):
+            best = _Track(chance, most - parts, Sweep(float(ends[0]), float(ends[1]), parts))
+    return best
+
+
+def _sums(power: SingleArray) -> SingleArray:
+    """Return the sums along all tracks that rise by d < K, of powers (K, F): shape (K, F), by d and first frequency."""
+    sums = power[:, None, :]
+    width = power.shape[1]
+    while len(sums) > 1:
+        first, second = sums[::2], sums[1::2]
+        sums = np.repeat(first, 2, axis=1)
+        for d in range(sums.shape[1]):
+            shift = (d + 1) // 2
+            if shift < width:
+                sums[:, d, : width - shift] += second[:, d // 2, shift:]
+    return np.asarray(sums[0])
+
+
+def _beside(sums: SingleArray) -> SingleArray:
+    """Return the mean sum of the parallel tracks beside each, shape of `sums`."""
+    outer, inner = 2 * FAR + 1, 2 * NEAR - 1
+    wide, narrow = (uniform_filter1d(sums, size, axis=1, mode="nearest") for size in (outer, inner))
+    return np.asarray((outer * wide - inner * narrow) / (outer - inner))
+
+
+def _placed(e: FloatArray, tone: Sweep) -> Sweep:
+    """Return the tone with the ends, within two half bins, at which its parts have most power."""
+    size = len(e) // tone.parts // PIECES
+    n = tone.parts * PIECES * size
+    pieces = (e * _turn(tone.first, tone.last, len(e)).conj())[:n].reshape(-1, size).sum(axis=1)
+    middle = (np.arange(len(pieces)) + 0.5) * size
+    off = np.linspace(-1.0, 1.0, FINE) / (PIECES * size)
+
+    def power(first: float, last: float) -> float:
+        turned = pieces * np.exp(-2j * np.pi * middle * (first + 0.5 * (last - first) / len(e) * middle))
+        return float(np.sum(np.abs(turned.reshape(tone.parts, PIECES).sum(axis=1)) ** 2))
+
+    first, last = max(((a, b) for a in off for b in off), key=lambda ends: power(*ends))
+    return replace(tone, first=tone.first + float(first), last=tone.last + float(last))

@@ -1,0 +1,102 @@
+"""Colour: ARMA noise in place of white noise that no filter and no quantization explains.
+
+Statistic: as for the low-pass filter; the shapes compete by likelihood and number of parameters.
+Extension: the ARMA process in the noise model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import Term, White
+from models.noise.arma import Arma
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.spectrum.binned import Bins
+from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
+from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, polished
+
+FloatArray = NDArray[np.float64]
+
+WIDEST = 2.0
+"""An interval of a coefficient that is as wide as this says nothing: colour and quantization are one there."""
+LIKE_A_FILTER = 0.9
+"""Share of the gain that a low-pass filter must reach to be named for a spectrum that falls all the way."""
+
+
+@dataclass(frozen=True)
+class Colour(Extension):
+    """ARMA coefficients of the noise of a sample; `rounding` the sd of codes, scales."""
+
+    cause: ClassVar[str] = "colour"
+    meaning: ClassVar[str] = "neighbouring samples are correlated: the fast noise is ARMA, not white"
+    consequence: ClassVar[str] = (
+        "read the white density at the plateau; a filter at full rate needs shaping states or thinning"
+    )
+    ar: tuple[float, ...]
+    ma: tuple[float, ...]
+    rounding: float
+
+    def arma(self, interval: float, density: float = 1.0) -> Arma:
+        """Return the process whose innovations have the density of white noise."""
+        return Arma(self.ar, self.ma, density**2 / interval, interval)
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the power of the rounding, which no filter shapes."""
+        return np.full_like(f, interval * self.rounding**2)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the rounding as white noise."""
+        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
+
+    def gain(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the factor on the spectrum of white noise."""
+        return self.arma(interval).psd(f, interval=interval)
+
+
+def test(tested: ShapeTest) -> Alarm:
+    """Judge the colours."""
+    name = "likelihood ratio of an ARMA spectrum"
+    if not tested.colours:
+        return Alarm("colour", tested.any_p_value, -9.0, 0.0, name)
+    best = tested.colours[0]
+    ratio = 2.0 * (tested.null.cost - best.cost)
+    gain = tested.gain(best)
+    if tested.falls(best) and tested.filter_gain > LIKE_A_FILTER * gain:
+        gain = min(gain, tested.filter_gain - 1e-6)
+    return Alarm("colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),))
+
+
+def extension(data: Bins, fitted: ShapeFit) -> Colour:
+    """Return the process with an interval on every coefficient.
+
+    Where quantization is not worth its price beside the colour it may still be there, and takes a part of what the
+    colour seems to be: intervals reach to the ends of those with quantization free.
+    """
+    (ar, ma), sds = _estimated(data, fitted)
+    values = [Value.of(value, sd) for value, sd in zip((*ar, *ma), sds, strict=True)]
+    if not fitted.rises:
+        (more_ar, more_ma), more_sds = _estimated(data, fit_colour(data, fitted.name))
+        free = [Value.of(value, sd) for value, sd in zip((*more_ar, *more_ma), more_sds, strict=True)]
+        values = [
+            one.reaching(other) if other.upper - other.lower < WIDEST else one
+            for one, other in zip(values, free, strict=True)
+        ]
+    names = [f"ar_{i + 1}" if len(ar) > 1 else "ar" for i in range(len(ar))]
+    names += [f"ma_{j + 1}" if len(ma) > 1 else "ma" for j in range(len(ma))]
+    return Colour(ar, ma, data.rounding_sd, values=dict(zip(names, values, strict=True)))
+
+
+def _estimated(data: Bins, fitted: ShapeFit) -> tuple[Coefficients, list[float]]:
+    """Return the coefficients of a colour and the sd of each (by differences through the free numbers)."""
+    x, covariance = polished(data, fitted)
+    ar, ma = colour_arma(fitted.name, x)
+    step = 1e-5
+    moved = [np.concatenate(colour_arma(fitted.name, x + step * unit)) for unit in np.eye(len(x))]
+    jacobian = (np.stack(moved, axis=1) - np.concatenate((ar, ma))[:, None]) / step
+    variance = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
+    return (ar, ma), np.sqrt(np.where(variance >= 0.0, variance, np.inf)).tolist()

@@ -1,0 +1,102 @@
+"""Cross-axis: white noise that several channels share.
+
+Statistic: Σ e_i e_j / √n of the residuals of two channels, standard normal where they are independent;
+Bonferroni over the pairs. Pairs that alarm and hang together are one finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import norm
+
+from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.types import Coefficient
+
+MEANING = (
+    "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
+)
+CONSEQUENCE = "a full block of the white covariance instead of a diagonal one"
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Channels with common noise.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Axes.
+    statistic, p_value : float
+        Largest normal deviate of a pair, and the chance of it, all pairs paid for.
+    correlation : Coefficient
+        Mean correlation of the pairs.
+    pairs : mapping of str to Coefficient
+        Correlation of every pair, such as ``gyro_x, gyro_y``.
+    """
+
+    channels: tuple[str, ...]
+    statistic: float
+    p_value: float
+    correlation: Coefficient
+    pairs: Mapping[str, Coefficient]
+
+
+def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
+    """Test all pairs of channels that were sampled together.
+
+    Parameters
+    ----------
+    residuals : mapping of str to Residual
+        Final residuals by axis.
+    limit : float
+        Chance below which a pair, all pairs paid for, alarms.
+    """
+    pairs = [(a, b) for a, b in combinations(residuals, 2) if _together(residuals[a], residuals[b])]
+    found: dict[tuple[str, str], tuple[float, float, float]] = {}
+    for a, b in pairs:
+        both = residuals[a].valid & residuals[b].valid
+        x, y = (np.clip(residuals[axis].e[both], -CLIP, CLIP) for axis in (a, b))
+        n = len(x)
+        rho = float(np.corrcoef(x, y)[0, 1])
+        p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(rho) * np.sqrt(n))))
+        if p_value < limit:
+            found[a, b] = (rho, (1.0 - rho**2) / np.sqrt(n), p_value)
+    return tuple(_shared(group, found) for group in _groups(list(found)))
+
+
+def _together(a: Residual, b: Residual) -> bool:
+    one, other = a.channel, b.channel
+    same_clock = len(one) == len(other) and abs(one.start - other.start) < 0.5 * one.interval
+    return same_clock and abs(one.interval - other.interval) < 1e-9 * one.interval
+
+
+def _groups(pairs: list[tuple[str, str]]) -> list[set[str]]:
+    """Return the sets of channels that pairs connect."""
+    groups: list[set[str]] = []
+    for pair in pairs:
+        touching = [g for g in groups if g & set(pair)]
+        groups = [g for g in groups if g not in touching] + [set(pair).union(*touching)]
+    return groups
+
+
+def _shared(group: set[str], found: Mapping[tuple[str, str], tuple[float, float, float]]) -> Shared:
+    mine = {pair: value for pair, value in found.items() if set(pair) <= group}
+    rho = np.array([value[0] for value in mine.values()])
+    sd = np.array([value[1] for value in mine.values()])
+    mean = float(np.mean(np.abs(rho))) if len(rho) > 1 else float(rho[0])
+    half = 1.96 * float(np.sqrt(np.sum(sd**2))) / len(rho)
+    spread = float(np.std(rho)) if len(rho) > 1 else 0.0
+    half = max(half, 1.96 * spread / np.sqrt(len(rho)))
+    axes = tuple(dict.fromkeys(axis for pair in mine for axis in pair))
+    each = {
+        ", ".join(pair): Coefficient.known(r, r - 1.96 * s, r + 1.96 * s, "1")
+        for pair, (r, s, _) in mine.items()
+    }
+    with np.errstate(divide="ignore"):  # axes that are one and the same have no sd
+        best = float(np.max(np.abs(rho) / sd))
+    p_value = min(value[2] for value in mine.values())
+    return Shared(axes, best, p_value, Coefficient.known(mean, mean - half, mean + half, "1"), each)

@@ -1,0 +1,54 @@
+"""Gauss–Markov: one correlated process more than the base noise has.
+
+Statistic: likelihood ratio of a further term against the better of flicker and one Gauss–Markov process, each with
+a random walk. Under the null the time constant is free to roam: the chance is that of χ²₂ times the number of
+decades it may lie in. Extension: the term joins the noise model and is fitted with the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import chi2
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.slow_likelihood import Fit
+from tuner.diagnosis.static.outcome import Alarm
+
+
+@dataclass(frozen=True)
+class MoreMarkov(Extension):
+    """A further Gauss–Markov process; its parameters are fitted with those of the other noise."""
+
+    cause: ClassVar[str] = "gauss_markov"
+    meaning: ClassVar[str] = (
+        "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
+    )
+    consequence: ClassVar[str] = "a Gauss–Markov bias state to add, with this sd and time constant"
+
+
+def test(found: Residual) -> Alarm:
+    """Fit a further process."""
+    best = max(found.with_markov, key=lambda fit: fit.log_likelihood)
+    ratio = max(0.0, 2.0 * (best.log_likelihood - found.fit.log_likelihood))
+    decades = np.log10(found.channel.span / (20.0 * found.channel.interval))
+    gain = 0.5 * ratio - float(np.log(found.channel.blocks))
+    p_value = float(min(1.0, 2.0 * decades * chi2.sf(ratio, 2)))
+    return Alarm(
+        "gauss_markov",
+        p_value,
+        gain,
+        ratio,
+        "likelihood ratio of a further Gauss–Markov process",
+        lambda: (MoreMarkov(values=parameters(best)),),
+    )
+
+
+def parameters(fit: Fit) -> dict[str, Value]:
+    """Return sd and time constant of the last process of a fit, with intervals from its information."""
+    sd, constant = np.exp(fit.theta[-2:]).tolist()
+    spread = np.sqrt(np.diag(fit.covariance)[-2:]).tolist()
+    return {"sd": Value.log(sd, spread[0], "{u}"), "time_constant": Value.log(constant, spread[1], "s")}

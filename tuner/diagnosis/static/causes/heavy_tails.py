@@ -1,0 +1,236 @@
+"""Heavy tails: residuals of Student's law in place of the normal one.
+
+Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about that of normal
+numbers rounded to a lattice of step Δ: −1.2 (Δ²/12σ²)² where Δ is small, else it depends on where the mean lies
+between two codes, and the largest counts. Gain: likelihood of Student's law.
+Where normal noise is added or mixed in, tails are heavier than those of the Student's law of the middle: a share of
+normal and a share of Student's law stand for both then, if they are likelier than Student's law beside spikes, which
+has as many parameters. One law for all sizes is one cause.
+Extension: the residuals pass the distribution function of the fitted law and the normal quantile function. What is told
+is the kurtosis of the white noise itself: rounding has one of its own, and quantization and the whitening filter mix
+samples (`tuner.diagnosis.static.variance.white_share`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, gammaln, ndtr, ndtri
+from scipy.stats import norm, t
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.null_distributions import maximum, minimum
+from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.variance.histogram import Histogram, histogram
+from tuner.diagnosis.static.variance.white_share import dilution
+
+FloatArray = NDArray[np.float64]
+
+CLIPPED_KURTOSIS = -0.00125
+"""Excess kurtosis of normal numbers cut at five deviations."""
+CELL, CELLS = 0.005, 1600
+"""Width and number of the cells of a table of deviates, sd."""
+MIDDLE, REACH = np.array([0.0, 0.0, 1.0, 1.0]), np.array([10.0, 5.0, 4.0, 2.5])
+"""Where two shares are sought: logit of Student's, log of the normal sd, of ν − 2, of the ratio of the two scales."""
+FINE = 1.0
+"""Step ÷ sd below which the mean between two codes does not matter."""
+
+
+@dataclass(frozen=True)
+class HeavyTails(Extension):
+    """Student's law with `nu` degrees of freedom, for a `share` of the samples, beside normal ones; unit variance.
+
+    `ratio` is the scale of Student's law ÷ the sd of the normal one.
+    """
+
+    cause: ClassVar[str] = "heavy_tails"
+    meaning: ClassVar[str] = "large deviations are more frequent than normal noise allows, at all sizes"
+    consequence: ClassVar[str] = (
+        "the variance is right but its tails are not: a robust update or a wider gate"
+    )
+    nu: float
+    share: float = 1.0
+    ratio: float = 1.0
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Sd of the normal part, and scale of Student's."""
+        wide = self.ratio**2 * self.nu / (self.nu - 2.0)
+        core = (1.0 - self.share + self.share * wide) ** -0.5
+        return core, core * self.ratio
+
+    def log_density(self, e: FloatArray) -> FloatArray:
+        """Return the log density of the law."""
+        core, wide = self.scales
+        with np.errstate(divide="ignore"):
+            parts = np.log([[1.0 - self.share], [self.share]])
+        return np.asarray(
+            np.logaddexp(parts[0] + norm.logpdf(e, 0.0, core), parts[1] + t.logpdf(e, self.nu, 0.0, wide))
+        )
+
+    def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """Return numbers of the law, shape (n,)."""
+        core, wide = self.scales
+        heavy = wide * rng.standard_t(self.nu, n)
+        if self.share == 1.0:
+            return np.asarray(heavy)
+        return np.where(rng.random(n) < self.share, heavy, core * rng.standard_normal(n))
+
+    def whiten(self, e: FloatArray) -> FloatArray:
+        """Map Student's law to the normal one."""
+        mapped = np.asarray(_looked_up(e, self._deviate(CELL * np.arange(CELLS + 1))))
+        far = np.flatnonzero(np.abs(e) > CELL * CELLS)
+        mapped[far] = np.copysign(self._deviate(np.abs(e[far])), e[far])
+        return mapped
+
+    def _deviate(self, size: NDArray[np.floating[Any]]) -> FloatArray:
+        """Return the normal deviates of sizes of the law."""
+        core, wide = self.scales
+        beyond = (1.0 - self.share) * norm.sf(size / core) + self.share * t.sf(size / wide, self.nu)
+        return np.asarray(-ndtri(np.maximum(beyond, 1e-300)))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
+    """Return deviates, shape (n,), between those of a table, shape (`CELLS` + 1,), with the signs of `e`."""
+    out = np.empty(e.size)
+    for i in range(e.size):
+        place = min(abs(e[i]) / CELL, CELLS - 1e-6)
+        cell = int(place)
+        out[i] = np.copysign(table[cell] + (place - cell) * (table[cell + 1] - table[cell]), e[i])
+    return out
+
+
+def rounded_kurtosis(step: float) -> float:
+    """Return the largest excess kurtosis of rounded normal numbers, the step in sd of what they are rounded to."""
+    if step < FINE:
+        return -1.2 * (step**2 / 12.0) ** 2
+    sd = float(np.sqrt(max(1.0 - step**2 / 12.0, 0.01)))
+    phase = np.linspace(0.0, 1.0, 33)[:, None]
+    code = np.arange(-np.ceil(8.0 * sd / step) - 1.0, np.ceil(8.0 * sd / step) + 2.0)
+    share = np.diff(ndtr(step * (np.append(code, code[-1] + 1.0) - 0.5 - phase) / sd), axis=1)
+    value = code - np.sum(share * code, axis=1, keepdims=True)
+    second, fourth = (np.sum(share * value**power, axis=1) for power in (2, 4))
+    known = second**2 > 0.0  # beyond, all samples are one code, and any other is far off
+    return float(np.max(np.divide(fourth, second**2, out=np.full_like(second, np.inf), where=known))) - 3.0
+
+
+def test(found: Residual) -> Alarm:
+    """Compare the kurtosis of the residuals with that of the normal law."""
+    e = np.clip(found.good, -CLIP, CLIP)
+    square = e * e
+    n = len(e)
+    kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
+    white = found.spread * float(
+        np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval)
+    )
+    lattice = rounded_kurtosis(found.channel.lattice / white)
+    deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
+    p_value = float(norm.sf(deviate))
+    gain, law = 0.0, Law(0.0, np.inf, 0.0)
+    if p_value < 1e-3:
+        law = whole(histogram(found.good))
+        gain = law.gain - (0.5 if law.share == 1.0 else 1.5) * float(np.log(n))
+    return Alarm(
+        "heavy_tails",
+        p_value,
+        gain,
+        kurtosis,
+        "excess kurtosis of the residuals",
+        lambda: (extension(found, law, white),),
+    )
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law of heavy tails: what it gains on the normal one, nats, its ν, the relative sd of its excess kurtosis.
+
+    Of `share` and `ratio` see `HeavyTails`.
+    """
+
+    gain: float
+    nu: float
+    spread: float
+    share: float = 1.0
+    ratio: float = 1.0
+
+
+def whole(bins: Histogram) -> Law:
+    """Return Student's law, or a share of it beside a normal one where that is likelier, and than spikes beside it."""
+    law = student(bins)
+
+    def cost(x: FloatArray) -> float:
+        if np.any(np.abs(x - MIDDLE) > REACH):
+            return 1e12
+        share, core, nu, ratio = expit(x[0]), np.exp(x[1]), 2.0 + np.exp(x[2]), np.exp(x[3])
+        heavy = np.log(share) + _log_student(bins.value, nu, core * ratio)
+        return -float(bins.count @ np.logaddexp(np.log1p(-share) + _log_normal(bins.value, core), heavy))
+
+    x, value = minimum(cost, [[0.0, 0.0, 1.0, 0.0], [-3.0, 0.0, 1.0, 0.5]], scale=0.5, tolerance=1e-2)
+    gain = bins.normal_cost() - value
+    if gain < law.gain + float(np.log(bins.count.sum())) or gain < beside_spikes(bins):
+        return law
+    nu, ratio = 2.0 + float(np.exp(x[2])), float(np.exp(x[3]))
+    return Law(gain, nu, law.spread, float(expit(x[0])), ratio)
+
+
+def beside_spikes(bins: Histogram) -> float:
+    """Return the gain over the normal law of Student's law with a share of far larger, normal deviations."""
+
+    def cost(x: FloatArray) -> float:
+        if np.any(np.abs(x) > 15.0) or x[3] > 5.0:
+            return 1e12
+        nu, scale, share, size = 2.0 + np.exp(x[0]), np.exp(x[1]), expit(x[2]), 4.0 + np.exp(x[3])
+        near = np.log1p(-share) + _log_student(bins.value, nu, scale)
+        return -float(bins.count @ np.logaddexp(near, np.log(share) + _log_normal(bins.value, size)))
+
+    return bins.normal_cost() - minimum(cost, [[3.0, 0.0, -9.0, 1.0]], scale=0.5, tolerance=1e-2)[1]
+
+
+def _log_student(e: FloatArray, nu: float, scale: float) -> FloatArray:
+    """Return the log density of Student's law, without the checks that cost as much as the density."""
+    level = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu) - np.log(scale)
+    return np.asarray(level - 0.5 * (nu + 1.0) * np.log1p((e / scale) ** 2 / nu))
+
+
+def _log_normal(e: FloatArray, sd: float) -> FloatArray:
+    """Return the log density of the normal law, likewise."""
+    return np.asarray(-0.5 * (e / sd) ** 2 - np.log(sd * np.sqrt(2.0 * np.pi)))
+
+
+def student(bins: Histogram) -> Law:
+    """Return Student's law of the best fit."""
+
+    def cost(x: FloatArray) -> float:
+        nu = 2.0 + np.exp(x[0])
+        return -float(bins.count @ t.logpdf(bins.value, nu, 0.0, np.exp(x[1])))
+
+    x, covariance, value = maximum(cost, [[3.0, 0.0]])
+    nu = 2.0 + float(np.exp(x[0]))
+    relative = float(np.sqrt(covariance[0, 0])) * (nu - 2.0) / max(nu - 4.0, 0.5)
+    return Law(bins.normal_cost() - value, nu, relative)
+
+
+def extension(found: Residual, law: Law, sd: float) -> HeavyTails:
+    """Return the extension with the excess kurtosis of the white noise; that of Student's law is 6/(ν − 4).
+
+    `sd` is that of the white noise, in scales.
+    """
+    white = dilution(found)
+    rounding = -1.2 * (found.channel.lattice / sd) ** 4 / 144.0
+    shape = HeavyTails(law.nu, law.share, law.ratio)
+    core, wide = shape.scales
+    heavy = 3.0 * law.nu**2 / ((law.nu - 2.0) * max(law.nu - 4.0, 0.05)) * wide**4
+    kurtosis = 6.0 / max(law.nu - 4.0, 0.05)
+    if law.share < 1.0:
+        kurtosis = 3.0 * (1.0 - law.share) * core**4 + law.share * heavy - 3.0
+    seen = Value.log(kurtosis, law.spread)
+    low, value, high = (max(k - rounding, 1e-6) / white.fourth for k in (seen.lower, seen.value, seen.upper))
+    return replace(
+        shape, values={"excess_kurtosis": Value(value, low, high).owing(3.92 * white.error * value)}
+    )

@@ -1,0 +1,112 @@
+"""Low-pass: the sensor's own filter, or an anti-alias filter, shapes the white noise.
+
+Statistic: likelihood ratio of first-order colour on the bins of the fast spectrum (χ²₁, two shapes), or
+their scatter about white noise.
+Extension: the filter in the noise model; the white density is read where the filter is flat. The cutoff is fitted again
+with everything that was found besides; its interval covers all orders and kinds of filter that explain the spectrum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import Term, White
+from models.noise.arma import Arma
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.spectrum.binned import Bins, bins
+from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind
+from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.static.model.residual import Residual
+
+FloatArray = NDArray[np.float64]
+
+MOVED = 0.05
+"""Share of its length by which an interval moves before the model is fitted again."""
+
+
+@dataclass(frozen=True)
+class LowPass(Extension):
+    """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz, `rounding` the sd of codes, scales."""
+
+    cause: ClassVar[str] = "lowpass"
+    meaning: ClassVar[str] = (
+        "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
+    )
+    consequence: ClassVar[str] = (
+        "read the white density beyond ten filter time constants; samples closer together are not independent"
+    )
+    kind: str
+    cutoff: float
+    rounding: float
+
+    def arma(self, interval: float, density: float = 1.0) -> Arma:
+        """Return the filtered white noise as an ARMA term."""
+        ar, ma = filter_arma(self.kind, self.cutoff * interval)
+        gain = (1.0 + sum(ma)) / (1.0 - sum(ar))
+        return Arma(ar, _invertible(ma), density**2 / interval / gain**2, interval)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return filter_kind(self.kind)[0]
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the power of the rounding, which no filter shapes."""
+        return np.full_like(f, interval * self.rounding**2)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the rounding as white noise."""
+        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
+
+    def gain(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the squared response of the filter."""
+        return self.arma(interval).psd(f, interval=interval)
+
+    def polished(self, found: Residual, index: int) -> LowPass:
+        """Fit the filter again beside everything else, unless that hardly moves it."""
+        data = bins(found, without=found.extensions[index])
+        filters = fit_filters(data)
+        again = extension(data, filters)
+        value, now = self.values["cutoff"], again.values["cutoff"]
+        moved = max(abs(np.log(now.lower / value.lower)), abs(np.log(now.upper / value.upper)))
+        near = moved < MOVED * np.log(value.upper / value.lower)
+        return self if near and again.kind == self.kind else again
+
+
+def _invertible(ma: tuple[float, ...]) -> tuple[float, ...]:
+    """Return MA coefficients with a zero on the unit circle moved just inside."""
+    return tuple(0.9995 ** (j + 1) * b for j, b in enumerate(ma))
+
+
+def test(tested: ShapeTest) -> Alarm:
+    """Judge the filters."""
+    name = "likelihood ratio of a filtered spectrum"
+    if not tested.filters:
+        return Alarm("lowpass", tested.any_p_value, -9.0, 0.0, name)
+    best = tested.filters[0]
+    ratio = 2.0 * (tested.null.cost - best.cost)
+    return Alarm(
+        "lowpass",
+        tested.any_p_value,
+        tested.filter_gain,
+        ratio,
+        name,
+        lambda: (extension(tested.data, tested.filters),),
+    )
+
+
+def extension(data: Bins, filters: tuple[ShapeFit, ...]) -> LowPass:
+    """Return the best filter with its cutoff."""
+    rate = 1.0 / data.interval
+    low, high = (rate * float(np.exp(end)) for end in cutoffs(data, filters))
+    cutoff = rate * float(np.exp(filters[0].x[0]))
+    return LowPass(
+        filters[0].name, cutoff, data.rounding_sd, values={"cutoff": Value(cutoff, low, high, "Hz")}
+    )

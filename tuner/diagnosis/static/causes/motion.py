@@ -1,0 +1,241 @@
+"""Motion: a stretch in which the sensor was not still.
+
+Statistic: steps between the means of blocks of 0.25 s and of 1 s over their standard deviation. That is taken from the
+median over the record, and raised where the second differences of the samples are larger than usual: a burst of noise
+is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
+threshold is far beyond chance.
+Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
+deviations close together, after which the level is another one, or in gyros and accelerometers at once.
+Extension: the stretch is taken out with the change of level over it, and the level may differ further.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import BESIDE, Channel
+
+FloatArray = NDArray[np.float64]
+
+SHORT = 0.25
+"""Length of a short block, s."""
+FEWEST = 16
+"""Fewest samples in a short block."""
+THRESHOLD = 10.0
+"""Deviations that no still sensor reaches: t law of 30 degrees of freedom, 5e-11."""
+TOGETHER = 4
+"""Large steps that make a stretch."""
+APART = 40
+"""Blocks without a large step that end a stretch."""
+JOLT = 12.0
+"""Jump of a sample, in deviations of the white noise, that no still sensor makes."""
+HANDLING = 120.0
+"""Time without a jump that ends the handling of a sensor, and what is left out before and after it, s."""
+MOST = 8
+"""Stretches that are told apart; closer ones are joined beyond."""
+EDGE = 3
+"""Blocks that are left out on either side of a stretch at least."""
+NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
+"""A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
+cut at so many deviations."""
+
+MOST_UNSEEN = 0.3
+"""Largest share of a motion that is not seen, at either end."""
+MARGIN = 0.1
+"""Share of a stretch that is left out on either side: motion dies away."""
+
+
+class Stretch(NamedTuple):
+    """A stretch of motion: samples first … last − 1 are left out, from `begun` to `ended` it is beyond doubt.
+
+    What sways dies away under the noise: motion begins at most `unseen` samples before `first`, at the latest at
+    `begun`, and ends likewise.
+    """
+
+    first: int
+    last: int
+    begun: int
+    ended: int
+    unseen: int = 0
+
+    def joined(self, other: Stretch) -> Stretch:
+        """Return the stretch that holds both."""
+        return Stretch(
+            min(self.first, other.first),
+            max(self.last, other.last),
+            min(self.begun, other.begun),
+            max(self.ended, other.ended),
+            max(self.unseen, other.unseen),
+        )
+
+
+@dataclass(frozen=True)
+class Motion(Extension):
+    """Samples first … last − 1 are not used."""
+
+    cause: ClassVar[str] = "motion"
+    meaning: ClassVar[str] = (
+        "the sensor was not still: an Allan curve of the whole record would be that of the motion"
+    )
+    consequence: ClassVar[str] = "identify from the still parts only; nothing here is sensor noise"
+    first: int
+    last: int
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the stretch out, and the change of level over it as far as a few samples beside tell it.
+
+        The template is left with the rest: blocks are too coarse for a change of hundreds of deviations.
+        """
+        missing = np.zeros(len(channel), dtype=bool)
+        missing[self.first : self.last] = True
+        y = channel.y.copy()
+        if self.first > 0 and self.last < len(channel):
+            before = np.median(y[max(0, self.first - BESIDE) : self.first])
+            y[self.last :] -= np.median(y[self.last : self.last + BESIDE]) - before
+        return replace(channel, y=y).refilled(missing, np.random.default_rng(self.first))
+
+    def columns(self, channel: Channel) -> FloatArray:
+        """Return the line that bridges it, from one level to the other: another pose has another level."""
+        if self.first == 0 or self.last == len(channel):
+            return np.empty((channel.blocks, 0))
+        place = (np.arange(channel.blocks) + 0.5) * channel.block
+        return np.clip((place - self.first) / (self.last - self.first), 0.0, 1.0)[:, None]
+
+    def near(self, first: int, last: int, interval: float) -> bool:
+        """Return whether an event, samples first … last − 1, lies close to an edge of the stretch."""
+        reach = round(HANDLING / interval) + (self.last - self.first) // 2
+        short = last - first <= reach
+        return short and last >= self.first - reach and first <= self.last + reach
+
+    def including(self, first: int, last: int, n: int) -> Motion:
+        """Return the stretch with an event at its edge, and a margin about that, in a record of n samples."""
+        margin = max(FEWEST, round(MARGIN * (self.last - self.first)))
+        return replace(
+            self, first=max(0, min(self.first, first - margin)), last=min(n, max(self.last, last + margin))
+        )
+
+
+def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArray, int]:
+    """Return the steps between blocks of `length`, s, over their standard deviation, and the samples in a block."""
+    size = max(FEWEST, round(length / interval))
+    blocks = y[: len(y) // size * size].reshape(-1, size)
+    step = np.diff(blocks.mean(axis=1))
+    usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
+    loud = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
+    louder = 0.5 * (loud[1:] + loud[:-1]) / float(np.median(loud))
+    return np.abs(step) / (usual * np.sqrt(np.maximum(louder, 1.0))), size
+
+
+def stretches(channels: list[Channel]) -> list[Stretch]:
+    """Return the moved stretches of channels with one clock."""
+    found = sorted([*_swayed(channels), *_turned(channels)])
+    joined: list[Stretch] = []
+    for stretch in found:
+        if joined and stretch.first <= joined[-1].last:
+            joined[-1] = joined[-1].joined(stretch)
+        else:
+            joined.append(stretch)
+    while len(joined) > MOST:
+        gaps = [later.first - earlier.last for earlier, later in pairwise(joined)]
+        at = int(np.argmin(gaps))
+        joined[at : at + 2] = [joined[at].joined(joined[at + 1])]
+    return joined
+
+
+def _swayed(channels: list[Channel]) -> list[Stretch]:
+    """Return the stretches that steps of short means show, on two scales."""
+    found, sizes = [], set()
+    for length in (SHORT, 4.0 * SHORT):
+        ratio, size = large_steps(channels[0].y, channels[0].interval, length)
+        for channel in channels[1:]:
+            ratio = np.maximum(ratio, large_steps(channel.y, channel.interval, length)[0])
+        if size not in sizes:
+            found += _groups(ratio, size, len(channels[0]))
+        sizes.add(size)
+    return found
+
+
+def _groups(ratio: FloatArray, size: int, n: int) -> list[Stretch]:
+    """Return the stretches that steps between blocks of `size` samples show."""
+    large = np.flatnonzero(ratio > THRESHOLD)
+    if len(large) < TOGETHER:
+        return []
+    usual = float(np.median(np.minimum(ratio, RESTLESS) ** 2))
+    power = np.minimum(ratio, RESTLESS) ** 2 / usual
+    found = []
+    for group in np.split(large, np.flatnonzero(np.diff(large) > APART) + 1):
+        if len(group) < TOGETHER:
+            continue
+        first, last = int(group[0]), int(group[-1])
+        while first > 0 and power[max(0, first - NEAR) : first].mean() > LOUDER:
+            first = max(0, first - NEAR // 4)
+        while last < len(power) and power[last : last + NEAR].mean() > LOUDER:
+            last = min(len(power), last + NEAR // 4)
+        margin = EDGE + round(MARGIN * (last - first))
+        begun, ended = (int(group[0]) + 2) * size, int(group[-1]) * size
+        unseen = max(0, round(_foot(float(ratio[group].max())) * (last + 1 - first)) - margin) * size
+        outer = max(0, (first - margin) * size), min(n, (last + 1 + margin) * size)
+        found.append(Stretch(*outer, begun, ended, unseen))
+    return found
+
+
+def _foot(peak: float) -> float:
+    """Return how much of a motion lies before the part of it that is seen ÷ that part, by its largest step.
+
+    Under a swell sin²(πx), x from 0 to 1, of which what exceeds `THRESHOLD` is seen.
+    """
+    x = min(float(np.arcsin(np.sqrt(THRESHOLD / peak))) / np.pi, MOST_UNSEEN)
+    return x / (1.0 - 2.0 * x)
+
+
+def _turned(channels: list[Channel]) -> list[Stretch]:
+    """Return the stretches that jumps of samples show, where the level before and after differs."""
+    y = np.stack([channel.y for channel in channels])
+    jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JOLT * np.sqrt(2.0))
+    if len(jumps) < TOGETHER:
+        return []
+    apart = max(APART, round(HANDLING / channels[0].interval))
+    found = []
+    for group in np.split(jumps, np.flatnonzero(np.diff(jumps) > apart) + 1):
+        first, last = int(group[0]), int(group[-1]) + 1
+        if len(group) < TOGETHER:
+            continue
+        before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
+        if 0 in (before.shape[1], after.shape[1]):  # at an end of the record: the level changes inside
+            before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
+        change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
+        if float(change.max()) > 0.5 * JOLT or _felt(channels, first, last):
+            found.append(Stretch(max(0, first - apart), min(y.shape[1], last + apart), first + 1, last))
+    return found
+
+
+def _felt(channels: list[Channel], first: int, last: int) -> bool:
+    """Return whether sensors of two kinds jump within samples first … last: noise of one never does that to both."""
+    jumps = {
+        channel.unit
+        for channel in channels
+        if np.sum(np.abs(np.diff(channel.y[first : last + 1])) > JOLT * np.sqrt(2.0)) >= TOGETHER
+    }
+    return len(jumps) > 1
+
+
+def extension(channel: Channel, stretch: Stretch) -> Motion:
+    """Return the stretch with its place: between what may have moved and what did beyond doubt."""
+    dt, start = channel.interval, channel.start
+    first, last = float(stretch.first - stretch.unseen), float(stretch.last + stretch.unseen)
+    begun, ended = float(stretch.begun), float(stretch.ended)
+    outer, inner = last - first, max(ended - begun, 0.0)
+    return Motion(
+        stretch.first,
+        stretch.last,
+        values={
+            "start": Value(start + 0.5 * (first + begun) * dt, start + first * dt, start + begun * dt, "s"),
+            "duration": Value(0.5 * (outer + inner) * dt, inner * dt, outer * dt, "s"),
+        },
+    )

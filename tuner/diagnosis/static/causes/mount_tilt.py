@@ -1,0 +1,249 @@
+"""A mount that tilts during a part of a record: gravity moves into an axis across it.
+
+Between two times the mount turns evenly by a small angle φ about a horizontal axis. An accelerometer axis that reads
+f at rest then moves to f + φ √(g² − f²), and one along gravity does not move to first order. On the axis this is::
+
+    0 before the begin, rising evenly, 1 after the end
+
+Statistic: likelihood ratio of the best such course, the noise refitted. Courses between the knots of a coarse grid
+are sums of the pieces between neighbouring knots: one Gram matrix of the pieces scores all of them. The chance
+is Davies' bound along the record, summed over the durations that are tried.
+One axis cannot tell a tilt from a bias that moves and settles; with three, `stretched` asks whether the length of the
+specific force is kept, as it is where it only turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.profile_likelihood import first_column, track_without
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.score_scan import PROMISING
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.types import Unexplained
+
+FloatArray = NDArray[np.float64]
+
+STANDARD = 9.80665
+"""Gravity, m/s²."""
+ACROSS = 0.9
+"""Share of gravity that an axis may read at most, for a tilt to show in it to first order."""
+CELLS = 48
+"""Cells of the coarse grid of begins and ends."""
+DURATIONS = (1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44)
+"""Durations tried, in cells."""
+FINE = 13
+"""Begins, and ends, tried about the best of the coarse grid."""
+LEAD = 3.0
+"""Nats by which a tilt must be better than a jump, which has one number less."""
+DIRECTION = 0.02
+"""Deviation of the direction in which the biases of a triad let gravity appear, rad."""
+REGION = 5.99
+"""Square of a score that a begin and a duration may lose in their 95 % region: χ²₂."""
+NAME = "likelihood ratio of a level that moves and settles"
+
+
+@dataclass(frozen=True)
+class Yielding(Extension):
+    """A course from 0 to 1 between `begin` and `end`, in blocks."""
+
+    cause: ClassVar[str] = "attitude"
+    repeats: ClassVar[int] = 2
+    meaning: ClassVar[str] = (
+        "the mount tilts for a while: gravity moves into an axis across it "
+        "(in one axis alone, a bias that moves and settles looks the same)"
+    )
+    consequence: ClassVar[str] = (
+        "fix the mount; keep this stretch out of the fit, or the drift of its level is taken for that of the sensor"
+    )
+    begin: float
+    end: float
+
+    def columns(self, channel: Channel) -> FloatArray:
+        """Return the course on the blocks, shape (M, 1)."""
+        return _course(channel, self.begin, self.end)[:, None]
+
+    def polished(self, found: Residual, index: int) -> Yielding:
+        """Place begin and end again, with the noise that is left beside the course."""
+        better = _placed(found, track_without(found, index).columns, self.begin, self.end)
+        same = abs(better.begin - self.begin) + abs(better.end - self.end) < 1e-6 * found.channel.blocks
+        return self if same else better
+
+    def refined(self, found: Residual, index: int, size: Value) -> Yielding:
+        """Take the angle from the joint fit, its place from the grid of likely ones."""
+        placed = _placed(found, track_without(found, index).columns, self.begin, self.end)
+        factor = found.channel.scale / lever(found.channel)
+        tilt = Value(factor * size.value, factor * size.lower, factor * size.upper, "rad")
+        return replace(self, values={**placed.values, "tilt": tilt})
+
+
+@dataclass(frozen=True)
+class _Courses:
+    """Scores of all courses between knots.
+
+    Attributes
+    ----------
+    score : ndarray, shape (k, k)
+        Normal deviate of the course from knot p to knot q > p; 0 elsewhere.
+    covariance : ndarray, shape (k, k)
+        Summed Gram matrix of the pieces.
+    """
+
+    score: FloatArray
+    covariance: FloatArray
+
+    def product(self, p: NDArray[np.intp], q: NDArray[np.intp], shift: int) -> FloatArray:
+        """Return the inner products of courses p to q and (p, q) + `shift`, whitened."""
+        c = self.covariance
+        return np.asarray(c[q, q + shift] - c[p, q + shift] - c[q, p + shift] + c[p, p + shift])
+
+
+def lever(channel: Channel) -> float:
+    """Return how an axis at rest changes with a tilt, m/s² per rad; 0 where not to first order, or no accelerometer."""
+    if channel.unit != "m/s^2" or abs(channel.level) > ACROSS * STANDARD:
+        return 0.0
+    return float(np.sqrt(STANDARD**2 - channel.level**2))
+
+
+def test(found: Residual) -> Alarm | None:
+    """Search an accelerometer axis for a level that moves and settles; None for other channels."""
+    if lever(found.channel) == 0.0:
+        return None
+    blocks = found.channel.blocks
+    knots = np.linspace(0.0, blocks, CELLS + 1)[1:-1]
+    courses = _courses(found, found.track.columns, knots)
+    best, crossings = (0.0, 0, 1), 0.0
+    for duration in DURATIONS:
+        p = np.arange(len(knots) - duration)
+        square = courses.score[p, p + duration] ** 2
+        at = int(np.argmax(square))
+        best = max(best, (float(square[at]), at, at + duration))
+        norm = np.sqrt(courses.product(p, p + duration, 0))
+        with np.errstate(divide="ignore", invalid="ignore"):  # courses within a stretch of motion are nothing
+            beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
+        crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
+    if best[0] < PROMISING:
+        return Alarm("attitude", 1.0, -9.0, best[0], NAME)
+    placed = _placed(found, found.track.columns, float(knots[best[1]]), float(knots[best[2]]))
+    template = block_transform(placed.columns(found.channel), found.repaired, found.track.singles)
+    ratio = max(0.0, 2.0 * (found.refit(template).log_likelihood - found.fit.log_likelihood))
+    chance = float(len(DURATIONS) * chi2.sf(SHRINK * ratio, 1) + crossings * np.exp(-0.5 * SHRINK * ratio))
+    gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - LEAD - 0.25 * float(np.log(blocks))
+    return Alarm("attitude", min(1.0, chance), gain, ratio, NAME, lambda: (placed,))
+
+
+def _course(channel: Channel, begin: float, end: float) -> FloatArray:
+    """Return the course between two places, in blocks, shape (M,)."""
+    middle = np.arange(channel.blocks) + 0.5
+    return np.asarray(np.clip((middle - begin) / max(end - begin, 1e-9), 0.0, 1.0))
+
+
+def _courses(found: Residual, known: FloatArray, knots: FloatArray) -> _Courses:
+    """Score the courses between all knots, in blocks, beside known templates (K, q), at the noise as fitted."""
+    channel, singles = found.channel, found.track.singles
+    pieces = np.stack([(b - a) * _course(channel, a, b) for a, b in pairwise(knots)], axis=1)
+    root = 1.0 / np.sqrt(found.fit.expected[:singles])
+    basis, _ = np.linalg.qr(known * root[:, None])
+    white = block_transform(pieces, found.repaired, singles) * root[:, None]
+    white = white - basis @ (basis.T @ white)
+    target = found.track.grid.amplitude[:singles] * root
+    total = np.concatenate(([0.0], np.cumsum(white.T @ (target - basis @ (basis.T @ target)))))
+    covariance = np.pad(np.cumsum(np.cumsum(white.T @ white, axis=0), axis=1), ((1, 0), (1, 0)))
+    p, q = np.triu_indices(len(knots), 1)
+    score = np.zeros((len(knots), len(knots)))
+    courses = _Courses(score, covariance)
+    variance = courses.product(p, q, 0)
+    usable = variance > 1e-4 * variance.max()
+    score[p, q] = np.where(usable, (total[q] - total[p]) / np.sqrt(np.where(usable, variance, 1.0)), 0.0)
+    return courses
+
+
+def _placed(found: Residual, known: FloatArray, begin: float, end: float) -> Yielding:
+    """Return the best course about one, with the begins and durations that lose less than χ²₂ at 95 %."""
+    channel = found.channel
+    cell = min(channel.blocks / CELLS, 0.5 * (end - begin)) + 1.0
+    near = cell * np.linspace(-1.0, 1.0, FINE)
+    places = np.concatenate((begin + near, end + near))
+    knots = np.unique(np.clip(places, 1.0, channel.blocks - 1.0))
+    square = _courses(found, known, knots).score ** 2
+    p, q = np.unravel_index(int(np.argmax(square)), square.shape)
+    likely = np.nonzero(square > square[p, q] - REGION)
+    length, step = channel.block * channel.interval, 2.0 * cell / (FINE - 1)
+    first, duration = knots[likely[0]], knots[likely[1]] - knots[likely[0]]
+    values = {
+        "start": Value(
+            channel.start + float(knots[p]) * length,
+            channel.start + float(first.min() - step) * length,
+            channel.start + float(first.max() + step) * length,
+            "s",
+        ),
+        "duration": Value(
+            float(knots[q] - knots[p]) * length,
+            max(0.0, float(duration.min() - step)) * length,
+            float(duration.max() + step) * length,
+            "s",
+        ),
+    }
+    return Yielding(float(knots[p]), float(knots[q]), values=values)
+
+
+def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained, ...]:
+    """Return what speaks against a tilt: the specific force of a triad changes its length where an axis shows one.
+
+    The changes d of all three axes over the clearest course, each with its deviation s, must be across the mean
+    force f: f·d/|f| is normal about −d²/2|f|. The direction of f is known as well as the biases are small.
+
+    Parameters
+    ----------
+    finals : mapping of str to Residual
+        Final residuals by axis.
+    limit : float
+        Chance below which the length is not kept.
+    """
+    triad = {axis: found for axis, found in finals.items() if found.channel.unit == "m/s^2"}
+    told = [x for found in triad.values() for x in found.extensions if isinstance(x, Yielding)]
+    if not told or len(triad) != 3 or len({len(found.channel) for found in triad.values()}) != 1:
+        return ()
+    clearest = max(told, key=lambda x: abs(x.values["tilt"].value))
+    moved = np.array([_moved(found, clearest) for found in triad.values()])
+    level = np.array([found.channel.level for found in triad.values()])
+    norm = float(np.linalg.norm(level))
+    if abs(norm - STANDARD) > 0.2 * STANDARD:
+        return ()
+    along = level / norm
+    change = float(np.linalg.norm(moved[:, 0]))
+    longer = float(along @ moved[:, 0]) + 0.5 * change**2 / norm
+    spread = float(np.hypot(np.linalg.norm(along * moved[:, 1]), DIRECTION * change))
+    chance = float(chi2.sf((longer / spread) ** 2, 1))
+    if chance >= limit:
+        return ()
+    start, duration = (clearest.values[k].value for k in ("start", "duration"))
+    name = f"the level moves from {start:.6g} s on for {duration:.4g} s, and the specific force changes its length"
+    return (Unexplained(name, tuple(triad), chance),)
+
+
+def _moved(found: Residual, course: Yielding) -> tuple[float, float]:
+    """Return how far an axis moves over a course, its own if it has one, and the deviation, m/s².
+
+    Twice the deviation of the fit: the slow noise that it rests on is itself an estimate.
+    """
+    own = next((i for i, x in enumerate(found.extensions) if isinstance(x, Yielding)), None)
+    fit, at = found.fit, -1
+    if own is None:
+        columns = course.columns(found.channel)
+        fit = found.refit(block_transform(columns, found.repaired, found.track.singles))
+    else:
+        at = first_column(found, own)
+    sd = float(np.sqrt(fit.beta_covariance[at, at]))
+    return float(fit.beta[at]) * found.channel.scale, 2.0 * sd * found.channel.scale

@@ -1,0 +1,126 @@
+"""Spikes: single samples far off.
+
+Statistic: the number of residuals beyond five deviations against a Poisson law, and the largest one against the
+normal law; the smaller chance, doubled. Gain: likelihood of a contaminated normal law.
+Extension: the flagged samples are taken out, as a gate in front of a filter would do. Gross ones, hundreds of white
+deviations from the samples beside them, go before any noise is fitted: one of them is more than all the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+from scipy.stats import chi2 as chi2_law
+from scipy.stats import norm, poisson
+
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.null_distributions import any_of, maximum
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.variance.histogram import Histogram, histogram
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger[Any]]
+
+THRESHOLD = 5.0
+GATE = 4.8
+"""Deviations beyond which a sample counts as a spike once there are spikes."""
+GROSS = 300.0
+"""White deviations beyond which a sample is no noise of any kind."""
+BESIDE = 4
+"""Samples on either side whose median a gross spike is far from."""
+
+
+@dataclass(frozen=True)
+class Spikes(Extension):
+    """Samples that are taken out: their places, shape (s,)."""
+
+    cause: ClassVar[str] = "spikes"
+    meaning: ClassVar[str] = "single samples far off (glitches of the wire or of the converter)"
+    consequence: ClassVar[str] = (
+        "a gate at five deviations in front of the filter; do not widen the white noise for them"
+    )
+    places: tuple[int, ...]
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the spikes out."""
+        missing = np.zeros(len(channel), dtype=bool)
+        missing[list(self.places)] = True
+        return channel.refilled(missing, np.random.default_rng(len(self.places)))
+
+
+def test(found: Residual) -> Alarm:
+    """Count what lies beyond five deviations."""
+    size = np.abs(found.good)
+    n = len(size)
+    count = int(np.count_nonzero(size > THRESHOLD))
+    expected = n * 2.0 * float(norm.sf(THRESHOLD))
+    many = float(poisson.sf(count - 1, expected)) if count else 1.0
+    largest = any_of(2.0 * float(norm.sf(size.max())), n)
+    p_value = min(1.0, 2.0 * min(many, largest))
+    gain = 0.0
+    if p_value < 1e-3:
+        bins = histogram(found.good)
+        gain = mixture_gain(bins) - 1.5 * float(np.log(n))
+    return Alarm(
+        "spikes",
+        p_value,
+        gain,
+        float(size.max()),
+        f"largest residual; {count} beyond 5 deviations",
+        lambda: (extension(found),),
+    )
+
+
+def mixture_gain(bins: Histogram) -> float:
+    """Return the log likelihood that a contaminated normal law gains over the normal one."""
+
+    def cost(x: FloatArray) -> float:
+        share, core, wide = expit(x[0]), np.exp(x[1]), np.exp(x[1]) * (1.0 + np.exp(x[2]))
+        density = (1.0 - share) * norm.pdf(bins.value, 0.0, core) + share * norm.pdf(bins.value, 0.0, wide)
+        return -float(bins.count @ np.log(density + 1e-300))
+
+    return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
+
+
+def gross(channel: Channel) -> Alarm | None:
+    """Return the alarm of samples that are far from those beside them; None where there are none."""
+    far = np.flatnonzero((np.abs(channel.y) > GROSS) & channel.valid)
+    middle = np.clip(far, BESIDE, len(channel) - 1 - BESIDE)
+    beside = middle[:, None] + np.arange(-BESIDE, BESIDE + 1)
+    sizes = np.abs(channel.y[far] - np.median(channel.y[beside], axis=1))
+    far, sizes = far[sizes > GROSS], sizes[sizes > GROSS]
+    if not len(far):
+        return None
+    found = _taken_out(far, sizes, channel.span, 1.0, 0.0)
+    name = "largest distance from the samples beside"
+    return Alarm("spikes", 0.0, float(sizes.max()), float(sizes.max()), name, lambda: (found,))
+
+
+def extension(found: Residual) -> Spikes:
+    """Return the samples to be taken out, with the rate and the typical size."""
+    e, dt = found.e, found.channel.interval
+    places = np.flatnonzero((np.abs(e) > GATE) & found.valid)
+    by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
+    white = found.spread * float(np.sqrt(found.power[-max(1, len(found.power) // 2) :].mean() / dt))
+    return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
+
+
+def _taken_out(places: IntArray, sizes: FloatArray, span: float, white: float, by_chance: float) -> Spikes:
+    """Return spikes at these places, of these sizes in noise of a white sd; so many are there by chance."""
+    count = len(places)
+    low, high = (0.5 * chi2_law.ppf([0.025, 0.975], [2 * count, 2 * count + 2])).tolist()
+    middle = float(np.median(sizes))
+    spread = (1.2533 * float(np.std(sizes)) + white) / float(np.sqrt(max(count, 1)))
+    return Spikes(
+        tuple(places.tolist()),
+        values={
+            "rate": Value((count - by_chance) / span, max(low - by_chance, 0.0) / span, high / span, "1/s"),
+            "size": Value.of(middle, spread, "{u}"),
+        },
+    )

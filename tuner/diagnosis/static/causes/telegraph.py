@@ -1,0 +1,326 @@
+"""Telegraph ("popcorn") noise: a bias that switches between two levels.
+
+Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block
+means under two levels, one Gauss–Markov process (or flicker) and a random walk, less that of the best Gaussian model
+(flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter, the white noise
+as loud as is known of each block; χ²₅, and
+a price of 1.5 ln M nats because the problem is not regular. A path with fewer than four switches is a
+matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
+told.
+Where three levels with even hops, which have as many parameters, are likelier, the path is no telegraph noise: it is
+told as what it is, without a name. Each level must be come back to: one that is not is a matter of steps, too.
+Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
+
+References
+----------
+.. [1] S. Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, J. Appl. Phys. 25 (1954).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.null_distributions import curvature
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.switching.models import (
+    NOTHING,
+    STILL,
+    Chain,
+    Slow,
+    block_noise,
+    expanded,
+    ladder,
+    likelihood,
+)
+from tuner.diagnosis.static.variance.level import course
+
+FloatArray = NDArray[np.float64]
+
+HUMP = 5.0
+"""Nats that a further Gauss–Markov process must gain on flicker for two levels on flicker to be tried."""
+FEWEST = 4
+"""Switches that make a path telegraph noise."""
+OFFSETS = 5
+"""Places of the lower level, within a size, that are tried on held-out data."""
+DOUBT = 3.0
+"""Nats by which three levels must be likelier than two, for the same number of parameters, to be believed instead."""
+
+
+@dataclass(frozen=True)
+class Telegraph(Extension):
+    """A path on the blocks, shape (M,), in scales.
+
+    Attributes
+    ----------
+    path : tuple of float
+        Mean level so far.
+    sd, time_constant : float
+        Of the Gauss–Markov process of the same autocovariance, scales and s.
+    size : float
+        Upper level less the lower one, scales; 0 where there are more.
+    dwells : tuple of float
+        Mean times at the lower and the upper level, s.
+    besides : tuple of Term
+        Slow noise beside the path.
+    """
+
+    cause: ClassVar[str] = "telegraph"
+    meaning: ClassVar[str] = "the bias switches between two levels (popcorn noise)"
+    consequence: ClassVar[str] = (
+        "a Gauss–Markov bias state of the same variance; a switching filter would do better"
+    )
+    path: tuple[float, ...]
+    sd: float
+    time_constant: float
+    size: float = 0.0
+    dwells: tuple[float, float] = (1.0, 1.0)
+    besides: tuple[Term, ...] = ()
+
+    def lead(self, y: FloatArray, step: float, r: FloatArray | float) -> float:
+        """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
+
+        `step` is the length of a block, s, and `r` the variance of the white part of its mean. Where the lower level
+        lies is not known: within a size about the middle, as one of `OFFSETS` places or by a normal law.
+        """
+        if self.size == 0.0:
+            return 0.0
+        up, down = (float(-np.expm1(-step / dwell)) for dwell in self.dwells)
+        width, chain = self.size / OFFSETS, Chain.two(self.size, up, down)
+        middle = y - y.mean() + 0.5 * self.size
+        places = width * (np.arange(OFFSETS) - 0.5 * (OFFSETS - 1))
+        near = Slow.of(self.besides, step, width**2 / 4.0)
+        two = [likelihood(middle - place, chain, near, r) for place in places]
+        gaussian = (*self.besides, GaussMarkov(self.sd, self.time_constant))
+        alone = likelihood(y - y.mean(), STILL, Slow.of(gaussian, step, self.size**2 / 4.0), r)
+        return float(np.logaddexp.reduce(two)) - float(np.log(OFFSETS)) - alone
+
+    def repair(self, channel: Channel) -> Channel:
+        """Take the path out."""
+        path = np.repeat(np.array(self.path), channel.block)
+        return replace(channel, y=channel.y - path)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:  # noqa: ARG002
+        """Return the Gauss–Markov process of the same autocovariance."""
+        return (GaussMarkov(self.sd, self.time_constant),)
+
+
+@dataclass(frozen=True)
+class ManyLevels(Telegraph):
+    """A path between more than two levels."""
+
+    named: ClassVar[bool] = False
+    meaning: ClassVar[str] = "the bias hops between more than two levels"
+
+
+def test(found: Residual) -> Alarm:
+    """Compare two levels with Gaussian noise on the block means."""
+    channel = found.channel
+    step = channel.block * channel.interval
+    y = found.repaired.block_mean(found.repaired.y) - found.path
+    y = y - y.mean()
+    loud = channel.block_mean(course(found))
+    name = "log likelihood of two levels less that of Gaussian noise"
+    more = found.fits if found.found("gauss_markov") else found.with_markov
+    null = -np.inf
+    for fit in (*found.fits, *more):
+        terms = fit.terms()
+        slow = Slow.of(expanded(terms, step, channel.span), step)
+        null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * loud))
+    r = block_noise(found.fit.terms(), step) * loud
+    besides: type[Term] = GaussMarkov
+    best = _search(y, step, channel.span, r, found, null)
+    flicker = BiasInstability in found.fit.kinds
+    if flicker and max(fit.log_likelihood for fit in more) > found.fit.log_likelihood + HUMP:
+        again = _search(y, step, channel.span, r, found, null, BiasInstability)
+        best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
+    price = 1.5 * float(np.log(channel.blocks))
+    if best[0] - null > price:
+        null = max(null, _polished(y, step, channel.span, r, best[1]))
+    lead = best[0] - null
+    p_value = float(chi2.sf(2.0 * max(lead, 0.0), 5))
+    gain = lead - price
+    if gain <= 0.0:
+        return Alarm("telegraph", p_value, gain, lead, name)
+    extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
+    many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
+    if three > two + DOUBT and visits >= 2:
+        return Alarm(
+            "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
+        )
+    size = extension.values["size"]
+    if switches < FEWEST or not size.lower * size.upper > 0.0:  # levels that are not told apart have no name
+        return Alarm("telegraph", p_value, -9.0, lead, name)
+    return Alarm("telegraph", p_value, gain, lead, name, lambda: (extension,))
+
+
+def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
+    """Return the chain and slow states of the free numbers (ln sd, ln T, ln K, size, ln dwells).
+
+    The noise besides is a Gauss–Markov process, or flicker of level sd: a ladder of one rung a decade, T unused.
+    """
+    p01, p10 = (-np.expm1(-step / np.exp(x[4:]))).tolist()
+    return Chain.two(float(x[3]), p01, p10), Slow.of(_besides(x, step, span, besides), step)
+
+
+def _besides(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Term, ...]:
+    amplitude, constant, density = np.exp(x[:3]).tolist()
+    markov = (GaussMarkov(amplitude, constant),)
+    rungs = markov if besides is GaussMarkov else ladder(amplitude, 0.5 * step, 2.0 * span, 1)
+    return (*rungs, RandomWalk(density))
+
+
+def _bounds(step: float, span: float) -> tuple[FloatArray, FloatArray]:
+    """Return the least and largest free numbers; the size has none."""
+    low = [*np.log([1e-5, 2.0 * step, 1e-8]), -np.inf, *np.log([1.5 * step, 1.5 * step])]
+    high = [*np.log([1e3, 3.0 * span, 1e2]), np.inf, *np.log([0.5 * span, 0.5 * span])]
+    return np.array(low), np.array(high)
+
+
+def _cost(
+    y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray, besides: type[Term]
+) -> float:
+    low, high = _bounds(step, span)
+    if np.any(x < low) or np.any(x > high):
+        return 1e12
+    return -likelihood(y, *_parts(x, step, span, besides), r)
+
+
+def _polished(y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray) -> float:
+    """Return the log likelihood of two Gauss–Markov processes and a random walk, fitted by the same filter.
+
+    The fits of the cosine domain are those of instants, the filter sees means of blocks: close to the block
+    length that is worth some nats, which two levels must not earn.
+    """
+    low, high = np.exp(x[4:])
+    share = high / (low + high)
+    second = [np.log(abs(x[3]) * np.sqrt(share * (1.0 - share)) + 1e-6), -np.log(1.0 / low + 1.0 / high)]
+
+    def cost(free: FloatArray) -> float:
+        if np.any(np.abs(free) > 30.0) or max(free[1], free[4]) > np.log(10.0 * span):
+            return 1e12
+        sds, constants = np.exp(free[[0, 3]]).tolist(), np.exp(free[[1, 4]]).tolist()
+        markov = [GaussMarkov(sd, constant) for sd, constant in zip(sds, constants, strict=True)]
+        return -likelihood(y, STILL, Slow.of([*markov, RandomWalk(float(np.exp(free[2])))], step), r)
+
+    start = np.concatenate((x[:3], second))
+    simplex = np.vstack([start, start + 0.7 * np.eye(5)])
+    options = {"maxiter": 700, "fatol": 0.02, "xatol": 0.01, "initial_simplex": simplex}
+    return -float(minimize(cost, start, method="Nelder-Mead", options=options).fun)
+
+
+def _search(
+    y: FloatArray,
+    step: float,
+    span: float,
+    r: FloatArray | float,
+    found: Residual,
+    null: float,
+    besides: type[Term] = GaussMarkov,
+) -> tuple[float, FloatArray]:
+    """Return the greatest log likelihood of two levels, with this noise besides, and where it is."""
+    fit = next(f for f in found.fits if GaussMarkov in f.kinds)
+    terms = fit.terms()
+    markov = next(t for t in terms if isinstance(t, GaussMarkov))
+    walk = next(t for t in terms if isinstance(t, RandomWalk))
+    spread = float(np.std(np.diff(y))) / np.sqrt(2.0)
+    noise = max(float(np.sqrt(np.mean(r))), 1e-6)
+    sizes = np.array([1.5, 3.0]) * max(markov.sd, 0.5 * spread, noise)
+    best: tuple[float, FloatArray] = (-np.inf, NOTHING)
+    starts = []
+    for size in sizes:
+        for dwell in (4.0 * step, 20.0 * step, 100.0 * step):
+            for share in (0.15, 0.6):
+                x = np.array([
+                    np.log(max(share * markov.sd, 1e-4)), np.log(np.clip(markov.time_constant, 4 * step, span)),
+                    np.log(max(walk.density, 1e-7)), size, np.log(dwell), np.log(dwell),
+                ])  # fmt: skip
+                starts.append((_cost(y, step, span, r, x, besides), x))
+    starts.sort(key=lambda pair: pair[0])
+    for _, x in starts[:2]:
+        simplex = np.vstack([x, x + np.diag([0.7, 0.7, 0.7, 0.3 * x[3], 0.7, 0.7])])
+        options = {"maxiter": 200, "fatol": 0.05, "xatol": 0.01, "initial_simplex": simplex}
+        result = minimize(
+            lambda x: _cost(y, step, span, r, x, besides), x, method="Nelder-Mead", options=options
+        )
+        if -result.fun > best[0]:
+            best = (-float(result.fun), result.x)
+        if best[0] < null - 10.0:
+            break
+    return best
+
+
+def _extension(
+    y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray, besides: type[Term]
+) -> tuple[Telegraph, int, FloatArray, float]:
+    """Return the extension at the maximum, the switches of its path, the free numbers, their log likelihood.
+
+    A mean dwell is known no better than by the root of the number of dwells.
+    """
+
+    def cost(free: FloatArray) -> float:
+        return _cost(y, step, span, r, free, besides)
+
+    result = minimize(cost, x, method="Nelder-Mead", options={"maxiter": 600, "fatol": 0.01, "xatol": 1e-3})
+    x = result.x
+    spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, *_bounds(step, span))), x)))
+    path, size = np.empty(len(y)), float(x[3])
+    likelihood(y, *_parts(x, step, span, besides), r, path)
+    low, high = np.exp(x[4:]).tolist()
+    share = high / (low + high)
+    switches = (
+        int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if max(low, high) < span / 6.0 else 0
+    )
+    spread[4:] = np.maximum(spread[4:], 1.0 / np.sqrt(max(0.5 * switches, 1.0)))
+    values = {
+        "size": Value.of(size, float(spread[3]), "{u}"),
+        "dwell_low": Value.log(low, float(spread[4]), "s"),
+        "dwell_high": Value.log(high, float(spread[5]), "s"),
+    }
+    sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
+    found = Telegraph(
+        tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), float(result.x[3]),
+        tuple(np.exp(result.x[4:]).tolist()), _besides(result.x, step, span, besides), values=values,
+    )  # fmt: skip
+    return found, switches, result.x, -float(result.fun)
+
+
+def _three_levels(
+    y: FloatArray, step: float, span: float, r: FloatArray | float, two: FloatArray, besides: type[Term]
+) -> tuple[ManyLevels, int, float]:
+    """Return the path between three levels next to the free numbers of two, the fewest visits to one, log likelihood.
+
+    The third level lies between the two, or beyond one of them; from each a hop to either other is as likely.
+    """
+
+    def chain(x: FloatArray) -> Chain:
+        return Chain.even([0.0, float(x[3]), float(x[4])], -float(np.expm1(-step / np.exp(x[5]))))
+
+    def cost(x: FloatArray) -> float:
+        if not np.log(1.5 * step) < x[5] < np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
+            return 1e12
+        return -likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r)
+
+    dwell, size = 0.5 * (two[4] + two[5]), two[3]
+    places = ((0.5 * size, size), (size, 2.0 * size), (-size, size))
+    starts = [np.array([*two[:3], *pair, dwell]) for pair in places]
+    start = min(starts, key=cost)
+    simplex = np.vstack([start, start + np.diag([0.5, 0.5, 0.5, 0.3 * size, 0.3 * size, 0.5])])
+    options = {"maxiter": 500, "fatol": 0.02, "xatol": 1e-3, "initial_simplex": simplex}
+    x = minimize(cost, start, method="Nelder-Mead", options=options).x
+    path, dwell = np.empty(len(y)), float(np.exp(x[5]))
+    value = likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
+    levels = np.array([0.0, x[3], x[4]])
+    at = np.argmin(np.abs(path[:, None] - levels), axis=1)
+    entered = at[np.flatnonzero(np.diff(at, prepend=-1))]
+    visits = int(np.bincount(entered, minlength=len(levels)).min())
+    return ManyLevels(tuple(path.tolist()), float(np.std(levels)), dwell / 1.5), visits, value

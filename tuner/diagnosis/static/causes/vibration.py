@@ -1,0 +1,334 @@
+"""Vibration: a narrow-band resonance, an AR(2) process added to the noise.
+
+Statistic: means of w = 8, 16 … 4096 neighbouring ordinates of the periodogram of the residuals over the mean of
+those beside them, 16 w on either side and half a window away, so that a resonance does not raise its own level. With
+m of these the ratio has Fisher's law F(2w, 2m). Every width has the same share of the false alarms, and so has every
+window of a width. Where that is promising, the likelihood ratio of the fitted hump may be the clearer of the two: χ²₂
+for each window as wide as the hump.
+Extension: frequency, quality and standard deviation by the likelihood of the ordinates about the peak, over a
+level that may slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc, betaln
+
+from models.noise import Term
+from models.noise.arma import Arma
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.spectrum.background import FIRST, local_level
+from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
+from tuner.diagnosis.static.spectrum.shape import ShapeTest
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.signedinteger[Any]]
+
+WINDOWS = tuple(8 * 2**k for k in range(10))
+BESIDE = 16
+"""Widths of a window from which its level is taken, on either side."""
+PROMISING = 0.03
+"""Chance of a window from which the hump is fitted."""
+NEAR = 200
+"""Ordinates about one that tell a line from a hump."""
+NARROW = 3.0
+"""Quality below which a hump is a matter of the broad shape of the spectrum."""
+MOVED = 0.1
+"""Standard deviations by which parameters move before the model is fitted again."""
+CAP = 25.0
+"""Largest ordinate that counts: a line is no resonance."""
+
+
+@dataclass(frozen=True)
+class Vibration(Extension):
+    """An AR(2) resonance, standard deviation in scales."""
+
+    cause: ClassVar[str] = "vibration"
+    repeats: ClassVar[int] = 4
+    meaning: ClassVar[str] = "a narrow-band resonance: a hump in the spectrum, wider than a line"
+    consequence: ClassVar[str] = (
+        "distrust this band: damp or notch it; where it cannot be removed it calls for a two-state shaping filter"
+    )
+    frequency: float
+    quality: float
+    sd: float
+
+    def arma(self, interval: float) -> Arma:
+        """Return the process as an ARMA term in scales."""
+        first, second = self.recursion(interval)
+        rho = first / (1.0 - second)
+        return Arma((first, second), (), self.sd**2 * (1.0 - second**2) * (1.0 - rho**2), interval)
+
+    def pole(self, interval: float) -> tuple[float, float]:
+        """Return the radius and the angle of the poles."""
+        angle = 2.0 * np.pi * self.frequency * interval
+        return float(np.exp(-0.5 * angle / self.quality)), angle
+
+    def recursion(self, interval: float) -> tuple[float, float]:
+        """Return φ₁, φ₂ (`models.effects.static.spectral.Vibration`)."""
+        r, angle = self.pole(interval)
+        return 2.0 * r * float(np.cos(angle)), -r * r
+
+    def power(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return its spectrum, c/(|1 − r exp i(θ − x)|² |1 − r exp i(θ + x)|²) with poles r exp ±iθ, x = 2πfΔ."""
+        return np.asarray(resonance(f, interval, *self.pole(interval), self.sd))
+
+    def overlaps(self, found: Residual) -> bool:
+        """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
+        unknown = self.values["sd"].upper > 3.0 * self.sd
+        return unknown or bool(taken(found, np.array([self.frequency]))[0])
+
+    def polished(self, found: Residual, index: int) -> Vibration:  # noqa: ARG002
+        """Fit the hump again, over the noise as fitted with it, whose level may slope beside it."""
+        dt, n = found.channel.interval, len(found.coefficients)
+        df = 0.5 / (n * dt)
+        reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
+        first, last = (int((self.frequency + sign * reach) / df) for sign in (-1, 1))
+        first, last = max(FIRST, first), min(n - 1, last)
+        size = max(1, (last - first) // 400)
+        number = (last - first) // size
+        around = slice(max(first - NEAR, 0), last + NEAR)
+        square = (
+            _lines_cut(found.coefficients[1:][around] ** 2 / found.power[around], CAP) * found.power[around]
+        )
+        inside = slice(first, first + number * size)
+        mean = square[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
+        f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
+        expected = found.power[inside].reshape(number, size).mean(axis=1)
+        other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
+        place = (f - f.mean()) / (f[-1] - f[0])
+        level = np.stack((other * (0.5 - place), other * (0.5 + place)))
+        count = np.full(number, float(size))
+
+        def hump(x: FloatArray) -> FloatArray:
+            frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()
+            return Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).power(f, dt)
+
+        def cost(x: FloatArray) -> float:
+            return sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[2]
+
+        def whole(x: FloatArray) -> float:
+            return sizes(mean, count, level, np.exp(2.0 * x[2]) * hump(x[:2]))[2]
+
+        start = np.log([self.frequency, self.quality, self.sd])
+        x, _ = minimum(cost, [start[:2].tolist()], scale=0.02, tolerance=1e-3)
+        variance = sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[0][-1]
+        x = np.append(x, 0.5 * np.log(max(variance, 1e-12)))
+        covariance = curvature(whole, x)
+        sd = np.sqrt(np.diag(covariance))
+        moved = np.abs(x - start)
+        settled = bool(np.all(moved < MOVED * sd))
+        return self if settled or moved[0] > 1.0 / self.quality else _fitted(x, sd)
+
+    def terms(self, interval: float) -> tuple[Term, ...]:
+        """Return the process as a noise term."""
+        return (self.arma(interval),)
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def resonance(f: FloatArray, interval: float, r: float, angle: float, sd: float) -> FloatArray:
+    """Return the spectrum of a resonance of poles r exp ±i angle and standard deviation `sd`, shape of `f`."""
+    out = np.empty(f.size)
+    rho = 2.0 * r * np.cos(angle) / (1.0 + r * r)
+    size = interval * sd * sd * (1.0 - r**4) * (1.0 - rho * rho)
+    least, sine, cosine = (1.0 - r) ** 2, np.sin(0.5 * angle), np.cos(0.5 * angle)
+    for at in range(f.size):
+        s = np.sin(np.pi * interval * f[at])
+        c = np.sqrt(max(1.0 - s * s, 0.0))
+        near, far = sine * c - cosine * s, sine * c + cosine * s
+        out[at] = size / ((least + 4.0 * r * near * near) * (least + 4.0 * r * far * far))
+    return out
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray, hump: FloatArray) -> float:
+    """Return Σ ln E + P/E of ordinates P, shape (b,), with E = exp(level) (1 + slope · place) (1 + hump)."""
+    total, scale = 0.0, np.exp(level)
+    for at in range(mean.size):
+        expected = scale * (1.0 + slope * place[at]) * (1.0 + hump[at])
+        total += np.log(expected) + mean[at] / expected
+    return total
+
+
+def test(found: Residual, tested: ShapeTest) -> Alarm:
+    """Search the spectrum of the residuals for a hump on the best spectrum that has none."""
+    df = 1.0 / (len(found.e) * found.channel.interval)
+    background = tested.background(df * np.arange(1.0, len(found.periodogram) + 1.0))
+    power = found.periodogram / background
+    total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, CAP))))
+    widths = [width for width in WINDOWS if width <= len(power) // 24]
+    best = (np.inf, 8, FIRST, 1.0)
+    for width in widths:
+        start = np.arange(FIRST, len(power) - width, width // 2)
+        ratio, beside = _over_neighbours(total, start, width)
+        ratio[taken(found, (start + 1 + 0.5 * width) * df)] = 1.0
+        largest = _largest(ratio, 8)
+        nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in largest])
+        at = largest[int(np.argmax(nats))]
+        log_chance = np.log(len(widths) * len(start)) - float(nats.max())
+        if log_chance < best[0]:
+            best = (log_chance, width, int(start[at]), float(ratio[at]))
+    log_chance, width, at, mean = best
+    p_value = float(np.exp(min(log_chance, 0.0)))
+    centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
+    name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
+    if p_value > PROMISING:
+        return Alarm("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
+    gain, fitted = extension(found, background, centre, half)
+    covered = float(np.clip(fitted.frequency / fitted.quality / df, WINDOWS[0], widths[-1]))
+    price = float(np.log(len(widths) * 2.0 * len(power) / covered))
+    p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
+    if fitted.quality < NARROW or fitted.overlaps(found):
+        gain = -np.inf
+    return Alarm("vibration", p_value, gain - price, mean, name, lambda: (fitted,), local=True)
+
+
+def taken(found: Residual, frequency: FloatArray) -> BoolArray:
+    """Return which frequencies lie within the width of an accepted resonance: its form is no further one."""
+    inside = np.zeros(len(frequency), dtype=bool)
+    for x in found.extensions:
+        if isinstance(x, Vibration):
+            inside |= np.abs(frequency - x.frequency) < x.frequency / x.quality
+    return inside
+
+
+def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[FloatArray, FloatArray]:
+    """Return the means of windows over those of the ordinates beside them, and how many these are, shape of `start`.
+
+    `total` holds the running sums of the ordinates.
+    """
+    last = len(total) - 1
+    gap = width // 2
+
+    def sums(first: IntArray, stop: IntArray) -> tuple[FloatArray, FloatArray]:
+        stop = np.maximum(first, stop)
+        return total[stop] - total[first], (stop - first).astype(float)
+
+    below, number_below = sums(np.maximum(start - gap - BESIDE * width, FIRST), start - gap)
+    above, number_above = sums(
+        np.minimum(start + width + gap, last), np.minimum(start + width + gap + BESIDE * width, last)
+    )
+    number = number_below + number_above
+    inside = (total[start + width] - total[start]) / width
+    return inside * number / (below + above), number
+
+
+def _largest(values: FloatArray, number: int) -> IntArray:
+    """Return the places of the largest values, these last."""
+    some = np.argpartition(values, -min(number, len(values)))[-number:]
+    return some[np.argsort(values[some])]
+
+
+def wide(tested: ShapeTest, found: Residual) -> Alarm:
+    """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
+    name = "excess of the fast spectrum over white noise"
+    if tested.hump is None:
+        return Alarm("vibration", tested.any_p_value, -9.0, 0.0, name)
+    hump = tested.hump
+    scale = np.array([1.0, 1.0, 0.5])
+    spread = scale * np.sqrt(np.diag(hump.covariance))
+    fitted = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
+    ratio = 2.0 * (tested.null.cost - hump.cost)
+    gain = -np.inf if fitted.quality < NARROW or fitted.overlaps(found) else tested.gain(hump)
+    return Alarm("vibration", tested.any_p_value, gain, ratio, name, lambda: (fitted,))
+
+
+def _lines_cut(power: FloatArray, cap: float) -> FloatArray:
+    """Return ordinates, none above `cap` times the level of its near neighbours: lines are not resonances."""
+    return power if np.isinf(cap) else np.minimum(power, cap * local_level(power, NEAR))
+
+
+def _log_tail(ratio: float, width: float, reference: float) -> float:
+    """Return the log of the chance that F(2w, 2m) exceeds a ratio."""
+    x = reference / (reference + width * ratio)
+    tail = float(betainc(reference, width, x))
+    if tail > 1e-280:
+        return float(np.log(tail))
+    log_density = reference * np.log(x) + (width - 1.0) * np.log1p(-x) - betaln(reference, width)
+    return float(log_density - np.log(reference))
+
+
+def rival(found: Residual, frequency: float, height: float) -> Alarm | None:
+    """Return the alarm of a resonance that explains a peak of the spectrum better than a line of that height.
+
+    A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
+    """
+    n, dt = len(found.e), found.channel.interval
+    gain, fitted = extension(found, np.ones_like(found.periodogram), frequency, 8.0 / (n * dt), cap=np.inf)
+    if gain < height + float(np.log(n)) or not NARROW < fitted.quality < frequency * n * dt:
+        return None
+    name = "likelihood of a resonance in place of a line"
+    p_value = float(np.exp(-gain)) * n
+    if found.found("vibration") >= Vibration.repeats:
+        return Alarm("vibration", p_value, 0.0, gain, f"{name}, at {fitted.frequency:.4g} Hz")
+    return Alarm("vibration", p_value, gain, gain, name, lambda: (fitted,), local=True)
+
+
+def extension(
+    found: Residual, background: FloatArray, middle: float, half: float, *, cap: float = CAP
+) -> tuple[float, Vibration]:
+    """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains.
+
+    `background` is the power beside it ÷ that of the residual at the Fourier frequencies.
+    """
+    dt, n = found.channel.interval, len(found.periodogram)
+    df = 1.0 / (len(found.e) * dt)
+    reach = max(12.0 * half, 100.0 * df)
+    first, last = max(FIRST, int((middle - reach) / df)), min(n, int((middle + reach) / df))
+    size = max(1, (last - first) // 500)
+    number = (last - first) // size
+    around = slice(max(first // NEAR - 1, 0) * NEAR, (last // NEAR + 2) * NEAR)
+    power = _lines_cut(found.periodogram[around] / background[around], cap)
+    mean = power[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
+    f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)
+    beside = background[around]
+    there = np.interp(f, df * np.arange(around.start + 1.0, around.start + 1.0 + len(beside)), beside)
+    white = found.spread**2 * found.power_at(f) * there
+    place, none = (f - middle) / reach, np.zeros(number)
+
+    def cost(x: FloatArray) -> float:
+        frequency, quality, sd = np.exp(x[:3])
+        if not (
+            abs(frequency - middle) < reach
+            and 0.5 < quality < 1e5
+            and frequency < 0.499 / dt
+            and abs(x[4]) < 0.9
+        ):
+            return 1e12
+        hump = resonance(f, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
+        return size * float(_level_cost(mean, x[3], x[4], place, hump))
+
+    def flat(x: FloatArray) -> float:
+        return size * float(_level_cost(mean, x[0], x[1], place, none)) if abs(x[1]) < 0.9 else 1e12
+
+    excess = max(float(np.mean(np.maximum(mean - np.median(mean), 0.0))), 1e-3)
+    sd = np.sqrt(2.0 * (last - first) * df * excess * float(np.mean(white)))
+    level = float(np.log(np.median(mean)))
+    starts = [[np.log(middle), np.log(middle / w), np.log(sd), level, 0.0] for w in (0.5 * half, 2.0 * half)]
+    x, covariance, value = maximum(cost, starts, scale=0.05, tolerance=1e-3)
+    null = minimum(flat, [[level, 0.0]], scale=0.05, tolerance=1e-3)[1]
+    return null - value, _fitted(x[:3], np.sqrt(np.diag(covariance)))
+
+
+def _fitted(x: FloatArray, spread: FloatArray) -> Vibration:
+    """Return the resonance of fitted logs of frequency, quality and sd, with their standard deviations."""
+    frequency, quality, sd = np.exp(x).tolist()
+    return Vibration(
+        frequency,
+        quality,
+        sd,
+        values={
+            "frequency": Value.log(frequency, float(spread[0]), "Hz"),
+            "quality": Value.log(quality, float(spread[1])),
+            "sd": Value.log(sd, float(spread[2]), "{u}"),
+        },
+    )

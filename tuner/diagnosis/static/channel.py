@@ -1,0 +1,307 @@
+"""One axis made ready for criticism: even, without gaps, in units of its own white noise.
+
+The samples are cut into M blocks of L. Slow effects are seen on the blocks (their cosine coefficients),
+fast ones on the samples. What was never measured (gaps, held readings) is filled with a straight line and noise,
+and kept out of every test of the distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.static.model.covariate import code_step, hold, smoothed
+from tuner.types.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BLOCKS = 4096
+"""Blocks that a record is cut into, within 5 %, where it has that many samples."""
+LOST = 1e-3
+"""Share of the samples, at the end, that may be left out for blocks whose transforms are fast."""
+FAST = 11
+"""Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
+DIGITS = 1e-9
+"""Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
+SHORTEST = 1024
+"""Samples below which nothing is said."""
+BESIDE = 128
+"""Samples on either side of a gap that tell its levels."""
+LONGEST_GAP = 0.02
+"""Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Samples of one axis.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Name, and unit of the samples before scaling.
+    y : ndarray, shape (n,)
+        Samples ÷ `scale`, less their median; n = M L.
+    valid : ndarray of bool, shape (n,)
+        Samples that were measured.
+    scale : float
+        Robust standard deviation of the differences ÷ √2, unit.
+    level : float
+        Median of the samples, unit.
+    interval, start : float
+        Sampling interval and time of the first sample, s.
+    block : int
+        Samples in a block, L.
+    covariates : mapping of str to ndarray, shape (M,)
+        Block means of further channels.
+    lattice, deadband : float
+        Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
+    """
+
+    axis: str
+    unit: str
+    y: FloatArray
+    valid: BoolArray
+    scale: float
+    level: float
+    interval: float
+    start: float
+    block: int
+    covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    lattice: float = 0.0
+    deadband: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks, M."""
+        return len(self.y) // self.block
+
+    @property
+    def span(self) -> float:
+        """Length, s."""
+        return len(self.y) * self.interval
+
+    @property
+    def block_time(self) -> FloatArray:
+        """Time of the middle of each block since the first sample, s, shape (M,)."""
+        return np.asarray((np.arange(self.blocks) + 0.5) * self.block * self.interval, dtype=float)
+
+    @cached_property
+    def empty(self) -> BoolArray:
+        """Blocks without any valid sample, shape (M,)."""
+        return np.asarray(~self.valid.reshape(self.blocks, self.block).any(axis=1), dtype=bool)
+
+    def block_mean(self, x: FloatArray) -> FloatArray:
+        """Return the means of n values over the blocks, shape (M,)."""
+        return np.asarray(x.reshape(self.blocks, self.block).mean(axis=1), dtype=float)
+
+    def bridged(self, columns: FloatArray) -> FloatArray:
+        """Return templates on the blocks, shape (M, p), filled as the samples are in blocks that have none."""
+        return bridged(columns, self.empty, -(-BESIDE // self.block))
+
+    def part(self, first: int, last: int) -> Channel | None:
+        """Return samples first … last − 1 as a channel of their own, or None where they are too few."""
+        length = last - first
+        if length < SHORTEST:
+            return None
+        block, length = _cut(length)
+        coarse = {
+            name: np.interp(
+                (first + (np.arange(length // block) + 0.5) * block) * self.interval, self.block_time, values
+            )
+            for name, values in self.covariates.items()
+        }
+        inside = slice(first, first + length)
+        return replace(
+            self, y=self.y[inside], valid=self.valid[inside], start=self.start + first * self.interval,
+            block=block, covariates=MappingProxyType(coarse),
+        )  # fmt: skip
+
+    def refilled(self, missing: BoolArray, rng: np.random.Generator) -> Channel:
+        """Return the channel with further samples taken out and filled, shape (n,)."""
+        return replace(
+            self, y=fill(self.y, missing, 1.0, rng), valid=np.asarray(self.valid & ~missing, dtype=bool)
+        )
+
+
+def channel(
+    record: Record, axis: str, *, lattice: float = 0.0, held: BoolArray | None = None, seed: int = 0
+) -> Channel:
+    """Make an axis of a record ready.
+
+    Parameters
+    ----------
+    record : Record
+        Samples; short gaps are bridged, the longest stretch between long ones is taken.
+    axis : str
+        One of its axes.
+    lattice : float
+        Step of the codes, unit.
+    held : ndarray of bool, shape (n,), optional
+        Samples that repeat the one before: not measured.
+    seed : int
+        Seed of the noise that fills gaps.
+
+    Raises
+    ------
+    DataError
+        A channel that is too short, constant, or a computed sinusoid.
+    """
+    chosen = _without_long_gaps(record)
+    column = record.column(axis)
+    place = np.concatenate([_index(record, piece) for piece in chosen])
+    place -= place[0]
+    source = np.concatenate([np.arange(*piece) for piece in chosen])
+    n = int(place[-1]) + 1
+    if n < SHORTEST:
+        msg = f"{record.source or record.name}: {axis} has {n} samples, expected {SHORTEST} or more; record longer"
+        raise DataError(msg)
+    block, n = _cut(n)
+    keep = place < n
+    if held is not None:
+        keep &= ~held[source]
+    place, source = place[keep], source[keep]
+    measured = column[source]
+    level, scale = float(np.median(measured)), difference_sd(measured)
+    if not scale > 0:
+        msg = f"{record.source or record.name}: {axis} is constant, expected noise; leave it out"
+        raise DataError(msg)
+    cycles = computed(measured)
+    if cycles is not None:
+        what = f"a sinusoid of {cycles / record.interval:.6g} Hz" if cycles > 0.0 else "a straight line"
+        msg = f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
+        raise DataError(msg)
+    valid = np.zeros(n, dtype=bool)
+    valid[place] = True
+    y = np.zeros(n)
+    y[place] = (measured - level) / scale
+    y = fill(y, ~valid, 1.0, np.random.default_rng((seed, 77)))
+    covariates = {
+        name: smoothed(
+            np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1),
+            code_step(values),
+            -(-hold(values) // block),
+        )
+        for name, values in record.covariates.items()
+        if np.all(np.isfinite(values)) and np.ptp(values) > 0
+    }
+    return Channel(
+        axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
+        MappingProxyType(covariates), lattice / scale,
+    )  # fmt: skip
+
+
+def computed(y: FloatArray) -> float | None:
+    """Return the cycles a sample of a sinusoid, 0 of a straight line, that samples (n,) are but for digits; else None.
+
+    The differences d of one obey d_(k+1) + d_(k−1) = 2 cos(2πf) d_k.
+    """
+    d = np.diff(y)
+    middle, both = d[1:-1], d[2:] + d[:-2]
+    twice = float(middle @ both) / float(middle @ middle)
+    left = both - twice * middle
+    if float(np.std(left)) > DIGITS * float(np.std(y)):
+        return None
+    cycles = float(np.arccos(np.clip(0.5 * twice, -1.0, 1.0))) / (2.0 * np.pi)
+    return cycles if cycles * len(y) > 0.01 else 0.0
+
+
+def _cut(n: int) -> tuple[int, int]:
+    """Return the length of a block and how many samples are kept, out of n: all but a few, of small prime factors."""
+    block = n / BLOCKS
+    lengths = range(max(1, round(0.95 * block)), max(1, round(1.05 * block)) + 1)
+    tried = [(size, m) for size in lengths for m in range(n // size, -int(-n * (1.0 - LOST) // size) - 1, -1)]
+    size, m = min(
+        tried, key=lambda cut: (max(_largest_prime(cut[0]), _largest_prime(cut[1]), FAST), -cut[0] * cut[1])
+    )
+    return size, size * m
+
+
+def _largest_prime(n: int) -> int:
+    """Return the largest prime factor of a number."""
+    factor = 2
+    while factor * factor <= n:
+        factor, n = (factor, n // factor) if n % factor == 0 else (factor + 1, n)
+    return n
+
+
+def difference_sd(x: FloatArray) -> float:
+    """Return the standard deviation of the white part: by the differences, median of short blocks."""
+    square = np.diff(x) ** 2
+    size = min(256, len(square))
+    blocks = square[: len(square) // size * size].reshape(-1, size)
+    typical = float(np.median(blocks.mean(axis=1)))
+    capped = np.minimum(blocks, 25.0 * typical).mean(axis=1)
+    return float(np.sqrt(0.5 * (np.median(capped) or capped.mean())))
+
+
+def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator) -> FloatArray:
+    """Return samples whose missing ones are replaced by lines between the levels beside them (`bridged`), plus noise.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        Samples.
+    missing : ndarray of bool, shape (n,)
+        Those to be replaced.
+    sd : float
+        Standard deviation of the noise.
+    rng : numpy.random.Generator
+        Its source.
+    """
+    if not np.any(missing):
+        return y
+    out = bridged(y, missing, BESIDE)
+    out[missing] += sd * rng.standard_normal(int(missing.sum()))
+    return out
+
+
+def bridged(y: FloatArray, missing: BoolArray, width: int) -> FloatArray:
+    """Return values, shape (n,) or (n, p), whose missing ones are on lines between the means of `width` others beside.
+
+    Before the first and after the last of the others the lines are level.
+    """
+    good, lost = np.flatnonzero(~missing), np.flatnonzero(missing)
+    if not len(lost) or not len(good):
+        return y
+    total = np.concatenate((np.zeros_like(y[:1]), np.cumsum(y[good], axis=0)))
+    right = np.searchsorted(good, lost)
+    before, after = np.maximum(right - width, 0), np.minimum(right + width, len(good))
+    beyond = (lost - good[np.maximum(right - 1, 0)], good[np.minimum(right, len(good) - 1)] - lost)
+    share = beyond[0] / np.maximum(beyond[0] + beyond[1], 1)
+    share = np.where(right == 0, 1.0, np.where(right == len(good), 0.0, share))
+    weights = ((1.0 - share) / np.maximum(right - before, 1), share / np.maximum(after - right, 1))
+    shape = (len(lost), *(1,) * (y.ndim - 1))
+    left, other = (weight.reshape(shape) for weight in weights)
+    out = y.copy()
+    out[lost] = left * (total[right] - total[before]) + other * (total[after] - total[right])
+    return out
+
+
+def _index(record: Record, piece: tuple[int, int]) -> NDArray[np.int64]:
+    """Return the place of each sample of a segment on the even grid of the record."""
+    first = round((record.t[piece[0]] - record.t[0]) / record.interval)
+    return np.arange(first, first + piece[1] - piece[0], dtype=np.int64)
+
+
+def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
+    """Return the segments of the longest stretch that no long gap interrupts."""
+    pieces = [piece for piece in record.segments if piece[1] > piece[0]]
+    longest = LONGEST_GAP * (record.t[-1] - record.t[0])
+    groups: list[list[tuple[int, int]]] = [[pieces[0]]]
+    for before, piece in pairwise(pieces):
+        gap = record.t[piece[0]] - record.t[before[1] - 1]
+        overlap = _index(record, piece)[0] <= _index(record, before)[-1]
+        if gap > longest or overlap:
+            groups.append([])
+        groups[-1].append(piece)
+    return max(groups, key=lambda group: sum(stop - start for start, stop in group))

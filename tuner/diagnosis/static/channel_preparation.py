@@ -1,0 +1,103 @@
+"""From the tests of hygiene to channels: what was not measured is left out, bridged or dropped.
+
+Frozen stretches are gaps of their axis. Of held readings few are bridged, as if they had not come; where they are many
+they are dropped, and the rest is taken for even samples at the mean rate of what is new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.data_quality import HygieneTest, alive
+from tuner.diagnosis.static.channel import Channel, channel
+from tuner.types.records import DataError, Record
+
+BoolArray = NDArray[np.bool_]
+
+HELD = 0.3
+"""Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
+
+
+def prepared(
+    record: Record, tests: Sequence[HygieneTest], limit: float, seed: int, refused: list[str]
+) -> list[Channel]:
+    """Return the axes of a record made ready, without frozen stretches, held readings bridged or dropped.
+
+    Parameters
+    ----------
+    record : Record
+        Samples of one sensor.
+    tests : sequence of HygieneTest
+        What is wrong with them.
+    limit : float
+        Chance below which a test counts.
+    seed : int
+        Seed of the noise that bridges gaps.
+    refused : list of str
+        Takes why axes were left out.
+    """
+    ready = []
+    for axis in record.axes:
+        stuck = [t for t in tests if t.stretches]
+        others = [t for t in tests if not t.stretches and axis in t.channels]
+        mine = {t.cause: t for t in others if t.p_value < limit or t.note}
+        codes = mine["lattice"].parameters if "lattice" in mine else {}
+        step, dead = (
+            float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband")
+        )
+        source = alive(record, (axis,), stuck)
+        held = None
+        if "duplicates" in mine:
+            test = mine["duplicates"]
+            held = _held(alive(record, test.channels, stuck), test, seed)
+        if held is not None and held.mean() > HELD:
+            source, held = _thinned(source, ~held), None
+        try:
+            even = channel(source, axis, lattice=step, held=held, seed=seed)
+            ready.append(replace(even, deadband=dead / even.scale))
+        except DataError as error:
+            refused.append(str(error))
+    return ready
+
+
+def _held(record: Record, test: HygieneTest, seed: int) -> BoolArray:
+    """Return which samples count as held in all channels of a record, those of a test, shape (n,).
+
+    Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own
+    repetitions are among them, keeps its law.
+    """
+    inside = _inside(record)
+    pairs = inside[1:] & inside[:-1]
+    same = np.all(np.diff(record.y, axis=0) == 0.0, axis=1) & pairs
+    fraction = test.parameters["fraction"].value
+    share = 1.0 if fraction is None else fraction * int(pairs.sum()) / max(int(same.sum()), 1)
+    drawn = np.random.default_rng((seed, 78)).random(len(same)) < share
+    return np.concatenate(([False], same & drawn))
+
+
+def _inside(record: Record) -> BoolArray:
+    """Return which samples are in segments, shape (n,)."""
+    inside = np.zeros(len(record), dtype=bool)
+    for start, stop in record.segments:
+        inside[start:stop] = True
+    return inside
+
+
+def _thinned(record: Record, kept: BoolArray) -> Record:
+    """Return a record of the kept samples of its segments, even at their mean interval."""
+    inside = _inside(record)
+    kept = kept & inside
+    n = int(kept.sum())
+    interval = record.interval * int(inside.sum()) / n
+    return replace(
+        record,
+        t=record.t[0] + interval * np.arange(n),
+        y=record.y[kept],
+        interval=interval,
+        segments=((0, n),),
+        covariates={name: values[kept] for name, values in record.covariates.items()},
+    )

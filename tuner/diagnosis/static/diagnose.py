@@ -1,0 +1,271 @@
+"""Diagnosis of static records: hygiene, motion, the loop of every channel, what channels share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
+
+from numba import config
+
+from tuner.diagnosis.data_quality import HygieneTest, hygiene
+from tuner.diagnosis.static.causes import attitude, cross_axis, motion
+from tuner.diagnosis.static.causes import mount_tilt as yielding
+from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
+from tuner.diagnosis.static.channel import SHORTEST, Channel, channel
+from tuner.diagnosis.static.channel_preparation import prepared
+from tuner.diagnosis.static.findings import findings, model_of, words
+from tuner.diagnosis.static.held_out_gain import with_gains
+from tuner.diagnosis.static.hypothesis_tests import threshold
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.posterior_predictive import covered
+from tuner.diagnosis.static.search import Criticism, criticise
+from tuner.diagnosis.static.spectrum import aliasing as sampling
+from tuner.types import Diagnosis, Finding, Unexplained
+from tuner.types.records import DataError, Record
+
+MEANINGS = {
+    "duplicates": (
+        "readings repeat the one before: the register is polled faster than it is filled",
+        "drop the repetitions: the true rate is lower, and the white density read from all samples is too small",
+    ),
+    "frozen": (
+        "one reading is given over and over: the register, or the link to it, was stuck",
+        "leave these stretches out: a filter that takes them for measurements believes a sensor without noise",
+    ),
+    "timing": (
+        "the time stamps are not those of an even clock",
+        "put the samples on an even grid, or let the filter use their own times",
+    ),
+    "clipping": ("the samples end at rails", "a wider range, or a likelihood that knows the rails"),
+    "lattice": (
+        "the codes are too coarse for the noise to blur them, or some never come",
+        "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted",
+    ),
+}
+"""What a cause of hygiene is, and what it asks of a filter; readings held for long are frozen."""
+MOSTLY = 0.4
+"""Share of a record that may move before only its longest still part is analysed."""
+SAME_RATE = 0.01
+"""Relative difference of two sampling intervals up to which they are one."""
+
+
+def diagnose(
+    records: Record | Sequence[Record],
+    *,
+    holdout: Record | Sequence[Record] | None = None,
+    replicas: int = 0,
+    seed: int = 0,
+) -> Diagnosis:
+    """Find what a simulation of the fitted noise gets wrong in static records, and why.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        Sensors of one log; a covariate ``temperature`` is used where there is one.
+    holdout : Record or sequence of Record, optional
+        A second log of the same unit, to measure gains on; without it they are measured on the last 40 %.
+    replicas : int
+        Replicas of the model before and after, each fitted again, for the coverage of the curves; 0 for none.
+    seed : int
+        Seed of the noise that bridges gaps and of the replicas.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    DataError
+        Where no channel can be analysed, or the second log lacks what the first one has.
+    """
+    sensors = [records] if isinstance(records, Record) else list(records)
+    others = [holdout] if isinstance(holdout, Record) else list(holdout or ())
+    if others:
+        _comparable(sensors, others)
+    width = sum(len(record.axes) for record in sensors)
+    limit = threshold(width)
+    found: list[Finding] = []
+    notes: list[str] = []
+    refused: list[str] = []
+    ready: list[Channel] = []
+    for record in sensors:
+        tests = hygiene(record)
+        found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
+        notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
+        ready += prepared(record, tests, limit, seed, refused)
+    parts: list[tuple[Channel, tuple[motion.Motion, ...]]] = []
+    for group in _by_clock(ready):
+        moved, kept = _motion(group)
+        found += moved
+        parts += kept
+    if not parts:
+        raise DataError(_nothing_left(refused, found))
+    order = [one.axis for one in ready]
+    parts.sort(key=lambda part: order.index(part[0].axis))
+
+    def measured(axis: str, outcome: Criticism) -> Criticism:
+        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
+        return covered(outcome, replicas, seed) if replicas else outcome
+
+    with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
+        loops = {pool.submit(criticise, part, limit, moves): part.axis for part, moves in parts}
+        ends = {loops[end]: pool.submit(measured, loops[end], end.result()) for end in as_completed(loops)}
+        outcomes = {part.axis: ends[part.axis].result() for part, _ in parts}
+    finals = {axis: outcome.final for axis, outcome in outcomes.items()}
+    stretched = yielding.stretched(finals, limit)
+    told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]
+    found += [*told, *_common(finals, limit)]
+    unexplained = tuple(
+        Unexplained(alarm.name, (axis,), alarm.p_value)
+        for axis, outcome in outcomes.items()
+        for alarm in outcome.unexplained
+    )
+    return Diagnosis(
+        tuple(found),
+        (*unexplained, *stretched),
+        (*notes, *refused, *sampling.notes(finals)),
+        {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
+        {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
+    )
+
+
+def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
+    """Return why no channel can be analysed, in one line."""
+    moved = next((f for f in found if f.cause == "motion"), None)
+    if refused or moved is None:
+        return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
+    return (
+        f"the sensor moved in so much of the record that no part of {SHORTEST} samples or more is known to be still; "
+        "give a log of one stand-still"
+    )
+
+
+def _comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
+    """Refuse a second log on which the gain of what is found in the first one cannot be measured."""
+    pairs = [(one, other) for one in sensors for other in others if set(one.axes) & set(other.axes)]
+    if not pairs:
+        msg = (
+            f"second log: expected an axis of the first, {' '.join(a for r in sensors for a in r.axes)}, "
+            f"got {' '.join(a for r in others for a in r.axes)}"
+        )
+        raise DataError(msg)
+    for one, other in pairs:
+        if abs(other.interval - one.interval) > SAME_RATE * one.interval:
+            msg = (
+                f"second log: expected the rate of the first, {1.0 / one.interval:.6g} Hz, "
+                f"got {1.0 / other.interval:.6g} Hz"
+            )
+            raise DataError(msg)
+        if TEMPERATURE in one.covariates and TEMPERATURE not in other.covariates:
+            msg = f"second log: expected the column '{TEMPERATURE}' that the first one has, found none"
+            raise DataError(msg)
+
+
+def _second(records: Sequence[Record], axis: str, seed: int) -> Channel | None:
+    """Return the same axis of the second log, or None where it has none."""
+    record = next((r for r in records if axis in r.axes), None)
+    return None if record is None else channel(record, axis, seed=seed)
+
+
+def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
+    """Return what channels share: noise, and a tilt of the triad."""
+    found = []
+    for shared in cross_axis.test(finals, limit):
+        parameters = {"correlation": shared.correlation}
+        text = words("cross_axis", shared.channels, cross_axis.MEANING, parameters)
+        found.append(
+            Finding(
+                "cross_axis",
+                shared.channels,
+                "correlation of the residuals ÷ its deviation",
+                shared.statistic,
+                shared.p_value,
+                parameters,
+                text,
+                cross_axis.CONSEQUENCE,
+                {"cause": "cross_axis", "joins": "law of the noise"},
+                by_channel={pair: {"correlation": value} for pair, value in shared.pairs.items()},
+            )
+        )
+    tilt = attitude.test(finals, limit)
+    if tilt is not None:
+        parameters = {"tilt": tilt.tilt}
+        text = words("attitude", tilt.channels, attitude.MEANING, parameters)
+        found.append(
+            Finding(
+                "attitude",
+                tilt.channels,
+                "likelihood ratio of a turning gravity",
+                tilt.statistic,
+                tilt.p_value,
+                parameters,
+                text,
+                attitude.CONSEQUENCE,
+                {"cause": "attitude", "joins": "preprocessing"},
+            )
+        )
+    return found
+
+
+def _by_clock(channels: Sequence[Channel]) -> list[list[Channel]]:
+    """Return the channels in groups that were sampled together."""
+    groups: dict[tuple[int, float, float], list[Channel]] = {}
+    for one in channels:
+        groups.setdefault((len(one), one.start, one.interval), []).append(one)
+    return list(groups.values())
+
+
+def _motion(
+    channels: list[Channel],
+) -> tuple[list[Finding], list[tuple[Channel, tuple[motion.Motion, ...]]]]:
+    """Return the findings of motion in channels of one clock, and the channels with the stretches to leave out."""
+    stretches = motion.stretches(channels)
+    if not stretches:
+        return [], [(c, ()) for c in channels]
+    axes = tuple(c.axis for c in channels)
+    extensions = tuple(motion.extension(channels[0], stretch) for stretch in stretches)
+    found = []
+    for extension in extensions:
+        parameters = {
+            k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()
+        }
+        found.append(
+            Finding(
+                "motion",
+                axes,
+                "steps between short means ÷ their deviation",
+                motion.THRESHOLD,
+                1e-10,
+                parameters,
+                words("motion", axes, motion.Motion.meaning, parameters),
+                motion.Motion.consequence,
+            )
+        )
+    share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])
+    if share <= MOSTLY:
+        return found, [(c, extensions) for c in channels]
+    first, last = _longest_still(stretches, len(channels[0]))
+    return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]
+
+
+def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, int]:
+    """Return the longest range of samples between the stretches."""
+    edges = [0, *(edge for stretch in stretches for edge in stretch[:2]), n]
+    gaps = list(zip(edges[::2], edges[1::2], strict=True))
+    return max(gaps, key=lambda gap: gap[1] - gap[0])
+
+
+def _finding(test: HygieneTest) -> Finding:
+    meaning, consequence = MEANINGS["frozen" if test.stretches else test.cause]
+    return Finding(
+        test.cause,
+        test.channels,
+        test.text,
+        test.statistic,
+        test.p_value,
+        test.parameters,
+        f"{test.cause} in {', '.join(test.channels)}: {meaning} ({test.text})",
+        consequence,
+        {"cause": test.cause, "joins": "preprocessing"},
+    )

@@ -1,0 +1,248 @@
+"""From the outcome of each channel to findings: shared causes told once, in SI, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from models.noise import NoiseModel, Term, White
+from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.static.causes.colour import Colour
+from tuner.diagnosis.static.causes.lowpass import LowPass
+from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
+from tuner.diagnosis.static.held_out_gain import summed
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.search import Accepted, Criticism
+from tuner.types import Alternative, Coefficient, Finding, Inflation
+from tuner.types.diagnosis import of_each
+
+WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
+"""Parameters that must agree for two channels to share a cause."""
+SIZES = (
+    "frequency", "quality", "sd", "cutoff", "time_constant", "dwell_low", "dwell_high", "rate", "excess_kurtosis",
+    "duration", "variance_ratio",
+)  # fmt: skip
+SIZES_OF = (("line", "amplitude"), ("spikes", "size"))
+"""Parameters that cannot be negative, of any cause or of one."""
+AGREE = 4.0
+"""Standard deviations within which they do."""
+
+
+@dataclass(frozen=True)
+class _Single:
+    """A finding of one channel."""
+
+    axis: str
+    unit: str
+    accepted: Accepted
+    parameters: Mapping[str, Coefficient]
+    inflation: Inflation | None
+
+
+def model_of(found: Residual) -> NoiseModel:
+    """Return the noise model of a residual with the terms of its extensions, SI."""
+    dt = found.channel.interval
+    shape = next((x for x in found.extensions if isinstance(x, LowPass | Colour)), None)
+    terms: list[Term] = []
+    for term in found.fit.terms():
+        terms.append(shape.arma(dt, term.density) if shape is not None and isinstance(term, White) else term)
+    terms += [term for x in found.extensions for term in x.terms(dt)]
+    return NoiseModel(terms).scaled(found.channel.scale)
+
+
+def findings(outcomes: Mapping[str, Criticism]) -> tuple[Finding, ...]:
+    """Return the findings of all channels, shared ones once, the clearest first."""
+    singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome)]
+    groups: list[list[_Single]] = []
+    for single in singles:
+        home = next((g for g in groups if _shared(g, single)), None)
+        if home is None:
+            groups.append([single])
+        else:
+            home.append(single)
+    found = [_finding(group) for group in groups]
+    return tuple(sorted(found, key=lambda finding: finding.p_value))
+
+
+def _singles(axis: str, outcome: Criticism) -> list[_Single]:
+    channel = outcome.final.channel
+    return [
+        _Single(
+            axis,
+            channel.unit,
+            accepted,
+            {
+                name: _bounded(accepted.extension.cause, name, value).coefficient(channel.unit, channel.scale)
+                for name, value in accepted.extension.values.items()
+            },
+            _inflation(axis, outcome, accepted),
+        )
+        for accepted in outcome.accepted
+        if accepted.extension.named
+    ]
+
+
+def _bounded(cause: str, name: str, value: Value) -> Value:
+    """Return a parameter whose interval ends at 0 where it is a size."""
+    return value.positive if name in SIZES or (cause, name) in SIZES_OF else value
+
+
+def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation | None:
+    """Return what to enlarge in a filter that is set from the base model."""
+    values, cause = accepted.extension.values, accepted.extension.cause
+    if isinstance(accepted.extension, VarianceDrift):
+        factor = accepted.extension.inflation
+        return Inflation(f"{axis}.white_density", factor, "variance_drift: the noise at its louder end")
+    if cause == "burst" and values["variance_ratio"].value > 1.0:
+        factor = float(np.sqrt(values["variance_ratio"].value))
+        return Inflation(f"{axis}.white_density", factor, "burst: the noise while it lasts")
+    shape = accepted.extension
+    if isinstance(shape, LowPass | Colour):
+        before, after = outcome.base.model.white_density(), outcome.final.model.white_density()
+        after *= float(np.sqrt(shape.gain(np.zeros(1), outcome.final.channel.interval)[0]))
+        if after > 1.02 * before > 0:
+            return Inflation(
+                f"{axis}.white_density", after / before, f"{cause}: white density at the plateau"
+            )
+    return None
+
+
+def _shared(group: Sequence[_Single], single: _Single) -> bool:
+    """Return whether a finding of another channel is the same cause."""
+    first = group[0]
+    alike = first.accepted.extension.cause == single.accepted.extension.cause and first.unit == single.unit
+    if not alike or any(g.axis == single.axis for g in group):
+        return False
+    return all(
+        _agree(first.parameters[name], single.parameters[name])
+        for name in WHERE
+        if name in first.parameters and name in single.parameters
+    )
+
+
+def _agree(a: Coefficient, b: Coefficient) -> bool:
+    (mean_a, sd_a), (mean_b, sd_b) = _moments(a), _moments(b)
+    return abs(mean_a - mean_b) <= AGREE * float(np.hypot(sd_a, sd_b)) + 1e-12 * abs(mean_a)
+
+
+def _moments(c: Coefficient) -> tuple[float, float]:
+    assert c.value is not None
+    assert c.interval is not None
+    return c.value, max((c.interval[1] - c.interval[0]) / 3.92, 1e-300)
+
+
+def pooled(coefficients: Sequence[Coefficient]) -> Coefficient:
+    """Return the mean weighted by inverse variance where all agree, else the first.
+
+    Numbers whose intervals are all positive are pooled by their logarithms, and so is the interval of the mean;
+    where some begin at 0, that of the mean does not reach below.
+    """
+    first = coefficients[0]
+    if len(coefficients) == 1 or not all(_agree(first, other) for other in coefficients[1:]):
+        return first
+    least = min(c.interval[0] for c in coefficients if c.interval is not None)
+    if least > 0.0:
+        value, half = _mean([_log_moments(c) for c in coefficients])
+        return Coefficient.known(
+            float(np.exp(value)), float(np.exp(value - half)), float(np.exp(value + half)), first.unit
+        )
+    value, half = _mean([_moments(c) for c in coefficients])
+    low = max(value - half, 0.0) if least == 0.0 else value - half
+    return Coefficient.known(value, low, value + half, first.unit)
+
+
+def _mean(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the mean of numbers and sds, weighted, and half of its 95 % interval."""
+    weight = np.array([sd**-2 for _, sd in moments])
+    return float(weight @ [mean for mean, _ in moments] / weight.sum()), 1.96 * float(weight.sum()) ** -0.5
+
+
+def _log_moments(c: Coefficient) -> tuple[float, float]:
+    """Return the logarithm of a positive coefficient and its sd."""
+    assert c.value is not None
+    assert c.interval is not None
+    low, high = np.log(c.interval).tolist()
+    return float(np.log(c.value)), max((high - low) / 3.92, 1e-15)
+
+
+def _finding(group: list[_Single]) -> Finding:
+    clearest = sorted(group, key=lambda single: -single.accepted.alarm.gain)
+    best = clearest[0]
+    extension, alarm = best.accepted.extension, best.accepted.alarm
+    parameters = {
+        name: pooled([s.parameters[name] for s in clearest if name in s.parameters])
+        for name in best.parameters
+    }
+    channels = tuple(single.axis for single in group)
+    by_channel = {single.axis: dict(single.parameters) for single in group}
+    return Finding(
+        cause=extension.cause,
+        channels=channels,
+        statistic=alarm.name,
+        value=alarm.statistic,
+        p_value=min(1.0, alarm.p_value),
+        parameters=parameters,
+        text=words(extension.cause, channels, extension.meaning, parameters, by_channel),
+        consequence=extension.consequence,
+        extension={"cause": extension.cause, "joins": joins(extension.cause)},
+        gain=summed([single.accepted.gain for single in group]),
+        alternatives=alternatives([single.accepted for single in group]),
+        inflations=tuple(single.inflation for single in group if single.inflation is not None),
+        by_channel=by_channel,
+    )
+
+
+def joins(cause: str) -> str:
+    """Return which part of the model an extension of a cause joins."""
+    if cause in ("vibration", "lowpass", "colour", "gauss_markov"):
+        return "noise model"
+    if cause in ("heavy_tails", "burst", "variance_drift", "cross_axis"):
+        return "law of the noise"
+    return "preprocessing"
+
+
+def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
+    """Return the causes that every channel holds for possible, with the product of their weights."""
+    common = set.intersection(*({a.cause for a in one.alternatives} for one in accepted))
+    scores = {
+        cause: float(np.prod([a.score for one in accepted for a in one.alternatives if a.cause == cause]))
+        for cause in common
+    }
+    return tuple(
+        Alternative(cause, score) for cause, score in sorted(scores.items(), key=lambda item: -item[1])
+    )
+
+
+def words(
+    cause: str,
+    channels: Sequence[str],
+    meaning: str,
+    parameters: Mapping[str, Coefficient],
+    by_channel: Mapping[str, Mapping[str, Coefficient]] = MappingProxyType({}),
+) -> str:
+    """Return a finding in one sentence; a parameter in which channels differ is told of each."""
+    figures = ", ".join(
+        f"{name} {figure(value)}{where}"
+        for name, shown in parameters.items()
+        for where, value in _told(of_each(name, shown, by_channel), shown)
+    )
+    return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
+
+
+def _told(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:
+    return [(f" in {axis}", value) for axis, value in each.items()] or [("", shown)]
+
+
+def figure(c: Coefficient) -> str:
+    """Return a coefficient as text: value, half width of its interval, unit."""
+    unit = "" if c.unit == "1" else f" {c.unit}"
+    if c.value is None:
+        return f"below {c.upper:.3g}{unit}"
+    if c.interval is None or c.interval[0] == c.interval[1]:
+        return f"{c.value:.6g}{unit}"
+    half = 0.5 * (c.interval[1] - c.interval[0])
+    digits = max(3, int(np.ceil(np.log10(max(abs(c.value), 1e-300) / half))) + 2) if half > 0 else 6
+    return f"{c.value:.{min(digits, 12)}g} ± {half:.2g}{unit}"

@@ -1,0 +1,120 @@
+"""The cosine domain: where the noise of a channel is diagonal and slow templates are short.
+
+With the orthonormal cosine transform of n samples at interval τ0, a_k = √τ0 DCT-II(y)_k, the expectation
+of a_k² is the two-sided spectrum at k/(2 n τ0) (`tuner.identification.periodogram`). A template that is constant over
+M blocks of L samples has the coefficients of its block values times a known factor::
+
+    a_k = √(τ0 M/n) sin(πk/2M)/sin(πk/2n) DCT-II(block values)_k
+
+References
+----------
+.. [1] G. Strang, The discrete cosine transform, SIAM Review 41 (1999).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, dst, idct
+
+from tuner.diagnosis.static.channel import Channel
+from tuner.identification.periodogram import CosinePeriodogram
+
+FloatArray = NDArray[np.float64]
+
+CAP = 30.0
+"""Largest square of a coefficient, in units of its neighbours', that the noise fit believes: lines stay out."""
+LOWEST = 64
+"""Coefficients that are believed as they are: the level of their neighbours is not theirs."""
+RESOLUTION = 0.02
+"""Relative width of the cells above the single coefficients."""
+
+
+def transform(y: FloatArray, interval: float) -> FloatArray:
+    """Return the coefficients a_0 … a_{n-1} of n samples."""
+    return np.asarray(np.sqrt(interval) * dct(y, norm="ortho"))
+
+
+def inverse(a: FloatArray, interval: float) -> FloatArray:
+    """Return the samples of n coefficients."""
+    return np.asarray(idct(a, norm="ortho") / np.sqrt(interval))
+
+
+def block_transform(columns: FloatArray, channel: Channel, singles: int) -> FloatArray:
+    """Return coefficients 1 … K of templates given on the blocks: (M, p) to (K, p).
+
+    Where a channel has no samples it is filled with a straight line; so is every template there, between means of
+    the same length, or the line would count as evidence against it.
+    """
+    n, m = len(channel), channel.blocks
+    columns = channel.bridged(columns)
+    k = np.arange(1, singles + 1)
+    factor = np.sqrt(channel.interval * m / n) * np.sin(0.5 * np.pi * k / m) / np.sin(0.5 * np.pi * k / n)
+    out: FloatArray = dct(columns, norm="ortho", axis=0)[1 : singles + 1] * factor[:, None]
+    return out
+
+
+def grid(a: FloatArray, interval: float, singles: int) -> CosinePeriodogram:
+    """Summarise n coefficients for a fit of the noise: K single ones, then cells, both robust to lines.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n,)
+        Coefficients, a_0 included.
+    interval : float
+        Sampling interval, s.
+    singles : int
+        K.
+    """
+    n = len(a)
+    span = n * interval
+    level = _level(a[1:] ** 2)
+    capped = np.clip(a[1:], -np.sqrt(CAP * level), np.sqrt(CAP * level))
+    capped[:LOWEST] = a[1 : LOWEST + 1]
+    low = min(singles, n - 1)
+    order = np.arange(1.0, low + 1.0)
+    edges = np.unique(np.geomspace(low, n - 1, max(2, int(np.log((n - 1) / low) / RESOLUTION))).astype(int))
+    count = np.diff(edges).astype(float)
+    cells = len(count)
+    power = np.add.reduceat(capped[: edges[-1]] ** 2, edges[:-1]) / count if cells else np.empty(0)
+    mean_order = 0.5 * (edges[:-1] + edges[1:] + 1.0)
+    orders = np.concatenate((order, mean_order))
+    return CosinePeriodogram(
+        interval=interval,
+        frequency=orders / (2.0 * span),
+        amplitude=np.concatenate((capped[:low], np.sqrt(power))),
+        count=np.concatenate((np.ones(low), count)),
+        order=orders,
+        parity=np.concatenate(((-1.0) ** order, np.zeros(cells))),
+        span=np.full(low + cells, span),
+        line=np.zeros(low + cells),
+    )
+
+
+def _level(power: FloatArray) -> FloatArray:
+    """Return the level of χ²₁ powers by running medians over 128 neighbours, shape (n,)."""
+    width = 128
+    n = len(power) // width * width
+    if n == 0:
+        return np.full(len(power), np.median(power) / 0.4549)
+    median = np.median(power[:n].reshape(-1, width), axis=1) / 0.4549
+    centre = (np.arange(len(median)) + 0.5) * width
+    return np.asarray(np.exp(np.interp(np.arange(len(power)), centre, np.log(np.maximum(median, 1e-300)))))
+
+
+def step_sums(weights: FloatArray, channel: Channel) -> FloatArray:
+    """Return, for a step at each block boundary m = 1 … M-1, the sum of its coefficients times `weights` (K,).
+
+    A step of size 1 at boundary m has a_k = -√(2τ0/n) sin(πkm/M) / (2 sin(πk/2n)).
+    """
+    values = np.zeros(channel.blocks - 1)
+    values[: len(weights)] = -step_scale(channel, len(weights)) * weights
+    return np.asarray(0.5 * dst(values, type=1))
+
+
+def step_scale(channel: Channel, singles: int) -> FloatArray:
+    """Return √(2τ0/n) / (2 sin(πk/2n)) for k = 1 … K."""
+    n = len(channel)
+    k = np.arange(1, singles + 1)
+    scale: FloatArray = np.sqrt(2.0 * channel.interval / n) / (2.0 * np.sin(0.5 * np.pi * k / n))
+    return scale

@@ -1,0 +1,351 @@
+"""The one residual that all tests are tests of.
+
+A channel, its extensions and a fit of its noise make residuals that are independent standard normal numbers where the
+model is right::
+
+    e = DCT⁻¹[ (a − C β) / √E ]
+
+with the whole spectrum E of the model. Zero-phase whitening leaves a spike a spike and a line a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, wraps
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
+
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
+from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.slow_likelihood import BASES, Fit, Kinds, Track
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+KNOTS = 8192
+"""Frequencies, even and in even ratios, between which the shape of the broad noise is a straight line."""
+CLIP = 5.0
+"""Residuals beyond this are cut for tests of the spectrum and of the variance."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residuals of a channel under a model.
+
+    Attributes
+    ----------
+    channel : Channel
+        As measured.
+    repaired : Channel
+        After the repairs of the extensions.
+    extensions : tuple of Extension
+        What has been accepted.
+    track : Track
+        Coefficients and templates of the slow track.
+    fits : tuple of Fit
+        Fits of the kinds of slow noise, the best first.
+    coefficients : ndarray, shape (n,)
+        Cosine coefficients of the repaired samples.
+    shapes : dict
+        Power of each extension at coefficients 1 … n-1, shape (n − 1,), where it is known.
+    known : dict
+        What functions that are computed `once` have made of it.
+    """
+
+    channel: Channel
+    repaired: Channel
+    extensions: tuple[Extension, ...]
+    track: Track
+    fits: tuple[Fit, ...]
+    coefficients: FloatArray
+    shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
+    known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
+
+    @property
+    def fit(self) -> Fit:
+        """The best fit."""
+        return self.fits[0]
+
+    @property
+    def starts(self) -> dict[Kinds, FloatArray]:
+        """Logs of the parameters of every kind, to start a refit from."""
+        return {fit.kinds: fit.theta for fit in self.fits}
+
+    @property
+    def kinds(self) -> tuple[Kinds, ...]:
+        """Kinds of noise that compete."""
+        return tuple(fit.kinds for fit in self.fits)
+
+    @property
+    def repairs(self) -> tuple[Extension, ...]:
+        """Extensions that change samples."""
+        return _repairs(self.extensions)
+
+    def found(self, *causes: str) -> int:
+        """Return how many extensions have one of these causes."""
+        return sum(extension.cause in causes for extension in self.extensions)
+
+    def refit(self, columns: FloatArray) -> Fit:
+        """Return the best fit with further templates, coefficients of shape (K,) or (K, q)."""
+        track = self.track.with_columns(columns)
+        return max(
+            (track.fit(kinds, self.starts[kinds]) for kinds in self.kinds), key=lambda f: f.log_likelihood
+        )
+
+    def reach(self, column: int) -> tuple[float, float]:
+        """Return the 95 % interval of the size of a template.
+
+        It is that of the likelihood, with the noise refitted for each size, or that of the size averaged over slow
+        noise too weak to be seen: the wider one.
+        """
+        centre, sd = float(self.fit.beta[column]), float(np.sqrt(self.fit.beta_covariance[column, column]))
+
+        def drop(size: float) -> float:
+            held = self.track.without_column(column, size)
+            best = max(held.fit(f.kinds, f.theta).log_likelihood for f in self.fits)
+            return 2.0 * (self.fit.log_likelihood - best)
+
+        flicker = next(f for f in self.fits if BiasInstability in f.kinds)
+        half = 1.96 * float(
+            np.sqrt(self.track.averaged_variance(flicker, column, (RandomWalk, BiasInstability)))
+        )
+        return min(_crossing(drop, centre, -sd), centre - half), max(
+            _crossing(drop, centre, sd), centre + half
+        )
+
+    @cached_property
+    def model(self) -> NoiseModel:
+        """Noise of the best fit, extensions apart, in units of the scale."""
+        return NoiseModel(self.fit.terms())
+
+    @cached_property
+    def power(self) -> FloatArray:
+        """Expected power of each coefficient 1 … n-1."""
+        n, dt, low = len(self.repaired), self.channel.interval, self.track.singles
+        white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
+        others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
+        order = np.arange(low + 1.0, n)
+        few = np.concatenate((np.geomspace(low + 1.0, n, KNOTS), np.linspace(low + 1.0, n, KNOTS)))
+        knots = np.sort(few) if len(few) < len(order) else order
+        f = knots / (2.0 * n * dt)
+        smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
+        return np.concatenate((self.fit.expected[:low], np.interp(order, knots, smooth) + self.peaks[low:]))
+
+    @cached_property
+    def peaks(self) -> FloatArray:
+        """Power that the extensions add to each coefficient 1 … n-1."""
+        n, dt = len(self.repaired), self.channel.interval
+        total, f = np.zeros(n - 1), np.arange(1.0, n) / (2.0 * n * dt)
+        for extension in self.extensions:
+            if type(extension).power is not Extension.power:
+                if extension not in self.shapes:
+                    self.shapes[extension] = np.asarray(extension.power(f, dt))
+                total += self.shapes[extension]
+        return total
+
+    @property
+    def e(self) -> FloatArray:
+        """Residuals, shape (n,), scaled to a robust unit variance."""
+        return self.scaled[0]
+
+    @cached_property
+    def path(self) -> FloatArray:
+        """What the templates as fitted make of the block means, shape (M,): straight where nothing was measured."""
+        return np.asarray(self.repaired.bridged(_columns(self.channel, self.extensions)) @ self.fit.beta)
+
+    @property
+    def spread(self) -> float:
+        """Robust standard deviation of the residuals before that scaling: 1 where the fit is right."""
+        return self.scaled[1]
+
+    @cached_property
+    def scaled(self) -> tuple[FloatArray, float]:
+        """Residuals of unit robust variance, and what they were divided by."""
+        whitened = np.zeros_like(self.coefficients)
+        whitened[1:] = self.coefficients[1:]
+        whitened[1 : self.track.singles + 1] -= self.track.columns @ self.fit.beta
+        whitened[1:] /= np.sqrt(self.power)
+        e = inverse(whitened, 1.0)
+        for extension in self.extensions:
+            e = extension.whiten(e)
+        spread = robust_sd(e[self.valid])
+        return e / spread, spread
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Samples that were measured and not repaired."""
+        return self.repaired.valid
+
+    @cached_property
+    def good(self) -> FloatArray:
+        """Residuals of valid samples."""
+        return self.e if bool(self.valid.all()) else self.e[self.valid]
+
+    @cached_property
+    def with_markov(self) -> tuple[Fit, ...]:
+        """Fits of every kind of noise with a further Gauss–Markov process."""
+        return tuple(self.track.fit((*kinds, GaussMarkov)) for kinds in self.kinds)
+
+    @cached_property
+    def periodogram(self) -> FloatArray:
+        """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
+        e = np.clip(self.e, -CLIP, CLIP)
+        if next_fast_len(2 * len(e), real=True) == 2 * len(e):
+            return np.ascontiguousarray(self.spectrum[1][1::2])
+        return np.asarray(np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e))))
+
+    def power_at(self, f: FloatArray | float) -> FloatArray:
+        """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
+        n = len(self.repaired)
+        place = np.clip(np.asarray(f) * (2.0 * n * self.channel.interval) - 1.0, 0.0, n - 2.0)
+        below = np.minimum(place.astype(np.intp), n - 3)
+        return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
+
+    @cached_property
+    def spectrum(self) -> tuple[FloatArray, FloatArray]:
+        """Periodogram of the clipped residuals on a grid of at most half a bin: frequency (Hz) and power, mean 1."""
+        e = np.clip(self.e, -CLIP, CLIP)
+        size = next_fast_len(2 * len(e), real=True)
+        power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
+        frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
+        return frequency, power
+
+
+def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
+    """Return the function, which keeps what it makes of a residual with that residual: it is asked by several tests."""
+
+    @wraps(make)
+    def kept(found: Residual) -> T:
+        if make not in found.known:
+            found.known[make] = make(found)
+        value: T = found.known[make]
+        return value
+
+    return kept
+
+
+def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:
+    """Return a ramp and the templates of the extensions on the blocks, shape (M, p)."""
+    ramp = channel.block_time / channel.span - 0.5
+    return np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
+
+
+def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
+    """Return the extensions that change samples."""
+    return tuple(x for x in extensions if type(x).repair is not Extension.repair)
+
+
+def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
+    """Return where twice the loss of log likelihood passes the 95 % point, going from the centre by steps."""
+    goal = 3.84 / SHRINK
+    low, high = 0.0, 1.96 * step
+    for _ in range(12):
+        if drop(centre + high) >= goal:
+            break
+        low, high = high, 2.0 * high
+    for _ in range(6):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if drop(centre + middle) >= goal else (middle, high)
+    return centre + high
+
+
+def gain_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the product of the gains of the extensions, shape of `f`."""
+    out = np.ones_like(f)
+    for extension in extensions:
+        out *= extension.gain(f, interval)
+    return out
+
+
+def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) -> FloatArray:
+    """Return the sum of the powers of the extensions, shape of `f`."""
+    out = np.zeros_like(f)
+    for extension in extensions:
+        out += extension.power(f, interval)
+    return out
+
+
+def robust_sd(e: FloatArray) -> float:
+    """Return the standard deviation with squares capped at five deviations."""
+    cap = CLIP * float(np.std(e))
+    for _ in range(5):
+        cap = CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
+    return cap / CLIP
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _capped_square(e: FloatArray, cap: float) -> float:
+    """Return the sum of the squares, none above `cap`."""
+    total = 0.0
+    for i in range(e.size):
+        total += min(e[i] * e[i], cap)
+    return total
+
+
+def residual(
+    channel: Channel,
+    extensions: tuple[Extension, ...] = (),
+    *,
+    starts: dict[Kinds, FloatArray] | None = None,
+    near: Residual | None = None,
+) -> Residual:
+    """Fit a channel with these extensions.
+
+    Parameters
+    ----------
+    channel : Channel
+        What was measured.
+    extensions : tuple of Extension
+        The model beyond the base noise.
+    starts : dict, optional
+        Logs of the parameters of each kind of noise to start from.
+    near : Residual, optional
+        One of the same channel, whose coefficients serve again where the repairs are the same.
+    """
+    singles = channel.blocks // 2
+    if near is not None and near.channel is channel and near.repairs == _repairs(extensions):
+        repaired, a, cells = near.repaired, near.coefficients, near.track.grid
+    else:
+        repaired = channel
+        for extension in extensions:
+            repaired = extension.repair(repaired)
+        a = transform(repaired.y, channel.interval)
+        cells = grid(a, channel.interval, singles)
+    track = Track(
+        cells,
+        block_transform(_columns(channel, extensions), repaired, singles),
+        gain_of(extensions, cells.frequency, channel.interval),
+        power_of(extensions, cells.frequency, channel.interval),
+    )
+    more: Kinds = (GaussMarkov,) * sum(x.cause == "gauss_markov" for x in extensions)
+    kinds: list[Kinds] = [(*base, *more) for base in BASES]
+    known = starts or {}
+    fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
+    shapes = near.shapes if near is not None and near.channel is channel else {}
+    same = {extension: shapes[extension] for extension in extensions if extension in shapes}
+    return Residual(channel, repaired, extensions, track, tuple(fits), a, same)
+
+
+def without(found: Residual, index: int) -> Residual:
+    """Return the residual with one extension taken out."""
+    kept = tuple(x for i, x in enumerate(found.extensions) if i != index)
+    return residual(found.channel, kept, starts=found.starts, near=found)
+
+
+def extended(found: Residual, extension: Extension) -> Residual:
+    """Return the residual with one extension more."""
+    return residual(found.channel, (*found.extensions, extension), starts=found.starts, near=found)
+
+
+def relabelled(found: Residual, extensions: tuple[Extension, ...]) -> Residual:
+    """Return the same residual whose extensions carry other values."""
+    same = {extension: found.shapes[extension] for extension in extensions if extension in found.shapes}
+    return replace(found, extensions=extensions, shapes=same)

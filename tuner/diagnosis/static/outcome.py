@@ -1,0 +1,44 @@
+"""What one test of the panel says: how unlikely, how much it would gain, and what to extend the model by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from tuner.diagnosis.static.causes.base import Extension
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Outcome of one family of tests on one residual.
+
+    Attributes
+    ----------
+    cause : str
+        Name of the family; a cause code, or the name of a statistic that no cause owns.
+    p_value : float
+        Chance of such a residual where the model is right, the scan paid for.
+    gain : float
+        Log likelihood gained by the extension, less a price for its parameters and its scan, nats.
+    statistic : float
+        Value of the test statistic.
+    name : str
+        What the statistic is.
+    propose : callable or None
+        Makes the extensions (one; two for a pair); None where the family can only say that something is wrong.
+    local : bool
+        A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
+    """
+
+    cause: str
+    p_value: float
+    gain: float
+    statistic: float
+    name: str
+    propose: Callable[[], tuple[Extension, ...]] | None = None
+    local: bool = False
+
+    @property
+    def told(self) -> Alarm:
+        """The alarm for the record: what makes extensions holds the whole residual."""
+        return replace(self, propose=None)

@@ -1,0 +1,140 @@
+"""Coverage: how well a simulation of the model looks like the data.
+
+Replicas of the model are simulated and fitted again, so that the band knows what fitting hides. The quantity is the log
+of an empirical curve over that of the model fitted to the same samples; the band at each point is the range of
+the replicas, and the coverage the share of the points of the measured curve inside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.curves.allan import overlapping_allan
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.dct import inverse, transform
+from tuner.diagnosis.static.model.residual import Residual, residual
+from tuner.diagnosis.static.search import Criticism
+
+FloatArray = NDArray[np.float64]
+
+BANDS = 96
+"""Bands of the spectrum, evenly spaced in the logarithm of the frequency."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A measured curve and what replicas of a model make of it.
+
+    Attributes
+    ----------
+    place : ndarray, shape (m,)
+        Cluster time, s, or frequency, Hz.
+    measured, lower, upper : ndarray, shape (m,)
+        Measured curve and the range of the replicas, SI.
+    coverage : float
+        Share of the measured points inside.
+    """
+
+    place: FloatArray
+    measured: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    coverage: float
+
+
+def covered(outcome: Criticism, replicas: int, seed: int) -> Criticism:
+    """Return an outcome whose gains carry the coverage before and after."""
+    if not outcome.accepted:
+        return outcome
+    before, after = (bands(found, replicas, seed) for found in (outcome.base, outcome.final))
+    coverage = {name: (before[name].coverage, after[name].coverage) for name in before}
+    accepted = tuple(
+        replace(a, gain=None if a.gain is None else replace(a.gain, coverage=coverage))
+        for a in outcome.accepted
+    )
+    return replace(outcome, accepted=accepted)
+
+
+def bands(found: Residual, replicas: int, seed: int) -> dict[str, Band]:
+    """Return the bands of the Allan curve (``allan``) and of the spectrum (``psd``) of a model.
+
+    Parameters
+    ----------
+    found : Residual
+        Channel and model.
+    replicas : int
+        Number of simulated records, at least two.
+    seed : int
+        Seed of their noise.
+    """
+    n = len(found.channel)
+    clusters = np.unique(np.geomspace(1, n // 5, 40).astype(int))
+    edges = np.unique(np.geomspace(1, n, BANDS).astype(int))
+    measured = _curves(found, clusters, edges)
+    ratios: dict[str, list[FloatArray]] = {name: [] for name in measured}
+    kept = tuple(x for x in found.extensions if type(x).repair is Extension.repair)
+    rng = np.random.default_rng((seed, 39))
+    for _ in range(max(2, replicas)):
+        again = residual(_replica(found, rng), kept, starts=found.starts)
+        for name, (curve, model) in _curves(again, clusters, edges).items():
+            ratios[name].append(np.log(curve / model))
+    scale = found.channel.scale**2
+    interval = found.channel.interval
+    places = {"allan": clusters * interval, "psd": 0.25 * (edges[:-1] + edges[1:]) / (n * interval)}
+    out = {}
+    for name, (curve, model) in measured.items():
+        spread = np.stack(ratios[name])
+        lower, upper = model * np.exp(spread.min(axis=0)), model * np.exp(spread.max(axis=0))
+        inside = float(np.mean((curve >= lower) & (curve <= upper)))
+        out[name] = Band(places[name], scale * curve, scale * lower, scale * upper, inside)
+    return out
+
+
+def _curves(
+    found: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return the measured curve and that of the model, Allan variance and spectrum, in scales²."""
+    square = found.coefficients[1:] ** 2
+    count = np.diff(edges).astype(float)
+    power = np.add.reduceat(square[: edges[-1] - 1], edges[:-1] - 1) / count
+    expected = np.add.reduceat(found.power[: edges[-1] - 1], edges[:-1] - 1) / count
+    variance = overlapping_allan(found.repaired.y, clusters)
+    smooth = overlapping_allan(_template_path(found), clusters) + _model_allan(found, clusters)
+    return {"allan": (variance, np.maximum(smooth, 1e-300)), "psd": (power, expected)}
+
+
+def _template_path(found: Residual) -> FloatArray:
+    """Return what the templates make of the samples, shape (n,)."""
+    centre = (np.arange(found.channel.blocks) + 0.5) * found.channel.block
+    return np.interp(np.arange(len(found.channel)), centre, found.path)
+
+
+def _model_allan(found: Residual, clusters: NDArray[np.int64]) -> FloatArray:
+    """Return the Allan variance of the noise from its spectrum, 4 Σ E sin⁴(xm)/(m² sin² x) Δf."""
+    n, dt = len(found.channel), found.channel.interval
+    edges = np.unique(np.geomspace(1, n, 2000).astype(int))
+    count = np.diff(edges).astype(float)
+    power = np.add.reduceat(found.power[: edges[-1] - 1], edges[:-1] - 1) / count
+    x = 0.5 * np.pi * 0.5 * (edges[:-1] + edges[1:] - 1) / n
+    weight = power * count / (2.0 * n * dt)
+    out = np.empty(len(clusters))
+    for i, m in enumerate(clusters):
+        half = 0.5 * m * np.pi * count / (2.0 * n)
+        mean = 3.0 / 8.0 - 0.5 * np.cos(2.0 * m * x) * np.sinc(2.0 * half / np.pi)
+        mean = mean + 0.125 * np.cos(4.0 * m * x) * np.sinc(4.0 * half / np.pi)
+        out[i] = 4.0 * float(np.sum(weight * mean / (m * np.sin(x)) ** 2))
+    return out
+
+
+def _replica(found: Residual, rng: np.random.Generator) -> Channel:
+    """Return a simulated channel: noise of the model, its templates and its law."""
+    n = len(found.channel)
+    law = next((x for x in found.extensions if isinstance(x, HeavyTails)), None)
+    e = rng.standard_normal(n) if law is None else law.sample(n, rng)
+    a = np.concatenate(([0.0], transform(e, 1.0)[1:] * np.sqrt(found.power) * found.spread))
+    return replace(found.channel, y=inverse(a, found.channel.interval) + _template_path(found))

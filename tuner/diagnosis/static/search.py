@@ -1,0 +1,342 @@
+"""The loop: fit, test, extend by what gains most, fit again, until the panel is quiet.
+
+An extension is accepted where its family alarms and its penalised gain is the largest. What alarmed as well and
+falls silent with it is a rival; rivals within `CLOSE` nats are its alternatives. When nothing alarms any more, each
+extension is taken out in turn and stays out unless its own test then alarms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tuner.diagnosis.static.causes import chirp as sweep
+from tuner.diagnosis.static.causes import spikes
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.causes.burst import Burst
+from tuner.diagnosis.static.causes.motion import Motion
+from tuner.diagnosis.static.causes.step import Step
+from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
+from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.hypothesis_tests import CERTAIN, believed, panel, retest
+from tuner.diagnosis.static.model.profile_likelihood import first_column
+from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.pairs import test as pair_test
+from tuner.diagnosis.static.pairs import upgrade
+from tuner.types import Alternative, Gain
+
+PASSES = 16
+POLISHES = 2
+"""Times that parameters are fitted again beside each other after a new extension, at most."""
+CLOSE = 3.0
+"""Nats within which a rival counts as an alternative."""
+SHARE = 0.2
+"""Share of the largest gain from which an alarm of another group is believed in the same pass."""
+ALONE = ("burst", "variance_drift")
+"""Causes that are believed only as the clearest of all: a jump of the level makes a burst of what is left of it."""
+GROUPS = (
+    ("line", "vibration", "lowpass", "colour"),
+    ("spikes", "heavy_tails", "burst", "variance_drift"),
+    (
+        "temperature",
+        "thermal_lag",
+        "step",
+        "warmup",
+        "attitude",
+        "telegraph",
+        "gauss_markov",
+        "pair",
+        UNNAMED,
+    ),
+)
+"""Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
+SLOW = GROUPS[2]
+"""Causes that are seen on the slow track."""
+MEASURED = ("temperature", "thermal_lag")
+"""What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
+LATE = 24.0
+"""Likelihood ratio from which a lag is believed beside a temperature: χ²₁ at 1e-5, a dozen lags tried."""
+BROAD = ("lowpass", "colour")
+"""Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one.
+
+They come alone, and the noise is fitted afresh with them: without them the slow noise stood in for them.
+"""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An extension, what spoke for it, and what it is worth on data held out."""
+
+    extension: Extension
+    alarm: Alarm
+    alternatives: tuple[Alternative, ...] = ()
+    gain: Gain | None = None
+
+
+@dataclass(frozen=True)
+class Criticism:
+    """Outcome of the loop for one channel.
+
+    Attributes
+    ----------
+    base, final : Residual
+        Before and after all extensions.
+    accepted : tuple of Accepted
+        In the order of `final.extensions`.
+    unexplained : tuple of Alarm
+        What still alarms and has no cause.
+    """
+
+    base: Residual
+    final: Residual
+    accepted: tuple[Accepted, ...]
+    unexplained: tuple[Alarm, ...]
+
+
+def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> Criticism:
+    """Find the causes in one channel.
+
+    Parameters
+    ----------
+    channel : Channel
+        Samples of one axis.
+    threshold : float
+        Chance below which a family with one share of the budget alarms.
+    given : tuple of Extension
+        What is known beforehand, such as stretches of motion.
+
+    Returns
+    -------
+    Criticism
+    """
+    gross = spikes.gross(channel)
+    accepted = [Accepted(x, gross.told) for x in gross.propose()] if gross and gross.propose else []
+    off = tuple(one.extension for one in accepted)
+    base = residual(channel, given)
+    found = residual(channel, (*given, *off)) if off else base
+    swept = [alarm for alarm in (sweep.test(found),) if believed(alarm, threshold)]
+    for alarm in swept:
+        assert alarm.propose is not None
+        given = (*given, *alarm.propose())
+        base = residual(channel, given)
+        found = residual(channel, (*given, *off)) if off else base
+    alarms: tuple[Alarm, ...] = ()
+    fresh = 0
+    quiet: tuple[Alarm, ...] = ()
+    for _ in range(PASSES):
+        before, alarms = alarms, panel(found, quiet)
+        if quiet and not any(_raised(alarms, threshold)):
+            alarms = panel(found)
+        if fresh:
+            known = [_with_rivals(one, before, alarms, threshold) for one in accepted[-fresh:]]
+            accepted = [*accepted[:-fresh], *known]
+        raised = _raised(alarms, threshold)
+        if not raised:
+            masked = pair_test(found)
+            raised = [masked] if masked and believed(masked, threshold) and masked.gain > 0 else []
+        better = None if raised else upgrade(found, threshold)
+        if better is not None:
+            found = without(found, better[0])
+            del accepted[better[0] - len(given)]
+            raised = [better[1]]
+        if not raised:
+            break
+        if any(alarm.local for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
+        if any(alarm.cause in MEASURED for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.cause != "telegraph"]
+        broad = [alarm for alarm in raised if alarm.cause in BROAD]
+        if any(alarm.cause == "telegraph" for alarm in raised):
+            raised = [alarm for alarm in raised if alarm.cause != "gauss_markov"]
+        chosen = _clearest(raised)
+        paths = any(alarm.cause == "telegraph" for alarm in chosen)
+        jumps = [alarm for alarm in raised if alarm in chosen or (paths and alarm.cause == "step")]
+        wider = _wider(found, jumps, len(given))
+        if wider is not None:
+            found = residual(channel, wider, starts=found.starts, near=found)
+            base = residual(channel, wider[: len(given)], starts=base.starts)
+            fresh, quiet = 0, ()
+            continue
+        if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
+            chosen = [max(broad, key=lambda alarm: alarm.gain)]
+        new: list[Extension] = []
+        for alarm in chosen:
+            assert alarm.propose is not None
+            proposed = alarm.propose()
+            accepted += [Accepted(extension, alarm.told) for extension in proposed]
+            new += proposed
+        fresh = len(new)
+        quiet = _still_quiet(alarms, threshold, new)
+        starts = None if any(x.cause in BROAD for x in new) else found.starts
+        found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
+        for _ in range(POLISHES if any(x.cause in GROUPS[0] for x in new) else 1):
+            polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
+            if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
+                break
+            found = residual(channel, polished, starts=found.starts, near=found)
+        if any(x.cause == "temperature" for x in new):
+            found, accepted = _with_lag(found, accepted)
+    found, accepted = _prune(found, accepted, threshold)
+    found, accepted = _without_lag(found, accepted)
+    found = _refined(found)
+    refined = found.extensions[len(given) :]
+    accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
+    nameless = [a.alarm for a in accepted if not a.extension.named]
+    left = (
+        *(alarm.told for alarm in swept),
+        *nameless,
+        *(a for a in alarms if believed(a, threshold) and a.propose is None),
+    )
+    return Criticism(relabelled(base, base.extensions), found, tuple(accepted), left)
+
+
+def _raised(alarms: tuple[Alarm, ...], threshold: float) -> list[Alarm]:
+    """Return the alarms that ask for an extension."""
+    return [a for a in alarms if believed(a, threshold) and a.gain > 0 and a.propose is not None]
+
+
+def _still_quiet(alarms: tuple[Alarm, ...], threshold: float, new: list[Extension]) -> tuple[Alarm, ...]:
+    """Return the alarms of the slow track where none is raised and nothing new touches it.
+
+    They need not be asked again until nothing else is found.
+    """
+    slow = tuple(alarm for alarm in alarms if alarm.cause in SLOW)
+    touched = any(x.cause in (*SLOW, *BROAD) for x in new)
+    return () if touched or _raised(slow, threshold) else slow
+
+
+def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension, ...] | None:
+    """Return the extensions with a stretch of motion widened by what alarms at its edge; None where nothing does.
+
+    Motion has no sharp end: a jump or a burst close by belongs to it.
+    """
+    for alarm in raised if given else []:
+        if alarm.cause not in ("step", "burst") or alarm.propose is None:
+            continue
+        for event in alarm.propose():
+            assert isinstance(event, Step | Burst)
+            last = event.last if isinstance(event, Burst) else event.first
+            for i, moved in enumerate(found.extensions[:given]):
+                if isinstance(moved, Motion) and moved.near(event.first, last, found.channel.interval):
+                    wider = moved.including(event.first, last, len(found.channel))
+                    return (*found.extensions[:i], wider, *found.extensions[i + 1 :])
+    return None
+
+
+def _clearest(raised: list[Alarm]) -> list[Alarm]:
+    """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
+    best = max(raised, key=lambda alarm: alarm.gain)
+    chosen = [best]
+    for group in GROUPS:
+        mine = [alarm for alarm in raised if alarm.cause in group and alarm.cause not in ALONE]
+        clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
+        if best.cause not in group and clearest is not best and clearest.gain > SHARE * best.gain:
+            chosen.append(clearest)
+    return chosen
+
+
+def _with_rivals(
+    one: Accepted, before: tuple[Alarm, ...], after: tuple[Alarm, ...], threshold: float
+) -> Accepted:
+    """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
+    group = next((g for g in GROUPS if one.alarm.cause in g), ())
+    silent = {a.cause for a in before} - {a.cause for a in after if believed(a, threshold) and a.gain > 0}
+    rivals = {
+        a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
+        for a in before
+        if a.propose is not None
+        and a.cause != UNNAMED
+        and (one.alarm.cause, a.cause)
+        != ("telegraph", "gauss_markov")  # its statistic has beaten that already
+        and a.cause in silent
+        and a.cause in group
+        and a.cause != one.alarm.cause
+        and believed(a, threshold)
+        and a.gain > max(one.alarm.gain - CLOSE, 0.0)
+    }
+    if one.alarm.cause == "gauss_markov":
+        rivals |= {a.cause: _twin(a) for a in before if a.cause == "telegraph" and a.statistic > -CLOSE}
+    return replace(one, alternatives=tuple(rivals.values()))
+
+
+def _twin(alarm: Alarm) -> Alternative:
+    """Return telegraph noise beside a Gauss–Markov process: the path does not speak against two levels.
+
+    The statistic of telegraph noise is its lead over the best Gaussian model, in nats, such a process included.
+    """
+    return Alternative(alarm.cause, float(np.exp(min(alarm.statistic, 0.0))))
+
+
+def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
+    """Return the model without the extensions whose own test is silent once they are taken out."""
+    at = 0
+    given = len(found.extensions) - len(accepted)
+    while len(accepted) > 1 and at < len(accepted):
+        if accepted[at].alarm.gain > CERTAIN:
+            at += 1
+            continue
+        fewer = without(found, given + at)
+        alarm = retest(fewer, accepted[at].extension.cause)
+        if alarm is not None and not (believed(alarm, threshold) and alarm.gain > 0):
+            found = fewer
+            accepted = [a for i, a in enumerate(accepted) if i != at]
+        else:
+            at += 1
+    return found, accepted
+
+
+def _without_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
+
+    A transient that was not in the model yet can make a lag look needed.
+    """
+    given = len(found.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        lag = one.extension
+        if not isinstance(lag, ThermalLag) or lag.prompt or len(accepted) < 2:
+            continue
+        plain = list(found.extensions)
+        plain[given + at] = Temperature()
+        other = residual(found.channel, tuple(plain), starts=found.starts, near=found)
+        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
+        other = residual(found.channel, polished, starts=other.starts, near=other)
+        lead = found.fit.log_likelihood - other.fit.log_likelihood
+        if lead < CLOSE:
+            twin = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
+            changed = replace(one, extension=polished[given + at], alternatives=(twin,))
+            return other, [*accepted[:at], changed, *accepted[at + 1 :]]
+    return found, accepted
+
+
+def _with_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
+    given = len(found.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if one.extension.cause != "temperature":
+            continue
+        lag, ratio = beside(found)
+        if ratio < LATE:
+            return found, accepted
+        wider = [*found.extensions[: given + at], lag, *found.extensions[given + at + 1 :]]
+        other = residual(found.channel, tuple(wider), starts=found.starts, near=found)
+        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
+        other = residual(found.channel, polished, starts=other.starts, near=other)
+        return other, [*accepted[:at], replace(one, extension=polished[given + at]), *accepted[at + 1 :]]
+    return found, accepted
+
+
+def _refined(found: Residual) -> Residual:
+    """Return the residual whose extensions carry the parameters of the joint fit."""
+    refined = []
+    for index, extension in enumerate(found.extensions):
+        at = first_column(found, index)
+        if extension.columns(found.channel).shape[1] and extension.cause != "motion":
+            lower, upper = found.reach(at)
+            size = Value(float(found.fit.beta[at]), lower, upper)
+            extension = extension.refined(found, index, size)
+        refined.append(extension)
+    return relabelled(found, tuple(refined))

@@ -1,0 +1,147 @@
+"""The fast spectrum in bins, and the best sizes of given shapes of power.
+
+The squared coefficients above a hundredth of the rate are averaged in 128 even bins. Where the variance v of the noise
+changes along the record, they are correlated, and count for fewer: by the factor (mean v)²/mean v². The best sizes of
+the shapes follow by Fisher scoring (`tuner.diagnosis.static.spectrum.fisher_scoring`). What depends on further
+parameters is left with these
+alone (variable projection).
+
+References
+----------
+.. [1] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
+   variables separate, SIAM J. Numer. Anal. 10 (1973).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import Quantization, White
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.model.dct import CAP
+from tuner.diagnosis.static.model.residual import Residual, gain_of, power_of
+from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
+from tuner.diagnosis.static.variance.level import course
+
+FloatArray = NDArray[np.float64]
+
+BINS = 128
+LOWEST = 0.01
+"""Lowest frequency, share of the rate."""
+MEDIAN = 0.4549
+"""Median of χ²₁."""
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Mean powers in even bins.
+
+    Attributes
+    ----------
+    interval : float
+        Of the samples, s.
+    cycles : ndarray, shape (b,)
+        Frequency × interval.
+    power, count : ndarray, shape (b,)
+        Mean square and number of independent coefficients.
+    white, rest, peaks : ndarray, shape (b,)
+        Shape of the white noise so far, power of the slow noise, and power that extensions have added.
+    rounding : float
+        Power of the rounding to codes, step²/12 a sample: it is white whatever the noise before it is.
+    model : ndarray, shape (b,)
+        Power that the residual expects.
+    """
+
+    interval: float
+    cycles: FloatArray
+    power: FloatArray
+    count: FloatArray
+    white: FloatArray
+    rest: FloatArray
+    peaks: FloatArray
+    rounding: float
+    model: FloatArray
+
+    @cached_property
+    def fixed(self) -> FloatArray:
+        """Power of the rounding and of the peaks, shape (b,)."""
+        return np.asarray(self.rounding + self.peaks, dtype=float)
+
+    @property
+    def rounding_sd(self) -> float:
+        """Standard deviation of the rounding of a sample."""
+        return float(np.sqrt(self.rounding / self.interval))
+
+    @property
+    def log_count(self) -> float:
+        """Log of the number of coefficients, twice the price of a parameter."""
+        return float(np.log(self.count.sum()))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Best sizes of shapes, the power they expect (b,) and minus its log likelihood (0 where all bins agree)."""
+
+    size: FloatArray
+    expected: FloatArray
+    cost: float
+
+
+def bins(found: Residual, without: Extension | None = None) -> Bins:
+    """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
+    dt, n = found.channel.interval, len(found.coefficients) - 1
+    first = int(2.0 * LOWEST * n)
+    width = (n - first) // BINS
+    inside = slice(first, first + width * BINS)
+    square = (found.coefficients[1:][inside] ** 2).reshape(BINS, width)
+    level = np.median(square, axis=1, keepdims=True) / MEDIAN
+    total = found.power[inside].reshape(BINS, width).mean(axis=1)
+    cycles = np.asarray((first + (np.arange(BINS) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
+    terms = found.fit.terms()
+    white = sum(t.density**2 for t in terms if isinstance(t, White))
+    quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
+    known = tuple(x for x in found.extensions if x is not without)
+    shaped = any(x.cause in ("lowpass", "colour") for x in known)
+    rounding = found.channel.lattice**2 / 12.0 * dt
+    peaks = found.peaks[inside]
+    if without is not None:
+        f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
+        peaks = peaks - without.power(f, dt)
+    peaks = peaks.reshape(BINS, width).mean(axis=1)
+    told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
+    rest = total - told - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    return Bins(
+        dt,
+        cycles,
+        np.minimum(square, CAP * level).mean(axis=1),
+        np.full(BINS, width / float(np.mean(course(found) ** 2))),
+        gain_of(known, cycles / dt, dt),
+        np.maximum(rest, 0.0),
+        peaks,
+        0.0 if shaped else rounding,
+        total,
+    )
+
+
+def rise(cycles: FloatArray) -> FloatArray:
+    """Return the shape of quantization, 4 sin²(πfΔ)."""
+    shape: FloatArray = 4.0 * np.sin(np.pi * cycles) ** 2
+    return shape
+
+
+def sized(data: Bins, shapes: FloatArray, more: FloatArray | float = 0.0) -> Sizes:
+    """Return the best non-negative sizes of shapes, shape (k, b), over the rounding, the peaks and more power.
+
+    The second shape is the slow noise, 1 as fitted: lower frequencies do not allow more of it here.
+    """
+    fixed = data.fixed + more
+    found = Sizes(*sizes(data.power, data.count, np.ascontiguousarray(shapes), fixed))
+    if found.size[1] <= 1.0:
+        return found
+    rest = np.concatenate((shapes[:1], shapes[2:]))
+    size, expected, cost = sizes(data.power, data.count, rest, fixed + shapes[1])
+    return Sizes(np.concatenate((size[:1], [1.0], size[1:])), expected, cost)

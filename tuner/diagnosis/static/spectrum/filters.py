@@ -1,0 +1,152 @@
+"""Shapes of filtered and of coloured white noise, by name.
+
+Filters have gain 1 at frequency 0 and half power at the cutoff. What reaches the samples is white noise through
+
+- ``pole1 pole2``: a recursion with the poles exp(sΔ) of an analogue Butterworth filter. One pole is the analogue filter
+  of first order itself, sampled: correlation exp(−2π cutoff Δ k) at lag k;
+- ``sampled1x8`` …: a digital Butterworth filter of that order at m times the rate, every m-th of whose values is kept.
+  With f in units of the rate its power is folded:
+
+      Σ_k 1 / (1 + (tan(π(f + k)/m) / tan(π cutoff/m))^(2 order)),    k = 0 … m − 1
+
+  At one time the rate nothing is folded; at many times it is the analogue filter before the converter. How much a
+  sensor folds is not known, but shows in its spectrum.
+
+Colours are ARMA processes; partial correlations tanh x keep them stationary.
+
+References
+----------
+.. [1] G. E. P. Box, G. M. Jenkins, Time Series Analysis, ch. 3, 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.static.spectral import LowPass
+
+FloatArray = NDArray[np.float64]
+Coefficients = tuple[tuple[float, ...], tuple[float, ...]]
+
+FILTERS: dict[str, tuple[float, float]] = {
+    "pole1": (0.002, 1.5),
+    "sampled1x8": (0.002, 1.5),
+    "sampled1x4": (0.002, 0.98),
+    "sampled1x2": (0.002, 0.49),
+    "sampled1x1": (0.002, 0.49),
+    "pole2": (0.002, 0.6),
+    "sampled2x16": (0.002, 0.52),
+    "sampled2x8": (0.002, 0.52),
+    "sampled2x4": (0.002, 0.52),
+    "sampled2x2": (0.002, 0.52),
+    "sampled2x1": (0.002, 0.49),
+}
+"""Least and largest cutoff × interval of the filters."""
+COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
+    "ar1": (1, 0, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
+    "ma1": (0, 1, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
+    "arma11": (1, 1, ((0.5, -0.4), (-0.5, 0.4), (0.2, 0.2))),
+    "ar2": (2, 0, ((0.1, 0.1), (-0.1, 0.1), (0.3, -0.3))),
+    "arma21": (2, 1, ((0.3, -0.1, -0.2), (-0.3, 0.1, 0.2))),
+}
+"""Orders p, q of the colours and starting points of their free numbers, the simplest first."""
+FREE = 4.0
+"""Largest free number."""
+
+
+def arma_power(ar: Sequence[float], ma: Sequence[float], cycles: FloatArray) -> FloatArray:
+    """Return |1 + Σ ma z⁻ʲ|² / |1 − Σ ar z⁻ⁱ|² at frequencies × interval."""
+    return np.asarray(_arma_power(np.array(ar, dtype=float), np.array(ma, dtype=float), cycles))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _arma_power(ar: FloatArray, ma: FloatArray, cycles: FloatArray) -> FloatArray:
+    out = np.empty(cycles.size)
+    for at in range(cycles.size):
+        angle = 2.0 * np.pi * cycles[at]
+        z = complex(np.cos(angle), -np.sin(angle))
+        above, below = 0j, 0j
+        for j in range(ma.size - 1, -1, -1):
+            above = (above + ma[j]) * z
+        for i in range(ar.size - 1, -1, -1):
+            below = (below - ar[i]) * z
+        above, below = 1.0 + above, 1.0 + below
+        out[at] = (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+    return out
+
+
+def filter_arma(name: str, cutoff: float) -> Coefficients:
+    """Return AR and MA coefficients of a filter; `cutoff` is its half-power frequency × interval."""
+    order, times = filter_kind(name)
+    if not times:
+        a = LowPass(cutoff, order).denominator(1.0)
+        return tuple((-a[1:]).tolist()), ()
+    s = np.tan(np.pi * cutoff / times) * np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
+    a = np.asarray(np.poly(((1.0 + s) / (1.0 - s)) ** times).real, dtype=float)
+    even = np.arange(8) / 8.0
+    end = float(np.tan(np.pi * cutoff / times))
+    passed = _folded(order, _tangents(times, even), end) / arma_power(tuple((-a[1:]).tolist()), (), even)
+    covariance = np.fft.ifft(passed).real[: order + 1]
+    zeros = np.roots(np.concatenate((covariance[::-1], covariance[1:])))
+    inside = zeros[np.argsort(np.abs(zeros))][:order]
+    return tuple((-a[1:]).tolist()), tuple(np.poly(inside)[1:].real.tolist())
+
+
+def filter_powers(name: str, cycles: FloatArray) -> Callable[[float], FloatArray]:
+    """Return the squared response of a filter, 1 at frequency 0, as a function of the cutoff × interval."""
+    order, times = filter_kind(name)
+    tangents, middle = _tangents(times, cycles), _tangents(times, np.zeros(1))
+
+    def power(cutoff: float) -> FloatArray:
+        if times:
+            end = float(np.tan(np.pi * cutoff / times))
+            return np.asarray(_folded(order, tangents, end) / _folded(order, middle, end))
+        ar, ma = filter_arma(name, cutoff)
+        return arma_power(ar, ma, cycles) * (1.0 - sum(ar)) ** 2
+
+    return power
+
+
+def filter_power(name: str, cutoff: float, cycles: FloatArray) -> FloatArray:
+    """Return the squared response of a filter, 1 at frequency 0."""
+    return filter_powers(name, cycles)(cutoff)
+
+
+def filter_kind(name: str) -> tuple[int, int]:
+    """Return order and oversampling of a filter, 0 for a recursion at the rate."""
+    kind, _, times = name.partition("x")
+    return int(kind[-1]), int(times or 0)
+
+
+def _tangents(times: int, cycles: FloatArray) -> FloatArray:
+    """Return tan(π(f + k)/m), shape (m, b)."""
+    return np.asarray(np.tan(np.pi * (cycles + np.arange(times)[:, None]) / max(times, 1)))
+
+
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
+def _folded(order: int, tangents: FloatArray, end: float) -> FloatArray:
+    """Return the folded power, shape (b,), of tangents, shape (m, b), and that of the cutoff."""
+    out = np.zeros(tangents.shape[1])
+    for k in range(tangents.shape[0]):
+        for at in range(out.size):
+            square = (tangents[k, at] / end) ** 2
+            out[at] += 1.0 / (1.0 + square**order)
+    return out
+
+
+def colour_arma(name: str, x: FloatArray) -> Coefficients:
+    """Return AR and MA coefficients of a colour from its free numbers."""
+    p = COLOURS[name][0]
+    return _autoregression(x[:p]), tuple(-b for b in _autoregression(-x[p:]))
+
+
+def _autoregression(x: FloatArray) -> tuple[float, ...]:
+    """Return the coefficients of a stationary autoregression with partial correlations tanh x."""
+    a: list[float] = []
+    for partial in np.tanh(x).tolist():
+        a = [*(before - partial * after for before, after in zip(a, a[::-1], strict=True)), partial]
+    return tuple(a)

@@ -1,0 +1,326 @@
+"""Shape of the fast spectrum: white noise that passed a filter, or ARMA colour.
+
+::
+
+    E(f) = w g(f; shape) + q · 4 sin²(πfΔ) + s · slow(f)
+
+in the bins of `tuner.diagnosis.static.spectrum.binned`, with the slow part as fitted up to its size s, w ≥ 0
+the white noise and
+q ≥ 0 quantization (the base has it: a rise that differenced white noise explains is no finding). The fit may have
+taken colour for slow noise, never slow noise for white: 0 ≤ s ≤ 1. The shapes of
+`tuner.diagnosis.static.spectrum.filters` and a hump
+compete by likelihood and number of parameters.
+
+A cutoff is known as far as the order and the kind of its filter are: its interval is that of the likelihood over
+all filters that explain the spectrum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from tuner.diagnosis.static.model.null_distributions import maximum, minimum
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, rise, sized
+from tuner.diagnosis.static.spectrum.filters import (
+    COLOURS,
+    FILTERS,
+    FREE,
+    arma_power,
+    colour_arma,
+    filter_power,
+    filter_powers,
+)
+from tuner.diagnosis.static.spectrum.resonance import Hump, hump_fit, hump_scan
+
+FloatArray = NDArray[np.float64]
+
+CLOSE = 5.0
+"""Nats within which the simpler shape is taken."""
+LIMIT = 3.0
+"""Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
+LOW, HIGH = 10, 20
+"""Cutoffs from which the best one is sought: in even ratios below `HALFWAY`, in even steps above."""
+HALFWAY = 0.12
+"""Cutoff × interval from which a filter that folds has several likely cutoffs."""
+FREAK = "sampled1x1"
+"""Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
+STARTS = 2
+"""Searches for a colour: from its likeliest starting points."""
+FIRST_ORDER = ("ar1", "ma1")
+"""Colours whose likelihood ratio is the statistic."""
+ALARM = 1e-3
+"""Chance from which the many shapes are fitted."""
+
+
+@dataclass(frozen=True)
+class ShapeFit:
+    """A fitted shape.
+
+    Attributes
+    ----------
+    name : str
+        ``white``, or as in `tuner.diagnosis.static.spectrum.filters`.
+    x : ndarray, shape (p,)
+        Its parameters: the log of a cutoff × interval, or the free numbers of a colour.
+    cost : float
+        Minus the log likelihood.
+    expected : ndarray, shape (b,)
+        Expected power.
+    rises : bool
+        Whether quantization stands beside it: one number more.
+    least : float
+        Cost with quantization free.
+    """
+
+    name: str
+    x: FloatArray
+    cost: float
+    expected: FloatArray
+    rises: bool
+    least: float
+
+    @property
+    def falls(self) -> bool:
+        """Whether the spectrum falls all the way to the highest frequency."""
+        return bool(np.all(np.diff(self.expected) <= 0.0))
+
+    @property
+    def even(self) -> bool:
+        """Whether the spectrum has no hump and no trough."""
+        return self.falls or bool(np.all(np.diff(self.expected) >= 0.0))
+
+
+def _sized(data: Bins, shape: FloatArray | float, rises: bool = True) -> Sizes:
+    """Return the best white noise of a shape, slow noise and, where it rises, quantization."""
+    rows = [data.white * shape, data.rest, *([rise(data.cycles)] if rises else [])]
+    return sized(data, np.stack(rows))
+
+
+def fit_white(data: Bins) -> ShapeFit:
+    """Fit white noise, quantization and slow noise."""
+    found = _sized(data, 1.0)
+    return ShapeFit("white", np.empty(0), found.cost, found.expected, bool(found.size[2] > 0.0), found.cost)
+
+
+def fit_filter(data: Bins, name: str) -> ShapeFit:
+    """Fit a filter by name: what it folds can make two cutoffs likely, the lesser of which is no less a maximum."""
+    cost = _filter_cost(data, name)
+    low, high = FILTERS[name]
+    above = np.linspace(HALFWAY, high, HIGH)
+    grid = np.log(np.concatenate((np.geomspace(low, HALFWAY, LOW, endpoint=False), above)))
+    value = np.array([cost(x) for x in grid])
+    edged = np.concatenate(([np.inf], value, [np.inf]))
+    lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
+    tried = []
+    for at in lowest[np.argsort(value[lowest])][:2]:
+        bounds = (grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
+        tried.append(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}))
+    x = float(min(tried, key=lambda result: result.fun).x)
+    power = filter_power(name, float(np.exp(x)), data.cycles)
+    fits = [(rises, _sized(data, power, rises)) for rises in (False, True)]
+    least = min(found.cost for _, found in fits)
+    return _simpler(
+        data, [ShapeFit(name, np.array([x]), f.cost, f.expected, rises, least) for rises, f in fits]
+    )
+
+
+def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
+    power = filter_powers(name, data.cycles)
+    return lambda x: _sized(data, power(float(np.exp(x)))).cost
+
+
+def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
+    """Fit a colour by name, quantization free beside it or none."""
+    cost = _colour_cost(data, name, rises)
+    starts = sorted(COLOURS[name][2], key=lambda start: cost(np.array(start)))[:STARTS]
+    x, _ = minimum(cost, starts, scale=0.1, tolerance=0.01)
+    found = _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises)
+    return ShapeFit(name, x, found.cost, found.expected, rises, found.cost)
+
+
+def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], float]:
+    def cost(x: FloatArray) -> float:
+        if np.any(np.abs(x) > FREE):
+            return 1e12
+        return _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises).cost
+
+    return cost
+
+
+def polished(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
+    """Return the free numbers of a colour and their covariance, white noise free and quantization if it has that."""
+    cost = _colour_cost(data, fitted.name, fitted.rises)
+    x, covariance, _ = maximum(cost, [fitted.x.tolist()], scale=0.02, tolerance=1e-3)
+    return x, covariance
+
+
+def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
+    """Return the 95 % interval of the log of cutoff × interval over all filters that explain the spectrum."""
+    alike = [fitted for fitted in filters if fitted is filters[0] or fitted.name != FREAK]
+    least = min(fitted.cost for fitted in alike)
+    ends = [_reach(data, fitted, least + LIMIT) for fitted in alike if fitted.cost < least + LIMIT]
+    return min(end[0] for end in ends), max(end[1] for end in ends)
+
+
+def _reach(data: Bins, fitted: ShapeFit, goal: float) -> tuple[float, float]:
+    """Return where the cost of a filter passes a goal on either side of its best."""
+    cost, centre = _filter_cost(data, fitted.name), float(fitted.x[0])
+    low, high = np.log(FILTERS[fitted.name])
+    ends = []
+    for edge in (low, high):
+        inner, outer = 0.0, 1e-3
+        while outer < abs(edge - centre) and cost(centre + np.sign(edge - centre) * outer) < goal:
+            inner, outer = outer, 2.0 * outer
+        outer = min(outer, abs(edge - centre))
+        for _ in range(8):
+            middle = 0.5 * (inner + outer)
+            below = cost(centre + np.sign(edge - centre) * middle) < goal
+            inner, outer = (middle, outer) if below else (inner, middle)
+        ends.append(float(centre + np.sign(edge - centre) * outer))
+    return ends[0], ends[1]
+
+
+def misfit(data: Bins, fitted: ShapeFit) -> float:
+    """Return the chance that the bins scatter about the fit as much as they do."""
+    square = 0.5 * data.count * (data.power / fitted.expected - 1.0) ** 2
+    return float(chi2.sf(square.sum(), len(square) - 3 - len(fitted.x)))
+
+
+@dataclass(frozen=True)
+class ShapeTest:
+    """The null and the best shape of every class.
+
+    Attributes
+    ----------
+    data : Bins
+        What was fitted.
+    null : ShapeFit
+        White noise and quantization.
+    p_value : float
+        Chance of a first-order colour as clear as the best one.
+    misfit : float
+        Chance of bins that scatter about the null as much.
+    filters, colours : tuple of ShapeFit
+        Best first; empty where nothing alarms.
+    hump : Hump or None
+        White noise with a hump.
+    hump_p_value : float
+        Chance of as clear an excess of neighbouring bins.
+    """
+
+    data: Bins
+    null: ShapeFit
+    p_value: float
+    misfit: float
+    filters: tuple[ShapeFit, ...]
+    colours: tuple[ShapeFit, ...]
+    hump: Hump | None
+    hump_p_value: float
+
+    @property
+    def any_p_value(self) -> float:
+        """Chance of the most remarkable of the three statistics."""
+        return min(1.0, 3.0 * min(self.p_value, self.misfit, self.hump_p_value))
+
+    @property
+    def worst(self) -> str:
+        """Where the null leaves most, in words."""
+        deviation = self.data.power / self.null.expected
+        at = int(np.argmax(self.data.count * (deviation - 1.0 - np.log(deviation))))
+        frequency = self.data.cycles[at] / self.data.interval
+        return f"shape of the fast spectrum, {10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
+
+    def gain(self, fitted: ShapeFit | Hump) -> float:
+        """Return the log likelihood gained over the null, less half the log of the coefficients a further parameter.
+
+        Quantization, which the null may have, is one: a shape that does without it is the simpler.
+        """
+        return self.null.cost - _price(self.data, fitted, self.null.rises)
+
+    @property
+    def filter_gain(self) -> float:
+        """Greatest gain of a filter: how much it folds decides nothing here."""
+        return max(self.gain(fitted) for fitted in self.filters)
+
+    def falls(self, fitted: ShapeFit) -> bool:
+        """Return whether the spectrum falls all the way, but for the resonances that are known."""
+        return bool(np.all(np.diff(fitted.expected - self.data.peaks) <= 0.0))
+
+    def background(self, f: FloatArray) -> FloatArray:
+        """Return the power of the best spectrum without hump or trough ÷ that of the residual at frequencies, Hz."""
+        if self.smooth is None:
+            return np.ones_like(f)
+        ratio = self.smooth.expected / self.data.model
+        return np.asarray(np.interp(f * self.data.interval, self.data.cycles, ratio))
+
+    @cached_property
+    def smooth(self) -> ShapeFit | None:
+        """The best spectrum without hump or trough; None where there is none."""
+        even = [fitted for fitted in (*self.filters, *self.colours) if fitted.even]
+        return min(even, key=lambda fitted: fitted.cost, default=None)
+
+
+def shape_test(found: Residual) -> ShapeTest:
+    """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm, none where one is known."""
+    return many_shapes(few_shapes(found))
+
+
+def few_shapes(found: Residual) -> ShapeTest:
+    """Fit the colours of first order and, where they or the bins alarm, the filters: what a background asks for."""
+    data = bins(found)
+    null = fit_white(data)
+    if found.found("lowpass", "colour"):
+        return ShapeTest(data, null, 1.0, misfit(data, null), (), (), None, 1.0)
+    first = tuple(fit_colour(data, name) for name in FIRST_ORDER)
+    ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))
+    p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
+    scatter = misfit(data, null)
+    hump_p_value = hump_scan(data, null.expected)[0]
+    if min(p_value, scatter, hump_p_value) > ALARM:
+        return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
+    return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, hump_p_value)
+
+
+def many_shapes(few: ShapeTest) -> ShapeTest:
+    """Fit all colours and a hump besides, where the few alarm."""
+    if not few.filters:
+        return few
+    data, first = few.data, {fitted.name: fitted for fitted in few.colours}
+    colours = [
+        _simpler(data, [fit_colour(data, name, False), first.get(name) or fit_colour(data, name)])
+        for name in COLOURS
+    ]
+    _, middle, width = hump_scan(data, few.null.expected)
+    return replace(few, colours=_ranked(data, colours), hump=hump_fit(data, middle, width))
+
+
+def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
+    """Return the fits of all filters, the best first."""
+    fits = [fit_filter(data, name) for name in FILTERS]
+    return tuple(sorted(fits, key=lambda fitted: fitted.least + (CLOSE if fitted.name == FREAK else 0.0)))
+
+
+def _price(data: Bins, fitted: ShapeFit | Hump, rises: bool) -> float:
+    """Return the cost and the price of the parameters beyond those of white noise, which `rises` or not."""
+    further = len(fitted.x) + (fitted.rises - rises if isinstance(fitted, ShapeFit) else 0)
+    return fitted.cost + 0.5 * further * data.log_count
+
+
+def _simpler(data: Bins, fits: list[ShapeFit]) -> ShapeFit:
+    """Return the fit, without quantization or with it, that is worth its price."""
+    return min(fits, key=lambda fitted: _price(data, fitted, False))
+
+
+def _ranked(data: Bins, fits: list[ShapeFit]) -> tuple[ShapeFit, ...]:
+    """Return the fits, first the simplest (earliest) of those that cannot be told from the best."""
+    least = min(_price(data, fitted, False) for fitted in fits)
+    first = next(fitted for fitted in fits if _price(data, fitted, False) < least + CLOSE)
+    return (first, *(fitted for fitted in fits if fitted is not first))

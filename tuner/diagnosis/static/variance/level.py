@@ -1,0 +1,122 @@
+"""How loud the residuals are: squares of unit expectation, what they scatter by, their means over parts of the record.
+
+Squares of normal residuals have the variance κ = 2, as they are κ is measured. On a coarse lattice both the expectation
+and κ depend on where the slow track lies between two codes (`tuner.diagnosis.static.variance.quantized_noise`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.diagnosis.static.model.null_distributions import variance_deviate
+from tuner.diagnosis.static.model.residual import CLIP, Residual, once
+from tuner.diagnosis.static.variance.quantized_noise import cell_moments
+
+FloatArray = NDArray[np.float64]
+
+BLOCKS = 256
+"""Parts of the record whose loudness is compared."""
+CALM = 0.2
+"""Least variance of a square: the place in a cell is not known well enough for less."""
+
+
+@dataclass(frozen=True)
+class Loudness:
+    """Squares of the residuals.
+
+    Attributes
+    ----------
+    square : ndarray, shape (n,)
+        Squares of mean 1; 1 where nothing was measured.
+    scatter : ndarray, shape (n,)
+        Their variances κ; 0 where nothing was measured.
+    kappa : float
+        Usual variance.
+    rounded : bool
+        Whether a coarse lattice makes them rare and large, rather than those of a normal law.
+    """
+
+    square: FloatArray
+    scatter: FloatArray
+    kappa: float
+    rounded: bool
+
+    def outside(self, stretches: Sequence[tuple[int, int]]) -> Loudness:
+        """Return what is left without stretches of samples, its mean 1 again."""
+        square, scatter = self.square.copy(), self.scatter.copy()
+        for first, last in stretches:
+            scatter[first:last] = 0.0
+        told = scatter > 0.0
+        if not told.any():
+            return self
+        level = float(square[told].mean())
+        kappa = float(np.var(square[told])) / level**2
+        scatter *= kappa / float(scatter[told].mean())
+        square = np.where(told, square / level, 1.0)
+        return Loudness(square, scatter, kappa, self.rounded)
+
+    def deviate(self, mean: FloatArray, freedom: FloatArray) -> FloatArray:
+        """Return normal deviates of mean squares with so many degrees of freedom.
+
+        Sums of rare large squares follow Poisson's law, whose lower tail is thicker than that of χ² and thinner than
+        the normal one: there the normal deviate holds.
+        """
+        deviate = variance_deviate(mean, freedom)
+        if not self.rounded:
+            return deviate
+        return np.where(deviate < 0.0, np.maximum(deviate, (mean - 1.0) * np.sqrt(0.5 * freedom)), deviate)
+
+
+@once
+def loudness(found: Residual) -> Loudness:
+    """Return how loud every sample is."""
+    e = np.clip(found.e, -CLIP, CLIP)
+    square, told = e * e, found.valid
+    cell = cell_moments(found)
+    if cell is not None:
+        told = told & np.isfinite(cell[1])
+        square = square / cell[0]
+    if not told.any():
+        return Loudness(np.ones_like(e), np.zeros_like(e), 2.0, rounded=True)
+    square = square / square[told].mean()
+    kappa = float(np.var(square[told]))
+    scatter = np.full(len(e), kappa)
+    if cell is not None:
+        likely = np.maximum(cell[1], CALM)
+        scatter = likely * (kappa / float(likely[told].mean()))
+    if not told.all():
+        square, scatter = np.where(told, square, 1.0), np.where(told, scatter, 0.0)
+    return Loudness(square, scatter, kappa, cell is not None)
+
+
+@once
+def course(found: Residual) -> FloatArray:
+    """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions know it."""
+    deviate = np.ones(len(found.e))
+    for extension in found.extensions:
+        if extension.cause in ("burst", "variance_drift"):
+            deviate = extension.whiten(deviate)
+    variance = deviate**-2
+    return np.asarray(variance / variance.mean())
+
+
+@once
+def block_loudness(found: Residual) -> tuple[FloatArray, FloatArray, float]:
+    """Return the mean squares of `BLOCKS` even parts, their weights, shapes (`BLOCKS`,), and κ.
+
+    The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.
+    """
+    loud = loudness(found)
+    size = len(found.e) // BLOCKS
+    inside = slice(0, size * BLOCKS)
+    told = loud.scatter[inside] > 0.0
+    count = told.reshape(BLOCKS, size).sum(axis=1).astype(float)
+    square = np.where(told, loud.square[inside], 0.0).reshape(BLOCKS, size).sum(axis=1)
+    scatter = loud.scatter[inside].reshape(BLOCKS, size).sum(axis=1)
+    weight = np.maximum(loud.kappa * count**2 / np.maximum(scatter, 1e-12), 1.0)
+    mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 1.0)
+    return np.maximum(mean, 1e-6), weight, loud.kappa

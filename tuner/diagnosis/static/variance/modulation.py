@@ -1,0 +1,113 @@
+"""Whether the loudness of the noise depends on anything: on a period, on the bias itself, on nothing that is known.
+
+The mean squares of 256 blocks of residuals are made normal by the cube root of Wilson and Hilferty, with the degrees of
+freedom that the measured kurtosis allows; constant, time and temperature, which have a cause of their own
+(`tuner.diagnosis.static.causes.variance_drift`), are taken out. Where the model is right the rest d are
+independent standard
+normal numbers, and::
+
+    periodic   max over f of the regression of d on cos and sin, χ²₂ each, f = 1, 1.5 … 64 cycles a record
+    by bias    regression of d on the slow track s, χ²₁; s = Cβ + (E_slow/E)(a − Cβ) in the cosine domain
+    irregular  Σ d², χ², less the larger of the two
+
+On a lattice of more than two white sd the second is not asked: there it is what rounding does. None of them has a cause
+in the catalogue: they are told as what they are.
+
+References
+----------
+.. [1] E. B. Wilson, M. M. Hilferty, The distribution of chi-square, PNAS 17 (1931).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import idct
+from scipy.stats import chi2
+
+from models.noise import NoiseModel, Quantization, White
+from tuner.diagnosis.static.causes.temperature import COVARIATE
+from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
+from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
+from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.variance.level import BLOCKS, block_loudness
+from tuner.diagnosis.static.variance.quantized_noise import is_coarse
+
+FloatArray = NDArray[np.float64]
+
+CYCLES = 0.5 * np.arange(2, BLOCKS // 2 + 1)
+"""Cycles in the record that are tried."""
+EMPTY = 0.5
+"""Share of the usual number of samples below which a block says nothing."""
+
+
+def test(found: Residual) -> tuple[Alarm, Alarm, Alarm]:
+    """Test the loudness of the blocks against periods, against the bias, and against being even."""
+    deviate, basis = _deviates(found)
+    periodic, cycles = _periodic(deviate, basis)
+    bias = _beside(bias_track(found), basis)
+    by_bias = float(bias @ deviate) ** 2
+    scatter = float(deviate @ deviate) - max(periodic, by_bias)
+    chance = 1.0 if is_coarse(found) else float(chi2.sf(by_bias, 1))
+    freedom = int(np.count_nonzero(deviate)) - basis.shape[1] - 2
+    period = found.channel.span / cycles
+    return (
+        _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
+                 f"the variance of the white noise swells and ebbs with a period of {period:.4g} s"),
+        _unnamed("variance by bias", chance, by_bias,
+                 "the variance of the white noise moves with the bias"),
+        _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
+                 f"the variance of the white noise changes irregularly, between {BLOCKS} parts of the record"),
+    )  # fmt: skip
+
+
+def _unnamed(family: str, p_value: float, statistic: float, name: str) -> Alarm:
+    return Alarm(family, p_value, 0.0, statistic, name)
+
+
+def _deviates(found: Residual) -> tuple[FloatArray, FloatArray]:
+    """Return the deviates of the blocks, shape (`BLOCKS`,), and what was taken out of them: orthonormal columns."""
+    square, weight, kappa = block_loudness(found)
+    told = weight > EMPTY * float(np.median(weight))
+    level = float(weight[told] @ square[told] / weight[told].sum())
+    deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
+    known = [np.ones(BLOCKS), middles() - 0.5]
+    if COVARIATE in found.channel.covariates:
+        known.append(on_blocks(found.channel, found.channel.covariates[COVARIATE]))
+    basis = np.empty((BLOCKS, 0))
+    for column in known:
+        basis = np.column_stack((basis, _beside(column * told, basis)))
+    return deviate - basis @ (basis.T @ deviate), basis
+
+
+def _beside(column: FloatArray, basis: FloatArray) -> FloatArray:
+    """Return the unit vector of a column beside orthonormal ones; zeros where nothing is left of it."""
+    size = float(np.linalg.norm(column))
+    rest = column - basis @ (basis.T @ column)
+    rest = rest - basis @ (basis.T @ rest)
+    left = float(np.linalg.norm(rest))
+    return rest / left if left > 1e-3 * size > 0.0 else np.zeros(len(column))
+
+
+def _periodic(deviate: FloatArray, basis: FloatArray) -> tuple[float, float]:
+    """Return the largest χ²₂ of a cosine and a sine, and the number of their cycles in the record."""
+    turn = 2.0 * np.pi * CYCLES[:, None] * middles()
+    waves = np.stack((np.cos(turn), np.sin(turn)), axis=1)
+    waves = waves - (waves @ basis) @ basis.T
+    gram = waves @ waves.transpose(0, 2, 1)
+    score = waves @ deviate
+    value = np.einsum("ni,nij,nj->n", score, np.linalg.pinv(gram, rcond=1e-3, hermitian=True), score)
+    best = int(np.argmax(value))
+    return float(value[best]), float(CYCLES[best])
+
+
+def bias_track(found: Residual) -> FloatArray:
+    """Return the slow part of the samples as the model sees it, at the blocks of the variance, shape (`BLOCKS`,)."""
+    track, fit = found.track, found.fit
+    low = slice(0, BLOCKS - 1)
+    slow = NoiseModel(t for t in fit.terms() if not isinstance(t, White | Quantization))
+    power = slow.psd(track.grid.frequency[low], interval=found.channel.interval)
+    means = track.columns[low] @ fit.beta
+    coefficients = means + power / fit.expected[low] * (track.grid.amplitude[low] - means)
+    return np.asarray(idct(np.concatenate(([0.0], coefficients)), norm="ortho"))

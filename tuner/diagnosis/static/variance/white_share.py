@@ -1,0 +1,65 @@
+"""What of the residuals is the white noise of the sensor: rounding and quantization dilute what they show of its law.
+
+With W the spectrum of the white noise without the Δ²/12 that a lattice of step Δ adds to it, and E that of the model,
+the white samples w reach the residuals through the zero-phase filter of response H = √(W/E)::
+
+    e = Σ_j h_j w_{k−j} + …,     variance of that part  a = Σ h² = mean W/E,     its excess kurtosis  κ_w Σ h⁴
+
+so that a change of the variance of w by the factor r is seen as 1 − a + a r where it is short, and an excess
+kurtosis κ_w as κ_w Σ h⁴ in residuals of unit variance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.noise import White
+from tuner.diagnosis.static.model.residual import Residual, gain_of
+
+GRID = 4096
+"""Frequencies, even up to half the rate, on which the filter is known."""
+LEAST = 0.05
+"""Share of white noise below which nothing is told of its law."""
+
+
+@dataclass(frozen=True)
+class Dilution:
+    """Shares of the white noise in the residuals.
+
+    Attributes
+    ----------
+    variance : float
+        Σ h², share of the variance.
+    fourth : float
+        Σ h⁴, factor on its excess kurtosis.
+    error : float
+        Relative standard deviation of `variance`, from the fit.
+    """
+
+    variance: float
+    fourth: float
+    error: float
+
+    def undiluted(self, ratio: float, share: float) -> float:
+        """Return the ratio of variances of the white noise that is seen as `ratio`, over a share of the record.
+
+        `variance` is that of the whole record, part of it loud: the quiet part has a/(1 + share (r − 1)) of it.
+        """
+        a, excess = self.variance, ratio - 1.0
+        return max(1.0 + excess / max(a - excess * (1.0 - a) * share, LEAST * a), 1e-3)
+
+
+def dilution(found: Residual) -> Dilution:
+    """Return what of the residuals is white noise."""
+    dt = found.channel.interval
+    f = np.linspace(0.0, 0.5 / dt, GRID + 1)
+    order = next(i for i, term in enumerate(found.fit.terms()) if isinstance(term, White))
+    at = sum(len(kind.PARAMETERS) for kind in found.fit.kinds[:order])
+    density = float(np.exp(2.0 * found.fit.theta[at]))
+    own = max(density - found.channel.lattice**2 * dt / 12.0, LEAST * density)
+    response = np.sqrt(np.minimum(own * gain_of(found.extensions, f, dt) / found.power_at(f), 1.0))
+    h = np.fft.irfft(response)
+    error = 2.0 * float(np.sqrt(found.fit.covariance[at, at]))
+    return Dilution(max(float(h @ h), LEAST), max(float(np.sum(h**4)), LEAST**2), error * density / own)

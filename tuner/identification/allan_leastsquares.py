@@ -1,0 +1,236 @@
+"""Least squares on the Allan curve: unweighted as in the papers, weighted, and generalised.
+
+The weighted forms fit the logarithm of overlapping Allan variances V_i at octaves τ_i ≤ T/4::
+
+    Σ_i w_i [ln V_i − b_i − ln Σ_terms AVAR(τ_i; θ)]²,   b_i = ψ(v_i/2) − ln(v_i/2),   1/w_i = ψ'(v_i/2)
+
+b is the mean and ψ' the variance of ln(χ²_v/v); the degrees of freedom v come from the covariance of the
+curve under the fitted model (`tuner.identification.allan_covariance`). Neighbouring octaves are correlated by about
+one half: the covariance of the estimates is the sandwich H Jᵀ W Σ W J H, H = (Jᵀ W J)⁻¹, which widens naive
+intervals by half. Generalised least squares takes W = Σ⁻¹; its χ² judges whether the terms explain the curve.
+
+The unweighted fit σ² = Σ_n A_n τⁿ, n = −2 … 2, gives every point the same absolute weight, so that the steep
+ends rule; it is kept for comparison and has no intervals.
+
+References
+----------
+.. [1] M. S. Bartlett and D. G. Kendall, The statistical analysis of variance-heterogeneity and the
+   logarithmic transformation, Suppl. J. R. Stat. Soc. 8, 1946 (moments of ln χ²).
+.. [2] H. White, Maximum likelihood estimation of misspecified models, Econometrica 50, 1982 (sandwich).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import digamma, polygamma
+from scipy.stats import chi2, norm
+
+from models.noise import NoiseModel
+from tuner.identification.allan_covariance import allan_covariance
+from tuner.identification.allan_octaves import CurveProblem, OctaveCurve
+from tuner.identification.estimates import BASE
+from tuner.types import LEVEL
+
+FloatArray = NDArray[np.float64]
+
+_POWERS = range(-2, 3)
+"""Power of τ in the Allan variance of each of the five base terms."""
+
+_ROUNDING = 1e-9
+"""Relative precision of a computed Allan variance."""
+
+_NARROW = 0.05
+"""Relative standard error below which an interval is symmetric in the logarithm and needs no profile."""
+
+
+@dataclass(frozen=True)
+class CurveFit:
+    """Terms fitted to an Allan curve.
+
+    Attributes
+    ----------
+    model : NoiseModel
+        Fitted sum of terms.
+    names : tuple of str
+        Parameters, such as ``white.density``; of a second term of a kind ``gauss_markov_2.sd`` …
+    estimate : ndarray, shape (p,)
+        Natural logarithms of the parameters.
+    covariance : ndarray, shape (p, p)
+        Covariance of the logarithms; huge where the curve does not hold the parameter.
+    intervals : tuple of (float, float)
+        95 % interval of each parameter; the lower limit is 0 where the curve does not exclude it.
+    statistic, freedom, p_value
+        χ² of the residuals under their full covariance, its degrees of freedom, and its upper tail.
+    dof : ndarray, shape (k,)
+        Equivalent degrees of freedom of each point under the model.
+    residual : ndarray, shape (k,)
+        Measured ÷ fitted Allan deviation.
+    """
+
+    model: NoiseModel
+    names: tuple[str, ...]
+    estimate: FloatArray
+    covariance: FloatArray
+    intervals: tuple[tuple[float, float], ...]
+    statistic: float
+    freedom: int
+    p_value: float
+    dof: FloatArray
+    residual: FloatArray
+
+
+def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> CurveFit:
+    """Fit a sum of terms to a curve by weighted or generalised least squares of ln AVAR.
+
+    Parameters
+    ----------
+    curve : OctaveCurve
+        What was measured.
+    start : NoiseModel
+        Terms to fit. Their time constants are where the search begins; amplitudes are found anew.
+    generalised : bool
+        Weight by the inverse of the full covariance instead of its diagonal.
+
+    Returns
+    -------
+    CurveFit
+
+    Raises
+    ------
+    ValueError
+        If there are more parameters than points.
+    """
+    problem = CurveProblem.of(curve, start)
+    theta = problem.start()
+    freedom = len(curve.m) - len(theta)
+    if freedom < 0:
+        msg = f"{len(theta)} parameters need as many points of the curve, got {len(curve.m)}"
+        raise ValueError(msg)
+    for _ in range(3):
+        dof, sigma = log_covariance(problem.model(theta), curve)
+        target = np.log(curve.variance) - log_bias(dof)
+        weight = np.asarray(np.linalg.inv(sigma if generalised else np.diag(np.diag(sigma))), dtype=float)
+        theta, _ = problem.minimise(theta, target, weight)
+    log_mean, jacobian = problem(theta)
+    covariance, widening = _sandwich(jacobian, weight, sigma)
+    intervals = []
+    for k, sd in enumerate(np.sqrt(np.diag(covariance)).tolist()):
+        if sd < _NARROW:
+            reach = norm.isf(0.5 * (1.0 - LEVEL)) * sd
+            intervals.append((float(np.exp(theta[k] - reach)), float(np.exp(theta[k] + reach))))
+        else:
+            allowed = float(chi2.ppf(LEVEL, 1)) * widening[k]
+            intervals.append(problem.interval(k, theta, target, weight, allowed))
+    residual = target - log_mean
+    statistic = float(residual @ np.linalg.solve(sigma, residual))
+    return CurveFit(
+        problem.model(theta),
+        start.parameters,
+        theta,
+        covariance,
+        tuple(intervals),
+        statistic,
+        freedom,
+        float(chi2.sf(statistic, freedom)) if freedom else 1.0,
+        dof,
+        np.exp(0.5 * residual),
+    )
+
+
+def unweighted(tau: FloatArray, variance: FloatArray, *, of_deviation: bool = False) -> dict[str, float]:
+    """Fit σ² = Σ A_n τⁿ, n = −2 … 2, with equal absolute weights, as the papers do.
+
+    Parameters
+    ----------
+    tau, variance : ndarray, shape (k,)
+        Cluster times, s, and Allan variances; at least five points.
+    of_deviation : bool
+        Fit σ = Σ A_n τ^(n/2) instead, as common tools do. Variances add, deviations do not: where two terms
+        meet the coefficients are wrong by design.
+
+    Returns
+    -------
+    dict of str to float
+        By term: the coefficient that makes A_n τⁿ the Allan variance of that term, negative where A_n is
+        negative (then the term has no meaning).
+    """
+    order = 0.5 if of_deviation else 1.0
+    design = np.stack([tau.astype(float) ** (order * power) for power in _POWERS], axis=1)
+    scale = np.linalg.norm(design, axis=0)
+    amplitudes = np.linalg.lstsq(design / scale, variance**order, rcond=None)[0] / scale
+    units = [float(term.allan_variance(np.ones(1))[0]) for term in BASE.values()]
+    return {
+        name: float(np.copysign(abs(a) ** (0.5 / order) / np.sqrt(unit), a))
+        for name, a, unit in zip(BASE, amplitudes, units, strict=True)
+    }
+
+
+def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, FloatArray]:
+    """Return the degrees of freedom, shape (k,), and the covariance of ln AVAR, shape (k, k), under a model.
+
+    The correlations are those of the variances; the diagonal is the exact ψ'(v/2).
+    """
+    mean, covariance = allan_covariance(model.terms, curve.m, curve.lengths, curve.interval)
+    covariance += np.diag((_ROUNDING * mean) ** 2)  # a ramp alone has no noise of its own
+    sd = np.sqrt(np.diag(covariance))
+    dof = 2.0 * (mean / sd) ** 2
+    log_sd = np.sqrt(polygamma(1, 0.5 * dof))
+    return dof, covariance / np.outer(sd, sd) * np.outer(log_sd, log_sd)
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How an Allan curve contradicts a sum of terms.
+
+    Attributes
+    ----------
+    statistic, freedom, p_value
+        χ² of ln(measured/model) under its full covariance, its degrees of freedom (points less parameters, at
+        least 1) and its upper tail.
+    tau : float
+        Cluster time of the point that stands out most, s.
+    ratio : float
+        Measured ÷ modelled Allan deviation there.
+    """
+
+    statistic: float
+    freedom: int
+    p_value: float
+    tau: float
+    ratio: float
+
+
+def misfit(curve: OctaveCurve, model: NoiseModel, *, tolerance: float = 0.0) -> Misfit:
+    """Judge a model that was fitted to the same record by other means against the Allan curve.
+
+    Deviations within the relative `tolerance` are granted. The fit need not minimise this χ², so that its
+    probability errs to the small side.
+    """
+    dof, sigma = log_covariance(model, curve)
+    mean = model.allan_variance(curve.tau, interval=curve.interval)
+    residual = np.log(curve.variance) - log_bias(dof) - np.log(mean)
+    sigma = sigma + (2.0 * tolerance) ** 2 * np.eye(len(curve.m))
+    statistic = float(residual @ np.linalg.solve(sigma, residual))
+    freedom = max(len(curve.m) - len(model.parameters), 1)
+    worst = int(np.argmax(np.abs(residual) / np.sqrt(np.diag(sigma))))
+    ratio = float(np.exp(0.5 * residual[worst]))
+    return Misfit(statistic, freedom, float(chi2.sf(statistic, freedom)), float(curve.tau[worst]), ratio)
+
+
+def log_bias(dof: FloatArray) -> FloatArray:
+    """Return E ln(χ²_v/v)."""
+    return np.asarray(digamma(0.5 * dof) - np.log(0.5 * dof))
+
+
+def _sandwich(jacobian: FloatArray, weight: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the sandwich covariance of the parameters and, for each, its ratio to the naive variance."""
+    scale = np.linalg.norm(jacobian, axis=0) + 1e-300
+    scaled = jacobian / scale
+    information = scaled.T @ weight @ scaled
+    bread = np.linalg.pinv(information, hermitian=True)
+    half = bread @ scaled.T @ weight
+    covariance = half @ sigma @ half.T
+    return covariance / np.outer(scale, scale), np.diag(covariance) / np.diag(bread)

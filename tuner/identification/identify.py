@@ -1,0 +1,107 @@
+"""All channels of a log: each axis on its own, then what only a triad can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.identification.arma import Likelihood
+from tuner.identification.channel import identify_channel
+from tuner.identification.mean import without_earth_rate
+from tuner.types import ChannelIdentification, Identification
+from tuner.types.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+
+
+def identify(
+    records: Sequence[Record],
+    *,
+    terms: Sequence[str] | None = None,
+    method: str = "likelihood",
+    arma: Likelihood | None = "fast",
+    latitude: float | None = None,
+) -> Identification:
+    """Identify the noise of every channel of a log.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Sensors at rest, such as gyro and accelerometer of one unit; no two channels of one name.
+    terms : sequence of str, optional
+        Fit exactly this sum of terms to every channel instead of choosing one.
+    method : str
+        Where the coefficients come from: ``likelihood``, ``leastsquares``, ``slopes`` or ``unweighted``.
+    arma : str, optional
+        Time-series model beside the sum of terms: ``fast``, ``exact`` or None.
+    latitude : float, optional
+        Degrees; takes the Earth's vertical rate out of the gyro means.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    DataError
+        If all channels are constant or too short, or a channel comes twice.
+    ValueError
+        If the method or a term is unknown.
+    """
+    channels: dict[str, ChannelIdentification] = {}
+    notes: list[str] = []
+    for record in records:
+        for axis in record.axes:
+            if axis in channels:
+                where = record.source or record.name
+                msg = f"{where}: channel '{axis}' comes twice: identify each sensor on its own"
+                raise DataError(msg)
+            if np.ptp(record.column(axis)) == 0.0:
+                notes.append(f"{axis} is constant and was left out")
+                continue
+            channels[axis] = identify_channel(record, axis, terms=terms, method=method, arma=arma)
+    if not channels:
+        where = ", ".join(dict.fromkeys(record.source or record.name for record in records)) or "no record"
+        msg = f"{where}: expected a channel that varies, all are constant: nothing to identify"
+        raise DataError(msg)
+    channels, about_earth = _earth(channels, latitude)
+    return Identification(_source(records), channels, (*notes, *about_earth))
+
+
+def _earth(
+    channels: dict[str, ChannelIdentification], latitude: float | None
+) -> tuple[dict[str, ChannelIdentification], list[str]]:
+    """Return the channels with what is known of the Earth's rate out of the gyro means."""
+    gyros = {axis: c.mean for axis, c in channels.items() if c.unit == "rad/s"}
+    if not gyros:
+        return channels, []
+    accels = [c.mean.value for c in channels.values() if c.unit == "m/s^2"]
+    force = np.array(accels, dtype=float) if len(accels) == 3 else None
+    means, note = without_earth_rate(gyros, force, latitude)
+    changed = {axis: replace(c, mean=means.get(axis, c.mean)) for axis, c in channels.items()}
+    return changed, [note]
+
+
+def _source(records: Sequence[Record]) -> dict[str, object]:
+    """Return where the channels came from."""
+    first = records[0]
+    return {
+        "name": PurePath(first.source).name.split(".")[0] or first.name,
+        "files": list(dict.fromkeys(record.source for record in records if record.source)),
+        "digests": list(dict.fromkeys(record.digest for record in records if record.digest)),
+        "sensors": [
+            {
+                "name": record.name,
+                "axes": list(record.axes),
+                "rate_hz": record.rate,
+                "span_s": record.span,
+                "segments": len(record.segments),
+            }
+            for record in records
+        ],
+        "repairs": list(dict.fromkeys(note for record in records for note in record.notes)),
+    }

@@ -1,0 +1,188 @@
+"""Several records of one sensor: one value where it is one, a spread where it truly varies.
+
+Each record i gives an estimate y_i = μ + b_i + e_i with its own known sd s_i; the effects b_i ~ N(0, τ²) are
+what differs from start to start (or unit to unit, or axis to axis). Cochran's Q = Σ (y_i − ȳ)²/s_i² tests
+τ = 0 as χ² with n − 1 degrees of freedom. Where it passes, the records are one sample and μ is the
+inverse-variance mean; where it fails, τ is the restricted maximum-likelihood value, its interval inverts
+Q(τ), and μ has the Hartung–Knapp interval on n − 1 degrees of freedom.
+
+References
+----------
+.. [1] W. G. Cochran, The combination of estimates from different experiments, Biometrics 10, 1954.
+.. [2] W. Viechtbauer, Confidence intervals for the amount of heterogeneity in meta-analysis,
+   Statist. Med. 26, 2007 (Q profile).
+.. [3] J. Hartung, G. Knapp, On tests of the overall treatment effect in meta-analysis,
+   Statist. Med. 20, 2001.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import chi2, norm, t
+
+from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, PooledCoefficient
+
+FloatArray = NDArray[np.float64]
+
+VARIES = 0.05
+"""Size of the test that decides whether records differ."""
+
+
+@dataclass(frozen=True)
+class RandomEffects:
+    """Mean and spread of several estimates (see the module's page).
+
+    `spread_interval` is the Q-profile interval of τ; `p_value` that of Cochran's test of τ = 0.
+    """
+
+    mean: float
+    mean_interval: tuple[float, float]
+    spread: float
+    spread_interval: tuple[float, float]
+    p_value: float
+
+
+def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
+    """Pool estimates with known standard deviations.
+
+    Parameters
+    ----------
+    estimate, sd : array_like, shape (n,), n ≥ 2
+        Estimates and their standard deviations, in one unit.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two estimates or a standard deviation that is not positive.
+    """
+    y, s = np.asarray(estimate, float), np.asarray(sd, float)
+    if y.size < 2 or y.shape != s.shape:
+        msg = f"'estimate' and 'sd' must hold at least two values each, got {y.size} and {s.size}"
+        raise ValueError(msg)
+    if not np.all(s > 0):
+        msg = f"'sd' must be positive, got {s.min()}"
+        raise ValueError(msg)
+    n = y.size
+    cochran = _weighted_squares(y, s, 0.0)
+    p_value = float(chi2.sf(cochran, n - 1))
+    spread_interval = (
+        _spread_at(y, s, float(chi2.ppf(0.5 + 0.5 * LEVEL, n - 1))),
+        _spread_at(y, s, float(chi2.ppf(0.5 - 0.5 * LEVEL, n - 1))),
+    )
+    spread = _restricted_likelihood_spread(y, s) if p_value < VARIES else 0.0
+    weight = 1.0 / (s**2 + spread**2)
+    mean = float(weight @ y / weight.sum())
+    if p_value < VARIES:
+        scatter = max(1.0, float(weight @ (y - mean) ** 2) / (n - 1))
+        half = float(t.ppf(0.5 + 0.5 * LEVEL, n - 1)) * math.sqrt(scatter / weight.sum())
+    else:
+        half = float(norm.ppf(0.5 + 0.5 * LEVEL)) / math.sqrt(weight.sum())
+    return RandomEffects(mean, (mean - half, mean + half), spread, spread_interval, p_value)
+
+
+def pool(identifications: Sequence[Identification]) -> dict[str, PooledChannel]:
+    """Pool the records of one sensor: every axis over the records, then every triad over its axes.
+
+    Amplitudes and time constants are pooled as logarithms (their sd from the interval), the mean as it is: its
+    spread is the turn-on repeatability. The triads ``gyro`` and ``accel`` pool the values of their axes: their
+    spread is that between axes. What fewer than two of them identify is left out.
+    """
+    axes = dict.fromkeys(axis for one in identifications for axis in one.channels)
+    pooled: dict[str, PooledChannel] = {}
+    for axis in axes:
+        channels = [one.channels[axis] for one in identifications if axis in one.channels]
+        if len(channels) < 2:
+            continue
+        tables = [
+            {f"{e.name}.{field}": c for e in channel.terms for field, c in e.coefficients.items()}
+            for channel in channels
+        ]
+        mean = pool_coefficients("mean", [c.mean for c in channels], logarithmic=False)
+        pooled[axis] = PooledChannel(axis, channels[0].unit, _pool_tables(tables), mean)
+    return pooled | _pool_triads(pooled)
+
+
+def _pool_triads(axes: Mapping[str, PooledChannel]) -> dict[str, PooledChannel]:
+    triads: dict[str, list[PooledChannel]] = {}
+    for axis, channel in axes.items():
+        triads.setdefault(axis.rpartition("_")[0] or axis, []).append(channel)
+    answer = {}
+    for name, channels in triads.items():
+        coefficients = _pool_tables([{c.name: c.value for c in channel.coefficients} for channel in channels])
+        if len(channels) > 1 and coefficients:
+            answer[name] = PooledChannel(name, channels[0].unit, coefficients, None)
+    return answer
+
+
+def _pool_tables(tables: Sequence[Mapping[str, Coefficient]]) -> tuple[PooledCoefficient, ...]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    found = (pool_coefficients(name, [t.get(name) for t in tables], logarithmic=True) for name in names)
+    return tuple(one for one in found if one is not None)
+
+
+def pool_coefficients(
+    name: str, values: Sequence[Coefficient | None], *, logarithmic: bool
+) -> PooledCoefficient | None:
+    """Pool one coefficient over records; None where fewer than two records give it with an interval.
+
+    The spread of a logarithm is relative (0.1: records differ by 10 %).
+    """
+    usable = [v for v in values if v is not None and v.value is not None and v.interval is not None]
+    if len(usable) < 2:
+        return None
+    quantile = float(norm.ppf(0.5 + 0.5 * LEVEL))
+    numbers = np.array([(v.value, *(v.interval or ())) for v in usable], float)
+    scaled = np.log(numbers) if logarithmic else numbers
+    result = random_effects(scaled[:, 0], (scaled[:, 2] - scaled[:, 1]) / (2.0 * quantile))
+    back = math.exp if logarithmic else float
+    unit = usable[0].unit
+    low, high = result.mean_interval
+    spread_low, spread_high = result.spread_interval
+    spread_unit = "relative" if logarithmic else unit
+    spread = (
+        Coefficient.known(result.spread, spread_low, spread_high, spread_unit)
+        if result.p_value < VARIES
+        else Coefficient.bounded(
+            spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})"
+        )
+    )
+    return PooledCoefficient(
+        name,
+        Coefficient.known(back(result.mean), back(low), back(high), unit),
+        spread,
+        tuple(v.value if v is not None else None for v in values),
+        result.p_value,
+    )
+
+
+def _weighted_squares(y: FloatArray, s: FloatArray, spread: float) -> float:
+    weight = 1.0 / (s**2 + spread**2)
+    return float(weight @ (y - weight @ y / weight.sum()) ** 2)
+
+
+def _spread_at(y: FloatArray, s: FloatArray, quantile: float) -> float:
+    """Return the spread τ at which the weighted squares fall to `quantile`; 0 where they start below it."""
+    if _weighted_squares(y, s, 0.0) <= quantile:
+        return 0.0
+    high = float(np.ptp(y) + s.max())
+    while _weighted_squares(y, s, high) > quantile:
+        high *= 2.0
+    return float(brentq(lambda x: _weighted_squares(y, s, x) - quantile, 0.0, high))
+
+
+def _restricted_likelihood_spread(y: FloatArray, s: FloatArray) -> float:
+    def cost(spread: float) -> float:
+        variance = s**2 + spread**2
+        information = float(np.sum(1.0 / variance))
+        return float(np.sum(np.log(variance))) + math.log(information) + _weighted_squares(y, s, spread)
+
+    bound = 4.0 * float(np.ptp(y)) + float(s.max())
+    return float(
+        minimize_scalar(cost, bounds=(0.0, bound), method="bounded", options={"xatol": 1e-10 * bound}).x
+    )

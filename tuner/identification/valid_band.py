@@ -1,0 +1,142 @@
+"""Where in frequency a record is what noise terms describe: filters and vibration spoil its upper end.
+
+Most sensors pass their samples through a digital low-pass filter, and a table is never quite still. Above the
+corner, or about a peak, no sum of the base terms fits, and since nearly all coefficients of a record lie
+there, a likelihood of the whole band would bend the slow terms to please it. So the shortest cluster
+time is sought from which the Allan curve is white noise plus anything slow (quantization too, where all
+samples take part), within one percent: the base terms with Gauss–Markov processes of fixed, long time
+constants, amplitudes free.
+
+The likelihood then uses the frequencies f ≤ 1/(4 τ), the curve the octaves from τ on. What was left out
+is for a diagnosis to name.
+
+References
+----------
+.. [1] R. J. Vaccaro, A. S. Zaki, Statistical modeling of rate gyros, IEEE Trans. Instrum. Meas. 61, 2012
+   (sensors whose white noise is not white to the end).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import polygamma
+from scipy.stats import chi2
+
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from tuner.curves import dof as dof_of
+from tuner.identification.allan_leastsquares import log_bias
+from tuner.identification.allan_octaves import OctaveCurve, nonnegative
+from tuner.identification.periodogram import CosinePeriodogram
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = 0.01
+"""Relative deviation from a sum of terms that no sensor is asked to keep below."""
+
+ACCEPTED = 1e-3
+"""Probability of χ² from which a cluster time is accepted."""
+
+_GRANTED = (2.0 * TOLERANCE) ** 2
+"""Variance of ln AVAR that the tolerance grants."""
+
+_NEIGHBOURS = 0.5
+"""Correlation of ln AVAR at neighbouring octaves, as of white noise; slower noise has more, which makes the
+test milder."""
+
+_STEP = 4
+_OCTAVES = 6
+"""Fewest octaves that must be left."""
+
+_SLOW = 100.0
+"""Time constants of the slow processes, in shortest clusters: below they could pass for a filter."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """The part of a record that the terms are fitted to.
+
+    Attributes
+    ----------
+    m : int
+        Smallest cluster size of the curve; 1 where all samples take part.
+    highest : float
+        Highest frequency of the likelihood, Hz; infinite where all samples take part.
+    ratio : float
+        Measured Allan deviation of the samples ÷ what the terms, fitted to the band, say.
+    """
+
+    m: int
+    highest: float
+    ratio: float
+
+
+def find_band(curve: OctaveCurve) -> Band:
+    """Find the shortest cluster time from which a curve is white noise plus anything slow.
+
+    Where no cluster time is accepted, the one that fits best is taken.
+    """
+    tried: list[tuple[float, int, float]] = []
+    m = 1
+    while np.sum(curve.m >= m) >= _OCTAVES or m == 1:
+        p_value, ratio = _plausible(curve, m)
+        tried.append((p_value, m, ratio))
+        if p_value >= ACCEPTED:
+            break
+        m *= _STEP
+    _, m, ratio = max(tried, key=lambda trial: (trial[0], trial[1]))
+    return Band(m, np.inf if m == 1 else 0.25 / (m * curve.interval), ratio)
+
+
+def curve_within(curve: OctaveCurve, band: Band) -> OctaveCurve:
+    """Return the octaves of the band."""
+    inside = curve.m >= band.m
+    return replace(curve, m=curve.m[inside], variance=curve.variance[inside])
+
+
+def periodogram_within(data: CosinePeriodogram, band: Band) -> CosinePeriodogram:
+    """Return the cells of the band."""
+    inside = data.frequency <= band.highest
+    arrays = {f.name: getattr(data, f.name) for f in fields(data) if f.name != "interval"}
+    return replace(data, **{name: array[inside] for name, array in arrays.items()})
+
+
+def _plausible(curve: OctaveCurve, m: int) -> tuple[float, float]:
+    """Return the probability of the curve from m on, and measured ÷ fitted deviation of the samples."""
+    cut = replace(curve, m=curve.m[curve.m >= m], variance=curve.variance[curve.m >= m])
+    terms = _slow_terms(curve, m)
+    dof = np.maximum(1.2 * sum(curve.lengths) / cut.m, 1.5)
+    shares = nonnegative(terms, cut, 1.0 / np.sqrt(2.0 / dof + _GRANTED))
+    model = NoiseModel(
+        tuple(t.scaled(float(np.sqrt(s))) for t, s in zip(terms, shares, strict=True) if s > 0.0)
+    )
+    dof = _dof(cut, model)
+    sd = np.sqrt(polygamma(1, 0.5 * dof))
+    apart = np.abs(np.subtract.outer(np.arange(len(dof)), np.arange(len(dof))))
+    sigma = np.outer(sd, sd) * _NEIGHBOURS**apart
+    mean = model.allan_variance(np.append(cut.tau, curve.interval), interval=curve.interval)
+    residual = np.log(cut.variance) - log_bias(dof) - np.log(mean[:-1])
+    statistic = float(residual @ np.linalg.solve(sigma + _GRANTED * np.eye(len(cut.m)), residual))
+    freedom = max(len(cut.m) - len(model.terms), 1)
+    return float(chi2.sf(statistic, freedom)), float(np.sqrt(curve.variance[0] / mean[-1]))
+
+
+def _dof(curve: OctaveCurve, model: NoiseModel) -> FloatArray:
+    """Return the degrees of freedom of a pooled curve."""
+    total = np.zeros(len(curve.m))
+    for length, number in zip(*np.unique(curve.lengths, return_counts=True), strict=True):
+        fits = 2 * curve.m <= length
+        total[fits] += number * dof_of("oadev", int(length), curve.m[fits], model, interval=curve.interval)
+    return total
+
+
+def _slow_terms(curve: OctaveCurve, m: int) -> list[Term]:
+    """Return white noise and what can stand for any slow process above cluster size m, of unit amplitude."""
+    terms: list[Term] = [White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0)]
+    if m == 1:
+        terms.append(Quantization(1.0))
+    decades = np.log10(0.1 * max(curve.lengths) / (_SLOW * m))
+    times = _SLOW * m * curve.interval * 10.0 ** np.arange(np.floor(decades) + 1.0)
+    return [*terms, *(GaussMarkov(1.0, float(time)) for time in times)]

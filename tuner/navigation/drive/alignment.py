@@ -1,0 +1,311 @@
+"""Where a drive begins: attitude from gravity and from motion, gyro bias from standing still, clocks.
+
+Gravity gives the tilt, speed changes the heading, both at once: over windows of some seconds the specific
+force, turned by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity::
+
+    α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
+
+The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of
+the clocks gives their offset. While the fixes stand still, the mean of the gyros less the rate of the Earth is
+their bias; where they hardly do, the windows tell it beside the attitude (`turning`).
+
+References
+----------
+.. [1] M. Wu, Y. Wu, X. Hu, D. Hu, Optimization-based alignment for inertial navigation systems, Aerospace
+       Science and Technology 15 (2011).
+.. [2] F. L. Markley, Attitude determination using vector observations and the singular value decomposition,
+       J. Astronautical Sciences 36 (1988).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models import rotation
+from models.earth import earth_rate, gravity, metres_per_radian
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment_in_motion import Biased, Turned, moved_biases, outlying, turned, wahba
+from tuner.types.records import DataError, Gnss
+
+FloatArray = NDArray[np.float64]
+
+STANDING = 0.3
+"""Speed below which a vehicle stands, m/s, if the receiver is no noisier."""
+MARGIN = 2.0
+"""Time cut from the end of a stand-still, s."""
+WINDOW = 2.0
+"""Length of the windows, s."""
+SHORT_REST, REST, LONG_REST = 1.0, 2.0 * WINDOW, 30.0
+"""Time of standing from which it tells the biases of poor gyros somewhat, those of good ones, and of all alone, s."""
+MOVING = 60.0
+"""Time in motion that the alignment uses, s."""
+GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
+"""Sd of the heading from which more motion is asked for, and from which there is none, rad."""
+ROCKING = 120.0
+"""Longest part of a stand-still that is used, s."""
+SEEN = math.radians(2.0)
+"""Turn by the biases of the gyros from which motion is asked for these, rad."""
+LONGEST_OFFSET = 3.0
+"""Clocks are searched to both sides of equality up to this, s."""
+
+
+KNOWN = np.zeros(6)
+"""Sds of biases that are known."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The start of a drive.
+
+    Attributes
+    ----------
+    t : float
+        Time for which the attitude holds, s.
+    quat_nb : ndarray, shape (4,)
+        Attitude.
+    heading_sd, tilt_sd : float
+        rad.
+    gyro_bias : ndarray, shape (3,)
+        rad/s; zeros where the vehicle never stood.
+    delay : float
+        Delay of the fixes, s: positive where their stamps are late.
+    still : float
+        Time it stood before, s.
+    accel_bias : ndarray, shape (3,)
+        What the specific force of the stand-still has too much against gravity, along itself, m/s².
+    """
+
+    t: float
+    quat_nb: FloatArray
+    heading_sd: float
+    tilt_sd: float
+    gyro_bias: FloatArray
+    delay: float
+    still: float
+    accel_bias: FloatArray
+
+
+def velocities(gnss: Gnss) -> FloatArray:
+    """Return the velocity at every fix, differences of positions where the receiver gives none; (k, 3)."""
+    metres = _metres(gnss)
+    slope = np.gradient(metres, gnss.t, axis=0)
+    return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
+
+
+def receiver_lag(gnss: Gnss) -> float:
+    """Return how much later the receiver's velocities are than its positions, s; 0 where that is not clear.
+
+    Differences of positions are compared with shifted velocities; the shift counts where it takes a quarter
+    of the misfit away.
+    """
+    if not np.isfinite(gnss.vel_n).all() or len(gnss) < 50:
+        return 0.0
+    metres = _metres(gnss)
+    dt = gnss.t[2:] - gnss.t[:-2]
+    near = dt < 2.5 * float(np.median(np.diff(gnss.t)))
+    slope = ((metres[2:] - metres[:-2]) / dt[:, None])[near]
+    middle = 0.5 * (gnss.t[2:] + gnss.t[:-2])[near]
+
+    def misfit(lag: float) -> float:
+        shifted = np.stack([np.interp(middle + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
+        off = np.sum((slope - shifted)[:, :2] ** 2, axis=1)
+        return float(np.mean(np.minimum(off, outlying(off))))
+
+    lags = np.arange(-0.5, 0.501, 0.02)
+    values = np.array([misfit(float(lag)) for lag in lags])
+    best = int(np.argmin(values))
+    # Interpolation averages noise away on both sides alike: only the better side counts.
+    if best in (0, len(lags) - 1) or values[best] > 0.75 * min(misfit(0.0), values[len(lags) - 1 - best]):
+        return 0.0
+    return float(minimize_scalar(misfit, bounds=(lags[best - 1], lags[best + 1]), method="bounded").x)
+
+
+def standing_until(gnss: Gnss) -> float:
+    """Return the time until which the vehicle stands at the beginning, s; the first fix where it does not."""
+    sd = gnss.velocity_sd[:, :2]
+    noise = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 0.0
+    speed = np.hypot(*velocities(gnss)[:, :2].T)
+    limit = max(STANDING, 5.0 * min(noise, 1.0))
+    moving = speed > limit
+    # Two fixes in a row: one alone may be an outlier.
+    moving[:-1] &= moving[1:]
+    first = int(np.argmax(moving)) if moving.any() else len(gnss) - 1
+    return float(max(gnss.t[0], gnss.t[first] - MARGIN))
+
+
+def align(
+    steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+) -> Alignment:
+    """Find the start from as much motion as it takes: one, two, four, … minutes.
+
+    Parameters
+    ----------
+    steps : Steps
+        Increments of the sensor.
+    gnss : Gnss
+        Fixes on the same clock, within the steps.
+    offset : float
+        Clocks are searched to both sides up to this, s; 0 believes the stamps.
+    bias_sd : ndarray, shape (6,)
+        Prior sds of the biases of gyros and accelerometers: where the vehicle hardly stands, motion tells them.
+
+    Raises
+    ------
+    DataError
+        Where the vehicle does not change its speed: there is no heading.
+    """
+    moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
+    while True:
+        found = align_once(steps, gnss, moving, offset, bias_sd)
+        enough = POOR_HEADING if moving >= length else GOOD_HEADING
+        if found is not None and found.heading_sd < enough:
+            return found
+        if moving >= length:
+            msg = "the vehicle hardly changes its speed: its heading cannot be found from its motion"
+            raise DataError(msg)
+        moving *= 2.0
+
+
+def align_once(
+    steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+) -> Alignment | None:
+    """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s; None without fixes."""
+    ends = steps.ends()
+    still_end = standing_until(gnss)
+    begin = max(float(gnss.t[0]), still_end - ROCKING)
+    stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
+    last = np.searchsorted(ends, stop + offset + 0.1)
+    bias, excess = np.zeros(6), np.zeros(3)
+    # Gyros that turn the unit by less than what an alignment is good for are believed: less than the Earth may turn it.
+    unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > SEEN else KNOWN
+    down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
+    quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
+    rest = still_end - begin
+    if rest > REST or (rest >= SHORT_REST and unknown.any()):
+        means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
+        bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
+        if rest > LONG_REST or not unknown.any():
+            excess, unknown = means[3:] * (1.0 - down / force), KNOWN
+        else:  # noise counts as one value a second: what shakes a unit at rest is not white
+            scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
+            unknown = np.concatenate([np.minimum(bias_sd[:3], scatter / np.sqrt(rest)), bias_sd[3:]])
+    back = max(0, int(np.searchsorted(ends, begin - offset)) - 1)
+    window = slice(back, min(int(last), len(steps.dt)))
+    inside = (gnss.t >= begin) & (gnss.t <= stop)
+    fix_t = gnss.t[inside]
+    by_position = _positions_are_better(gnss)
+    measured = _metres(gnss)[inside] if by_position else velocities(gnss)[inside]
+    length = _length(fix_t)
+    windows = _windows(fix_t, 3 if by_position else 2, length)
+    if not len(windows):
+        return None
+    span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
+    beta = _change(measured, windows, span)
+    beta[:, 2] -= down * span
+    share, told = float(np.median(np.diff(fix_t))) / length, _told(gnss, by_position, length)
+
+    def changes(seen: Turned, delay: float, *, pull: bool = False) -> FloatArray:
+        return _change(seen.at(fix_t - delay, way=by_position, pull=pull), windows, span)
+
+    def biased(delay: float) -> Biased:
+        def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
+            seen = turned(steps, window, bias)
+            return changes(seen, delay), changes(seen, delay, pull=True)
+
+        times = fix_t[windows[:, -1]] - fix_t[0]
+        return moved_biases(felt, beta, times, bias, unknown, share, told)
+
+    found = biased(0.0) if unknown.any() else Biased(bias, np.zeros((9, 9)))
+    seen = turned(steps, window, found.bias)
+
+    def solve(delay: float) -> tuple[FloatArray, float]:
+        alpha = changes(seen, delay)
+        mat = wahba(alpha, beta)
+        off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
+        return mat, float(np.mean(np.minimum(off, outlying(off))))
+
+    delay = 0.0
+    if offset > 0.0:
+        grid = np.arange(-offset, offset + 1e-9, 0.05)
+        costs = [solve(float(d))[1] for d in grid]
+        best = int(np.argmin(costs))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
+        if unknown.any():
+            found = biased(delay)
+            seen = turned(steps, window, found.bias)
+    mat, cost = solve(delay)
+    # Speed changes tell the heading: what windows of standing show is the receiver's noise. Neighbouring
+    # windows overlap, so a window counts by its share.
+    level = np.sum(beta[:, :2] ** 2, axis=1)
+    standing = fix_t[windows[:, -1]] <= max(still_end, begin)
+    noise = float(np.mean(level[standing])) if np.count_nonzero(standing) > 3 else 0.0
+    change = float(np.sum(level - noise)) * share
+    heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
+    k = int(np.argmin(np.abs(seen.t - fix_t[0])))
+    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), seen.quat[k])
+    bias = found.bias[:3]
+    if bias.any():  # the gyros feel the Earth turn
+        lat = float(gnss.llh[0, 0])
+        bias = bias - rotation.mat_from_quat(quat).T @ np.array(earth_rate(np.sin(lat), np.cos(lat)))
+    misfit = float(np.sqrt(cost / 3.0))
+    return Alignment(
+        float(seen.t[k]),
+        quat,
+        max(heading_sd, float(np.sqrt(found.covariance[2, 2]))),
+        max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),
+        bias,
+        delay,
+        rest,
+        excess + found.bias[3:],
+    )
+
+
+def _positions_are_better(gnss: Gnss) -> bool:
+    """Whether second differences of positions tell changes of velocity better than the velocities do."""
+    position, velocity = (
+        np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
+        for sd in (gnss.position_sd, gnss.velocity_sd)
+    )
+    if not np.isfinite(gnss.vel_n).any():
+        return True
+    return bool(np.sqrt(6.0) * position / WINDOW < np.sqrt(2.0) * velocity)
+
+
+def _told(gnss: Gnss, by_position: bool, length: float) -> float:
+    """Return the variance of a change of velocity by what the receiver says, 0 where it says nothing."""
+    sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
+    return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
+
+
+def _metres(gnss: Gnss) -> FloatArray:
+    return np.asarray((gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0]))
+
+
+def _length(t: FloatArray) -> float:
+    """Return the length of windows: as many intervals of the fixes as come nearest to `WINDOW`, one at least, s."""
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else WINDOW
+    return interval * max(1, round(WINDOW / interval))
+
+
+def _windows(t: FloatArray, points: int, length: float) -> NDArray[np.intp]:
+    """Return the fixes at the ends (and between) of neighbouring windows of a length, s, without gaps."""
+    rows = [np.arange(len(t))]
+    for i in range(1, points):
+        rows.append(np.searchsorted(t, t + i * length - 1e-6))
+    windows = np.stack(rows, axis=-1)
+    windows = windows[windows[:, -1] < len(t)]
+    lengths = np.diff(t[windows], axis=1)
+    return windows[np.all(np.abs(lengths - length) < 0.25 * length, axis=1)]
+
+
+def _change(y: FloatArray, windows: NDArray[np.intp], span: FloatArray) -> FloatArray:
+    """Return the change over windows: of y, or, with three points, of its slope; shape (w, 3)."""
+    if windows.shape[1] == 2:
+        return np.asarray(y[windows[:, 1]] - y[windows[:, 0]])
+    return np.asarray((y[windows[:, 2]] - 2.0 * y[windows[:, 1]] + y[windows[:, 0]]) / span[:, None])

@@ -1,0 +1,345 @@
+"""A measured drive through the filter: clocks, stretches without gaps, alignment, fixes and their errors.
+
+The filter's body frame is that of the vehicle where the mounting is known, else that of the sensor: alignment
+from gravity and motion needs no mounting. Sampling gaps up to `BRIDGED` are bridged with the rates held; a
+longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried
+over.
+
+A stretch begins where its first fix says, so that the errors of the start are those of the fix, lever arm, clock
+and correlated error of the receiver included: with H of the fix, H_pv = I and the other states x_o::
+
+    δ(r, v) = n − H_o δx_o        P = T diag(R, P_o) Tᵀ        T = I − (H_o above, 0 below)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from models import rotation
+from models.earth import llh_displaced
+from models.error_state import Linearization
+from models.imu_errors import calibration
+from models.measurements import position_fix, velocity_fix
+from models.strapdown import NavigationState
+from tuner.navigation import engine
+from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
+from tuner.navigation.drive.alignment import LONGEST_OFFSET, Alignment, align, receiver_lag, velocities
+from tuner.navigation.drive.axis_checks import inertial_axes, named_axes
+from tuner.navigation.drive.unit_checks import likely_unit, refuse_wrong_units
+from tuner.navigation.drive.velocity_latency import advanced, interpolated
+from tuner.navigation.settings import FilterSettings
+from tuner.types.records import DataError, Drive, Gnss
+
+FloatArray = NDArray[np.float64]
+
+BRIDGED = 0.5
+"""Longest gap of the inertial samples that is bridged, s."""
+SHORTEST = 20.0
+"""Shortest stretch that is worth an alignment, s."""
+HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
+"""Least sds of an alignment, rad."""
+AVERAGED = 0.5
+"""Time over which the rates at a start are averaged, s."""
+SLOPE = 2.0
+"""Error of a velocity that is the slope of two positions, m/s."""
+DELAY_STEP = 0.25
+"""Spacing of the delays that are tried, s."""
+OUTLIER = 50.0
+"""Largest squared distance that a fix counts with in the choice of the delay."""
+SETTLING = 60.0
+"""Time in motion during which fixes are used whatever the gate says, s: the start may be wrong, not they."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a drive without a gap, ready to be filtered.
+
+    Attributes
+    ----------
+    steps : Steps
+        In the body frame of the filter.
+    fixes : Fixes
+        On the clock of the inertial unit.
+    start : NavigationState
+        At the first fix, where `steps` begin.
+    alignment : Alignment
+        Where it comes from.
+    lag : float
+        How much later the receiver's velocities were than its positions, s; mended in `fixes`.
+    """
+
+    steps: Steps
+    fixes: Fixes
+    start: NavigationState
+    alignment: Alignment
+    lag: float = 0.0
+    constraints: Constraints | None = None
+
+    @property
+    def settled(self) -> float:
+        """From when on the filter has settled, s."""
+        return self.alignment.t + self.alignment.still + SETTLING
+
+
+def prepare(
+    drive: Drive, settings: FilterSettings, *, timed: bool = False
+) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+    """Cut a drive into stretches and align each.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    settings : FilterSettings
+        Lever arm and, where the receiver reports no sds, those of the configuration.
+    timed : bool
+        The stamps of the fixes are known to be right: neither delay nor lag is looked for.
+
+    Returns
+    -------
+    stretches : tuple of Stretch
+        At least one.
+    notes : tuple of str
+        What was found and done.
+
+    Raises
+    ------
+    DataError
+        Where no stretch can be aligned, or units contradict one another.
+    """
+    notes: list[str] = []
+    gnss, axes = named_axes(drive.gnss, drive.source)
+    if axes is not None:
+        notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
+    notes += refuse_wrong_units(drive, gnss)
+    lag = 0.0 if timed else receiver_lag(gnss)
+    if lag:
+        moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
+        gnss = replace(gnss, vel_n=moved)
+        notes.append(f"velocities of the receiver are {lag:.3f} s later than its positions: moved")
+    mounting = np.eye(3) if drive.mounting is None else drive.mounting
+    rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
+    dt = np.diff(drive.imu_t)
+    gaps = np.flatnonzero(dt > BRIDGED)
+    if len(gaps):
+        notes.append(
+            f"{len(gaps)} gaps longer than {BRIDGED:g} s in the inertial record, the longest "
+            f"{dt.max():.1f} s: aligned anew after each"
+        )
+    edges = np.concatenate([[0], gaps + 1, [len(drive.imu_t)]])
+    stretches: list[Stretch] = []
+    failure = ""
+    for first, last in pairwise(edges.tolist()):
+        t = drive.imu_t[first:last]
+        if len(t) < 2 or t[-1] - t[0] < SHORTEST:
+            notes.append(f"a stretch of {t[-1] - t[0]:.1f} s left out: too short to align")
+            continue
+        steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
+        try:
+            known = 0.0 if timed else stretches[0].alignment.delay if stretches else None
+            stretch = replace(_stretch(steps, gnss, settings, known), lag=lag)
+        except DataError as error:
+            failure = str(error)
+            notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
+            continue
+        stretches.append(stretch)
+        a = stretch.alignment
+        notes.append(
+            f"aligned at {a.t:.1f} s after {a.still:.0f} s of standing: heading to {np.degrees(a.heading_sd):.1f}°, "
+            f"fixes {a.delay:+.3f} s late"
+        )
+    if not stretches:
+        wrong = (likely_unit(drive, gnss) or inertial_axes(drive)) if failure else None
+        msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or 'all are too short'}"
+        raise DataError(msg)
+    return tuple(stretches), tuple(notes)
+
+
+def navigate(
+    stretches: tuple[Stretch, ...], settings: FilterSettings, windows: FloatArray
+) -> tuple[Solution, ...]:
+    """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
+    answers: list[Solution] = []
+    for stretch in stretches:
+        x, p = beginning(settings, stretch, answers[-1] if answers else None)
+        fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
+
+        def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
+            return engine.run(
+                settings,
+                starting(settings, stretch, x),
+                stretch.steps,
+                fixes,
+                parameters=x,
+                covariance=p,
+                constraints=stretch.constraints,
+            )
+
+        if lag:
+            fixes = advanced(fixes, stretch.steps, flown(interpolated(fixes, lag)), lag)
+        answers.append(flown(fixes))
+    return tuple(answers)
+
+
+def beginning(
+    settings: FilterSettings, stretch: Stretch, before: Solution | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the other states (n,) and P (n, n) at the start of a stretch that follows a solution, or none."""
+    if before is not None:
+        x = before.final_parameters.copy()
+        return x, _fresh(before.final_covariance, settings, stretch, x)
+    a, at = stretch.alignment, settings.model.layout
+    x, p = np.zeros(settings.size), np.diag(settings.initial_sd**2)
+    x[at["gyro_bias"]] = a.gyro_bias
+    x[at["accel_bias"]] = a.accel_bias
+    own = range(at["accel_bias"].start, at["accel_bias"].stop)
+    p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
+    return x, _fresh(p, settings, stretch, x)
+
+
+def starting(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
+    """Return the start of a stretch where lever arm, delay and other states (n,) are known already."""
+    start, z = stretch.start, _first_fix(settings, stretch, parameters)[0]
+    return NavigationState(llh_displaced(start.llh, z[:3]), start.vel_n + z[3:], start.quat_nb)
+
+
+def _first_fix(
+    settings: FilterSettings, stretch: Stretch, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far the start lies from where its fix says, (6,), and how the other states move that, (6, n)."""
+    model, start, steps = settings.model, stretch.start, stretch.steps
+    own = calibration(model, parameters)
+    rates = own.true_rates(_first_rates(steps))
+    mat_nb = rotation.mat_from_quat(start.quat_nb)
+    at = Linearization(start.llh, start.vel_n, mat_nb, rates[:3], rates[3:], own)
+    arm = np.array(settings.lever_arm)
+    llh = llh_displaced(start.llh, mat_nb @ arm)
+    position = position_fix(model, at, parameters, llh, lever_arm=arm)
+    of_antenna = start.vel_n + mat_nb @ np.cross(rates[:3], arm)
+    velocity = velocity_fix(model, at, parameters, of_antenna, lever_arm=arm)
+    h = np.vstack([position.H, velocity.H])
+    h[:, :6] = 0.0
+    return np.concatenate([position.z, velocity.z]), h
+
+
+def _first_rates(steps: Steps) -> FloatArray:
+    """Return the mean angular rate and specific force as measured at the beginning, (6,)."""
+    few = slice(0, max(1, int(np.searchsorted(np.cumsum(steps.dt), AVERAGED))))
+    return np.asarray(steps.increments[few].sum(axis=0) / steps.dt[few].sum())
+
+
+def _fresh(
+    covariance: FloatArray, settings: FilterSettings, stretch: Stretch, parameters: FloatArray
+) -> FloatArray:
+    """Return P at the start of a stretch: navigation states anew, the others as they are."""
+    p = covariance.copy()
+    p[:9, :] = 0.0
+    p[:, :9] = 0.0
+    at, a = settings.model.layout, stretch.alignment
+    sd = stretch.fixes.sd[0]
+    p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
+    unknown = 0.0 if np.isfinite(stretch.fixes.vel_n[0]).all() else SLOPE
+    p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2 + unknown**2
+    tilt = max(a.tilt_sd, TILT_FLOOR, float(settings.initial_sd[at["attitude"]][0]))
+    p[6, 6] = p[7, 7] = tilt**2
+    p[8, 8] = max(2.0 * a.heading_sd, HEADING_FLOOR) ** 2
+    among = np.eye(settings.size)
+    among[:6] -= _first_fix(settings, stretch, parameters)[1]
+    return among @ p @ among.T
+
+
+def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
+    """Align a stretch; where the delay of the fixes is not known yet, the filter itself decides on it."""
+    ends = steps.ends()
+    inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
+    own = gnss.rows(inside)
+    if len(own) < 10:
+        msg = f"{len(own)} fixes"
+        raise DataError(msg)
+    at = settings.model.layout
+    bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
+    if delay is not None:
+        a = align(steps, _shifted(own, delay), offset=0.0, bias_sd=bias_sd)
+        return _timed(steps, own, replace(a, delay=delay), settings)
+    a = align(steps, own, bias_sd=bias_sd)
+
+    def misfit(value: float) -> float:
+        return _misfit(_timed(steps, own, replace(a, delay=value), settings), settings)
+
+    grid = [a.delay, *np.arange(-LONGEST_OFFSET, LONGEST_OFFSET + 1e-9, DELAY_STEP).tolist()]
+    best = min(grid, key=misfit)
+    span = (best - DELAY_STEP, best + DELAY_STEP)
+    found = minimize_scalar(misfit, bounds=span, method="bounded", options={"xatol": 0.01})
+    sharp = align(steps, _shifted(own, float(found.x)), offset=0.0, bias_sd=bias_sd)
+    return _timed(steps, own, replace(sharp, delay=float(found.x)), settings)
+
+
+def _misfit(stretch: Stretch, settings: FilterSettings) -> float:
+    """Return minus twice the log likelihood of a fix, outliers limited; all fixes are used."""
+    trusting = replace(stretch.fixes, trusted=np.ones(len(stretch.fixes), dtype=bool))
+    (solution,) = navigate((replace(stretch, fixes=trusting),), settings, np.zeros((0, 2)))
+    z, s = solution.innovation[:, :3], solution.innovation_covariance[:, :3, :3]
+    if not (np.isfinite(z).all() and np.isfinite(s).all()):
+        return float("inf")
+    distance = np.sum(z * np.linalg.solve(s, z[..., None])[..., 0], axis=-1)
+    return float(np.mean(np.minimum(distance, OUTLIER) + np.linalg.slogdet(s)[1]))
+
+
+def _shifted(gnss: Gnss, delay: float) -> Gnss:
+    return replace(gnss, t=gnss.t - delay)
+
+
+def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> Stretch:
+    """Put fixes on the clock of the inertial unit and cut the steps to begin with the first."""
+    ends = steps.ends()
+    t = own.t - a.delay
+    keep = (t > ends[0]) & (t < ends[-1])
+    own, t = own.rows(keep), t[keep]
+    first = max(0, int(np.searchsorted(ends, t[0], side="right")) - 1)
+    # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
+    quat = _carried(steps, a, first)
+    steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
+    split, after = split_at(steps, t)
+    settled = a.t + a.still + SETTLING
+    fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
+    mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
+    arm = np.array(settings.lever_arm)
+    vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)
+    there = llh_displaced(own.llh[0], -mat_nb @ arm - vel * (t[0] - steps.start))
+    start = NavigationState(there, vel, quat)
+    return Stretch(split, fixes, start, a)
+
+
+def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
+    """Return the attitude of an alignment at the end of step k."""
+    ends = steps.ends()
+    have = int(np.argmin(np.abs(ends - a.t)))
+    quat = a.quat_nb
+    for i in range(min(have, k), max(have, k)):
+        turn = rotation.quat_from_rotvec(steps.increments[i, :3] - a.gyro_bias * steps.dt[i])
+        quat = rotation.quat_multiply(quat, turn if k > have else rotation.quat_conjugate(turn))
+    return quat
+
+
+def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
+    """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
+    told = told_sds(gnss, settings)
+    if settings.fix_laws is None:
+        return told if settings.position_sd is None else np.maximum(told, _configured(settings))
+    position, velocity = settings.fix_laws
+    return np.hstack([position.sds(told[:, :3]), velocity.sds(told[:, 3:])])
+
+
+def told_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
+    """Return the sds that the receiver reports, those of the configuration where it reports none; (k, 6)."""
+    reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
+    return np.where(reported > 0.0, reported, _configured(settings))
+
+
+def _configured(settings: FilterSettings) -> FloatArray:
+    return np.array([*(settings.position_sd or (3.0, 3.0, 5.0)), *(settings.velocity_sd or (0.1, 0.1, 0.2))])

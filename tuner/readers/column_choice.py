@@ -1,0 +1,207 @@
+"""Which columns of a file are the sensors: as the user maps them, or by name.
+
+Rules, in order: what the user maps; a column named as ours or by an alias (`names.STEMS`); of arrays whose
+name only contains a sensor's (``gyro_raw``, ``gyro_dps_1``) one named raw before others, then the longest,
+and for the second sensor the one with the same length and ending as the first. A choice is told in a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tuner.readers import column_names as names
+from tuner.readers.column_mapping import AXES, Mapped, offered, resolve, stated_unit
+from tuner.readers.columns import Listing, Part
+from tuner.types.records import DataError
+
+Parsed = Mapping[str, names.ColumnName]
+Candidates = Mapping[str, list[tuple[int, str]]]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor of a file: its columns, the axes they are, and their unit where one is stated."""
+
+    name: str
+    parts: tuple[Part, ...]
+    axes: tuple[str, ...]
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column that is no sensor's axis (time, temperature), with its unit where one is stated."""
+
+    part: Part
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What to read: time (or None), sensors, and further channels on the same clock."""
+
+    time: Channel | None
+    sensors: tuple[Sensor, ...]
+    covariates: Mapping[str, Channel]
+    notes: tuple[str, ...]
+
+
+def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Layout:
+    """Choose the columns of a file.
+
+    Raises
+    ------
+    DataError
+        Nothing that looks like a gyroscope or accelerometer, several candidates of equal right, or a mapped
+        column that is not there.
+    """
+    parsed = {array: names.parse_name(array) for array in listing.shapes}
+    mapped = resolve(listing, columns or {})
+    by_name = _by_name(parsed, {part.array for chosen in mapped.values() for part in chosen.parts})
+    notes: list[str] = []
+    sensors: list[Sensor] = []
+    for name in names.SENSORS:
+        sensor = (
+            _as_mapped(listing, name, mapped)
+            or _by_alias(listing, name, by_name, parsed)
+            or _by_word(listing, name, parsed, sensors, notes)
+        )
+        if sensor is not None:
+            sensors.append(sensor)
+    if not sensors:
+        raise DataError(_nothing_found(listing))
+    others = [role for role in mapped if role != "t" and role.split("_")[0] not in names.SENSORS]
+    channels = {
+        role: channel
+        for role in dict.fromkeys(["t", "temperature", *others])
+        if (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
+    }
+    return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes))
+
+
+def _nothing_found(listing: Listing) -> str:
+    wide = next((name for name, shape in listing.shapes.items() if len(shape) == 2 and shape[1] >= 6), None)
+    single = next(iter(listing.shapes), "NAME")
+    example = f"gyro={wide}[3:6],accel={wide}[0:3]" if wide else f"gyro_x={single}"
+    return (
+        f"{listing.path}: no gyro or accel column: expected names such as gyro_x or an (n, 3) array gyro, "
+        f"found {offered(listing)}; map them with --columns, such as --columns '{example}'"
+    )
+
+
+def _by_name(parsed: Parsed, taken: set[str]) -> dict[str, list[tuple[int, str]]]:
+    """Return the arrays of each role with their rank, best first."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for array, name in parsed.items():
+        role = names.role_of(name)
+        if role is not None and array not in taken:
+            found.setdefault(role[0], []).append((role[1], array))
+    return {role: sorted(arrays, key=lambda a: a[0]) for role, arrays in found.items()}
+
+
+def _only(listing: Listing, role: str, arrays: list[tuple[int, str]]) -> str:
+    """Return the one array of the best rank."""
+    best = [array for rank, array in arrays if rank == arrays[0][0]]
+    if len(best) > 1:
+        msg = (
+            f"{listing.path}: several columns could be {role}: {', '.join(best)}; "
+            f"choose one with --columns '{role}={best[0]}'"
+        )
+        raise DataError(msg)
+    return best[0]
+
+
+def _as_mapped(listing: Listing, name: str, mapped: Mapping[str, Mapped]) -> Sensor | None:
+    if name in mapped:
+        parts, unit = mapped[name].parts, mapped[name].unit
+        return Sensor(name, parts, tuple(f"{name}_{a}" for a in AXES[: len(parts)]), unit)
+    axes = tuple(f"{name}_{a}" for a in AXES if f"{name}_{a}" in mapped)
+    if not axes:
+        return None
+    unit = _one_unit(listing, name, {mapped[axis].unit for axis in axes})
+    return Sensor(name, tuple(mapped[axis].parts[0] for axis in axes), axes, unit)
+
+
+def _by_alias(listing: Listing, name: str, by_name: Candidates, parsed: Parsed) -> Sensor | None:
+    single = {
+        f"{name}_{a}": [c for c in by_name.get(f"{name}_{a}", []) if len(listing.shapes[c[1]]) == 1]
+        for a in AXES
+    }
+    axes = tuple(axis for axis, candidates in single.items() if candidates)
+    if axes:
+        arrays = [_only(listing, axis, single[axis]) for axis in axes]
+        unit = _one_unit(listing, name, {stated_unit(listing, parsed[a], name) for a in arrays})
+        return Sensor(name, tuple(Part(a) for a in arrays), axes, unit)
+    whole = [c for c in by_name.get(name, []) if _is_triad(listing, c[1])]
+    if not whole:
+        return None
+    array = _only(listing, name, whole)
+    return _triad(name, array, stated_unit(listing, parsed[array], name))
+
+
+def _by_word(
+    listing: Listing, name: str, parsed: Parsed, chosen: list[Sensor], notes: list[str]
+) -> Sensor | None:
+    arrays = [a for a in parsed if _is_triad(listing, a) and names.sensor_of(parsed[a].plain) == name]
+    if not arrays:
+        return None
+    fellow = chosen[0].parts[0].array if chosen else None
+
+    def order(array: str) -> tuple[bool, bool, bool, int]:
+        same_length = fellow is None or listing.shapes[fellow][0] == listing.shapes[array][0]
+        same_end = fellow is not None and _ending(parsed[fellow]) == _ending(parsed[array])
+        raw = "raw" in parsed[array].plain.split("_")
+        return not same_length, not same_end, not raw, -listing.shapes[array][0]
+
+    best = min(arrays, key=order)
+    if len(arrays) > 1:
+        rest = ", ".join(a for a in arrays if a != best)
+        rule = "raw before processed, then the longest" if fellow is None else f"it goes with '{fellow}'"
+        notes.append(f"{name} is '{best}' ({rule}); --columns {name}=… chooses {rest}")
+    return _triad(name, best, stated_unit(listing, parsed[best], name))
+
+
+def _ending(name: names.ColumnName) -> str:
+    return name.plain.rsplit("_", 1)[-1]
+
+
+def _triad(name: str, array: str, unit: str | None) -> Sensor:
+    return Sensor(name, tuple(Part(array, j) for j in range(3)), tuple(f"{name}_{a}" for a in AXES), unit)
+
+
+def _is_triad(listing: Listing, array: str) -> bool:
+    return listing.shapes[array][1:] == (3,)
+
+
+def _one_unit(listing: Listing, sensor: str, units: set[str | None]) -> str | None:
+    if len(units) > 1:
+        shown = ", ".join(sorted(str(u) for u in units))
+        msg = f"{listing.path}: the axes of {sensor} have different units ({shown}): write them in one unit"
+        raise DataError(msg)
+    return units.pop()
+
+
+def _channel(
+    listing: Listing,
+    role: str,
+    mapped: Mapping[str, Mapped],
+    by_name: Candidates,
+    parsed: Parsed,
+    notes: list[str],
+) -> Channel | None:
+    """Return the column of a role: as mapped, or the first in the order of the table of aliases."""
+    if role in mapped:
+        return Channel(mapped[role].parts[0], mapped[role].unit)
+    arrays = [(rank, a) for rank, a in by_name.get(role, []) if len(listing.shapes[a]) == 1]
+    if not arrays:
+        return None
+    best = [a for rank, a in arrays if rank == arrays[0][0]]
+    aliases = names.TIME if role == "t" else names.TEMPERATURE
+    array = min(
+        best, key=lambda a: aliases.index(parsed[a].plain) if parsed[a].plain in aliases else len(aliases)
+    )
+    if len(best) > 1:
+        rest = ", ".join(a for a in best if a != array)
+        notes.append(f"{role} is '{array}'; --columns {role}=… chooses {rest}")
+    return Channel(Part(array), stated_unit(listing, parsed[array]))

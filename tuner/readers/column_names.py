@@ -1,0 +1,207 @@
+"""Names and units as others write them: the one table of column names and unit spellings.
+
+A column is known by the end of its name, so that ``field.angular_velocity.x`` and ``imu/gyro_x`` need no
+entry of their own: a name is lowered, everything but letters and digits becomes ``_``, and a trailing unit
+(``time_ns``, ``gyro_x_dps``, ``gyro_x [deg/s]``) is taken off first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from tuner.types.records import DataError
+
+SENSORS = ("gyro", "accel")
+
+STEMS: Mapping[str, tuple[str, ...]] = {
+    "gyro": (
+        "gyro", "gyr", "gyroscope", "angular_velocity", "angular_rate", "ang_vel", "angvel", "omega", "rate",
+        "w_rs_s", "wb", "wibb", "w", "g", "dtheta", "dang", "delta_angle", "del_ang", "delang", "dth",
+    ),
+    "accel": (
+        "accel", "acc", "acceleration", "accelerometer", "linear_acceleration", "specific_force", "lin_acc",
+        "a_rs_s", "fb", "fibb", "a", "f", "dvel", "delta_velocity", "delta_vel", "del_vel", "delvel", "dv",
+    ),
+}  # fmt: skip
+"""Names of a sensor before the axis; the first is ours, the last lines are increments."""
+
+INCREMENTS = frozenset(
+    [
+        "dtheta",
+        "dang",
+        "delta_angle",
+        "del_ang",
+        "delang",
+        "dth",
+        "dvel",
+        "delta_velocity",
+        "delta_vel",
+        "del_vel",
+        "delvel",
+        "dv",
+    ]
+)
+TIME = (
+    "t",
+    "time",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "elapsed",
+    "seconds",
+    "sec",
+    "tow",
+    "sow",
+    "gps_time",
+    "imu_t",
+)
+TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")
+
+TIME_UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+"""Seconds in one unit."""
+
+UNITS: Mapping[str, tuple[str, ...]] = {
+    "gyro": ("rad/s", "deg/s", "deg/h", "rad", "deg", "arcsec"),
+    "accel": ("m/s^2", "g", "mg", "m/s"),
+}
+"""Units a sensor may have; the last ones (no time in the gyro's, m/s of the accel) are increments."""
+
+INCREMENT_UNITS = frozenset(("rad", "deg", "arcsec", "m/s"))
+
+_SPELLINGS: Mapping[str, tuple[str, ...]] = {
+    "rad/s": ("rad/s", "rad/sec", "rads/s", "rad s^-1", "rad*s^-1", "rad.s^-1", "radps", "rad_s", "rads",
+              "rps", "radians/s"),
+    "deg/s": ("deg/s", "deg/sec", "°/s", "°/sec", "deg s^-1", "dps", "deg_s", "degps", "degs", "degrees/s"),
+    "deg/h": ("deg/h", "deg/hr", "deg/hour", "°/h", "°/hr", "dph", "deg_h", "deg h^-1"),
+    "rad": ("rad", "radian", "radians"),
+    "deg": ("deg", "°", "degree", "degrees"),
+    "arcsec": ("arcsec", "as", "arcseconds", '"'),
+    "m/s^2": ("m/s^2", "m/s2", "m/s²", "m/s/s", "m s^-2", "m*s^-2", "m.s^-2", "mps2", "m_s2",
+              "mpss", "ms2", "ms^-2", "m/s**2"),
+    "g": ("g", "gn", "g0"),
+    "mg": ("mg", "milli-g", "millig"),
+    "m/s": ("m/s", "m s^-1", "mps", "m_s", "m/sec"),
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "millis", "milliseconds"),
+    "us": ("us", "usec", "µs", "μs", "micros", "microseconds"),
+    "ns": ("ns", "nsec", "nanos", "nanoseconds", "nanosec"),
+    "min": ("min", "minutes"),
+    "h": ("h", "hr", "hours"),
+    "degC": ("degc", "°c", "c", "celsius", "deg c", "deg_c", "℃"),
+    "K": ("k", "kelvin"),
+    "count": ("count", "counts", "lsb", "adc", "ticks"),
+}  # fmt: skip
+_UNIT_OF = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+_SUFFIXES = {s: u for s, u in _UNIT_OF.items() if re.fullmatch(r"[a-z][a-z0-9_]+", s) and u != "min"} | {
+    "g": "g",
+    "s": "s",
+}
+_BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
+_AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """A column name taken apart: `written` as in the file, `plain` without unit, `unit` or None."""
+
+    written: str
+    plain: str
+    unit: str | None
+
+
+def unit_of(text: str, allowed: Iterable[str], *, what: str) -> str:
+    """Return our spelling of a unit; raise `DataError` that lists `allowed` where it is none of them."""
+    allowed = tuple(allowed)
+    unit = known_unit(text)
+    if unit is None or unit not in allowed:
+        msg = f"{what}: unknown unit '{text}': expected one of {', '.join(allowed)}"
+        raise DataError(msg)
+    return unit
+
+
+def known_unit(text: str) -> str | None:
+    """Return our spelling of a unit, or None."""
+    return _UNIT_OF.get(text.strip().lower()) or _UNIT_OF.get(re.sub(r"\s+", "", text.lower()))
+
+
+def is_count(text: str) -> bool:
+    """Tell whether a unit means raw counts."""
+    return known_unit(text) == "count"
+
+
+def parse_name(written: str) -> ColumnName:
+    """Take a column name apart: ``Gyro X [deg/s]`` is plain ``gyro_x`` in ``deg/s``."""
+    match = _BRACKET.match(written)
+    name, unit = (match["name"], match["unit"].strip() or None) if match else (written, None)
+    plain = re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()).strip("_")
+    if unit is None:
+        for tail in (2, 1):
+            parts = plain.rsplit("_", tail)
+            suffix = "_".join(parts[1:])
+            if len(parts) == tail + 1 and suffix in _SUFFIXES and not _is_axis_name(plain):
+                return ColumnName(written, parts[0], _SUFFIXES[suffix])
+    return ColumnName(written, plain, unit)
+
+
+def role_of(name: ColumnName) -> tuple[str, int] | None:
+    """Return what a column is (``t temperature gyro_x … gyro accel``) and its rank, or None.
+
+    Rank 0 is a name of the table, rank 1 one that ends like it: ``imu_gyro_x`` and ``imu/gyro_x`` give way to
+    ``gyro_x``.
+    """
+    role = _role_of(name.plain)
+    *path, last = re.split("[/.]", name.written)
+    if role is None and path:
+        found = _role_of(parse_name(last).plain)
+        return None if found is None else (found[0], 1)
+    return role
+
+
+def _role_of(plain: str) -> tuple[str, int] | None:
+    for role, aliases in (("t", TIME), ("temperature", TEMPERATURE)):
+        if plain in aliases:
+            return role, 0
+        if any(plain.endswith(f"_{a}") for a in aliases if len(a) > 3):
+            return role, 1
+    match = _AXIS.match(plain)
+    stem, suffix = (match["stem"], f"_{match['axis']}") if match else (plain, "")
+    for sensor in SENSORS:
+        stems = [s for s in STEMS[sensor] if suffix or len(s) > 1]
+        if stem in stems:
+            return sensor + suffix, 0
+        words = [s for s in stems if len(s) > 1 or (suffix and not plain.endswith(suffix))]
+        if any(stem.endswith(f"_{s}") for s in words):
+            return sensor + suffix, 1
+    return None
+
+
+def sensor_of(plain: str) -> str | None:
+    """Return the sensor whose name an array's begins with or contains as a word, such as ``gyro_dps_1``."""
+    words = f"_{plain}_"
+    if any(
+        f"_{w}_" in words
+        for w in ("bias", "sd", "std", "cov", "covariance", "var", "temp", "temperature", "time", "t")
+    ):
+        return None
+    for sensor in SENSORS:
+        if any(f"_{stem}_" in words for stem in STEMS[sensor] if len(stem) > 1):
+            return sensor
+    return None
+
+
+def unit_in_words(plain: str, sensor: str) -> str | None:
+    """Return the unit that a word of an array's name states, such as ``gyro_dps_1`` → ``deg/s``."""
+    found = (_SUFFIXES.get(word) for word in plain.split("_"))
+    return next((unit for unit in found if unit in (*UNITS[sensor], "count")), None)
+
+
+def increments(plain: str) -> bool:
+    """Tell whether a name says that the values are increments."""
+    return any(f"_{stem}_" in f"_{plain}_" for stem in INCREMENTS)
+
+
+def _is_axis_name(plain: str) -> bool:
+    match = _AXIS.match(plain)
+    return bool(match) and any(match["stem"] in stems for stems in STEMS.values()) if match else False

@@ -1,0 +1,294 @@
+"""Measured drives: a folder of CSV files, an NPZ, or the text files of KF-GINS.
+
+=============  ================================================================================================
+folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
+               sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw;
+               a unit may follow in brackets: ``vn [km/h]``
+NPZ            its arrays: `tuner.readers.drive_npz`
+KF-GINS        its YAML: `tuner.readers.kf_gins`
+=============  ================================================================================================
+
+Stamps out of order, doubled rows, unreadable rows and fixes outside the inertial record are removed and
+counted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from models import rotation
+from models.units import canonical_unit, unit_value
+from tuner.readers import read
+from tuner.readers.columns import digest
+from tuner.readers.drive_checks import check_drive
+from tuner.readers.drive_npz import read_drive_npz
+from tuner.readers.kf_gins import read_kf_gins
+from tuner.readers.text import find_dialect, read_numbers
+from tuner.types.records import DataError, Drive, Gnss, Reference
+
+FloatArray = NDArray[np.float64]
+
+UNREADABLE = 0.01
+"""Share of unreadable rows from which a stream is refused."""
+DISORDERED = 0.10
+"""Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
+FRAMES: Mapping[str, tuple[float, float, float]] = {
+    "FRD": (0.0, 0.0, 0.0),
+    "FLU": (180.0, 0.0, 0.0),
+    "RFU": (180.0, 0.0, 90.0),
+}
+"""Mounting (roll, pitch, yaw, deg) of a unit whose axes point forward, right, up and so on."""
+GNSS_COLUMNS = (
+    "t",
+    "lat",
+    "lon",
+    "height",
+    "vn",
+    "ve",
+    "vd",
+    "sd_n",
+    "sd_e",
+    "sd_d",
+    "sd_vn",
+    "sd_ve",
+    "sd_vd",
+)
+UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    ("s", "ms", "us", "ns", "min", "h"): ("t",),
+    ("deg", "rad"): ("lat", "lon", "roll", "pitch", "yaw"),
+    ("m", "cm", "mm", "km", "ft"): ("height", "sd_n", "sd_e", "sd_d"),
+    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): ("vn", "ve", "vd", "sd_vn", "sd_ve", "sd_vd"),
+}
+"""Units that may follow a name in brackets; without them the first holds."""
+_TRUTH = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
+
+
+def read_drive(path: str | Path) -> Drive:
+    """Read a drive.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, an NPZ or a YAML of KF-GINS.
+
+    Raises
+    ------
+    DataError
+        What cannot be used, in one line.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _folder(path)
+    if not path.is_file():
+        msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
+        raise DataError(msg)
+    readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
+    if path.suffix.lower() not in readers:
+        msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
+        raise DataError(msg)
+    try:
+        return readers[path.suffix.lower()](path)
+    except DataError:
+        raise
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        OSError,
+        TypeError,
+        ValueError,
+        yaml.YAMLError,
+    ) as error:
+        reason = " ".join(str(error).split())
+        msg = f"{path}: expected arrays and settings of a drive, one row a sample or fix, got {reason}"
+        raise DataError(msg) from None
+
+
+def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
+    """Return the matrix from vehicle axes to sensor axes, from a frame name such as RFU or from angles, deg."""
+    if rpy_deg is not None:
+        return rotation.mat_from_rpy(np.radians(np.asarray(rpy_deg, dtype=float)))
+    key = (frame or "").strip().upper()
+    return rotation.mat_from_rpy(np.radians(FRAMES[key])) if key in FRAMES else None
+
+
+def _npz(path: Path) -> Drive:
+    found = read_drive_npz(path)
+    nameless = found.frame and mounting_of(found.frame, None) is None
+    notes = (f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}: unknown",)
+    return _drive(
+        path,
+        found.imu,
+        found.fixes,
+        found.truth,
+        notes=notes if nameless else (),
+        mounting=mounting_of(found.frame, found.mounting_rpy_deg),
+        lever_arm=found.lever_arm,
+    )
+
+
+def _folder(path: Path) -> Drive:
+    records = {r.name: r for r in read(_existing(path / "imu.csv"), constant_axes=True)}
+    found = [axis for record in records.values() for axis in record.axes]
+    if len(found) != 6:
+        msg = (
+            f"{path / 'imu.csv'}: expected three axes of gyroscope and accelerometer, found {' '.join(found)}"
+        )
+        raise DataError(msg)
+    gyro, accel = records["gyro"], records["accel"]
+    imu = np.column_stack([gyro.t, gyro.y, accel.y])
+    truth = path / "truth.csv"
+    return _drive(
+        path,
+        imu,
+        table(_existing(path / "gnss.csv"), GNSS_COLUMNS, 4),
+        table(truth, _TRUTH, 4) if truth.exists() else None,
+        notes=gyro.notes,
+    )
+
+
+def _kf_gins(path: Path) -> Drive:
+    found = read_kf_gins(path)
+    return _drive(
+        path,
+        found.imu,
+        found.fixes,
+        found.truth,
+        mounting=np.eye(3),
+        lever_arm=found.lever_arm,
+        notes=found.notes,
+    )
+
+
+def _drive(
+    path: Path,
+    imu: FloatArray,
+    fixes: FloatArray,
+    truth: FloatArray | None,
+    *,
+    mounting: FloatArray | None = None,
+    lever_arm: tuple[float, float, float] | None = None,
+    notes: tuple[str, ...] = (),
+) -> Drive:
+    """Clean the streams, put them on one clock and check that they can be what they are said to be."""
+    said = list(notes)
+    imu = ordered(path, "IMU", imu, imu, said)
+    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], said)
+    begin, end = imu[0, 0], imu[-1, 0]
+    inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
+    if np.count_nonzero(inside) < 2:
+        msg = (
+            f"{path}: expected two fixes or more of the time of the IMU, {begin:.3f} … {end:.3f} s, got "
+            f"{np.count_nonzero(inside)} of {len(fixes)}, {fixes[0, 0]:.3f} … {fixes[-1, 0]:.3f} s; "
+            "put both on one clock"
+        )
+        raise DataError(msg)
+    if not inside.all():
+        said.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
+    fixes = fixes[inside]
+    check_drive(path, imu, fixes, said)
+    repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
+    if repeats:
+        said.append(
+            f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept as held"
+        )
+    llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
+    gnss = Gnss(fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13])
+    return Drive(
+        path.stem,
+        imu[:, 0] - begin,
+        imu[:, 1:],
+        gnss,
+        None if truth is None else _reference(path, truth, begin, said),
+        float(begin),
+        lever_arm,
+        mounting,
+        path.name,
+        digest(path if path.is_file() else path / "imu.csv"),
+        tuple(said),
+    )
+
+
+def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
+    """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
+    if not len(rows):
+        msg = f"{path}: {name}: no rows"
+        raise DataError(msg)
+    good = np.isfinite(needed).all(axis=1)
+    bad = int(np.count_nonzero(~good))
+    if bad > UNREADABLE * len(rows) or bad == len(rows):
+        msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
+        raise DataError(msg)
+    if bad:
+        said.append(f"{bad} unreadable {name} rows removed")
+    rows = rows[good]
+    behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
+    if len(behind) > DISORDERED * len(rows):
+        msg = (
+            f"{path}: {name}: time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of "
+            f"{len(rows)} rows (a clock that was reset?): split the drive there"
+        )
+        raise DataError(msg)
+    if len(behind):
+        said.append(f"{len(behind)} {name} rows out of order sorted")
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
+    if not fresh.all():
+        said.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
+    return np.asarray(rows[fresh])
+
+
+def _reference(path: Path, rows: FloatArray, begin: float, said: list[str]) -> Reference:
+    rows = ordered(path, "reference", rows, rows[:, :4], said)
+    llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
+    sd = None
+    if rows.shape[1] > 10 and np.isfinite(rows[:, 10:]).any():
+        sd = np.hstack([rows[:, 10:16], np.radians(rows[:, 16:19])])
+    return Reference(rows[:, 0] - begin, llh, rows[:, 4:7], np.radians(rows[:, 7:10]), sd)
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        msg = f"{path}: expected this file in the folder of a drive, found nothing"
+        raise DataError(msg)
+    return path
+
+
+def table(path: Path, names: tuple[str, ...], needed: int) -> FloatArray:
+    """Return the named columns of a CSV, NaN for absent ones; the first `needed` must be there."""
+    dialect = find_dialect(path)
+    have = [name.split("[")[0].strip().lower() for name in dialect.names]
+    missing = [name for name in names[:needed] if name not in have]
+    if missing:
+        msg = f"{path}: expected columns {', '.join(names)}, {', '.join(missing)} missing"
+        raise DataError(msg)
+    present = [name for name in names if name in have]
+    factors = {name: _unit(path, name, dialect.names[have.index(name)]) for name in present}
+    (numbers,) = read_numbers(path, dialect, [[have.index(name) for name in present]])
+    rows = np.full((len(numbers), len(names)), math.nan)
+    for j, name in enumerate(present):
+        rows[:, names.index(name)] = factors[name] * numbers[:, j]
+    return rows
+
+
+def _unit(path: Path, name: str, header: str) -> float:
+    """Return the size of the unit in brackets behind a name, in that which the column has without."""
+    _, bracket, stated = header.partition("[")
+    if not bracket:
+        return 1.0
+    usual = next(units for units, columns in UNITS.items() if name in columns)
+    try:
+        unit = canonical_unit(stated.strip(" ]"))
+    except ValueError:
+        unit = ""
+    if unit not in usual:
+        msg = f"{path}: column '{header.strip()}': expected one of the units {', '.join(usual)}"
+        raise DataError(msg)
+    return unit_value(unit) / unit_value(usual[0])

@@ -1,0 +1,169 @@
+"""Whether a drive can be what it is said to be: units, dead sensors, speeds that no vehicle of ours has.
+
+Whether its streams agree with one another is asked where it is filtered (`tuner.navigation.drive.unit_checks`,
+`.axes`).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.earth import ned_between
+from models.units import FOOT, MILLI_G, STANDARD_GRAVITY
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+SLOWEST = 0.5
+"""Longest interval of inertial samples that can be navigated with, s."""
+HIGHEST = 5e4
+"""Height beyond which no vehicle of ours is, m."""
+FASTEST = 350.0
+"""Speed beyond which no vehicle of ours is, m/s."""
+TURNING = 35.0
+"""Angular rate that 99 % of the samples stay below, rad/s."""
+FORCE_UNITS = {"g": 1.0 / STANDARD_GRAVITY, "mg": 1.0 / MILLI_G, "ft/s²": 1.0 / FOOT}
+"""How many make 1 m/s²."""
+GRAVITY = 0.1
+"""Share by which the median of the specific force may differ from that of gravity where its unit is named."""
+SOME = 0.01
+"""Share of impossible rows up to which they are outliers, and said; of more the drive is refused."""
+LEAP = 1e3
+"""Distance of fixes from which a speed between them is looked at, m."""
+
+
+def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
+    """Refuse what cannot be a drive in these units, and say what is odd.
+
+    Parameters
+    ----------
+    path : Path
+        Where it comes from.
+    imu : ndarray, shape (n, 7)
+        t, angular rates, specific forces.
+    fixes : ndarray, shape (k, 13)
+        t, latitude and longitude in degrees, height, velocity, and the sds of both; NaN where there is none.
+    said : list of str
+        Notes, to which this adds.
+
+    Raises
+    ------
+    DataError
+        What cannot be, in one line.
+    """
+    _inertial(path, imu, said)
+    _positions(path, fixes, said)
+    _velocities(path, fixes, said)
+    if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
+        msg = (
+            f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}; "
+            "leave those empty that are not known"
+        )
+        raise DataError(msg)
+    endless = np.isinf(fixes[:, 7:13]).any(axis=1)
+    if endless.any():
+        msg = (
+            f"{path}: expected standard deviations that are finite, got inf in {np.count_nonzero(endless)} of "
+            f"{len(fixes)} fixes, first at {fixes[np.argmax(endless), 0]:.6g} s; leave such fixes out"
+        )
+        raise DataError(msg)
+    for name, columns in (("position", slice(7, 10)), ("velocity", slice(10, 13))):
+        zero = int(np.count_nonzero(np.any(fixes[:, columns] == 0.0, axis=1)))
+        if zero:
+            said.append(
+                f"{zero} fixes report a standard deviation of 0 for their {name}: that of the configuration counts"
+            )
+
+
+def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
+    interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
+    if not interval <= SLOWEST:
+        msg = (
+            f"{path}: expected stamps of inertial samples in seconds, {SLOWEST:g} s apart at most, "
+            f"got {interval:.4g} in the median; check the unit of time"
+        )
+        raise DataError(msg)
+    silent = np.all(imu[:, 4:7] == 0.0, axis=1)
+    count, first = int(np.count_nonzero(silent)), int(np.argmax(silent))
+    if count > SOME * len(imu):
+        msg = (
+            f"{path}: expected a specific force of about 9.8 m/s², got 0 on all axes in {count} of {len(imu)} samples, "
+            f"first at {imu[first, 0]:.6g} s; leave lost samples out"
+        )
+        raise DataError(msg)
+    if count:
+        said.append(f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s")
+    force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
+    if not 5.0 < force < 20.0:
+        msg = (
+            f"{path}: expected a specific force of about 9.8 m/s², got {force:.4g} in the median; "
+            f"{_force_unit(force, interval)}"
+        )
+        raise DataError(msg)
+    for name, columns in (("angular rate", slice(1, 4)), ("specific force", slice(4, 7))):
+        if np.all(np.ptp(imu[:, columns], axis=0) == 0.0):
+            msg = (
+                f"{path}: expected {name}s that change, got the same on all axes in all {len(imu)} samples: a sensor "
+                "that was off? record it"
+            )
+            raise DataError(msg)
+    turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
+    if turn > TURNING:
+        msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
+        raise DataError(msg)
+
+
+def _force_unit(force: float, interval: float) -> str:
+    """Return what to do about a specific force of another size than that of gravity."""
+    units = {**FORCE_UNITS, f"m/s gained in {interval:.4g} s": interval}
+    likely = [unit for unit, many in units.items() if abs(force / (many * STANDARD_GRAVITY) - 1.0) < GRAVITY]
+    return f"it looks to be in {' or '.join(likely)}: convert it to m/s²" if likely else "check the unit"
+
+
+def _positions(path: Path, fixes: FloatArray, said: list[str]) -> None:
+    if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
+        msg = (
+            f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}; "
+            "check unit and order"
+        )
+        raise DataError(msg)
+    if np.median(np.abs(fixes[:, 3])) > HIGHEST:
+        msg = f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
+        raise DataError(msg)
+    apart = np.linalg.norm(_steps(fixes), axis=1)
+    speed = np.where(apart > LEAP, apart / np.diff(fixes[:, 0]), 0.0)
+    # A fix that is far off makes two such steps.
+    _possible(path, fixes[1:, 0], speed, "positions that ask for", 2.0 * SOME, "degrees and s", said)
+
+
+def _velocities(path: Path, fixes: FloatArray, said: list[str]) -> None:
+    speed = np.nan_to_num(np.linalg.norm(fixes[:, 4:7], axis=1))
+    _possible(path, fixes[:, 0], speed, "velocities of", SOME, "m/s", said)
+
+
+def _possible(
+    path: Path, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, said: list[str]
+) -> None:
+    """Refuse speeds that are impossible too often, say of a few where the first one is."""
+    wrong = speed > FASTEST
+    count, first = int(np.count_nonzero(wrong)), int(np.argmax(wrong))
+    if not count:
+        return
+    told = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
+    if count > share * len(speed):
+        msg = f"{path}: expected a vehicle slower than {FASTEST:g} m/s, got {told}; check the units ({unit})"
+        raise DataError(msg)
+    said.append(f"{told}: no vehicle does that, they are outliers")
+
+
+def _llh(fixes: FloatArray) -> FloatArray:
+    return np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
+
+
+def _steps(fixes: FloatArray) -> FloatArray:
+    llh = _llh(fixes)
+    return ned_between(llh[1:], llh[:-1])

@@ -1,0 +1,46 @@
+"""A log of satellite fixes alone, as CSV: the columns of ``gnss.csv`` of a drive (`tuner.readers.drive`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tuner.readers.drive import GNSS_COLUMNS, ordered, table
+from tuner.readers.text import find_dialect
+from tuner.types.records import DataError, Gnss
+
+_TEXT = frozenset((".csv", ".tsv", ".txt", ".gz", ""))
+
+
+def is_fixes(path: str | Path) -> bool:
+    """Tell whether a file is a text file with the columns t, lat, lon and height."""
+    path = Path(path)
+    if path.suffix.lower() not in _TEXT or not path.is_file():
+        return False
+    try:
+        dialect = find_dialect(path)
+    except DataError:
+        return False
+    plain = {name.split("[")[0].strip().lower() for name in dialect.names}
+    return set(GNSS_COLUMNS[:4]) <= plain
+
+
+def read_fixes(path: str | Path) -> Gnss:
+    """Read satellite fixes; unreadable rows, doubled and disordered stamps are removed.
+
+    Raises
+    ------
+    DataError
+        What cannot be used, in one line.
+    """
+    path = Path(path)
+    rows = table(path, GNSS_COLUMNS, 4)
+    rows = ordered(path, "GNSS", rows, rows[:, :4], [])
+    if np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 2]).max() > 360.0:
+        msg = (
+            f"{path}: expected latitude and longitude in degrees, got up to {np.abs(rows[:, 1:3]).max():.5g}"
+        )
+        raise DataError(msg)
+    llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
+    return Gnss(rows[:, 0] - rows[0, 0], llh, rows[:, 4:7], rows[:, 7:10], rows[:, 10:13])

@@ -1,0 +1,292 @@
+"""The even time base of a log: segments, gaps, bridges.
+
+`stamps` says which rows to keep, the interval p and how many samples are missing where. Here the rows are put
+on a grid: even with interval p within a segment, each segment at its own median phase.
+
+Gaps of at most `BRIDGE` samples are bridged by linear interpolation as long as all bridges together are at
+most `BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes sums of
+white samples around it: its two neighbours weigh 1 + g/2 each. To first order the estimate of white density N
+rises by at most Σ(g + g²/2)/(2n) at long cluster times and falls by at most Σ(g + 1)/(2n) at the shortest (n
+samples).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.timestamps import in_order, interval_and_gaps, without_duplicates
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+BRIDGE = 5
+"""Longest gap that is bridged, samples."""
+BRIDGED_SHARE = 0.01
+"""Largest share of all samples that may come from bridges."""
+SHORTEST = 3
+"""Samples that one Allan point needs; shorter segments are left out."""
+STEPS = 64
+"""Different steps of a clock of few digits, at most."""
+TICK = 1e-7
+"""Steps closer than this are one, s: floating point counts seconds since 1970 to 2e-7."""
+_UNITS = sorted((*(10.0**-k for k in range(10)), *(2.0**-k for k in range(10, 46))), reverse=True)
+_NEAR, _SHOWN = 0.15, 4096
+_FINE = 1e-3
+_STAMPS = 1 << 17
+
+
+@dataclass(frozen=True)
+class Timebase:
+    """Where the rows of a log lie on an even grid.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time of each sample, s, in the clock of the stamps; even within a segment.
+    interval : float
+        Sampling interval, s.
+    segments : tuple of (start, stop)
+        Sample ranges without a gap, at least `SHORTEST` long.
+    rows : ndarray of int, shape (n,), or None
+        Rows of the log that are kept, in the order of time; None where all are, as they stand.
+    positions : ndarray of int, shape (n,), or None
+        Sample number of each kept row; None where no gap was bridged (N = n).
+    duplicates, disordered, gaps, missing, bridged : int
+        Rows dropped, rows out of order, gaps, samples missing in them, samples made by bridges.
+    unread : int
+        Gaps that only rows without a number make: the clock told them all.
+    jitter : float
+        Sd of the stamping error between neighbours, s; rare late stamps left out.
+    bias : (float, float)
+        Bounds of the relative bias of white density N from bridges (lowest, highest).
+    rounding : float
+        Unit that the stamps are multiples of where that shows in their steps, s; 0 for none.
+    wander : float
+        Largest distance of a stamp from the even grid of its segment, s.
+    left_out : int
+        Samples in segments too short to use.
+    """
+
+    t: FloatArray
+    interval: float
+    segments: tuple[tuple[int, int], ...]
+    rows: IntArray | None = None
+    positions: IntArray | None = None
+    duplicates: int = 0
+    disordered: int = 0
+    gaps: int = 0
+    unread: int = 0
+    missing: int = 0
+    bridged: int = 0
+    jitter: float = 0.0
+    rounding: float = 0.0
+    bias: tuple[float, float] = (0.0, 0.0)
+    wander: float = 0.0
+    left_out: int = 0
+
+    def regrid(self, column: FloatArray) -> FloatArray:
+        """Return a column of the log on the grid, shape (N,); bridges are linear interpolations."""
+        kept = column if self.rows is None else column[self.rows]
+        if self.positions is None:
+            return kept
+        return np.interp(np.arange(len(self.t)), self.positions, kept)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return every repair in words, with its count."""
+        p = self.interval
+        said = []
+        if self.disordered:
+            said.append(f"{self.disordered} rows were out of order and were sorted by time")
+        if self.duplicates:
+            said.append(f"{self.duplicates} duplicate rows were dropped")
+        if self.gaps:
+            said.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
+        if self.bridged:
+            low, high = self.bias
+            said.append(
+                f"{self.bridged} missing samples were bridged by linear interpolation (gaps up to {BRIDGE} "
+                "samples); "
+                f"this biases white density N by no more than {100 * low:+.3g} .. {100 * high:+.3g} %"
+            )
+        if self.left_out:
+            said.append(
+                f"{self.left_out} samples lie in pieces shorter than {SHORTEST} samples and are not used"
+            )
+        if self.jitter > 0.05 * p:
+            said.append(
+                f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {1 / p:.9g} Hz"
+            )
+        if self.wander > 10 * max(p, self.jitter):
+            said.append(f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz")
+        return tuple(said)
+
+
+def even_timebase(count: int, interval: float, valid: BoolArray | None = None) -> Timebase:
+    """Return the time base of rows without stamps: sample i at i · interval; rows not `valid` are missing."""
+    rows = np.arange(count) if valid is None else np.flatnonzero(valid)
+    _require(len(rows))
+    missing = np.diff(rows) - 1
+    at = np.flatnonzero(missing)
+    base = _on_grid(interval * rows.astype(float), interval, at, missing[at])
+    return base if len(rows) == count else replace(base, rows=rows, unread=len(at))
+
+
+def stamped_timebase(
+    stamps: FloatArray,
+    *,
+    valid: BoolArray | None = None,
+    equal: Callable[[IntArray, IntArray], BoolArray] | None = None,
+) -> Timebase:
+    """Return the time base that explains `stamps`.
+
+    Parameters
+    ----------
+    stamps : ndarray, shape (n,)
+        Stamps, s, counted from about the first one (large offsets cost digits).
+    valid : ndarray of bool, shape (n,), optional
+        False for rows that count as missing.
+    equal : callable, optional
+        ``equal(i, j)`` tells which pairs of rows hold equal values; without it no rows do.
+
+    Raises
+    ------
+    DataError
+        Fewer than three usable rows, a constant clock, or a clock that runs backwards.
+    """
+    rows: IntArray | None = None
+    usable = np.isfinite(stamps) if valid is None else valid & np.isfinite(stamps)
+    if not usable.all():
+        rows = np.flatnonzero(usable)
+    t = stamps if rows is None else stamps[rows]
+    _require(len(t))
+    t, rows, disordered = in_order(t, rows)
+    t, rows, duplicates, batch = without_duplicates(t, rows, equal)
+    _require(len(t))
+    interval, at, size = interval_and_gaps(t, batch)
+    base = _on_grid(t, interval, at, size)
+    unread = 0 if rows is None else _unread(np.diff(rows), at, size)
+    return replace(base, rows=rows, disordered=disordered, duplicates=duplicates, unread=unread)
+
+
+def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:
+    """Return how many gaps of `size` samples after kept rows `at` the rows left out fill, where `ahead` is usual."""
+    between = int(np.median(ahead)) - 1
+    return int(np.count_nonzero(ahead[at] - 1 - between * (size + 1) >= size))
+
+
+def _require(count: int) -> None:
+    if count < SHORTEST:
+        msg = f"only {count} usable samples: one Allan point needs {SHORTEST}; record longer"
+        raise DataError(msg)
+
+
+def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Timebase:
+    """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
+    short = size <= BRIDGE
+    bridged = int(size[short].sum())
+    if bridged > BRIDGED_SHARE * len(t):
+        short, bridged = np.zeros_like(short), 0
+    before = np.append(0, np.cumsum(size))
+
+    def number(rows: IntArray) -> IntArray:
+        numbers: IntArray = rows + before[np.searchsorted(at, rows)]
+        return numbers
+
+    some = _some(0, len(t) - 1)
+    step, whole = t[some + 1] - t[some], number(some + 1) - number(some)
+    error = step - interval * whole
+    rounding = rounding_of(step[whole == 1])
+    ends = at[~short] + 1
+    grid: list[FloatArray] = []
+    segments: list[tuple[int, int]] = []
+    wander, left_out, filled = 0.0, 0, 0
+    floor = -np.inf
+    for start, stop in zip([0, *ends], [*ends, len(t)], strict=True):
+        some = _some(start, stop)
+        first = number(some[:1])
+        count = int(number(some[-1:])[0] - first[0]) + 1
+        offsets = t[some] - interval * (number(some) - first)
+        begin = max(float(np.median(offsets)), floor)
+        wander = max(wander, float(np.abs(offsets - begin).max()))
+        grid.append(begin + interval * np.arange(count, dtype=float))
+        floor = float(grid[-1][-1]) + 0.5 * interval
+        if count >= SHORTEST:
+            segments.append((filled, filled + count))
+        else:
+            left_out += count
+        filled += count
+    if not segments:
+        msg = f"no piece of the log without a gap holds {SHORTEST} samples: one Allan point needs them"
+        raise DataError(msg)
+    positions = None
+    if bridged:
+        inserted = np.zeros(len(t), np.int64)
+        inserted[at[short] + 1] = size[short]
+        positions = np.arange(len(t)) + np.cumsum(inserted)
+    g = size[short]
+    return Timebase(
+        t=np.concatenate(grid) if len(grid) > 1 else grid[0],
+        interval=interval,
+        segments=tuple(segments),
+        positions=positions,
+        gaps=len(at),
+        missing=int(size.sum()),
+        bridged=bridged,
+        jitter=_jitter(error, interval, rounding or resolution_of(t[some])),
+        rounding=rounding,
+        bias=(-float((g + 1).sum()) / (2 * len(t)), float((g + g * g / 2).sum()) / (2 * len(t))),
+        wander=wander,
+        left_out=left_out,
+    )
+
+
+def _some(start: int, stop: int) -> IntArray:
+    """Return up to `_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
+    return np.unique(np.linspace(start, stop - 1, min(stop - start, _STAMPS)).astype(np.int64))
+
+
+def rounding_of(steps: FloatArray) -> float:
+    """Return the unit, s, that steps of stamps are whole multiples of; 0 where they are all equal or have none.
+
+    A clock written with few digits has few steps, and these differ by its unit at least; the least difference is the
+    unit, since an interval between two multiples is written as both.
+    """
+    told = np.unique(np.round(steps / TICK).astype(np.int64))
+    if not 1 < len(told) <= STEPS:
+        return 0.0
+    unit = float(np.diff(told).min()) * TICK
+    unit *= float(np.sum(steps) / unit / np.sum(np.round(steps / unit)))
+    off = np.abs(steps / unit - np.round(steps / unit))
+    return unit if unit > 100.0 * TICK and float(off.max()) < 0.05 else 0.0
+
+
+def resolution_of(t: FloatArray) -> float:
+    """Return how finely stamps are written, s: the unit that all are multiples of, or some last places.
+
+    The unit is a decimal or a binary one: text, a counter, the last place of seconds since some epoch.
+    """
+    t = t[:_SHOWN]
+    last = 4.0 * float(np.spacing(np.abs(t).max()))
+    for unit in _UNITS:
+        if unit <= last:
+            break
+        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= _NEAR * unit:
+            return unit
+    return last
+
+
+def _jitter(error: FloatArray, interval: float, resolution: float) -> float:
+    """Return the sd of one stamp from the errors of steps, rare large ones apart.
+
+    0 where it is no more than a fine resolution of the stamps makes: rounding to a unit u gives u/√8 at most.
+    """
+    usual = 1.4826 * float(np.median(np.abs(error)))
+    inner = error[np.abs(error) <= max(0.5 * interval, 5.0 * usual)]
+    sd = float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
+    return sd if resolution > _FINE * interval or sd > resolution else 0.0

@@ -1,0 +1,215 @@
+"""What stamps say of the clock: order, duplicates, interval, missing samples.
+
+A stamp is modelled as t_i = a + p k_i + e_i: p is the interval, k_i the number of the sample since the start
+(it jumps where samples are missing) and e_i the stamping error (rounding, jitter).
+
+order
+    Stamps behind an earlier one are sorted; more than 10 % of them is a clock that was reset, not disorder.
+duplicates
+    Of rows with one stamp and equal values the first stays. Rows with one stamp and different values are
+    dropped too where they are rare (1 %); where they are the rule, the stamps are coarser than the sampling
+    or written in batches, and the rows of a batch are spread at the usual interval.
+interval
+    Pooled least-squares slope of t on k; it starts from the median difference. If one straight line explains
+    all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing.
+gaps
+    A step over 1.5 p, or over p by more than the stamping error explains, is a gap if it shifts the clock
+    against the row
+    number for good: a stamp that is late, with hurried ones behind it, is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_BATCHED = 0.01
+_DISORDERED = 0.10
+_WINDOW = 32
+_PATIENCE = 8
+_PIECE = 100_000
+_BATCHES = 32
+_EVEN = 8
+_BLOCK = 1 << 20
+
+
+def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int]:
+    """Return stamps in order, their rows and how many were behind an earlier stamp."""
+    if (t[1:] >= t[:-1]).all():
+        return t, rows, 0
+    behind = np.flatnonzero(t < np.maximum.accumulate(t))
+    if len(behind) > _DISORDERED * len(t):
+        msg = (
+            f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} "
+            "rows (a clock "
+            "that was reset?): split the log there, or leave the time column out and pass --rate"
+        )
+        raise DataError(msg)
+    order = np.argsort(t, kind="stable")
+    return t[order], order if rows is None else rows[order], len(behind)
+
+
+def without_duplicates(
+    t: FloatArray, rows: IntArray | None, equal: Callable[[IntArray, IntArray], BoolArray] | None
+) -> tuple[FloatArray, IntArray | None, int, float]:
+    """Return stamps without duplicates, their rows, how many were dropped, and the length of a batch, s."""
+    later = np.flatnonzero(t[1:] == t[:-1]) + 1
+    if not len(later):
+        return t, rows, 0, 0.0
+    if len(later) == len(t) - 1:
+        msg = "the time column is constant: pass the right column with --columns t=NAME, or --rate"
+        raise DataError(msg)
+    drop = later
+    if len(later) > _BATCHED * len(t):
+        at = later if rows is None else rows[later]
+        before = later - 1 if rows is None else rows[later - 1]
+        drop = later[equal(at, before)] if equal is not None else later[:0]
+    if len(drop):
+        kept = np.ones(len(t), bool)
+        kept[drop] = False
+        t, rows = t[kept], np.flatnonzero(kept) if rows is None else rows[kept]
+    spread, length = _spread(t)
+    return spread, rows, len(drop), length
+
+
+def _spread(t: FloatArray) -> tuple[FloatArray, float]:
+    """Return stamps with the rows of each batch spread, and the usual length of a batch, s."""
+    first = np.flatnonzero(np.concatenate(([True], t[1:] != t[:-1])))
+    if len(first) == len(t):
+        return t, 0.0
+    reach = min(_BATCHES, len(first) - 1)
+    usual = float(np.median((t[first[reach:]] - t[first[:-reach]]) / (first[reach:] - first[:-reach])))
+    size = np.diff(np.append(first, len(t)))
+    within = np.arange(len(t)) - np.repeat(first, size)
+    return t + usual * within, float(np.median(np.diff(t[first])))
+
+
+def interval_and_gaps(t: FloatArray, batch: float) -> tuple[float, IntArray, IntArray]:
+    """Return the interval, the rows after which samples are missing, and how many."""
+    step = np.diff(t)
+    usual = float(np.median(step))
+    resolution = max(batch, _resolution(t, step))
+    breaks = np.flatnonzero(step > 2.5 * usual + 2.0 * resolution)
+    interval, worst = _pooled_slope(t, breaks + 1)
+    if worst <= max(resolution, 0.25 * interval):
+        return interval, *_present(breaks, np.rint(step[breaks] / interval).astype(np.int64) - 1)
+    if resolution == 0.0:
+        interval = usual
+    scatter = 1.4826 * float(np.median(np.abs(step - usual)))
+    rounded = scatter <= 2.0 * resolution
+    at = size = np.zeros(0, np.int64)
+    for _ in range(3):
+        excess = 0.5 * interval + resolution if rounded else max(0.5 * interval, 4.0 * scatter)
+        candidates = np.flatnonzero(step > interval + excess)
+        if len(candidates):
+            at, size = _present(candidates, _lost(t, step, candidates, interval))
+        refined = _slope(t, at, size)
+        if abs(refined - interval) <= 1e-9 * interval:
+            break
+        interval = refined
+    return interval, at, size
+
+
+def _present(at: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:
+    return at[size > 0], size[size > 0]
+
+
+def _resolution(t: FloatArray, step: FloatArray) -> float:
+    """Return the decimal step the stamps are visibly rounded to, s; 0 where rounding does not show."""
+    for digits in range(7):
+        unit = 10.0**-digits
+        scaled = t[:4096] / unit
+        if np.abs(scaled - np.rint(scaled)).max() < 1e-3:
+            return unit if _rounding_shows(np.rint(step[:_BLOCK] / unit)) else 0.0
+    return 0.0
+
+
+def _rounding_shows(step: FloatArray) -> bool:
+    """Tell whether steps, in units of the resolution, vary by rounding.
+
+    Rounded steps are m and m ± 1. At m = 1 a step of two may as well be a lost sample: rounding puts them at
+    even distances, losses do not.
+    """
+    usual = np.median(step)
+    odd = np.flatnonzero(np.abs(step - usual) == 1)
+    if usual > 1:
+        return bool(len(odd) > 1e-3 * len(step))
+    distance = np.diff(odd)
+    return len(odd) > _EVEN and bool(distance.max() <= 1.5 * distance.min() + 1)
+
+
+def _pooled_slope(t: FloatArray, cuts: IntArray) -> tuple[float, float]:
+    """Return the common slope of t on the row number in the pieces between cuts, and the largest residual."""
+    pieces = np.split(t, cuts)
+    product = spread = 0.0
+    for piece in pieces:
+        spread += len(piece) * (len(piece) ** 2 - 1.0) / 12.0
+        for number, block in _blocks(piece):
+            product += float((number - 0.5 * (len(piece) - 1)) @ block)
+    slope = product / spread if spread > 0.0 else float(np.median(np.diff(t)))
+    worst = 0.0
+    for piece in pieces:
+        residuals = (block - slope * number for number, block in _blocks(piece))
+        extremes = [(r.min(), r.max(), r.sum()) for r in residuals]
+        low, high, total = np.array(extremes).T
+        mean = total.sum() / len(piece)
+        worst = max(worst, float(high.max() - mean), float(mean - low.min()))
+    return slope, worst
+
+
+def _blocks(piece: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield row numbers and stamps from the start of a piece, a block at a time."""
+    for start in range(0, len(piece), _BLOCK):
+        block = piece[start : start + _BLOCK] - piece[0]
+        yield np.arange(start, start + len(block), dtype=float), block
+
+
+def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float) -> IntArray:
+    """Return how many samples are missing after each candidate row, shape (m,).
+
+    The shift of the clock against the row number is measured between the lower quartiles of up to `_WINDOW`
+    rows on either side (late stamps are more common than early ones), after the hurried stamps that follow a
+    late one, and never across another candidate. A shift that is taken back within `_PATIENCE` candidates was
+    a delay.
+    """
+    settled = np.append(np.flatnonzero(step >= 0.5 * interval), len(step))
+    first = settled[np.searchsorted(settled, candidates + 1)]
+    low = np.concatenate(([0], candidates[:-1] + 1))
+    high = np.append(candidates[1:], len(t) - 1)
+    shift = np.empty(len(candidates))
+    reach = np.arange(_WINDOW)
+    for start in range(0, len(candidates), _PIECE):
+        piece = slice(start, start + _PIECE)
+        before = np.maximum(candidates[piece, None] - reach, low[piece, None])
+        after = np.minimum(first[piece, None] + reach, high[piece, None])
+        shift[piece] = _quartile(t, after, interval) - _quartile(t, before, interval)
+    total = np.cumsum(np.rint(shift / interval).astype(np.int64))
+    lasting = total.copy()
+    for later in range(1, min(_PATIENCE, len(total))):
+        lasting[:-later] = np.minimum(lasting[:-later], total[later:])
+    lost: IntArray = np.maximum(np.diff(lasting, prepend=0), 0)
+    return lost
+
+
+def _quartile(t: FloatArray, rows: IntArray, interval: float) -> FloatArray:
+    """Return the lower quartile of t - interval · row over each line of `rows`."""
+    detrended = t[rows] - interval * rows
+    place = rows.shape[1] // 4
+    quartile: FloatArray = np.partition(detrended, place, axis=1)[:, place]
+    return quartile
+
+
+def _slope(t: FloatArray, at: IntArray, size: IntArray) -> float:
+    """Return the slope of t on the sample number, which jumps by `size` after the rows `at`."""
+    number = np.arange(len(t), dtype=float)
+    number += np.repeat(np.cumsum(np.append(0, size)), np.diff(at + 1, prepend=0, append=len(t)))
+    number -= number.mean()
+    return float(number @ t) / float(number @ number)

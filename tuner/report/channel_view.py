@@ -1,0 +1,127 @@
+"""One axis of a log as the figures of a diagnosis need it: samples, residuals, what was found as a signal.
+
+Some causes are signals that can be drawn over the data: a line (phase by least squares), a bias by temperature, a
+warm-up, a step. `signal_of` makes them from the parameters of a finding, with `models.effects`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.static.events import Step
+from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
+from models.noise import NoiseModel
+from tuner.diagnosis.static.channel import Channel, channel
+from tuner.diagnosis.static.model.residual import residual
+from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+
+TEMPERATURE = "temperature"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One axis and what was said of it.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Channel and unit of its samples.
+    interval : float
+        s.
+    t, y : ndarray, shape (n,)
+        Time, s, and samples less their median, SI; short gaps are bridged.
+    e : ndarray, shape (n,)
+        Residuals of the model before, of unit variance.
+    temperature : ndarray, shape (n,), optional
+        °C.
+    before, after : NoiseModel
+        Noise without and with what was found.
+    signals : mapping of str to ndarray, shape (n,)
+        Signals that were found, by cause, SI.
+    findings : tuple of Finding
+        All findings in the axis.
+    """
+
+    axis: str
+    unit: str
+    interval: float
+    t: FloatArray
+    y: FloatArray
+    e: FloatArray
+    temperature: FloatArray | None
+    before: NoiseModel
+    after: NoiseModel
+    signals: Mapping[str, FloatArray]
+    findings: tuple[Finding, ...]
+
+    @property
+    def signal(self) -> FloatArray:
+        """Sum of all signals, shape (n,)."""
+        return sum(self.signals.values(), np.zeros_like(self.y))
+
+    def without_others(self, cause: str) -> FloatArray:
+        """Return the samples without the signals of other causes, shape (n,)."""
+        return self.y - sum((s for c, s in self.signals.items() if c != cause), np.zeros_like(self.y))
+
+    def values(self, cause: str) -> list[dict[str, float]]:
+        """Return the parameters of every finding of a cause in this axis."""
+        return [parameters(f, self.axis) for f in self.findings if f.cause == cause]
+
+
+def parameters(finding: Finding, axis: str) -> dict[str, float]:
+    """Return the values of a finding in one axis."""
+    known: Mapping[str, Coefficient] = finding.by_channel.get(axis, finding.parameters)
+    return {name: c.value for name, c in known.items() if c.value is not None}
+
+
+def subject(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -> Subject | None:
+    """Return one axis made ready, or None where it cannot be analysed."""
+    record = next((r for r in records if axis in r.axes), None)
+    if record is None:
+        return None
+    try:
+        ready = channel(record, axis)
+    except DataError:
+        return None
+    findings = tuple(f for f in diagnosis.findings if axis in f.channels)
+    t: FloatArray = ready.start + ready.interval * np.arange(float(len(ready)))
+    y, temperature = ready.y * ready.scale, _temperature(ready)
+    signals: dict[str, FloatArray] = {}
+    for finding in findings:
+        made = signal_of(finding.cause, parameters(finding, axis), t, y, temperature)
+        if made is not None:
+            signals[finding.cause] = signals.get(finding.cause, np.zeros_like(y)) + (made - made.mean())
+    empty = NoiseModel()
+    before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
+    e = residual(ready).e
+    return Subject(axis, ready.unit, ready.interval, t, y, e, temperature, before, after, signals, findings)
+
+
+def signal_of(
+    cause: str, values: Mapping[str, float], t: FloatArray, y: FloatArray, temperature: FloatArray | None
+) -> FloatArray | None:
+    """Return the signal that a cause adds to the samples, shape (n,), or None where it adds none."""
+    if cause == "line":
+        turn = np.exp(-2j * np.pi * values["frequency"] * (t - t[0]))
+        return np.asarray(np.real(2.0 * np.mean((y - y.mean()) * turn) * turn.conj()))
+    if cause == "step":
+        return Step(values["time"], values["size"]).signal(t)
+    if cause == "warmup":
+        return Warmup(values["amplitude"], values["time_constant"]).signal(t)
+    if temperature is not None and cause == "temperature":
+        return TemperatureSlope(values["slope"]).signal(temperature)
+    if temperature is not None and cause == "thermal_lag":
+        return ThermalLag(values["slope"], values["time_constant"]).signal(temperature, float(t[1] - t[0]))
+    return None
+
+
+def _temperature(ready: Channel) -> FloatArray | None:
+    blocks = ready.covariates.get(TEMPERATURE)
+    return None if blocks is None else np.repeat(blocks, ready.block)

@@ -1,0 +1,104 @@
+"""JSON of a check or a drive, in the form ``tuner.consistency.scores/1``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tuner.consistency.error_budget import Budget, blind_spots, table
+from tuner.consistency.observability import Observability
+from tuner.consistency.scores import Consistency, Score
+
+
+def consistency_json(
+    found: Consistency, *, source: Mapping[str, Any], notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return scores, verdicts and errors; of a filter that diverged the verdict only.
+
+    Parameters
+    ----------
+    found : Consistency
+        Scores.
+    source : mapping
+        What was checked, as plain values.
+    notes : sequence of str
+        What had to be assumed or repaired.
+    """
+    found = found.shown
+    nis = {s.name: _score(s) for s in found.nis}
+    white = found.whiteness
+    return {
+        "schema": "tuner.consistency.scores/1",
+        "source": dict(source),
+        "consistent": found.consistent,
+        "diverged": found.diverged,
+        "verdicts": list(found.verdicts),
+        "nees": None if found.nees is None else _score(found.nees),
+        "blocks": {s.name: _score(s) for s in found.blocks},
+        "nis": nis.get("nis"),
+        "nis_parts": {name: value for name, value in nis.items() if name != "nis"},
+        "whiteness": None
+        if white is None
+        else {
+            "part": white.part,
+            "lag": white.lag,
+            "correlation": white.correlation,
+            "band": [-white.band, white.band],
+            "consistent": white.consistent,
+        },
+        "outage": [
+            {
+                "seconds": outage.seconds,
+                "rms_m": outage.rms,
+                "predicted_m": outage.predicted,
+                "ratio": outage.score.ratio,
+                "band": _ratio_band(outage.score),
+                "windows": outage.windows,
+                "consistent": outage.score.consistent,
+            }
+            for outage in found.outages
+        ],
+        "errors": {name: list(values) for name, values in found.errors.items()},
+        "gated": found.gated,
+        "notes": list(notes),
+    }
+
+
+def budget_json(budget: Budget, seen: Observability) -> dict[str, Any]:
+    """Return shares of every source, wrong beliefs that would not show, and the observability map."""
+    return {
+        "sources": list(budget.sources),
+        "shares": {
+            case: {
+                block: shares[:, i].tolist() for i, block in enumerate(("position", "velocity", "attitude"))
+            }
+            for case, shares in table(budget)
+        },
+        "unnoticed": {
+            name: {
+                "too_small_up_to": small if math.isfinite(small) else None,
+                "too_large_up_to": large if math.isfinite(large) else None,
+            }
+            for name, (small, large) in blind_spots(budget).items()
+        },
+        "sd_ratio_end_to_start": seen.left,
+        "weak_directions": [
+            {"states": list(d.states), "parts": list(d.parts), "strength": d.strength} for d in seen.weak
+        ],
+    }
+
+
+def _score(score: Score) -> dict[str, Any]:
+    return {
+        "mean": score.mean,
+        "dof": score.dof,
+        "band": list(score.band),
+        "ratio": score.ratio,
+        "effective_dof": score.effective,
+        "consistent": score.consistent,
+    }
+
+
+def _ratio_band(score: Score) -> list[float]:
+    return [(limit / score.dof) ** 0.5 for limit in score.band]

@@ -1,0 +1,99 @@
+"""A diagnosis as plain values ready for JSON, schema ``tuner.diagnosis/1``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tuner.formats.files import plain
+from tuner.report.json.identification import coefficient_json
+from tuner.types import Demand, Diagnosis, DriveDiagnosis, Finding, Gain, Unexplained
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis; numbers are SI, NaN and infinity become null."""
+    return {
+        "schema": "tuner.diagnosis/1",
+        "quiet": diagnosis.quiet,
+        "findings": [finding_json(finding) for finding in diagnosis.findings],
+        "unexplained": [_unexplained(one) for one in diagnosis.unexplained],
+        "notes": list(diagnosis.notes),
+        "models": {axis: plain(model.as_dict()) for axis, model in diagnosis.models.items()},
+    }
+
+
+def drive_diagnosis_json(diagnosis: DriveDiagnosis) -> dict[str, Any]:
+    """Return the diagnosis of a drive: besides, what cannot be told apart, and what each noise setting is asked."""
+    return {
+        "schema": "tuner.diagnosis/1",
+        "quiet": diagnosis.quiet,
+        "findings": [finding_json(finding) for finding in diagnosis.findings],
+        "unexplained": [_unexplained(one) for one in diagnosis.unexplained],
+        "inseparable": [{"causes": list(i.causes), "text": i.text} for i in diagnosis.inseparable],
+        "notes": list(diagnosis.notes),
+        "gain": None if diagnosis.gain is None else gain_json(diagnosis.gain),
+        "credited": diagnosis.credited,
+        "demands": [demand_json(one) for one in diagnosis.demands],
+        "compensation": plain(dict(diagnosis.compensation)),
+    }
+
+
+def demand_json(one: Demand) -> dict[str, Any]:
+    """Return what a drive asks of one noise setting."""
+    stated, factor = one.stated, one.plain
+    asked: dict[str, Any] | None = None
+    if stated is not None and factor.value is not None:
+        interval = None if factor.interval is None else [stated * end for end in factor.interval]
+        asked = {"value": stated * factor.value, "interval": interval}
+    return {
+        "quantity": one.quantity,
+        "stated": {"value": plain(one.stated), "unit": one.unit},
+        "asked": plain(asked),
+        "factor": coefficient_json(one.plain),
+        "factor_with_findings": coefficient_json(one.named),
+        "causes": list(one.causes),
+        "identifiable": one.identifiable,
+        "text": one.text,
+    }
+
+
+def _unexplained(one: Unexplained) -> dict[str, Any]:
+    return {"statistic": one.statistic, "channels": list(one.channels), "p_value": plain(float(one.p_value))}
+
+
+def finding_json(finding: Finding) -> dict[str, Any]:
+    """Return one finding."""
+    return {
+        "cause": finding.cause,
+        "channels": list(finding.channels),
+        "statistic": {"name": finding.statistic, "value": plain(float(finding.value))},
+        "p_value": plain(float(finding.p_value)),
+        "parameters": {name: coefficient_json(value) for name, value in finding.parameters.items()},
+        "by_channel": {
+            axis: {name: coefficient_json(value) for name, value in values.items()}
+            for axis, values in finding.by_channel.items()
+        },
+        "gain": None if finding.gain is None else gain_json(finding.gain),
+        "alternatives": [{"cause": a.cause, "score": plain(a.score)} for a in finding.alternatives],
+        "text": finding.text,
+        "consequence": finding.consequence,
+        "extension": plain(dict(finding.extension)),
+        "inflations": [vars(inflation) for inflation in finding.inflations],
+    }
+
+
+def carried(finding: Finding) -> dict[str, Any]:
+    """Return one finding as a configuration carries it: its inflations stand there by themselves."""
+    told = finding_json(finding)
+    told.pop("inflations")
+    return told
+
+
+def gain_json(gain: Gain) -> dict[str, Any]:
+    """Return a gain."""
+    return {
+        "split": gain.split,
+        "held_out_log_likelihood_per_sample": {"before": plain(gain.before), "after": plain(gain.after)},
+        "nats": plain(gain.nats),
+        "coverage": {name: {"before": a, "after": b} for name, (a, b) in gain.coverage.items()},
+        "user": {name: {"before": plain(a), "after": plain(b)} for name, (a, b) in gain.user.items()},
+    }

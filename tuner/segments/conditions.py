@@ -1,0 +1,174 @@
+"""Parts of one log that were recorded under one condition: at rest, or at one temperature.
+
+A coefficient of a whole log is a mean over its conditions. `still_parts` and `temperature_parts` cut the log
+where these change, so that the parts can be identified on their own and compared (`tuner.identification.comparison`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from tuner.segments.stationary import Segments, find_motion, keep_still
+from tuner.types.records import DataError, Record
+
+MOST_PARTS = 8
+"""Parts that are compared: the longest ones."""
+SHORTEST_PART = 1024
+"""Samples below which a part says too little."""
+SHORTEST_RUN = 64
+"""Samples below which a run within a bin of temperature is left out."""
+BINS = 3
+"""Bins of temperature, each with as many samples as the others."""
+SMOOTHING = 60.0
+"""Length of the mean over which temperature is judged, s: a reading that flickers between codes is one temperature."""
+LEAST_SPAN = 1.0
+"""Range of temperature below which there are no bins, K."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a log under one condition, which `name` tells."""
+
+    name: str
+    records: tuple[Record, ...]
+
+
+def clocks(records: Sequence[Record]) -> list[list[Record]]:
+    """Return the records grouped by the clock they share."""
+    groups: list[list[Record]] = []
+    for record in records:
+        for group in groups:
+            first = group[0]
+            if first.segments == record.segments and np.array_equal(first.t, record.t):
+                group.append(record)
+                break
+        else:
+            groups.append([record])
+    return groups
+
+
+def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: None) -> tuple[Record, ...]:
+    """Return the records cut to the parts in which the sensor stood still.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Sensors of one log; those on one clock are judged together.
+    say : callable, optional
+        Receives a line about any motion.
+
+    Raises
+    ------
+    DataError
+        Nothing stands still.
+    """
+    kept: dict[int, Record] = {}
+    for group in clocks(records):
+        try:
+            find_motion(group)
+        except DataError:
+            still: Sequence[Record] = group
+        else:
+            still = keep_still(group)
+        for before, after in zip(group, still, strict=True):
+            kept[id(before)] = after
+    answer = tuple(kept[id(record)] for record in records)
+    for line in dict.fromkeys(
+        note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
+    ):
+        say(line)
+    return answer
+
+
+def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
+    """Return the longest stretches between motions, in order of time.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Sensors of one log on one clock.
+
+    Raises
+    ------
+    DataError
+        Fewer than two stretches of `SHORTEST_PART` samples.
+    """
+    first = _one_clock(records)
+    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= SHORTEST_PART]
+    longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MOST_PARTS])
+    if len(longest) < 2:
+        msg = (
+            f"{first.source}: expected two or more stretches at rest of {SHORTEST_PART} samples, parted by motion, "
+            f"found {len(longest)}; compare two logs instead"
+        )
+        raise DataError(msg)
+    return tuple(
+        Part(f"{first.t[start]:.0f}–{first.t[stop - 1]:.0f} s", _cut(records, ((start, stop),)))
+        for start, stop in longest
+    )
+
+
+def temperature_parts(records: Sequence[Record]) -> tuple[Part, ...]:
+    """Return the log at rest in bins of temperature, the coldest first, each with a third of the samples.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Sensors of one log on one clock, with the covariate ``temperature``.
+
+    Raises
+    ------
+    DataError
+        No temperature, too little of it, or bins too short.
+    """
+    first = _one_clock(records)
+    if "temperature" not in first.covariates:
+        msg = f"{first.source}: expected a column 'temperature', found none; --columns temperature=COLUMN names it"
+        raise DataError(msg)
+    celsius = uniform_filter1d(first.covariates["temperature"], max(1, round(SMOOTHING * first.rate)))
+    if not np.ptp(celsius) >= LEAST_SPAN:
+        msg = f"{first.source}: the temperature stays within {np.ptp(celsius):.2g} K, expected {LEAST_SPAN:g} K or more"
+        raise DataError(msg)
+    edges = np.quantile(celsius, np.linspace(0.0, 1.0, BINS + 1))
+    chosen = np.clip(np.searchsorted(edges, celsius, side="right") - 1, 0, BINS - 1)
+    resting = at_rest(records)
+    parts = []
+    for k in range(BINS):
+        segments = _runs(chosen == k, resting[0].segments)
+        if sum(stop - start for start, stop in segments) >= SHORTEST_PART:
+            name = f"{edges[k]:.1f}–{edges[k + 1]:.1f} °C"
+            parts.append(Part(name, _cut(resting, segments)))
+    if len(parts) < 2:
+        msg = f"{first.source}: expected two bins of temperature with {SHORTEST_PART} samples; record longer"
+        raise DataError(msg)
+    return tuple(parts)
+
+
+def _one_clock(records: Sequence[Record]) -> Record:
+    if len(clocks(records)) > 1:
+        msg = (
+            f"{records[0].source}: expected sensors on one clock, found several; compare one sensor at a time"
+        )
+        raise DataError(msg)
+    return records[0]
+
+
+def _cut(records: Sequence[Record], segments: Segments) -> tuple[Record, ...]:
+    return tuple(replace(record, segments=segments) for record in records)
+
+
+def _runs(chosen: NDArray[np.bool_], segments: Segments) -> Segments:
+    """Return the runs of chosen samples within segments, those long enough for an Allan variance."""
+    runs = []
+    for start, stop in segments:
+        inside = np.concatenate(([False], chosen[start:stop], [False])).astype(np.int8)
+        change = np.flatnonzero(np.diff(inside)) + start
+        runs += [
+            (int(a), int(b)) for a, b in zip(change[::2], change[1::2], strict=True) if b - a >= SHORTEST_RUN
+        ]
+    return tuple(runs)

@@ -1,0 +1,213 @@
+"""Where a sensor stood still: motion is variance on all channels at once, or a rate that no bias can have.
+
+A log is cut into blocks of about a second. With v_bj the variance of block b on channel j (of all records
+on one
+clock), and q_j its lower quartile over the blocks, block b moved if
+
+    T_b = exp( ½ mean_j ln(v_bj / q_j) )  >  1.5 c(k, p)
+
+A still sensor's block variance scatters most where the noise wanders within a block (pure random walk:
+flicker and
+white noise scatter less). Then v is the variance of a Brownian bridge of free mean, Σ λ_i χ²_1 with λ_i =
+1/(iπ)²: lower
+quartile 0.0701, upper tail exp(-π² v/2). All k channels must be large at once for T to be, so that
+
+    c(k, p) = √( 2 ln(1/p) / (0.0701 π² k) ),    p = false_alarm ÷ number of blocks
+
+The factor 1.5 leaves room for a noise level that changes while the sensor stands still. One channel alone
+is not
+motion (a bias step, a burst of one axis) unless it is unmistakable: a gyroscope whose block mean is 0.1
+rad/s off its
+median, or a block sd of more than 0.1 rad/s or 1 m/s² and ten times its usual one. Blocks beside a moving one
+count as moving too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.types.records import DataError, Record
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+Segments = tuple[tuple[int, int], ...]
+
+FALSE_ALARM = 1e-3
+"""Probability that a record of a still sensor shows any motion."""
+_ROOM = 1.5
+_QUARTILE = 0.0701
+_BLOCK_SECONDS = 1.0
+_BLOCK_SAMPLES = 32
+_FEWEST = 8
+_UNMISTAKABLE = {"rad/s": 0.1, "m/s^2": 1.0}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """When a sensor moved.
+
+    Attributes
+    ----------
+    still, moving : tuple of (start, stop)
+        Sample ranges; together they are the segments of the record.
+    episodes : tuple of (float, float)
+        Start (s, on the record's clock) and duration (s) of each motion.
+    share : float
+        Share of the samples that moved.
+    statistic, threshold : float
+        Largest T_b and the level it is compared with.
+    """
+
+    still: Segments
+    moving: Segments
+    episodes: tuple[tuple[float, float], ...]
+    share: float
+    statistic: float
+    threshold: float
+
+    def describe(self) -> str | None:
+        """Return one line about the motion, or None where there was none."""
+        if not self.episodes:
+            return None
+        shown = ", ".join(f"{start:.6g} s for {duration:.3g} s" for start, duration in self.episodes[:4])
+        more = f" and {len(self.episodes) - 4} more" if len(self.episodes) > 4 else ""
+        return f"the sensor moved in {100.0 * self.share:.3g} % of the log: at {shown}{more}"
+
+
+def find_motion(records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> Motion:
+    """Find when a sensor moved, from all channels of records on one clock.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        A gyro record, an accel record or both, with the same time and segments.
+    false_alarm : float
+        Probability that a record of a still sensor shows any motion.
+
+    Raises
+    ------
+    DataError
+        Fewer than eight blocks: too short to tell noise from motion.
+    """
+    together = (records,) if isinstance(records, Record) else tuple(records)
+    first = together[0]
+    bounds = _blocks(first)
+    if len(bounds) < _FEWEST:
+        msg = f"{first.source}: {first.span:.3g} s are too short to tell motion from noise: record longer"
+        raise DataError(msg)
+    ratios, sizes = [], []
+    for record in together:
+        mean, variance = _moments(record, bounds)
+        usual = np.maximum(np.quantile(variance, 0.25, axis=0), _lattice(record))
+        ratio = np.sqrt(np.maximum(variance, usual * 1e-6) / usual)
+        large = (np.sqrt(variance) > _UNMISTAKABLE.get(record.unit, np.inf)) & (ratio > 10.0)
+        if record.unit == "rad/s":
+            large |= np.abs(mean - np.median(mean, axis=0)) > _UNMISTAKABLE["rad/s"]
+        ratios.append(ratio)
+        sizes.append(large.any(axis=1))
+    every = np.hstack(ratios)
+    statistic = np.exp(np.mean(np.log(every), axis=1))
+    threshold = _ROOM * _scatter(every.shape[1], false_alarm / len(bounds))
+    moved: BoolArray = (statistic > threshold) | np.logical_or.reduce(sizes)
+    return _motion(first, bounds, _widened(moved, bounds), float(statistic.max()), threshold)
+
+
+def still_segments(records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> Segments:
+    """Return the sample ranges in which a sensor stood still; see `find_motion`."""
+    return find_motion(records, false_alarm=false_alarm).still
+
+
+def keep_still(records: Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> tuple[Record, ...]:
+    """Return the records with their segments cut to the still parts, and a note if any part moved.
+
+    Raises
+    ------
+    DataError
+        Nothing stands still, or too short to tell.
+    """
+    motion = find_motion(records, false_alarm=false_alarm)
+    told = motion.describe()
+    if told is None:
+        return tuple(records)
+    if not motion.still:
+        msg = f"{records[0].source}: {told}: no part stands still; record the sensor at rest"
+        raise DataError(msg)
+    note = f"{told}; {len(motion.still)} still parts are used"
+    return tuple(replace(r, segments=motion.still, notes=(*r.notes, note)) for r in records)
+
+
+def _scatter(channels: int, probability: float) -> float:
+    """Return c(k, p): the ratio of sd that a still sensor exceeds with the given probability a block."""
+    return float(np.sqrt(2.0 * np.log(1.0 / probability) / (_QUARTILE * np.pi**2 * channels)))
+
+
+def _blocks(record: Record) -> IntArray:
+    """Return first and last (exclusive) sample of each block, shape (b, 2); no block crosses a gap."""
+    length = max(_BLOCK_SAMPLES, round(_BLOCK_SECONDS * record.rate))
+    edges = []
+    for start, stop in record.segments:
+        cut = np.linspace(start, stop, max(1, (stop - start) // length) + 1).astype(np.int64)
+        edges.append(np.column_stack([cut[:-1], cut[1:]]))
+    bounds: IntArray = np.concatenate(edges)
+    return bounds[bounds[:, 1] - bounds[:, 0] >= min(_FEWEST, length)]
+
+
+def _moments(record: Record, bounds: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of each block and channel, shapes (b, k)."""
+    cut = np.minimum(bounds.ravel(), len(record) - 1)
+    count = (bounds[:, 1] - bounds[:, 0]).astype(float)
+    mean = np.empty((len(bounds), record.y.shape[1]))
+    variance = np.empty_like(mean)
+    for j in range(mean.shape[1]):
+        column = record.y[:, j]
+        reference = float(np.median(column[:: max(1, len(column) // 10_000)]))
+        centred = column - reference
+        last = np.where(bounds[:, 1] == len(column), centred[-1], 0.0)
+        total = np.add.reduceat(centred, cut)[::2] + last
+        square = np.add.reduceat(centred**2, cut)[::2] + last**2
+        mean[:, j] = total / count + reference
+        variance[:, j] = np.maximum(square - total**2 / count, 0.0) / (count - 1.0)
+    return mean, variance
+
+
+def _lattice(record: Record) -> FloatArray:
+    """Return the variance of rounding to the step of each channel, shape (k,)."""
+    step = []
+    for column in record.y[:100_000].T:
+        apart = np.diff(np.unique(column))
+        step.append(apart.min() if len(apart) else 0.0)
+    return np.square(step) / 12.0 + np.finfo(float).tiny
+
+
+def _widened(moved: BoolArray, bounds: IntArray) -> BoolArray:
+    """Return `moved` with the neighbours of each moving block that touch it."""
+    wide = moved.copy()
+    touching = bounds[1:, 0] == bounds[:-1, 1]
+    wide[1:] |= moved[:-1] & touching
+    wide[:-1] |= moved[1:] & touching
+    return wide
+
+
+def _motion(record: Record, bounds: IntArray, moved: BoolArray, statistic: float, threshold: float) -> Motion:
+    still, moving = _ranges(bounds, ~moved), _ranges(bounds, moved)
+    samples = int((bounds[:, 1] - bounds[:, 0]).sum())
+    episodes = tuple((float(record.t[a]), (b - a) * record.interval) for a, b in moving)
+    share = sum(b - a for a, b in moving) / samples
+    return Motion(still, moving, episodes, share, statistic, threshold)
+
+
+def _ranges(bounds: IntArray, chosen: BoolArray) -> Segments:
+    """Return the sample ranges of runs of chosen blocks that touch."""
+    ranges: list[tuple[int, int]] = []
+    for start, stop in bounds[chosen].tolist():
+        if ranges and ranges[-1][1] == start:
+            ranges[-1] = (ranges[-1][0], stop)
+        else:
+            ranges.append((start, stop))
+    return tuple(ranges)

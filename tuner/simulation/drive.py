@@ -1,0 +1,247 @@
+"""Simulated drives of a sensor along a trajectory, and effects hidden in simulated or measured drives.
+
+A perfect unit and a perfect receiver ride on the trajectory; the noise of the sensor, turn-on constants and
+the errors of the receiver are added, then the effects, in the order of their stages
+(`models.effects.drive`). Each purpose draws from a stream of its own, spawned from the seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.effects import Samples
+from models.effects import hide as hide_at_rest
+from models.effects.drive import Course, course_of_fixes, draw, hide, parse
+from models.effects.drive.base import DriveEffect, DriveSamples
+from models.effects.drive.gnss import CorrelatedGnss
+from models.measurements import perfect_fixes
+from models.sensors import SensorGrade
+from models.trajectory.motion import Motion, imu_increments
+from tuner.navigation.settings import ACCELS, GYROS
+from tuner.simulation.effect_spec import Hidden, within_record
+from tuner.simulation.static import Channel, grade_channels, sample_noise
+from tuner.types import GnssNoise
+from tuner.types.records import DataError, Drive, Gnss, Reference
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE_INTERVAL = 0.1
+"""Spacing of the reference of a simulated drive, s."""
+AXES = (*GYROS, *ACCELS)
+"""The axes of a unit, in the order of the samples of a drive."""
+CELSIUS = 25.0
+"""Temperature of the unit of a simulated drive."""
+
+
+def simulate_drive(
+    sensor: SensorGrade | Mapping[str, Channel],
+    motion: Motion,
+    receiver: GnssNoise,
+    *,
+    rate: float | None = None,
+    seed: int,
+    hidden: Sequence[str | DriveEffect] = (),
+    at_rest: Sequence[Hidden] = (),
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    name: str = "simulated",
+) -> tuple[Drive, dict[str, Any]]:
+    """Simulate a drive.
+
+    Parameters
+    ----------
+    sensor : SensorGrade or mapping of str to Channel
+        The sensor, mounted forward, right, down: a grade, or its six axes one by one.
+    motion : Motion
+        The truth, which becomes the reference.
+    receiver : GnssNoise
+        Errors of the receiver; it reports its true sds.
+    rate : float, optional
+        Samples a second, Hz; by default that of the grade.
+    seed : int
+        Seed of all randomness.
+    hidden : sequence of str or DriveEffect
+        Effects; a text is ``CODE[:NAME=VALUE,…]``, drawn at random without parameters.
+    at_rest : sequence of Hidden
+        Effects that also a static log shows, in axes of the unit; the unit stays at its temperature.
+    lever_arm : tuple of 3 floats
+        From the inertial unit to the antenna, m.
+    name : str
+        Of axes that were given one by one.
+
+    Returns
+    -------
+    drive : Drive
+        The drive.
+    key : dict
+        What is in it, ready for JSON (schema ``tuner.key/1``).
+
+    Raises
+    ------
+    DataError
+        A rate or an effect that cannot be, in one line.
+    """
+    name = sensor.key if isinstance(sensor, SensorGrade) else name
+    rate = sensor.rate.value if rate is None and isinstance(sensor, SensorGrade) else rate
+    if not rate or not motion.duration * rate >= 2.0:
+        msg = f"'rate' must give two samples or more in {motion.duration} s, got {rate} Hz"
+        raise DataError(msg)
+    noise, biases, fixes, effects, unit = np.random.default_rng(seed).spawn(5)
+    increments = np.hstack(imu_increments(motion, 1.0 / rate))
+    first = motion.evaluate(np.zeros(1))
+    perfect = np.vstack([np.hstack([first.omega_ib_b, first.f_b]), increments * rate])
+    given = grade_channels(sensor) if isinstance(sensor, SensorGrade) else sensor
+    if missing := [axis for axis in AXES if axis not in given]:
+        msg = f"{name}: expected the noise of six axes for a drive, {', '.join(missing)} missing"
+        raise DataError(msg)
+    channels = {axis: given[axis] for axis in AXES}
+    constant = {axis: c.bias_sd * float(biases.standard_normal()) for axis, c in channels.items()}
+    errors, white = sample_noise(channels, constant, len(perfect), 1.0 / rate, noise)
+    t, course = np.arange(len(perfect)) / rate, _true_course(motion)
+    errors, white = _at_rest(
+        Samples(t, perfect + errors, 1.0 / rate, np.full(len(t), CELSIUS), white), perfect, at_rest, unit
+    )
+    at, llh, vel, sd = _fixes(motion, receiver, lever_arm)
+    samples = DriveSamples(
+        t, perfect + errors, at, llh, vel, sd[:, :3], sd[:, 3:], course, lever_arm, None, errors, white
+    )
+    samples = _erring(samples, receiver, fixes)
+    changed, told = _hidden(samples, hidden, effects)
+    drive = Drive(
+        f"{name}-{motion.name}",
+        t,
+        changed.rates,
+        _gnss(changed),
+        Reference(course.t, course.llh, course.vel_n, rotation.rpy_from_quat(course.quat_nb)),
+        lever_arm=lever_arm,
+        mounting=np.eye(3),
+        source=name,
+    )
+    key = {
+        "schema": "tuner.key/1",
+        "source": name,
+        "trajectory": motion.name,
+        "seed": seed,
+        "rate_hz": rate,
+        "duration_s": motion.duration,
+        "receiver": {"position_sd": receiver.position_sd, "velocity_sd": receiver.velocity_sd},
+        "hidden": [
+            *told,
+            *(
+                {"cause": h.effect.name, "channels": list(h.axes), "parameters": h.effect.parameters()}
+                for h in at_rest
+            ),
+        ],
+        "channels": {a: {"constant": constant[a], "terms": c.model.as_dict()} for a, c in channels.items()},
+    }
+    return drive, key
+
+
+def hide_in_drive(
+    drive: Drive, hidden: Sequence[str | DriveEffect], *, seed: int
+) -> tuple[Drive, list[dict[str, Any]]]:
+    """Hide effects in a drive, also a measured one.
+
+    Without knowledge of its errors, factors apply to what was measured and noise can only be added. Effects
+    that need the course take it from the reference where that has an attitude, else from the fixes.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    hidden : sequence of str or DriveEffect
+        As in `simulate_drive`.
+    seed : int
+        Seed of all randomness.
+
+    Returns
+    -------
+    drive : Drive
+        With the effects in it.
+    told : list of dict
+        Cause and parameters of each.
+
+    Raises
+    ------
+    DataError
+        An effect that cannot be, in one line.
+    """
+    gnss, r = drive.gnss, drive.reference
+    if r is not None and np.isfinite(np.hstack([r.vel_n, r.rpy])).all():
+        course = Course(r.t, r.llh, r.vel_n, rotation.quat_from_rpy(r.rpy))
+    else:
+        course = course_of_fixes(gnss.t, gnss.llh, gnss.vel_n)
+    samples = DriveSamples(
+        drive.imu_t, drive.rates, gnss.t, gnss.llh, gnss.vel_n, gnss.position_sd, gnss.velocity_sd, course,
+        drive.lever_arm or (0.0, 0.0, 0.0), drive.mounting,
+    )  # fmt: skip
+    changed, told = _hidden(samples, hidden, np.random.default_rng(seed))
+    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), told
+
+
+def _at_rest(
+    block: Samples, perfect: FloatArray, effects: Sequence[Hidden], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the errors of the unit, and their white part, with effects in them that a static log shows, too."""
+    for one in effects:
+        within_record(one.effect, block.t[0], block.t[-1])
+    changed = hide_at_rest(block, [(e.effect, [AXES.index(a) for a in e.axes]) for e in effects], rng)
+    assert changed.white is not None
+    return changed.y - perfect, changed.white
+
+
+def _true_course(motion: Motion) -> Course:
+    t = np.append(np.arange(0.0, motion.duration, REFERENCE_INTERVAL), motion.duration)
+    state = motion.evaluate(t)
+    return Course(t, state.llh, state.vel_n, rotation.quat_from_mat(state.mat_nb))
+
+
+def _fixes(
+    motion: Motion, receiver: GnssNoise, lever_arm: tuple[float, float, float]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return times, positions and velocities of perfect fixes, and the sds the receiver reports, (k, 6)."""
+    t = np.arange(receiver.interval, motion.duration, receiver.interval)
+    llh, vel = perfect_fixes(motion, t, lever_arm=lever_arm)
+    if receiver.velocity_sd is None:
+        vel = np.full_like(vel, np.nan)
+    reported = (*receiver.position_sd, *(receiver.velocity_sd or (np.nan, np.nan, np.nan)))
+    return t, llh, vel, np.tile(np.array(reported), (len(t), 1))
+
+
+def _erring(samples: DriveSamples, receiver: GnssNoise, rng: np.random.Generator) -> DriveSamples:
+    """Add the errors of the receiver to perfect fixes."""
+    sd = np.nan_to_num(np.hstack([samples.position_sd, samples.velocity_sd]))
+    white = rng.standard_normal(sd.shape) * sd
+    walks = [CorrelatedGnss(s.sd, s.time_constant).signal(samples.fix_t, rng) for s in receiver.correlated]
+    return replace(samples.moved(white[:, :3] + sum(walks), white[:, 3:]), fix_white=white)
+
+
+def _hidden(
+    samples: DriveSamples, hidden: Sequence[str | DriveEffect], rng: np.random.Generator
+) -> tuple[DriveSamples, list[dict[str, Any]]]:
+    draws, rest = rng.spawn(2)
+    try:
+        effects = [
+            item if isinstance(item, DriveEffect)
+            else parse(item) if ":" in item
+            else draw(item, stream, samples)
+            for item, stream in zip(hidden, draws.spawn(len(hidden)), strict=True)
+        ]  # fmt: skip
+        for effect in effects:
+            within_record(effect, samples.t[0], samples.t[-1])
+        changed = hide(samples, effects, rest)
+    except DataError:
+        raise
+    except ValueError as error:
+        msg = f"effect: {error}"
+        raise DataError(msg) from error
+    return changed, [{"cause": e.name, "channels": ["drive"], "parameters": e.parameters()} for e in effects]
+
+
+def _gnss(samples: DriveSamples) -> Gnss:
+    return Gnss(samples.fix_t, samples.llh, samples.vel_n, samples.position_sd, samples.velocity_sd)

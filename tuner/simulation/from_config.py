@@ -1,0 +1,196 @@
+"""A configuration made a simulation again: the noise that was identified, and the findings hidden in it.
+
+`remade` makes a static log, `remade_drive` adds what a drive showed.
+
+Where a finding carries the noise of its channels without it (`tuner.synthesis.findings.findings_for_config`),
+that noise is
+taken; elsewhere the identified terms (`tuner.synthesis.findings.agreed`). Causes whose spectrum is part of
+that noise are not
+hidden a second time; telegraph noise is hidden instead of the Gauss–Markov process of its spectrum::
+
+    sd = size √(low high)/(low + high),  1/T = 1/low + 1/high
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+from models.effects import EFFECTS, Effect
+from models.effects import drive as navigation
+from models.effects import parsing as text
+from models.effects.drive.base import DriveEffect
+from models.effects.parsing import Kind
+from models.effects.static.base import STAMP
+from models.noise import GaussMarkov, NoiseModel
+from tuner.simulation.effect_spec import Hidden
+from tuner.simulation.imu import noise_of_channel
+from tuner.simulation.static import Channel
+from tuner.synthesis.findings import IN_THE_NOISE, MARKOV
+from tuner.types import FilterConfig
+from tuner.types.records import DataError
+
+TOGETHER = ("attitude", "cross_axis", "duplicates", "timing")
+"""Causes that are one in all of their channels; the others are one in each."""
+DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
+"""Channels of what a drive shows."""
+BIAS, CORRELATED = "sensor_bias", "correlated_gnss"
+"""Causes of a drive that a configuration holds in its noise."""
+SAME = 0.02
+"""Difference up to which a term is the process of a telegraph's spectrum."""
+UNPLACED = ("clipping",)
+"""Causes that lie at readings, and of the mean reading a configuration says nothing."""
+
+
+def remade(
+    config: FilterConfig, *, drive: bool = False
+) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
+    """Return what `tuner.simulation.static.simulate` needs to make a log like the one a configuration comes from.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Noise and findings.
+    drive : bool
+        Whether a drive is made: without causes that lie in stamps, and with those of `remade_drive` besides.
+
+    Returns
+    -------
+    channels : dict of str to Channel
+        Noise and turn-on bias of every axis.
+    hidden : tuple of Hidden
+        Findings, as effects.
+    notes : tuple of str
+        Findings that no static log can be given from what the configuration tells.
+
+    Raises
+    ------
+    DataError
+        A finding of the configuration that cannot be read.
+    """
+    static = [finding for finding in config.findings if not of_drive(finding)]
+    others = [] if drive else [finding for finding in config.findings if of_drive(finding)]
+    notes = [f"{finding.get('cause')} of the drive is left out" for finding in others]
+    try:
+        without = {
+            axis: NoiseModel.from_dict(model)
+            for finding in static
+            for axis, model in finding.get("extension", {}).get("models", {}).items()
+        }
+        noise = {axis: without.get(axis) or noise_of_channel(c) for axis, c in config.channels.items()}
+        hidden: list[Hidden] = []
+        for finding in static:
+            known = without.keys() >= set(finding["channels"])
+            held = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
+            for axes, values in _parts(finding):
+                if held:
+                    rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
+                    if rest is None:
+                        continue
+                    noise[axes[0]] = rest
+                effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None
+                if effect is None or (drive and effect.stage == STAMP):
+                    notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
+                else:
+                    hidden.append(Hidden(effect, axes))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        msg = f"{config.name}: expected findings as tune writes them, got {error}"
+        raise DataError(msg) from None
+    channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
+    return channels, tuple(hidden), tuple(notes)
+
+
+def _beside(noise: NoiseModel, values: Mapping[str, Any]) -> NoiseModel | None:
+    """Return the noise beside telegraph noise; None where the process of its spectrum is no term of it."""
+    size, low, high = (float(values[name]["value"]) for name in ("size", "dwell_low", "dwell_high"))
+    twin = abs(size) * math.sqrt(low * high) / (low + high), low * high / (low + high)
+    rest = [
+        term
+        for term in noise.terms
+        if not (
+            isinstance(term, GaussMarkov)
+            and math.isclose(term.sd, twin[0], rel_tol=SAME)
+            and math.isclose(term.time_constant, twin[1], rel_tol=SAME)
+        )
+    ]
+    return NoiseModel(rest) if len(rest) < len(noise.terms) else None
+
+
+def of_drive(finding: Mapping[str, Any]) -> bool:
+    """Whether a finding is that of a drive: its channels are no axes, or it is a bias beyond its prior."""
+    return finding.get("cause") == BIAS or set(finding.get("channels", ())) <= DRIVE
+
+
+def remade_drive(config: FilterConfig, *, receiver: bool) -> tuple[tuple[DriveEffect, ...], tuple[str, ...]]:
+    """Return what a drive showed, as effects of a simulated one, and notes on what is none.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Noise and findings.
+    receiver : bool
+        Whether the receiver is that of the configuration: what its noise holds is not hidden a second time.
+
+    Raises
+    ------
+    DataError
+        A finding of the configuration that cannot be read.
+    """
+    effects, notes = [], []
+    for finding in filter(of_drive, config.findings):
+        cause = str(finding.get("cause"))
+        if cause == BIAS or (cause == CORRELATED and receiver):
+            # The prior of the turn-on constants, and the noise of the receiver, hold it.
+            continue
+        try:
+            values = finding["parameters"]
+            sensor = {"sensor": _sensor(values)} if cause == "bias_jump" else {}
+            effects.append(_made(cause, values, navigation.EFFECTS, sensor))
+        except ValueError as error:
+            notes.append(f"{cause} of the drive is left out: {error}")
+        except (KeyError, TypeError, AttributeError) as error:
+            msg = f"{config.name}: expected findings as tune writes them, got {cause} without {error}"
+            raise DataError(msg) from None
+    return tuple(effects), tuple(notes)
+
+
+def _sensor(values: Mapping[str, Any]) -> str:
+    """Return the sensor whose bias jumped by the unit of the jump."""
+    return "gyro" if values["x"]["unit"] == "rad/s" else "accel"
+
+
+def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """Return the axes and parameters of each effect that a finding is."""
+    axes = tuple(finding["channels"])
+    if finding["cause"] in TOGETHER:
+        return [(axes, finding["parameters"])]
+    return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
+
+
+def _effect(cause: str, values: Mapping[str, Any]) -> Effect | None:
+    """Return a finding as an effect, None where there is none or its parameters are outside of its range."""
+    if cause in UNPLACED:
+        return None
+    try:
+        return _made(cause, values, EFFECTS)
+    except ValueError:
+        return None
+
+
+def _made(
+    cause: str,
+    values: Mapping[str, Any],
+    kinds: Mapping[str, type[Kind]],
+    more: Mapping[str, str] = MappingProxyType({}),
+) -> Kind:
+    """Return a finding as an effect; ValueError where there is none or its parameters are outside of its range."""
+    known = {field.name for field in fields(text.kind(cause, kinds))}
+    told = {name: value["value"] for name, value in values.items() if name in known}
+    parts = [f"{name}={value!r}" for name, value in told.items() if value is not None]
+    if values and not parts:
+        msg = f"no effect has {', '.join(values)}"
+        raise ValueError(msg)
+    return text.parse(f"{cause}:{','.join((*parts, *(f'{k}={v}' for k, v in more.items())))}", kinds)

@@ -1,0 +1,261 @@
+"""Many flights of one sensor along one trajectory, each filtered as it is drawn.
+
+The truth is the sensor's own noise model (`tuner.simulation.imu`), a receiver with white and correlated
+errors, and a start that errs by P0. Every run has a stream of its own, spawned from the seed: the answer does
+not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.earth import llh_displaced
+from models.error_state import corrected, navigation_error
+from models.measurements import perfect_fixes
+from models.noise import GaussMarkov
+from models.strapdown import NavigationState
+from models.trajectory.motion import Motion, imu_increments
+from tuner.navigation import engine
+from tuner.navigation.data import Fixes, Solution, Steps
+from tuner.navigation.engine.simd import WIDTH
+from tuner.navigation.settings import FilterSettings, total_bias
+from tuner.simulation.imu import Sensor
+from tuner.types import GnssNoise
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_OUTAGE = 300.0
+FIRST_OUTAGE = 900.0
+OUTAGE_SPACING = 900.0
+"""Outages of a simulated drive, s."""
+RESOLVED = 0.8
+"""Window of the mean that leaves of flicker what a ladder stands for, over its shortest time constant."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is flown: a motion, its perfect sensors, the receiver.
+
+    Attributes
+    ----------
+    motion : Motion
+        The truth.
+    steps : Steps
+        Increments of a perfect unit.
+    times : ndarray, shape (k,)
+        Times of the fixes, s: ends of steps.
+    after : ndarray of int, shape (k,)
+        How many steps are done at each.
+    truth : NavigationState
+        At the fixes, arrays (k, 3), (k, 3), (k, 4).
+    start : NavigationState
+        At the beginning.
+    receiver : GnssNoise
+        Errors of the receiver.
+    outages : ndarray, shape (w, 2)
+        Begin and end of withheld fixes, s.
+    """
+
+    motion: Motion
+    steps: Steps
+    times: FloatArray
+    after: NDArray[np.int64]
+    truth: NavigationState
+    start: NavigationState
+    receiver: GnssNoise
+    outages: FloatArray
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Errors and innovations of m runs at k fixes.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        s.
+    error : ndarray, shape (m, k, 15)
+        Truth minus estimate: position, velocity, attitude, total biases.
+    covariance : ndarray, shape (m, k, 15, 15)
+        As the filters predict it, float32 to save memory.
+    innovation : ndarray, shape (m, k, 6)
+        Fix minus prediction.
+    innovation_covariance : ndarray, shape (m, k, 6, 6)
+        As predicted.
+    use : ndarray of int, shape (m, k, 2)
+        What became of each fix.
+    """
+
+    t: FloatArray
+    error: FloatArray
+    covariance: NDArray[np.float32]
+    innovation: FloatArray
+    innovation_covariance: NDArray[np.float32]
+    use: NDArray[np.int64]
+
+
+def outage_windows(duration: float) -> FloatArray:
+    """Return begin and end of the outages of a simulated drive, shape (w, 2), s."""
+    begins = np.arange(FIRST_OUTAGE, duration - LONGEST_OUTAGE + 1e-9, OUTAGE_SPACING)
+    return np.stack([begins, begins + LONGEST_OUTAGE], axis=-1)
+
+
+def scenario(
+    motion: Motion, receiver: GnssNoise, interval: float, *, outages: FloatArray | None = None
+) -> Scenario:
+    """Prepare a trajectory.
+
+    Parameters
+    ----------
+    motion : Motion
+        The truth.
+    receiver : GnssNoise
+        Errors of the receiver; its interval is rounded to samples.
+    interval : float
+        Sampling interval of the inertial unit, s.
+    outages : ndarray, shape (w, 2), optional
+        By default those of `outage_windows`.
+    """
+    increments = np.hstack(imu_increments(motion, interval))
+    n, stride = len(increments), max(1, round(receiver.interval / interval))
+    after = np.arange(stride, n + 1, stride)
+    times: FloatArray = np.asarray(after * interval, dtype=float)
+    state = motion.evaluate(np.concatenate([[0.0], times]).clip(max=motion.duration))
+    quat = rotation.quat_from_mat(state.mat_nb)
+    return Scenario(
+        motion,
+        Steps(0.0, np.full(n, interval), increments),
+        times,
+        after,
+        NavigationState(state.llh[1:], state.vel_n[1:], quat[1:]),
+        NavigationState(state.llh[0], state.vel_n[0], quat[0]),
+        receiver,
+        outage_windows(motion.duration) if outages is None else outages,
+    )
+
+
+def simulate(
+    settings: FilterSettings,
+    sensor: Sensor,
+    plan: Scenario,
+    *,
+    runs: int,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Runs:
+    """Fly and filter a scenario many times.
+
+    Parameters
+    ----------
+    settings : FilterSettings
+        What the filter believes.
+    sensor : Sensor
+        What the inertial unit is.
+    plan : Scenario
+        Trajectory and receiver.
+    runs : int
+        How many.
+    seed : int
+        Seed of all randomness.
+    progress : callable, optional
+        Called with (done, runs).
+    """
+    streams = np.random.default_rng(seed).spawn(runs)
+    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
+    perfect = Fixes(plan.times, plan.after, llh, vel_n, _assumed_sd(settings, plan.receiver, len(plan.times)))
+
+    given = perfect.without(plan.outages)
+    done: list[tuple[FloatArray, Solution]] = []
+    blocks = [streams[first : first + WIDTH] for first in range(0, runs, WIDTH)]
+    with ThreadPoolExecutor(max_workers=min(len(blocks), os.cpu_count() or 1)) as pool:
+        for block in pool.map(lambda own: _together(settings, sensor, plan, given, own), blocks):
+            done.extend(block)
+            if progress is not None:
+                progress(len(done), runs)
+    return gather(plan.times, done)
+
+
+def gather(t: FloatArray, done: Sequence[tuple[FloatArray, Solution]]) -> Runs:
+    """Put the errors (k, 15) and solutions of runs into arrays."""
+    return Runs(
+        t,
+        np.stack([error for error, _ in done]),
+        np.stack([s.covariance.astype(np.float32) for _, s in done]),
+        np.stack([s.innovation for _, s in done]),
+        np.stack([s.innovation_covariance.astype(np.float32) for _, s in done]),
+        np.stack([s.use for _, s in done]),
+    )
+
+
+def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
+    """Return how long a true bias is averaged before the estimate is compared with it, s; shape (6,).
+
+    A ladder from the time constant T on, at r = 10 a rung, has the variance of flicker below the frequency
+    √r/(2πT); flicker averaged over w has that of flicker below 0.40/w. So w = 0.8 T: what is faster no state
+    stands for, and white noise hides. Without states it is the sensor's own corner of white noise and
+    flicker.
+    """
+    model, shortest = settings.model, np.full(6, np.inf)
+    for first, name, axes in (
+        (0, "gyro_markov", model.gyro_markov_axes),
+        (3, "accel_markov", model.accel_markov_axes),
+    ):
+        for axis, constant in zip(axes, model.time_constant[model.layout[name]] if axes else (), strict=True):
+            shortest[first + axis] = min(shortest[first + axis], constant)
+    return np.where(np.isfinite(shortest), np.minimum(RESOLVED * shortest, sensor.corners), sensor.corners)
+
+
+def _together(
+    settings: FilterSettings,
+    sensor: Sensor,
+    plan: Scenario,
+    perfect: Fixes,
+    streams: list[np.random.Generator],
+) -> list[tuple[FloatArray, Solution]]:
+    """Draw, fly and filter some runs at once; return errors (k, 15) and solution of each."""
+    steps, interval = plan.steps, float(plan.steps.dt[0])
+    smoothing = resolution(settings, sensor)
+    starts, fixes, errors, biases = [], [], [], []
+    for rng in streams:
+        starts.append(corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9)))
+        fixes.append(_with_errors(perfect, plan.receiver, rng))
+        own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=smoothing, after=plan.after)
+        errors.append(own)
+        biases.append(bias)
+    solutions = engine.run_together(settings, starts, steps, fixes, errors=errors)
+    total = total_bias(settings.model)[9:]
+    return [
+        (np.concatenate([navigation_error(plan.truth, s.state), bias - s.parameters @ total.T], axis=1), s)
+        for s, bias in zip(solutions, biases, strict=True)
+    ]
+
+
+def _with_errors(perfect: Fixes, receiver: GnssNoise, rng: np.random.Generator) -> Fixes:
+    """Return fixes with the errors of a receiver."""
+    k = len(perfect)
+    offset = rng.standard_normal((k, 3)) * np.array(receiver.position_sd)
+    interval = float(perfect.t[0]) if k else 1.0
+    for state in receiver.correlated:
+        walk = GaussMarkov(state.sd, state.time_constant)
+        offset += np.stack([walk.sample(k, interval, rng) for _ in range(3)], axis=-1)
+    vel_n = perfect.vel_n
+    if receiver.velocity_sd is None:
+        vel_n = np.full_like(vel_n, np.nan)
+    else:
+        vel_n = vel_n + rng.standard_normal((k, 3)) * np.array(receiver.velocity_sd)
+    llh = llh_displaced(perfect.llh, offset)
+    return Fixes(perfect.t, perfect.after, llh, vel_n, perfect.sd, perfect.withheld)
+
+
+def _assumed_sd(settings: FilterSettings, receiver: GnssNoise, k: int) -> FloatArray:
+    """Return what the filter assumes of every fix; shape (k, 6)."""
+    position = settings.position_sd or receiver.position_sd
+    velocity = settings.velocity_sd or receiver.velocity_sd or (1.0, 1.0, 1.0)
+    return np.tile(np.array([*position, *velocity]), (k, 1))

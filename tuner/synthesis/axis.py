@@ -1,0 +1,234 @@
+"""One axis: from identified noise terms to what the filter believes, with the fate of every term.
+
+===================  ======================================================================================
+term                 fate
+===================  ======================================================================================
+white                drives angle or velocity with N²
+low_pass_white       white at its density
+quantization         kept out of N: its angle (velocity) error stays within Q however long one waits
+bias_instability     Gauss–Markov states by the chosen rule (`tuner.synthesis.bias_states`)
+gauss_markov         one state each
+random_walk          drives the bias with K²
+sinusoid             slow: one Gauss–Markov state; fast: a bound on the angle (velocity) it can reach
+ramp                 a state of constant bias rate where it matters within the horizon, else a bound
+arma                 shaping states offered, not added: they describe the same noise once more
+===================  ======================================================================================
+
+A term the data only bound enters with half of its 95 % upper limit. The rule ``bound`` takes upper limits
+throughout, the ladder for flicker, and `bounding_state` for identified Gauss–Markov terms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.noise.bias_instability import ALLAN_FLOOR
+from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state
+from tuner.synthesis.equivalent_models import structure_function
+from tuner.types import ArmaFit, ChannelIdentification, ChannelNoise, Inflation, MarkovState, TermEstimate
+
+BOUNDED_SHARE = 0.5
+"""Share of an upper limit that stands in for a term the data only bound."""
+
+SLOW_PERIOD = 10.0
+"""A sinusoid slower than this, s, is a bias to the filter; a faster one averages out."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is asked about one axis; `white` is known once the white terms are done."""
+
+    channel: ChannelIdentification
+    rule: str
+    horizon: float
+    white: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Share:
+    """What one term gives the filter: a fate in words and the figures behind it (variances add)."""
+
+    fate: str
+    inflations: tuple[Inflation, ...] = ()
+    white_variance: float = 0.0
+    walk_variance: float = 0.0
+    markov: tuple[MarkovState, ...] = ()
+
+
+def channel_noise(
+    channel: ChannelIdentification, *, rule: str, horizon: float, constant_sd: float
+) -> tuple[ChannelNoise, tuple[Inflation, ...]]:
+    """Choose what the filter believes of one axis.
+
+    Parameters
+    ----------
+    channel : ChannelIdentification
+        Identified terms.
+    rule : str
+        A key of `RULES`, or ``bound``.
+    horizon : float
+        Longest time the filter must predict, s.
+    constant_sd : float
+        Prior sd of the turn-on constant, unit.
+
+    Returns
+    -------
+    noise : ChannelNoise
+        Positive white density; every term has a fate.
+    inflations : tuple of Inflation
+        Every figure that is not the estimate itself.
+    """
+    task = _Task(channel, rule, horizon)
+    terms = [term for term in channel.terms if _told(term)]
+    untold = [(term.name, _Share(_UNTOLD)) for term in channel.terms if not _told(term)]
+    white = [(t.name, _white(task, t)) for t in terms if t.name in _WHITE_TERMS]
+    if not any(share.white_variance for _, share in white):
+        white.append(("white", _white_from_curve(channel)))
+    density = math.sqrt(sum(share.white_variance for _, share in white))
+    task = replace(task, white=density)
+    slow = [(t.name, _SLOW_TERMS[t.name](task, t)) for t in terms if t.name in _SLOW_TERMS]
+    shares = untold + white + slow
+    noise = ChannelNoise(
+        channel.axis,
+        channel.unit,
+        white_density=density,
+        markov=tuple(state for _, share in slow for state in share.markov),
+        random_walk_density=math.sqrt(sum(share.walk_variance for _, share in slow)),
+        constant_sd=constant_sd,
+        identified=channel.terms,
+    )
+    ramp = next((term for term in terms if term.name == "ramp"), None)
+    if ramp is not None:
+        share, rate = _ramp(task, ramp, wander=math.sqrt(structure_function(noise, horizon)))
+        shares.append(("ramp", share))
+        noise = replace(noise, ramp_sd=rate)
+    if channel.arma is not None:
+        shares.append(("arma", _Share(_arma_fate(channel.arma))))
+    fates: dict[str, str] = {}
+    for name, share in shares:
+        fates[name] = f"{fates[name]}; {share.fate}" if name in fates else share.fate
+    return replace(noise, fates=fates), tuple(i for _, share in shares for i in share.inflations)
+
+
+def _told(term: TermEstimate) -> bool:
+    """Tell whether the amplitude of a term has a positive value or limit."""
+    amplitude = next(iter(term.coefficients.values()))
+    return bool(amplitude.value or amplitude.upper)
+
+
+def _figure(task: _Task, term: TermEstimate, name: str) -> tuple[float, tuple[Inflation, ...]]:
+    """Return the figure the filter takes for a coefficient, and how it differs from the estimate."""
+    coefficient = term.coefficients[name]
+    quantity = f"{task.channel.axis}.{term.name}.{name}"
+    if coefficient.value is None:
+        why = f"bounded: half of the 95 % upper limit ({coefficient.reason or 'no value in the data'})"
+        return BOUNDED_SHARE * (coefficient.upper or 0.0), (Inflation(quantity, BOUNDED_SHARE, why),)
+    value = abs(coefficient.value)
+    if task.rule == BOUND and coefficient.interval is not None and value > 0.0:
+        top = max(abs(x) for x in coefficient.interval)
+        return top, (Inflation(quantity, top / value, "rule bound: upper end of the 95 % interval"),)
+    return value, ()
+
+
+def _white(task: _Task, term: TermEstimate) -> _Share:
+    density, inflations = _figure(task, term, "density")
+    state = "angle" if task.channel.unit == "rad/s" else "velocity"
+    return _Share(f"drives the {state} with N² = {density**2:.4g}", inflations, white_variance=density**2)
+
+
+def _white_from_curve(channel: ChannelIdentification) -> _Share:
+    """Bound white noise by the Allan curve where no term says anything: N ≤ σ(τ) √τ at every τ."""
+    bound = float(np.min(channel.allan.deviation()[:, 0] * np.sqrt(channel.allan.tau)))
+    why = "bounded: half of the smallest σ(τ)√τ of the Allan curve, as no white term was identified"
+    inflation = Inflation(f"{channel.axis}.white.density", BOUNDED_SHARE, why)
+    return _Share(why, (inflation,), white_variance=(BOUNDED_SHARE * bound) ** 2)
+
+
+def _quantization(task: _Task, term: TermEstimate) -> _Share:
+    increment, _ = _figure(task, term, "increment_sd")
+    unit = "rad" if task.channel.unit == "rad/s" else "m/s"
+    fate = f"kept out of the white density: the integral errs by {increment:.4g} {unit}, which does not grow"
+    return _Share(fate)
+
+
+def _flicker(task: _Task, term: TermEstimate) -> _Share:
+    channel = task.channel
+    level, inflations = _figure(task, term, "level")
+    minimum = channel.minimum.value or channel.minimum.upper or ALLAN_FLOOR * level
+    chosen = RULES["ladder" if task.rule == BOUND else task.rule]
+    view = FlickerView(level, task.white, minimum, channel.minimum_tau, task.horizon, channel.interval)
+    states = chosen.states(view)
+    times = ", ".join(f"{state.time_constant:.4g}" for state in states)
+    return _Share(f"{chosen.describe()}; time constants {times} s", inflations, markov=states)
+
+
+def _gauss_markov(task: _Task, term: TermEstimate) -> _Share:
+    sd, time_constant = term.coefficients["sd"], term.coefficients["time_constant"]
+    if task.rule == BOUND and sd.value and sd.interval and time_constant.interval:
+        state = bounding_state(sd.interval, time_constant.interval)
+        why = "rule bound: spectrum above every spectrum within the intervals of sd and time constant"
+        inflations: tuple[Inflation, ...] = (
+            Inflation(f"{task.channel.axis}.gauss_markov.sd", state.sd / sd.value, why),
+        )
+    else:
+        level, inflations = _figure(task, term, "sd")
+        state = MarkovState(level, time_constant.value or time_constant.upper or task.horizon)
+    return _Share(
+        f"one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s",
+        inflations,
+        markov=(state,),
+    )
+
+
+def _random_walk(task: _Task, term: TermEstimate) -> _Share:
+    density, inflations = _figure(task, term, "density")
+    return _Share(f"drives the bias with K² = {density**2:.4g}", inflations, walk_variance=density**2)
+
+
+def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
+    amplitude, inflations = _figure(task, term, "amplitude")
+    frequency = term.coefficients["frequency"].value
+    if frequency is not None and 1.0 / frequency >= SLOW_PERIOD:
+        state = MarkovState(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
+        fate = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
+        return _Share(fate, inflations, markov=(state,))
+    return _Share("fast line: no state, as its integral stays bounded; to be removed at its source")
+
+
+def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, float]:
+    """Give the ramp a state where the data contain it, or where half its limit outruns all else."""
+    rate, inflations = _figure(task, term, "rate")
+    unit = task.channel.unit
+    reach = rate * task.horizon
+    if term.present or reach > wander:
+        return _Share(f"a state of constant bias rate, prior sd {rate:.4g} {unit}/s", inflations), rate
+    fate = (
+        f"no state: at half its limit it reaches {reach:.4g} {unit} in {task.horizon:g} s, "
+        f"less than the {wander:.4g} the other bias states wander"
+    )
+    return _Share(fate), 0.0
+
+
+def _arma_fate(fit: ArmaFit) -> str:
+    p, q = fit.order
+    if fit.white:
+        return f"ARMA({p},{q}) cannot be told from white noise: nothing to add"
+    return (
+        f"ARMA({p},{q}) describes the noise of the other terms a second time: "
+        "offered as shaping states (tuner.synthesis.shaping_states), not added"
+    )
+
+
+_UNTOLD = "left out: the identification gives neither a value nor a limit"
+_WHITE_TERMS = frozenset({"white", "low_pass_white"})
+_SLOW_TERMS: Mapping[str, Callable[[_Task, TermEstimate], _Share]] = {
+    "quantization": _quantization,
+    "bias_instability": _flicker,
+    "gauss_markov": _gauss_markov,
+    "random_walk": _random_walk,
+    "sinusoid": _sinusoid,
+}

@@ -1,0 +1,243 @@
+"""The inertial unit of a drive, from the drive itself: its noise while the vehicle stands, the spectrum while it moves.
+
+A second counts as standing where the fixes say so and both triads are about as calm as in the calmer of those
+seconds. There the Allan deviation at `TAU` gives the white noise, N = σ(τ) √τ, at least that of rounding; of slower
+noise a drive says too little, so that the built-in grade with the nearest white noise lends its bias terms. Vibration
+is the density above `BAND`, where no vehicle manoeuvres, moving against standing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft, rfftfreq
+
+from models.earth import ned_between
+from models.effects.drive.imu import NORMAL_MAD
+from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
+from tuner.synthesis import synthesize
+from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
+from tuner.types.records import Drive
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+TAU = 0.25
+"""Cluster time that the white noise is read at, s."""
+FEWEST = 5.0
+"""Standing time from which noise is read, s."""
+SLOW = 0.3
+"""Speed below which a vehicle stands, m/s."""
+CALM = 2.0
+"""Variance of a second over that of the calmer quarter, geometric mean over a triad, up to which it counts."""
+FAR = 4.0
+"""Time between positions that stand for a speed, in units of their scatter ÷ `SLOW`."""
+BAND = 5.0
+"""Frequency above which no vehicle manoeuvres, Hz."""
+CONSERVATIVE = "mpu9250"
+"""Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
+RECEIVER = "spp"
+"""Receiver of which nothing is known."""
+SENSORS = ("gyro", "accel")
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What the standing parts of a drive say of its unit.
+
+    Attributes
+    ----------
+    seconds : float
+        Standing time.
+    white : mapping of str to float
+        White density of ``gyro`` (rad/s/√Hz) and ``accel`` (m/s²/√Hz), root mean square over the axes; empty where
+        the drive stands too briefly.
+    vibration : mapping of str to float
+        Density above `BAND` while moving ÷ while standing, by sensor; empty where it cannot be told.
+    """
+
+    seconds: float
+    white: Mapping[str, float]
+    vibration: Mapping[str, float]
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the white densities: differences of clusters of `TAU` on three axes."""
+        return 2.0 * self.seconds / TAU
+
+
+def standing(drive: Drive) -> Standing:
+    """Return what the unit of a drive does at rest and in motion."""
+    dt = float(np.median(np.diff(drive.imu_t)))
+    size = max(4, round(1.0 / dt))
+    count = len(drive.rates) // size
+    blocks = drive.rates[: count * size].reshape(count, size, 6)
+    t = drive.imu_t[: count * size].reshape(count, size)
+    whole = t[:, -1] - t[:, 0] < 1.5 * size * dt
+    slow = whole & (_speed(drive, t.mean(axis=1)) < SLOW)
+    step = np.repeat([_step(drive.rates[:, :3]), _step(drive.rates[:, 3:])], 3)
+    still = slow & _calm(blocks, slow, step**2 / 12.0)
+    seconds = float(np.count_nonzero(still) * size * dt)
+    if seconds < FEWEST:
+        return Standing(seconds, {}, {})
+    variance = _allan(blocks[still], max(1, round(TAU / dt)))
+    white = np.sqrt(np.maximum(variance * max(1, round(TAU / dt)), step**2 / 12.0) * dt)
+    density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSORS)}
+    vibration = _vibration(blocks, still, whole & ~slow, dt, step**2 / 12.0)
+    return Standing(seconds, density, vibration)
+
+
+def identification_of_drive(drive: Drive, found: Standing) -> Identification:
+    """Return the noise of a unit of which nothing is known beforehand; its first note gives the reasons.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    found : Standing
+        What its standing parts say.
+    """
+    if not found.white:
+        why = (
+            f"nothing is known of the unit, and the drive stands for {found.seconds:.0f} s only: it is taken for "
+            f"{CONSERVATIVE}, a noisy one, so that the filter trusts it too little rather than too much"
+        )
+        grade = grade_identification(load_grade(CONSERVATIVE))
+        return replace(grade, source={**grade.source, "name": drive.name}, notes=(why,))
+    name = nearest_grade(found.white)
+    grade = grade_identification(load_grade(name))
+    share = 1.96 / np.sqrt(2.0 * found.freedom)
+    channels = {}
+    for axis, channel in grade.channels.items():
+        n = found.white[axis.rpartition("_")[0]]
+        told = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), f"{channel.unit}/sqrt(Hz)")
+        terms = tuple(
+            TermEstimate("white", {"density": told}) if t.name == "white" else t for t in channel.terms
+        )
+        channels[axis] = replace(channel, terms=terms, span=found.seconds)
+    why = (
+        f"white noise is that of {found.seconds:.0f} s of standing in this drive; bias terms are those of {name}, the "
+        f"built-in grade with the nearest white noise, since a drive is too short to show them"
+    )
+    return replace(grade, source={**grade.source, "name": drive.name}, channels=channels, notes=(why,))
+
+
+def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
+    """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations."""
+    return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss or receiver_of(drive))
+
+
+def receiver_of(drive: Drive) -> GnssNoise:
+    """Return what is supposed of a receiver that nobody names.
+
+    What its fixes report is believed, the median as typical, and then nothing is supposed of a correlated part: an RTK
+    receiver has none of that of a single one.
+    """
+    single, fixes = load_gnss(RECEIVER), drive.gnss
+    position, velocity = _typical(fixes.position_sd), _typical(fixes.velocity_sd)
+    if position is None:
+        return single
+    return replace(
+        single,
+        position_sd=position,
+        velocity_sd=velocity or single.velocity_sd,
+        interval=float(np.median(np.diff(fixes.t))),
+        correlated=(),
+        reference="medians of the sds that the fixes report",
+    )
+
+
+def _typical(reported: FloatArray) -> tuple[float, float, float] | None:
+    """Return the medians of reported sds north, east, down, (k, 3); None where an axis has none."""
+    columns = [column[column > 0.0] for column in reported.T]
+    if not all(column.size for column in columns):
+        return None
+    north, east, down = (float(np.median(column)) for column in columns)
+    return north, east, down
+
+
+def nearest_grade(white: Mapping[str, float]) -> str:
+    """Return the built-in grade whose white densities are the nearest by their logs."""
+
+    def distance(name: str) -> float:
+        triads = {triad.kind: triad for triad in (load_grade(name).gyro, load_grade(name).accel)}
+        logs = []
+        for sensor, value in white.items():
+            density = triads[sensor].white
+            if density is None:
+                return float("inf")
+            logs.append(np.log(value / density.value))
+        return float(np.sum(np.square(logs)))
+
+    return min(grade_names(), key=distance)
+
+
+def _speed(drive: Drive, t: FloatArray) -> FloatArray:
+    """Return the speed of the fixes at times, m/s; where they have no velocities, from positions some time apart.
+
+    These are so far apart that their scatter s, from second differences, makes √2 s/T ≪ `SLOW`.
+    """
+    gnss = drive.gnss
+    speed = np.linalg.norm(gnss.vel_n, axis=1)
+    known = np.isfinite(speed)
+    if np.count_nonzero(known) > 2:
+        return np.asarray(np.interp(t, gnss.t[known], speed[known], left=np.inf, right=np.inf))
+    metres = ned_between(gnss.llh, gnss.llh[:1])[:, :2]
+    bends = np.abs(metres[2:] - 2.0 * metres[1:-1] + metres[:-2])
+    scatter = float(np.median(bends)) / (NORMAL_MAD * np.sqrt(6.0)) if len(bends) else 0.0
+    apart = max(2.0, FAR * scatter / SLOW)
+    begin = np.clip(gnss.t - 0.5 * apart, gnss.t[0], max(gnss.t[0], gnss.t[-1] - apart))
+    first = np.searchsorted(gnss.t, begin)
+    last = np.minimum(np.searchsorted(gnss.t, begin + apart), len(gnss) - 1)
+    speed = np.linalg.norm(metres[last] - metres[first], axis=1) / np.maximum(
+        gnss.t[last] - gnss.t[first], 1e-3
+    )
+    speed[gnss.t[last] - gnss.t[first] < 0.5 * apart] = np.inf
+    return np.asarray(np.interp(t, gnss.t, speed, left=np.inf, right=np.inf))
+
+
+def _step(samples: FloatArray) -> float:
+    """Return the step of the lattice that the samples of a triad lie on, the coarsest of its axes."""
+    levels = [np.unique(column) for column in samples.T]
+    return max((float(np.min(np.diff(one))) for one in levels if len(one) > 1), default=0.0)
+
+
+def _calm(blocks: FloatArray, slow: BoolArray, least: FloatArray) -> BoolArray:
+    """Return which blocks are about as calm as the calmer quarter of the slow ones; `least` is rounding's variance."""
+    if not slow.any():
+        return slow
+    least = np.maximum(least, 1e-30)
+    variance = np.maximum(blocks.var(axis=1), least)
+    usual = np.quantile(variance[slow], 0.25, axis=0)
+    ratio = np.log(variance / usual).reshape(-1, 2, 3).mean(axis=2).max(axis=1)
+    return np.asarray(ratio < np.log(CALM))
+
+
+def _allan(blocks: FloatArray, m: int) -> FloatArray:
+    """Return the Allan variance of m samples from differences within blocks, by axis."""
+    sums = np.cumsum(blocks, axis=1)
+    means = (sums[:, m:] - sums[:, :-m]) / m
+    return np.asarray(0.5 * np.mean((means[:, m:] - means[:, :-m]) ** 2, axis=(0, 1)))
+
+
+def _vibration(
+    blocks: FloatArray, still: BoolArray, moving: BoolArray, dt: float, least: FloatArray
+) -> dict[str, float]:
+    """Return the root of the density above `BAND`, moving ÷ standing, by sensor."""
+    high = rfftfreq(blocks.shape[1], dt) >= BAND
+    if np.count_nonzero(high) < 4 or not moving.any():
+        return {}
+    window = np.hanning(blocks.shape[1])[:, None]
+    floor = np.maximum(least, 1e-30) * float(np.sum(window**2))
+
+    def level(part: FloatArray) -> FloatArray:
+        power = np.abs(rfft((part - part.mean(axis=1, keepdims=True)) * window, axis=1)[:, high]) ** 2
+        axes = np.maximum(power.mean(axis=(0, 1)), floor)
+        return np.array([axes[:3].sum(), axes[3:].sum()])
+
+    at_rest, in_motion = level(blocks[still]), level(blocks[moving])
+    ratio = np.sqrt(in_motion / at_rest)
+    return dict(zip(SENSORS, ratio.tolist(), strict=True))

@@ -1,0 +1,66 @@
+"""What was found: the frozen results every room hands to the next.
+
+Numbers are SI; every number a user sees is a `Coefficient`: a value with its 95 % interval, or an upper limit
+with the reason why there is no more. Results import none of the code that makes them.
+"""
+
+from __future__ import annotations
+
+from tuner.types.coefficient import LEVEL, Coefficient
+from tuner.types.config import (
+    ChannelNoise,
+    FilterConfig,
+    GnssNoise,
+    Inflation,
+    InitialUncertainty,
+    MarkovState,
+)
+from tuner.types.curves import AllanCurve, Correlogram, Spectrum
+from tuner.types.diagnosis import (
+    Alternative,
+    Demand,
+    Diagnosis,
+    DriveDiagnosis,
+    Finding,
+    Gain,
+    Inseparable,
+    Unexplained,
+)
+from tuner.types.identification import (
+    ArmaFit,
+    Candidate,
+    ChannelIdentification,
+    Identification,
+    PooledChannel,
+    PooledCoefficient,
+    TermEstimate,
+)
+
+__all__ = [
+    "LEVEL",
+    "AllanCurve",
+    "Alternative",
+    "ArmaFit",
+    "Candidate",
+    "ChannelIdentification",
+    "ChannelNoise",
+    "Coefficient",
+    "Correlogram",
+    "Demand",
+    "Diagnosis",
+    "DriveDiagnosis",
+    "FilterConfig",
+    "Finding",
+    "Gain",
+    "GnssNoise",
+    "Identification",
+    "Inflation",
+    "InitialUncertainty",
+    "Inseparable",
+    "MarkovState",
+    "PooledChannel",
+    "PooledCoefficient",
+    "Spectrum",
+    "TermEstimate",
+    "Unexplained",
+]

@@ -1,0 +1,125 @@
+"""What a navigation filter is told: densities, Gauss–Markov states, first uncertainties, fixes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from tuner.types.identification import TermEstimate
+
+
+@dataclass(frozen=True)
+class MarkovState:
+    """A first-order Gauss–Markov bias state: stationary sd and time constant, s."""
+
+    sd: float
+    time_constant: float
+
+    @property
+    def driving_density(self) -> float:
+        """White density that drives the state, sd·√(2/T), unit/√s."""
+        return float(self.sd * np.sqrt(2.0 / self.time_constant))
+
+
+@dataclass(frozen=True)
+class Inflation:
+    """A number that was enlarged: by how much, and why.
+
+    `interval` is the 95 % interval of the factor that a drive asks for, `causes` what accounts for it, where known.
+    """
+
+    quantity: str
+    factor: float
+    reason: str
+    interval: tuple[float, float] | None = None
+    causes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """What the filter believes of one axis (SI).
+
+    Attributes
+    ----------
+    axis, unit : str
+        Channel and unit of its samples.
+    white_density : float
+        unit/√Hz.
+    markov : tuple of MarkovState
+        Gauss–Markov bias states (a ladder stands for flicker).
+    random_walk_density : float
+        Drive of the bias random walk, unit/√s; 0 where there is none.
+    constant_sd : float
+        Prior sd of the turn-on constant.
+    ramp_sd : float
+        Prior sd of a constant bias rate, unit/s; 0 where no ramp state is wanted.
+    identified : tuple of TermEstimate
+        The terms behind the choice.
+    fates : mapping of str to str
+        What became of each term, such as ``quantization``: "kept out of the white density: …".
+    """
+
+    axis: str
+    unit: str
+    white_density: float
+    markov: tuple[MarkovState, ...]
+    random_walk_density: float
+    constant_sd: float
+    ramp_sd: float = 0.0
+    identified: tuple[TermEstimate, ...] = ()
+    fates: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class GnssNoise:
+    """GNSS errors the filter assumes: sd north, east, down (m, m/s), update interval (s), gate (sigmas).
+
+    `correlated` are Gauss–Markov errors of the position, alike north and east; down their sd is `correlated_down` times
+    as large.
+    """
+
+    position_sd: tuple[float, float, float]
+    velocity_sd: tuple[float, float, float] | None
+    interval: float
+    gate: float
+    correlated: tuple[MarkovState, ...] = ()
+    reference: str = ""
+    correlated_down: float = 1.0
+
+
+@dataclass(frozen=True)
+class InitialUncertainty:
+    """P0 apart from the biases: sd of position (m), velocity (m/s), tilt and heading (rad), with the reason of each."""
+
+    position: float
+    velocity: float
+    tilt: float
+    heading: float
+    reasons: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class FilterConfig:
+    """Settings of a navigation filter, with the reason of every choice.
+
+    `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
+    `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
+    a drive before it is filtered (names and axes: `tuner.navigation.compensation`), `constants` further states of the
+    filter, names of `models.state_layout.OPTIONAL`, with the sds of their priors; SI.
+    """
+
+    name: str
+    interval: float
+    channels: Mapping[str, ChannelNoise]
+    initial: InitialUncertainty
+    gnss: GnssNoise | None
+    inflations: tuple[Inflation, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    notes: tuple[str, ...] = ()
+    findings: tuple[Mapping[str, Any], ...] = ()
+    compensation: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))

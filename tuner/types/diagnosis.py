@@ -1,0 +1,256 @@
+"""What a simulation gets wrong: named causes, their parameters, and what naming them gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.types.coefficient import Coefficient
+from tuner.types.config import FilterConfig, Inflation
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What an extension of the model is worth, before and after.
+
+    Attributes
+    ----------
+    split : str
+        Where it was measured: ``second record``, ``60/40`` or ``in sample``.
+    before, after : float
+        Log likelihood a sample of the data held out, nats.
+    nats : float
+        Log likelihood gained there, all samples together.
+    coverage : mapping of str to (float, float)
+        Share of the Allan curve (``allan``) and of the spectrum (``psd``) inside the band of refitted replicas.
+    user : mapping of str to (float, float)
+        Figures a user reads, with their unit in the name, such as ``bias_prediction_60s [rad/s]``.
+    """
+
+    split: str
+    before: float
+    after: float
+    nats: float
+    coverage: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+    user: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A cause that explains an alarm nearly as well; `score` is its weight, 1 for as well as the cause named."""
+
+    cause: str
+    score: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause of a misfit between data and simulation.
+
+    Attributes
+    ----------
+    cause : str
+        Code of the catalogue, such as ``temperature``.
+    channels : tuple of str
+        Axes that show it.
+    statistic : str
+        What gave it away, in words.
+    value : float
+        Value of that statistic.
+    p_value : float
+        Chance of such a value without the cause, the search paid for.
+    parameters : mapping of str to Coefficient
+        SI. Of several channels: pooled where they agree, else those of the channel that shows it best.
+    text : str
+        The cause in words, with its figures.
+    consequence : str
+        What it asks of a filter.
+    extension : mapping of str to object
+        What was added to the model, as plain values.
+    gain : Gain or None
+        What that is worth.
+    alternatives : tuple of Alternative
+        Causes within 3 nats.
+    inflations : tuple of Inflation
+        Settings to be enlarged for it.
+    by_channel : mapping of str to mapping
+        Parameters of every channel.
+    replicates : ndarray or None
+        Values of the statistic in replicas without the cause.
+    """
+
+    cause: str
+    channels: tuple[str, ...]
+    statistic: str
+    value: float
+    p_value: float
+    parameters: Mapping[str, Coefficient]
+    text: str
+    consequence: str = ""
+    extension: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    gain: Gain | None = None
+    alternatives: tuple[Alternative, ...] = ()
+    inflations: tuple[Inflation, ...] = ()
+    by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
+    replicates: FloatArray | None = None
+
+    def of_each(self, name: str) -> Mapping[str, Coefficient]:
+        """Return a parameter of every channel where it is not the same in all; empty where one value serves."""
+        return of_each(name, self.parameters[name], self.by_channel)
+
+
+def of_each(
+    name: str, shown: Coefficient, by_channel: Mapping[str, Mapping[str, Coefficient]]
+) -> Mapping[str, Coefficient]:
+    """Return a parameter of every channel where that shown is of one of them alone; empty where it is pooled."""
+    each = {axis: values[name] for axis, values in by_channel.items() if name in values}
+    return each if len(each) > 1 and list(each.values()).count(shown) == 1 else {}
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """An alarm that no cause explains."""
+
+    statistic: str
+    channels: tuple[str, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the simulation of the base model gets wrong.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        Named causes, the clearest first.
+    unexplained : tuple of Unexplained
+        Alarms without a cause.
+    notes : tuple of str
+        What is worth knowing and harmless.
+    models : mapping of str to NoiseModel
+        Extended noise model of every axis, SI.
+    base : mapping of str to NoiseModel
+        Noise model before.
+    """
+
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...] = ()
+    notes: tuple[str, ...] = ()
+    models: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
+    base: Mapping[str, NoiseModel] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings and not self.unexplained
+
+    @property
+    def inflations(self) -> tuple[Inflation, ...]:
+        """Settings of a filter to be enlarged."""
+        return tuple(inflation for finding in self.findings for inflation in finding.inflations)
+
+
+@dataclass(frozen=True)
+class Inseparable:
+    """Causes that pull the innovations of a drive the same way, and what would tell them apart."""
+
+    causes: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a drive asks of one setting of the filter, before and after its causes are named.
+
+    Attributes
+    ----------
+    quantity : str
+        ``gyro_white``, ``accel_white``, ``gyro_bias``, ``accel_bias``, ``position`` or ``velocity``.
+    stated : float or None
+        What the static identification (or the receiver) says, root mean square over the axes, SI; None where the
+        filter has no such noise.
+    unit : str
+        Of `stated`.
+    plain : Coefficient
+        Factor on it that the drive asks for with nothing named.
+    named : Coefficient
+        The same with all findings in the filter.
+    causes : tuple of str
+        Codes of what accounts for the factor, ``unknown`` for what nothing does; empty where nothing is asked.
+    identifiable : bool
+        Whether the drive tells the factor at all.
+    text : str
+        All that in words.
+    """
+
+    quantity: str
+    stated: float | None
+    unit: str
+    plain: Coefficient
+    named: Coefficient
+    causes: tuple[str, ...]
+    identifiable: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class DriveDiagnosis:
+    """What the navigation simulation gets wrong on a measured drive.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        Named causes, the clearest first; axes are those of the sensor, lever arms of the vehicle where its mounting
+        is known.
+    before, after : FilterConfig
+        The filter that was criticised, and the same with all findings in it.
+    unexplained : tuple of Unexplained
+        Alarms without a cause.
+    inseparable : tuple of Inseparable
+        What cannot be told apart on this drive.
+    notes : tuple of str
+        What was done, and what is worth knowing.
+    gain : Gain or None
+        All findings together on the last 40 % of the drive, parameters from the first 60 %.
+    demands : tuple of Demand
+        Inflation of each noise setting, explained.
+    """
+
+    findings: tuple[Finding, ...]
+    before: FilterConfig
+    after: FilterConfig
+    unexplained: tuple[Unexplained, ...] = ()
+    inseparable: tuple[Inseparable, ...] = ()
+    notes: tuple[str, ...] = ()
+    gain: Gain | None = None
+    demands: tuple[Demand, ...] = ()
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings and not self.unexplained
+
+    @property
+    def credited(self) -> bool:
+        """Whether what was found does no harm on the part held out; true where no gain could be measured.
+
+        Harm is a loss of likelihood, or errors of outages whose change has an interval above zero.
+        """
+        if self.gain is None:
+            return True
+        worse = [low > 0.0 for name, (low, _) in self.gain.user.items() if "_change_interval" in name]
+        return self.gain.nats >= 0.0 and not any(worse)
+
+    @property
+    def compensation(self) -> Mapping[str, float]:
+        """What is to be taken out of such drives, see `tuner.navigation.compensation`."""
+        return self.after.compensation

@@ -1,0 +1,170 @@
+"""Which noise a sensor has: terms with intervals, candidates, ARMA, agreement of several logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.types.coefficient import Coefficient
+from tuner.types.curves import AllanCurve
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TermEstimate:
+    """One noise term as identified: the coefficients of a present term, or the bounds of an absent one.
+
+    Attributes
+    ----------
+    name : str
+        ``quantization white bias_instability random_walk ramp gauss_markov`` (or ``sinusoid``,
+        ``low_pass_white``, ``arma``).
+    coefficients : mapping of str to Coefficient
+        By the field names of the term's class in `models.noise`.
+    """
+
+    name: str
+    coefficients: Mapping[str, Coefficient]
+
+    @property
+    def present(self) -> bool:
+        """Whether the data contain the term (every coefficient has a value)."""
+        return all(c.value is not None for c in self.coefficients.values())
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A sum of terms that was tried, with its score (lower is better) and what became of it."""
+
+    terms: tuple[str, ...]
+    score: float
+    note: str
+
+
+@dataclass(frozen=True)
+class ArmaFit:
+    """ARMA(p,q) of a record: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance.
+
+    `white` is True where the model cannot be told from white noise; `interval` is the sampling interval
+    of the series that was fitted, s; `steps` are the preprocessing steps and tests, in order, in words
+    with their figures.
+    """
+
+    ar: tuple[Coefficient, ...]
+    ma: tuple[Coefficient, ...]
+    variance: float
+    interval: float
+    unit: str
+    criterion: str
+    scores: Mapping[tuple[int, int], float]
+    white: bool
+    steps: tuple[str, ...] = ()
+
+    @property
+    def order(self) -> tuple[int, int]:
+        """Orders (p, q)."""
+        return len(self.ar), len(self.ma)
+
+
+@dataclass(frozen=True)
+class ChannelIdentification:
+    """The noise of one axis.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Channel and unit of its samples.
+    interval, span : float
+        Sampling interval and time covered, s.
+    method : str
+        ``likelihood``, ``leastsquares``, ``slopes``, ``unweighted`` or ``curve``.
+    model : NoiseModel
+        Sum of the terms that the data contain.
+    terms : tuple of TermEstimate
+        Present and bounded terms, in the order of the base.
+    parameters : tuple of str
+        Names of the fitted parameters, such as ``white.density``, in the order of `covariance`.
+    covariance : ndarray, shape (p, p)
+        Covariance of the logarithms of the parameters.
+    mean : Coefficient
+        Mean of the channel: Allan methods cannot see a constant.
+    sigma_10s : Coefficient
+        Allan deviation at 10 s.
+    minimum : Coefficient
+        Smallest Allan deviation; its cluster time, s, is `minimum_tau`.
+    floor : Coefficient
+        Smallest Allan deviation ÷ 0.664: what many tools print as bias instability.
+    minimum_tau : float
+        Cluster time of the minimum, s.
+    allan : AllanCurve
+        Overlapping Allan curve of the axis.
+    candidates : tuple of Candidate
+        Sums that were compared.
+    arma : ArmaFit or None
+        Time-series model of the same axis.
+    warnings : tuple of str
+        Doubts a user must know, such as disagreement between methods.
+    """
+
+    axis: str
+    unit: str
+    interval: float
+    span: float
+    method: str
+    model: NoiseModel
+    terms: tuple[TermEstimate, ...]
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+    mean: Coefficient
+    sigma_10s: Coefficient
+    minimum: Coefficient
+    floor: Coefficient
+    minimum_tau: float
+    allan: AllanCurve
+    candidates: tuple[Candidate, ...] = ()
+    arma: ArmaFit | None = None
+    warnings: tuple[str, ...] = ()
+
+    def term(self, name: str) -> TermEstimate | None:
+        """Return the first term of that name, or None."""
+        return next((t for t in self.terms if t.name == name), None)
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The noise of every channel of one or more logs, with where it came from."""
+
+    source: Mapping[str, Any]
+    channels: Mapping[str, ChannelIdentification]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PooledCoefficient:
+    """One coefficient over several records.
+
+    `spread` is the true sd from record to record (relative for amplitudes), `values` each record's own estimate,
+    `p_value` that of the test that all records share one value.
+    """
+
+    name: str
+    value: Coefficient
+    spread: Coefficient
+    values: tuple[float | None, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class PooledChannel:
+    """One axis over several records of a sensor; the spread of `mean` is the turn-on repeatability."""
+
+    axis: str
+    unit: str
+    coefficients: tuple[PooledCoefficient, ...]
+    mean: PooledCoefficient | None
