@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.tuner.drives.replicas import Source
-from tests.tuner.drives.sage_husa import sage_husa
+from tests.tuner.diagnosis.drive.replicas import Source
+from tests.tuner.diagnosis.drive.sage_husa import sage_husa
 from tuner.diagnosis.drive.causes.reported_sd import edges_of, reported_law, reported_noise
 from tuner.diagnosis.drive.linear_model.fit import maximise
 from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.tuner.drives.replicas import Source
+from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.constants import wandering
 from tuner.diagnosis.drive.causes.gnss_outliers import mask
 from tuner.diagnosis.drive.linear_model.fit import maximise

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.tuner.drives.replicas import Source
+from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, with_jump
 from tuner.diagnosis.drive.causes.constants import Scored, retested
 from tuner.diagnosis.drive.hypothesis_tests import LARGEST, Candidate

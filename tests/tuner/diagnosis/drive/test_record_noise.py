@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from tests.tuner.drives.replicas import Source
+from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor, with_jump
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tests.tuner.drives.replicas import Source
+from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
