@@ -9,8 +9,8 @@ from typing import Any
 from rich.table import Table
 
 from tuner.formats.customary_units import digits, digits_to
+from tuner.formats.findings import coefficient_json
 from tuner.papers.results import Claim, Item
-from tuner.report.json.identification import coefficient_json
 from tuner.types import Coefficient
 
 ORDER = ("reproduced", "corrected", "untestable", "not reproduced")

@@ -12,11 +12,12 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.noise import NoiseModel, Term
-from tuner.cli.progress import Advance
 from tuner.types import LEVEL, Coefficient
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
+Advance = Callable[[int, int], None]
+"""Called with (done, total)."""
 
 GROUPS = 50
 """Most groups of runs, left out in turn for the interval of a statistic."""

@@ -19,9 +19,9 @@ from dataclasses import replace
 from typing import Any
 
 from tuner.formats.files import plain
+from tuner.formats.findings import carried
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
-from tuner.report.json.diagnosis import carried
 from tuner.types import (
     ChannelIdentification,
     Diagnosis,

@@ -16,8 +16,8 @@ from tuner.diagnosis.drive.held_out_gain import gain_of
 from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
 from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
 from tuner.diagnosis.drive.search import THRESHOLD, Criticism, criticise
+from tuner.formats.findings import carried
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
-from tuner.report.json.diagnosis import carried
 from tuner.types import DriveDiagnosis, FilterConfig, Gain, Unexplained
 from tuner.types.records import DataError, Drive
 

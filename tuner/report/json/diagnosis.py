@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from tuner.formats.files import plain
-from tuner.report.json.identification import coefficient_json
-from tuner.types import Demand, Diagnosis, DriveDiagnosis, Finding, Gain, Unexplained
+from tuner.formats.findings import coefficient_json, finding_json, gain_json
+from tuner.types import Demand, Diagnosis, DriveDiagnosis, Unexplained
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -58,42 +58,3 @@ def demand_json(one: Demand) -> dict[str, Any]:
 
 def _unexplained(one: Unexplained) -> dict[str, Any]:
     return {"statistic": one.statistic, "channels": list(one.channels), "p_value": plain(float(one.p_value))}
-
-
-def finding_json(finding: Finding) -> dict[str, Any]:
-    """Return one finding."""
-    return {
-        "cause": finding.cause,
-        "channels": list(finding.channels),
-        "statistic": {"name": finding.statistic, "value": plain(float(finding.value))},
-        "p_value": plain(float(finding.p_value)),
-        "parameters": {name: coefficient_json(value) for name, value in finding.parameters.items()},
-        "by_channel": {
-            axis: {name: coefficient_json(value) for name, value in values.items()}
-            for axis, values in finding.by_channel.items()
-        },
-        "gain": None if finding.gain is None else gain_json(finding.gain),
-        "alternatives": [{"cause": a.cause, "score": plain(a.score)} for a in finding.alternatives],
-        "text": finding.text,
-        "consequence": finding.consequence,
-        "extension": plain(dict(finding.extension)),
-        "inflations": [vars(inflation) for inflation in finding.inflations],
-    }
-
-
-def carried(finding: Finding) -> dict[str, Any]:
-    """Return one finding as a configuration carries it: its inflations stand there by themselves."""
-    told = finding_json(finding)
-    told.pop("inflations")
-    return told
-
-
-def gain_json(gain: Gain) -> dict[str, Any]:
-    """Return a gain."""
-    return {
-        "split": gain.split,
-        "held_out_log_likelihood_per_sample": {"before": plain(gain.before), "after": plain(gain.after)},
-        "nats": plain(gain.nats),
-        "coverage": {name: {"before": a, "after": b} for name, (a, b) in gain.coverage.items()},
-        "user": {name: {"before": plain(a), "after": plain(b)} for name, (a, b) in gain.user.items()},
-    }

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tuner.formats.files import plain
+from tuner.formats.findings import coefficient_json
 from tuner.identification.estimates import BASE
 from tuner.types import (
     AllanCurve,
@@ -22,17 +23,6 @@ from tuner.types import (
     Spectrum,
     TermEstimate,
 )
-
-
-def coefficient_json(coefficient: Coefficient) -> dict[str, Any]:
-    """Return a number with its interval or bound."""
-    answer = {
-        "value": plain(coefficient.value),
-        "interval": plain(coefficient.interval),
-        "upper": plain(coefficient.upper),
-        "unit": coefficient.unit,
-    }
-    return answer if coefficient.reason is None else {**answer, "reason": coefficient.reason}
 
 
 def identification_json(identification: Identification) -> dict[str, Any]:
