@@ -342,7 +342,7 @@ def test_navigate_from_the_command_line(file, tmp_path, capsys):
     ]
     assert run(arguments) == 0
     content = json.loads(out.read_text(encoding="utf-8"))
-    assert content["schema"] == "tuner.consistency.scores/1"
+    assert content["schema"] == "tuner.consistency/1"
     assert content["source"]["estimates"]["time_offset"]
     assert [o["seconds"] for o in content["outage"]] == [10.0, 30.0, 60.0]
     assert not any("no receiver is named" in note for note in content["notes"])

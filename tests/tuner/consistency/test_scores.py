@@ -121,7 +121,7 @@ def test_check_from_the_command_line(tmp_path, capsys):
     arguments = ["check", "stim300", "--gnss", "rtk", "--runs", "4", "--duration", "300", "--quiet"]
     assert run([*arguments, "--json", str(file)]) == 0
     content = json.loads(file.read_text(encoding="utf-8"))
-    assert content["schema"] == "tuner.consistency.scores/1"
+    assert content["schema"] == "tuner.consistency/1"
     assert content["nees"]["dof"] == 15
     assert content["consistent"] is True
     assert "consistent" in capsys.readouterr().out

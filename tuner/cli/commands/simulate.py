@@ -102,7 +102,7 @@ def command(
     key_path = path.with_name(Path(path.name.removesuffix(".gz")).stem + ".key.json")
     write_text(key_path, json_text(key))
     messages.say(f"wrote {path} and its key {key_path}")
-    output.write({"schema": "tuner.simulation.static/1", "log": str(path), "key": str(key_path)})
+    output.write({"schema": "tuner.simulation/1", "log": str(path), "key": str(key_path)})
 
 
 def _drive(

@@ -1,4 +1,4 @@
-"""JSON of a check or a drive, in the form ``tuner.consistency.scores/1``."""
+"""JSON of a check or a drive, in the form ``tuner.consistency/1``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def consistency_json(
     nis = {s.name: _score(s) for s in found.nis}
     white = found.whiteness
     return {
-        "schema": "tuner.consistency.scores/1",
+        "schema": "tuner.consistency/1",
         "source": dict(source),
         "consistent": found.consistent,
         "diverged": found.diverged,

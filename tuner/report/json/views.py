@@ -34,7 +34,7 @@ def receiver_json(found: ReceiverErrors) -> dict[str, Any]:
 def plan_json(plans: Mapping[str, Plan]) -> dict[str, Any]:
     """Return the plan of every channel; hours are null beyond what can be waited for."""
     return {
-        "schema": "tuner.identification.record_length/1",
+        "schema": "tuner.plan/1",
         "channels": {
             axis: {
                 "hours": plan.hours,
@@ -58,7 +58,7 @@ def plan_json(plans: Mapping[str, Plan]) -> dict[str, Any]:
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
     """Return every compared coefficient, in the order of the sources."""
     return {
-        "schema": "tuner.identification.comparison/1",
+        "schema": "tuner.comparison/1",
         "sources": list(comparison.names),
         "channels": {
             axis: {
@@ -100,7 +100,7 @@ def pooled_json(
 def grades_json(grades: Sequence[SensorGrade]) -> dict[str, Any]:
     """Return the noise terms of every built-in grade, SI."""
     return {
-        "schema": "tuner.catalogue.grades/1",
+        "schema": "tuner.grades/1",
         "grades": {
             grade.key: {
                 "title": grade.title,
