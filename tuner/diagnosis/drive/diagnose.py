@@ -14,7 +14,7 @@ from tuner.diagnosis.drive.causes.time_offset import coarse_clocks, drifting, su
 from tuner.diagnosis.drive.findings import finding, told_apart
 from tuner.diagnosis.drive.held_out_gain import gain_of
 from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
-from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.search import THRESHOLD, Criticism, criticise
 from tuner.formats.findings import carried
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
@@ -56,7 +56,7 @@ def examine_drive(
     drive : Drive
         The drive.
     config : FilterConfig
-        What the filter believes of the sensor and of the receiver; where the receiver reports sds, those count.
+        Noise of the sensor and of the receiver as configured; where the receiver reports sds, those count.
     wheels : bool
         Whether the vehicle's wheels do not slip: then the stated mounting of the unit is tested.
     progress : callable, optional
@@ -105,7 +105,7 @@ def _diagnosis(
 ) -> DriveDiagnosis:
     """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
     n = max(1, int(np.count_nonzero(outcome.base.record.counted.any(axis=1))))
-    before = evaluate(believed(outcome.base.record)).value / n
+    before = evaluate(as_configured(outcome.base.record)).value / n
     own = [
         gain
         if gain is not None and len(outcome.accepted) == 1

@@ -22,9 +22,9 @@ from scipy.stats import t as student
 from tuner.diagnosis.drive.causes.constants import SHARE
 from tuner.diagnosis.drive.causes.reported_sd import names_in, refitted, said_by
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
-from tuner.diagnosis.drive.hypothesis_tests import belief_of
+from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.fit import maximise
-from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
 from tuner.diagnosis.drive.search import Criticism, refined
 from tuner.navigation.data import WITHHELD
@@ -89,10 +89,10 @@ def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
     found = refined(part, examine(part, own), outcome.shifts)
     values = dict(found.hypothesis.values)
     if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
-        belief, said = belief_of(found, outcome.shifts), said_by(found.record, values)
-        names = present(belief, names_in(values), said)
+        noise, said = noise_hypothesis_of(found, outcome.shifts), said_by(found.record, values)
+        names = present(noise, names_in(values), said)
         if names:
-            values |= refitted(values, maximise(belief, factors(names, said)))
+            values |= refitted(values, maximise(noise, factors(names, said)))
     return replace(final, values=values)
 
 
@@ -108,7 +108,7 @@ def _shared(before: Pass, after: Pass, cut: float, count: int) -> tuple[NDArray[
 
 def _scores(found: Pass, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Return log likelihood, mean square and lag-1 correlation of whitened innovations in rows."""
-    told = evaluate(believed(found.record))
+    told = evaluate(as_configured(found.record))
     white = np.where(rows, told.white, 0.0)
     value = -0.5 * float(np.sum(white[rows] ** 2 + np.log(2.0 * np.pi * told.variance[rows])))
     square = float(np.sum(white**2))

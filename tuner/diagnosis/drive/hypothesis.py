@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.likelihood import believed
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.linearize import linear_record
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
@@ -132,8 +132,8 @@ class Pass:
 
     @cached_property
     def whitened(self) -> Whitened:
-        """Innovations and sensitivities by their sds, as the filter believed, less what noise makes of constants."""
-        w, leaning = whitened(believed(self.record)), self.hypothesis.leaning
+        """Innovations and sensitivities by the sds the filter predicts, less what noise makes of constants."""
+        w, leaning = whitened(as_configured(self.record)), self.hypothesis.leaning
         return w if leaning is None else replace(w, residual=w.residual - w.slope @ leaning)
 
 
@@ -155,7 +155,7 @@ def thinned(drive: Drive) -> tuple[Drive, int]:
 
 
 def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
-    """Return the filter of a hypothesis for a drive that is already compensated: it believes the receiver's sds."""
+    """Return the filter of a hypothesis for a drive that is already compensated: it takes the receiver's sds."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
     settings = filter_settings(hypothesis.config, lever_arm=arm)
     settings = replace(settings, fix_laws=(FixLaw(), FixLaw()))

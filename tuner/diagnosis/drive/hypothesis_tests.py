@@ -1,7 +1,7 @@
 """Families of tests on one pass, and the hypothesis that each would lead to.
 
-Causes that shift innovations come from `score`; those of the noise and of single fixes make another belief of the
-record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver or a law of them,
+Causes that shift innovations come from `score`; those of the noise and of single fixes make another noise hypothesis
+of the record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver or a law of them,
 densities, correlated states, fixes left out.
 """
 
@@ -23,7 +23,7 @@ from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
 from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, joint_noise, scores
 from tuner.diagnosis.drive.causes.reported_sd import has_law, reported_noise, scaled
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump, Pass
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
 from tuner.diagnosis.drive.linear_model.record import GROUPS
@@ -35,13 +35,13 @@ from tuner.types import ChannelNoise, Coefficient, FilterConfig, MarkovState
 FloatArray = NDArray[np.float64]
 
 STRONG = 1e-9
-"""Chance below which a shift is believed whatever the noise."""
+"""Chance below which a shift is significant whatever the noise."""
 WORTH = 1.0
 """Gain from which a cause is named, nats."""
 JUMPS = 2
 """Most jumps that are named; more of them are another thing."""
 LARGEST = {"gyro": 0.05, "accel": 1.0}
-"""Size of a jump of a bias, rad/s and m/s², from which it is not believed: something else is wrong."""
+"""Size of a jump of a bias, rad/s and m/s², from which it is rejected: something else is wrong."""
 MEAN_TITLE = "score of the sensitivity of the innovations"
 
 
@@ -72,8 +72,8 @@ class Candidate:
     def credible(self) -> bool:
         """Whether a cause of the size that it would have to be is met in practice."""
         if self.scored is None and self.cause == JUMP and self.claim is not None:
-            size = np.abs(evaluate(self.claim.belief).theta[-3:]).max()
-            return bool(size < LARGEST[jump_sensor(self.claim.belief)])
+            size = np.abs(evaluate(self.claim.noise).theta[-3:]).max()
+            return bool(size < LARGEST[jump_sensor(self.claim.noise)])
         return self.scored is None or self.scored.credible
 
     def raised(self, threshold: float) -> bool:
@@ -81,11 +81,11 @@ class Candidate:
         return self.alarm.p_value < threshold and self.alarm.gain > WORTH
 
 
-def belief_of(found: Pass, accepted: tuple[str, ...]) -> Belief:
-    """Return what the filter of a pass believed, with accepted shifts free."""
+def noise_hypothesis_of(found: Pass, accepted: tuple[str, ...]) -> NoiseHypothesis:
+    """Return the noise for which the filter of a pass was configured, with accepted shifts free."""
     names = found.record.parameters
     columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
-    return replace(believed(found.record), columns=columns)
+    return replace(as_configured(found.record), columns=columns)
 
 
 def candidates(
@@ -99,33 +99,33 @@ def candidates(
     listened to last. A family that comes later is not asked, or taken for silent, while an earlier one alarms.
     """
     record = found.record
-    belief = belief_of(found, accepted)
+    noise = noise_hypothesis_of(found, accepted)
     shifts = [shift(one) for one in families(w, record.parameters, accepted)]
     if any(one.raised(STRONG) for one in shifts):
-        free = replace(belief, columns=tuple(range(len(record.parameters))))
-        fixes, noise = _asked(found, free, threshold)
-        if any(one.raised(STRONG) for one in noise):
-            return (*fixes, *noise)
-        return (*shifts, *_fixes(belief, threshold))
-    fixes, noise = _asked(found, belief, threshold)
-    if any(one.raised(threshold) for one in (*fixes, *noise)):
-        return (*fixes, *noise)
-    return (*shifts, *fixes, *noise)
+        free = replace(noise, columns=tuple(range(len(record.parameters))))
+        fixes, others = _asked(found, free, threshold)
+        if any(one.raised(STRONG) for one in others):
+            return (*fixes, *others)
+        return (*shifts, *_fixes(noise, threshold))
+    fixes, others = _asked(found, noise, threshold)
+    if any(one.raised(threshold) for one in (*fixes, *others)):
+        return (*fixes, *others)
+    return (*shifts, *fixes, *others)
 
 
-def _fixes(belief: Belief, threshold: float) -> tuple[Candidate, ...]:
-    """Return what single fixes say; where positions and velocities both alarm they have one belief."""
-    record = belief.record
-    every = replace(belief, rows=belief.rows | (record.available & record.scored[:, None]))
+def _fixes(noise: NoiseHypothesis, threshold: float) -> tuple[Candidate, ...]:
+    """Return what single fixes say; where positions and velocities both alarm they have one hypothesis."""
+    record = noise.record
+    every = replace(noise, rows=noise.rows | (record.available & record.scored[:, None]))
     masked = mask(every)
     told = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
     if all(one.raised(threshold) for one in told):
         both = replace(every, rows=masked.rows(every))
-        told = [_claimed(replace(one.claim, belief=both)) for one in told if one.claim is not None]
+        told = [_claimed(replace(one.claim, noise=both)) for one in told if one.claim is not None]
     return tuple(told)
 
 
-def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
+def _asked(found: Pass, noise: NoiseHypothesis, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
     """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
 
     The kernels of the likelihood let other threads run. What a line search says is not for the user, and scipy keeps it
@@ -133,22 +133,22 @@ def _asked(found: Pass, belief: Belief, threshold: float) -> tuple[tuple[Candida
     """
     with warnings.catch_warnings(), ThreadPoolExecutor(max_workers=2) as pool:
         warnings.filterwarnings("ignore", "The line search|Rounding errors", RuntimeWarning)
-        correlated = pool.submit(lambda: correlated_gnss(belief, evaluate(belief)))
-        factors = pool.submit(_factors, found, belief)
-        fixes = pool.submit(_fixes, belief, threshold)
-        jumps = [pool.submit(bias_jump, belief)] if len(found.hypothesis.jumps) < JUMPS else []
+        correlated = pool.submit(lambda: correlated_gnss(noise, evaluate(noise)))
+        factors = pool.submit(_factors, found, noise)
+        fixes = pool.submit(_fixes, noise, threshold)
+        jumps = [pool.submit(bias_jump, noise)] if len(found.hypothesis.jumps) < JUMPS else []
         claims = (*factors.result(), correlated.result(), *(jump.result() for jump in jumps))
         return fixes.result(), tuple(_claimed(claim) for claim in claims)
 
 
-def _factors(found: Pass, belief: Belief) -> tuple[Claim, ...]:
+def _factors(found: Pass, noise: NoiseHypothesis) -> tuple[Claim, ...]:
     """Return what is said of factors on the noise, and of laws of the reported sds."""
-    told, prior = scores(belief), static_prior(found.hypothesis.config.channels)
-    factors = joint_noise(belief, told, prior_sd=prior)
+    told, prior = scores(noise), static_prior(found.hypothesis.config.channels)
+    factors = joint_noise(noise, told, prior_sd=prior)
     if factors is None:
-        factors = gnss_noise(belief, told), imu_noise(belief, told, prior_sd=prior)
+        factors = gnss_noise(noise, told), imu_noise(noise, told, prior_sd=prior)
     asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
-    laws = [claim for block in asked if (claim := reported_noise(belief, block)) is not None]
+    laws = [claim for block in asked if (claim := reported_noise(noise, block)) is not None]
     return (*factors, *laws)
 
 
@@ -164,27 +164,27 @@ def shift(scored: Scored) -> Candidate:
 
 def adopted(found: Pass, claim: Claim) -> Hypothesis:
     """Return the hypothesis of a pass with what a claim holds true besides."""
-    was, record, belief = found.hypothesis, found.record, claim.belief
+    was, record, noise = found.hypothesis, found.record, claim.noise
     if claim.alarm.cause == JUMP:
-        theta = evaluate(belief).theta[-3:]
+        theta = evaluate(noise).theta[-3:]
         time = claim.describe()["time"].value
         assert time is not None
-        return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(belief), theta)))
-    ratio = belief.sd / record.sd
+        return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(noise), theta)))
+    ratio = noise.sd / record.sd
     told = claim.law or {
         f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)])) for name, rows in ROWS.items()
     }
     factor = tuple(f"gnss_noise_scale.{name}" for name in ROWS)
     values = {name: scaled(was.values, name, v) if name in factor else v for name, v in told.items()}
-    config = _denser(was.config, dict(zip(GROUPS, belief.drive.tolist(), strict=True)))
-    if np.any(belief.markov_sd > 0.0) and config.gnss is not None:
-        level, down = float(np.sqrt(np.mean(belief.markov_sd[:2] ** 2))), float(belief.markov_sd[2])
-        state = MarkovState(level or down, float(belief.markov_time))
+    config = _denser(was.config, dict(zip(GROUPS, noise.process_noise_scale.tolist(), strict=True)))
+    if np.any(noise.markov_sd > 0.0) and config.gnss is not None:
+        level, down = float(np.sqrt(np.mean(noise.markov_sd[:2] ** 2))), float(noise.markov_sd[2])
+        state = MarkovState(level or down, float(noise.markov_time))
         gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
         config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
     position, velocity = was.position_out.copy(), was.velocity_out.copy()
     if claim.alarm.cause in KINDS:
-        dropped = record.available & record.scored[:, None] & ~belief.rows
+        dropped = record.available & record.scored[:, None] & ~noise.rows
         position[found.index[dropped[:, :3].any(axis=1)]] = True
         velocity[found.index[dropped[:, 3:].any(axis=1)]] = True
     changed = {name: value for name, value in values.items() if value != 1.0}

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.diagnose import Examined
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
-from tuner.diagnosis.drive.hypothesis_tests import belief_of
+from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, factors, present
 from tuner.types import ChannelNoise, Coefficient, Demand, FilterConfig
@@ -88,7 +88,7 @@ def demands(
     base, final = examined.criticism.base, examined.criticism.final
     config = base.hypothesis.config
     known = tuple(a.cause for a in examined.criticism.accepted)
-    if not all(present(belief_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
+    if not all(present(noise_hypothesis_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
         return ()
     try:
         plain = _asked(base, base, (), prior_sd)
@@ -150,20 +150,20 @@ def _asked(
     others: Fit | None = None,
 ) -> _Asked:
     """Fit the free settings of a pass, the others as a fit has them."""
-    belief = belief_of(found, tuple(known))
-    names = present(belief, tuple(free))
+    noise = noise_hypothesis_of(found, tuple(known))
+    names = present(noise, tuple(free))
     if others is not None:
         fixed = tuple(name for name in others.scales.names if name not in names)
         logs = np.array([others.estimate[others.number(name)] for name in fixed])
-        belief = factors(fixed).change(belief, logs)
+        noise = factors(fixed).change(noise, logs)
     # Far from the truth variances may come out negative: the search turns back from there.
     with np.errstate(invalid="ignore"):
-        fit = maximise(belief, factors(names), prior_sd=prior_sd)
+        fit = maximise(noise, factors(names), prior_sd=prior_sd)
     return _Asked(fit, {name: settled(found, name) / settled(base, name) for name in names})
 
 
 def settled(found: Pass, name: str) -> float:
-    """Return what the filter of a pass believed of a setting, in proportion to what was stated."""
+    """Return the configured value of a setting of a pass, in proportion to what was stated."""
     if name in BLOCKS:
         record, rows = found.record, found.record.counted[:, BLOCKS[name]]
         now, said = (sd[:, BLOCKS[name]][rows] for sd in (record.sd, record.reported_sd))

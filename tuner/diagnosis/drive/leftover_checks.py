@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump
 from tuner.diagnosis.drive.causes.constants import Scored, columns_of, retested
 from tuner.diagnosis.drive.hypothesis import Pass
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.linear_model.whitened import whitened
 from tuner.diagnosis.static.outcome import Alarm
@@ -74,7 +74,7 @@ def left_by(found: Pass, known: Sequence[str], alarm: Scored, threshold: float) 
         return ()
     loose = loosened(found.record, strong)
     values = _values(found, alarm.cause)
-    again = retested(whitened(believed(loose)), loose.parameters, known, alarm.cause, values)
+    again = retested(whitened(as_configured(loose)), loose.parameters, known, alarm.cause, values)
     return strong if again.p_value >= threshold else ()
 
 
@@ -87,8 +87,8 @@ def jumps_still(found: Pass, known: Sequence[str], strong: Sequence[str], thresh
     """Whether a bias jumps in a pass without jumps where strong causes may differ between parts of the drive."""
     loose = loosened(found.record, strong)
     columns = tuple(i for cause in known for i in columns_of(cause, loose.parameters))
-    belief: Belief = replace(believed(loose), columns=columns)
-    return bias_jump(belief).alarm.p_value < threshold
+    noise: NoiseHypothesis = replace(as_configured(loose), columns=columns)
+    return bias_jump(noise).alarm.p_value < threshold
 
 
 def doubted(cause: str, gain: float, strong: Sequence[str]) -> str:

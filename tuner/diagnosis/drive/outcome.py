@@ -1,4 +1,4 @@
-"""What one family of causes says of a record: how surely, what it makes of the belief, and in which figures."""
+"""What one family of causes says of a record: how surely, what it makes of the noise, and in which figures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
@@ -19,17 +19,17 @@ class Claim:
     ----------
     alarm : Alarm
         How surely; its `gain` is the log likelihood gained less ½ ln n a parameter, nats.
-    belief : Belief
+    noise : NoiseHypothesis
         With the cause: to go on from. The same as before where the family has nothing to say.
     describe : callable
         () → parameters of the finding, with intervals; costs some refits.
     law : mapping of str to float
-        Names of a compensation that stand for the sds of the belief, factors on what it has already; empty where one
+        Names of a compensation that stand for the sds of the noise, factors on what it has already; empty where one
         factor on each group of rows does.
     """
 
     alarm: Alarm
-    belief: Belief
+    noise: NoiseHypothesis
     describe: Callable[[], Mapping[str, Coefficient]]
     law: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -38,6 +38,6 @@ SILENT = -9.0
 """Gain of a family that has nothing to say, nats."""
 
 
-def silent(cause: str, belief: Belief, p_value: float, statistic: float, name: str) -> Claim:
+def silent(cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str) -> Claim:
     """Return the outcome of a family that has nothing to say."""
-    return Claim(Alarm(cause, p_value, SILENT, statistic, name), belief, dict)
+    return Claim(Alarm(cause, p_value, SILENT, statistic, name), noise, dict)

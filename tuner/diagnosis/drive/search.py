@@ -23,14 +23,14 @@ from tuner.diagnosis.drive.hypothesis import Pass, examine
 from tuner.diagnosis.drive.hypothesis_tests import (
     Candidate,
     adopted,
-    belief_of,
     candidates,
     coefficients,
+    noise_hypothesis_of,
     shift,
 )
 from tuner.diagnosis.drive.leftover_checks import doubted, jump_left_by, jumps_still, left_by
 from tuner.diagnosis.drive.linear_model.fit import maximise
-from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
 from tuner.diagnosis.drive.linear_model.record import GROUPS
 from tuner.types import Alternative, Coefficient
@@ -150,8 +150,8 @@ def criticise(
             found = refined(drive, replace(found, hypothesis=replace(found.hypothesis, leaning=None)), known)
         else:
             assert chosen.claim is not None
-            # Factors on R and Q that were fitted together have one belief.
-            together = [a for a in raised if a.claim is not None and a.claim.belief is chosen.claim.belief]
+            # Factors on R and Q that were fitted together have one noise.
+            together = [a for a in raised if a.claim is not None and a.claim.noise is chosen.claim.noise]
             then = adopted(found, chosen.claim)
             if then.is_like(found.hypothesis):
                 # What is asked for is at its bound: the filter can have no more of it.
@@ -220,8 +220,8 @@ def _upright(drive: Drive, found: Pass) -> Pass:
 
 def _likelihood(found: Pass) -> float:
     """Return the log likelihood of a row, outliers limited, times the rows of a drive."""
-    belief = believed(found.record)
-    every = replace(belief, rows=found.record.available & (belief.rows | found.record.scored[:, None]))
+    noise = as_configured(found.record)
+    every = replace(noise, rows=found.record.available & (noise.rows | found.record.scored[:, None]))
     told, rows = evaluate(every), every.counted
     if not rows.any():
         return 0.0
@@ -318,11 +318,11 @@ def _rescaled(accepted: list[Accepted], base: Pass, found: Pass, known: tuple[st
     causes = [one.cause for one in accepted if one.cause in FACTORS]
     if not causes:
         return accepted
-    belief, values = belief_of(found, known), found.hypothesis.values
+    noise, values = noise_hypothesis_of(found, known), found.hypothesis.values
     said = said_by(found.record, values)
     wanted = {"gnss_noise_scale": names_in(values), "imu_noise_scale": GROUPS}
-    names = present(belief, tuple(name for cause in causes for name in wanted[cause]), said)
-    fit = maximise(belief, factors(names, said))
+    names = present(noise, tuple(name for cause in causes for name in wanted[cause]), said)
+    fit = maximise(noise, factors(names, said))
     told: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
     for name in names:
         if name in wanted["gnss_noise_scale"]:

@@ -1,11 +1,11 @@
-"""Replicas of a linear record: the same filter on the same way, errors drawn from a belief.
+"""Replicas of a linear record: the same filter on the same way, errors drawn from a noise hypothesis.
 
 ::
 
     e ← Φ e + B θ + w,    ν = H e + D θ + v,    c = K ν,    e ← e − c
 
-with w and v as the belief has them, K as the recorded filter had it. They say how a statistic is spread where
-the belief is true, and hide causes in records whose filter does not know them.
+with w and v as the hypothesis has them, K as the recorded filter had it. They say how a statistic is spread where
+the hypothesis is true, and hide causes in records whose filter does not know them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, gains_of
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, gains_of
 from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
@@ -26,11 +26,11 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Source:
-    """What replicas of one belief are drawn from.
+    """What replicas of one hypothesis are drawn from.
 
     Attributes
     ----------
-    belief : Belief
+    noise : NoiseHypothesis
         What is true.
     roots : ndarray, shape (k, n, n)
         Square roots of the process noise.
@@ -40,20 +40,20 @@ class Source:
         Of the recorded filter, row by row.
     """
 
-    belief: Belief
+    noise: NoiseHypothesis
     roots: FloatArray
     start: FloatArray
     gains: FloatArray
 
     @classmethod
-    def of(cls, belief: Belief) -> Source:
-        """Prepare a belief."""
-        record = belief.record
-        factors = (belief.drive**2).tolist()
+    def of(cls, noise: NoiseHypothesis) -> Source:
+        """Prepare the replicas of a noise hypothesis."""
+        record = noise.record
+        factors = (noise.process_noise_scale**2).tolist()
         total = record.noise.get("gnss_position", np.zeros_like(record.transition))
         for factor, group in zip(factors, GROUPS, strict=True):
             total = total + factor * record.noise[group]
-        return cls(belief, _root(total), _root(record.initial[None])[0], gains_of(believed(record)))
+        return cls(noise, _root(total), _root(record.initial[None])[0], gains_of(as_configured(record)))
 
     def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearRecord:
         """Return a replica.
@@ -65,7 +65,7 @@ class Source:
         theta : ndarray, shape (p,), optional
             Mean parameters, one for each column of the record.
         """
-        h, record = self.belief, self.belief.record
+        h, record = self.noise, self.noise.record
         k, n = record.transition.shape[:2]
         drive = np.einsum("kij,kj->ki", self.roots, rng.standard_normal((k, n)))
         noise = h.sd * rng.standard_normal((k, 6)) * record.available

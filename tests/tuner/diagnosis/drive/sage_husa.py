@@ -4,10 +4,10 @@ The filter corrects the variance of every row by its own innovations, with a for
 
     r ← (1 − d) r + d (z² − h P hᵀ),    d = (1 − b)/(1 − b^{i+1})
 
-and uses it at once; a variance below a hundredth of what was believed is held there. One number a group of `ROWS`,
-in units of the sds believed. It needs no second pass and follows changes; its noise is that of 1/(1 − b) fixes.
+and uses it at once; a variance below a hundredth of what was configured is held there. One number a group of `ROWS`,
+in units of the sds configured. It needs no second pass and follows changes; its noise is that of 1/(1 − b) fixes.
 
-Sds 1.5 times those believed, 450 fixes to learn from and 450 to be scored by (mean of 12 replicas of a city drive):
+Sds 1.5 times those configured, 450 fixes to learn from and 450 to be scored by (mean of 12 replicas of a city drive):
 rms error of the factor 3.0 % for maximum likelihood, 9.8, 5.9, 8.1 and 13.7 % for b = 0.95, 0.98, 0.99 and 0.995; log
 likelihood gained on the second half 560.5 against 538.9, 554.7, 546.8 and 523.2 nats.
 
@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS
 from tuner.diagnosis.drive.linear_model.record import GROUPS
 
@@ -32,16 +32,18 @@ FloatArray = NDArray[np.float64]
 FORGETTING = 0.98
 """b."""
 LEAST = 0.01
-"""Least variance, in units of that believed."""
+"""Least variance, in units of the configured."""
 
 
-def sage_husa(belief: Belief, *, forgetting: float = FORGETTING) -> tuple[dict[str, FloatArray], Belief]:
+def sage_husa(
+    noise: NoiseHypothesis, *, forgetting: float = FORGETTING
+) -> tuple[dict[str, FloatArray], NoiseHypothesis]:
     """Run the adaptive filter over a record.
 
     Parameters
     ----------
-    belief : Belief
-        What is believed of all but the sds of the fixes; those are where it begins. No free columns.
+    noise : NoiseHypothesis
+        Noise of all but the sds of the fixes; those are where it begins. No free columns.
     forgetting : float
         b.
 
@@ -49,10 +51,10 @@ def sage_husa(belief: Belief, *, forgetting: float = FORGETTING) -> tuple[dict[s
     -------
     factors : dict of str to ndarray, shape (k,)
         Factor on the sds after every fix, by group of `ROWS`.
-    belief : Belief
+    noise : NoiseHypothesis
         With the sds that the filter used at each fix.
     """
-    record, sd = belief.record, belief.sd.copy()
+    record, sd = noise.record, noise.sd.copy()
     n = record.transition.shape[1]
     group = np.empty(6, dtype=int)
     for j, rows in enumerate(ROWS.values()):
@@ -60,13 +62,13 @@ def sage_husa(belief: Belief, *, forgetting: float = FORGETTING) -> tuple[dict[s
     scale, seen = np.ones(len(ROWS)), np.zeros(len(ROWS))
     trace = np.empty((len(record.t), len(ROWS)))
     a, P = np.zeros(n), record.initial.copy()
-    taken = belief.rows & record.available
+    taken = noise.rows & record.available
     for i, F in enumerate(record.transition):
         if i and record.starts[i]:
             a[:9], P[:9], P[:, :9] = 0.0, 0.0, 0.0
             P[:9, :9] = record.initial[:9, :9]
         a, P = F @ a, F @ P @ F.T
-        for name, factor in zip(GROUPS, belief.drive**2, strict=True):
+        for name, factor in zip(GROUPS, noise.process_noise_scale**2, strict=True):
             P += factor * record.noise[name][i]
         if "gnss_position" in record.noise:
             P += record.noise["gnss_position"][i]
@@ -75,8 +77,8 @@ def sage_husa(belief: Belief, *, forgetting: float = FORGETTING) -> tuple[dict[s
             h, g = record.H[i, row], group[row]
             Ph = P @ h
             z, own = float(record.innovation[i, row] - h @ a), float(h @ Ph)
-            sd[i, row] = belief.sd[i, row] * np.sqrt(scale[g])
-            fresh[g].append((z * z - own) / belief.sd[i, row] ** 2)
+            sd[i, row] = noise.sd[i, row] * np.sqrt(scale[g])
+            fresh[g].append((z * z - own) / noise.sd[i, row] ** 2)
             variance = own + sd[i, row] ** 2
             a, P = a + Ph * (z / variance), P - np.outer(Ph, Ph) / variance
         for g, values in enumerate(fresh):
@@ -86,4 +88,4 @@ def sage_husa(belief: Belief, *, forgetting: float = FORGETTING) -> tuple[dict[s
                 scale[g] = max((1.0 - d) * scale[g] + d * float(np.mean(values)), LEAST)
         a = a - record.correction[i]
         trace[i] = np.sqrt(scale)
-    return dict(zip(ROWS, trace.T, strict=True)), replace(belief, sd=sd)
+    return dict(zip(ROWS, trace.T, strict=True)), replace(noise, sd=sd)

@@ -11,7 +11,7 @@ from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.constants import carried, families, fit
 from tuner.diagnosis.drive.hypothesis import Hypothesis, examine
-from tuner.diagnosis.drive.linear_model.likelihood import believed
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
 from tuner.diagnosis.drive.search import THRESHOLD
 from tuner.formats import native
@@ -53,10 +53,10 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
     }
     drive = simulated(1, duration=DURATION)
     first = examine(drive, Hypothesis.first(drive, drive_config))
-    base = whitened(believed(first.record))
+    base = whitened(as_configured(first.record))
     for name, size in small.items():
         changed = examine(compensated(drive, {name: -size}), Hypothesis.first(drive, drive_config))
-        moved = whitened(believed(changed.record))
+        moved = whitened(as_configured(changed.record))
         change = moved.residual - base.residual
         told = base.slope[:, first.record.parameters.index(name)] * size
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
@@ -64,7 +64,7 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
 
 def test_clean_drive_is_quiet(clean, drive_config):
     drive, found = clean
-    shifts = families(whitened(believed(found.record)), found.record.parameters, ())
+    shifts = families(whitened(as_configured(found.record)), found.record.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5
     assert diagnose_drive(drive, drive_config).quiet
 
@@ -146,6 +146,6 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
         found = examine(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
         names = found.record.parameters
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-        told = fit(whitened(believed(found.record)), names, ("time_offset",), at)
+        told = fit(whitened(as_configured(found.record)), names, ("time_offset",), at)
         totals.append((told.value[0], np.sqrt(told.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]

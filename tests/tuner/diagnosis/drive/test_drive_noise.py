@@ -63,8 +63,8 @@ def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config
     assert diagnosis.gain.nats > 0.0
     laws = compensated_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_laws
     reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
-    believed = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
-    np.testing.assert_allclose(believed, np.tile(SD, (len(believed), 1)), rtol=0.3)
+    modelled = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
+    np.testing.assert_allclose(modelled, np.tile(SD, (len(modelled), 1)), rtol=0.3)
     assert native.loads(native.dumps(diagnosis.after)) == diagnosis.after
 
 

@@ -24,7 +24,7 @@ GAP = (100.0, 160.0)
 
 
 @pytest.fixture(scope="module")
-def believed():
+def configuration():
     return load_filter("stim300", load_gnss("rtk"))
 
 
@@ -58,11 +58,11 @@ def _nees(drive, solution):
 
 @pytest.mark.parametrize("begin", [0.0, 60.0, 100.0])
 @pytest.mark.parametrize("change", [lambda d: d, _without_velocities], ids=["velocities", "positions"])
-def test_an_unknown_lever_arm_is_not_taken_for_zero(drive, believed, begin, change):
+def test_an_unknown_lever_arm_is_not_taken_for_zero(drive, configuration, begin, change):
     """A start that took the first fix for the inertial unit had position errors of 20 stated sds."""
     moved = change(_from(drive, begin))
     inside = moved.gnss.t > begin
-    found = navigate_drive(replace(moved, gnss=moved.gnss.rows(inside)), believed)
+    found = navigate_drive(replace(moved, gnss=moved.gnss.rows(inside)), configuration)
     for (value, sd), true in zip(found.estimates["lever_arm"], ARM, strict=True):
         assert abs(value - true) < 5.0 * sd
     position, attitude = _nees(drive, found.solutions[0])
@@ -70,11 +70,11 @@ def test_an_unknown_lever_arm_is_not_taken_for_zero(drive, believed, begin, chan
     assert attitude < 5.0
 
 
-def test_after_a_gap_the_start_knows_the_clock(drive, believed):
+def test_after_a_gap_the_start_knows_the_clock(drive, configuration):
     """The delay that the filter has found since the first alignment moves the start of the next stretch."""
     lost = (drive.imu_t > GAP[0]) & (drive.imu_t < GAP[1])
     broken = replace(drive, imu_t=drive.imu_t[~lost], rates=drive.rates[~lost])
-    for solution in navigate_drive(broken, believed).solutions:
+    for solution in navigate_drive(broken, configuration).solutions:
         position, attitude = _nees(drive, solution)
         assert position < 5.0
         assert attitude < 5.0
@@ -98,7 +98,7 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
 
 @pytest.fixture(scope="module")
 def coarse():
-    """A sensor with gyro biases of 3°/s, a receiver of 2.5 m, and what a filter believes of both."""
+    """A sensor with gyro biases of 3°/s, a receiver of 2.5 m, and the configuration of a filter for both."""
     return load_grade("adis16405"), load_gnss("spp"), load_filter("adis16405", load_gnss("spp"))
 
 
@@ -128,7 +128,7 @@ def test_a_clean_drive_that_stood_three_seconds_is_quiet(coarse):
     assert diagnose_drive(driven, config).quiet
 
 
-def test_gyros_better_than_the_rate_of_the_earth_are_believed():
+def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
     """Begun in motion, what they feel of the Earth is no bias."""
     driven, _ = simulate_drive(
         load_grade("kvh1750"), TRAJECTORIES["s_turns"](120.0), load_gnss("rtk"), rate=50.0, seed=3

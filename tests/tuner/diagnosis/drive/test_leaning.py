@@ -46,7 +46,7 @@ def test_a_clean_hour_is_quiet(hour):
     assert diagnose_drive(drive, config).quiet
 
 
-def test_the_noise_that_is_added_is_the_one_believed(hour):
+def test_the_noise_that_is_added_is_the_one_configured(hour):
     drive, config, found = hour
     more = noisier(drive, found, np.random.default_rng(3))
     step = float(np.median(np.diff(drive.imu_t)))

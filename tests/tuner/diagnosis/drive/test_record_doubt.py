@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.leftover_checks import (
     left_by,
     loosened,
 )
-from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.linear_model.whitened import whitened
 from tuner.diagnosis.drive.outcome import Claim
@@ -34,12 +34,12 @@ DELAY = 0.5
 def passed(record: LinearRecord, theta: dict[str, float], seed: int):
     """Return what `doubt` looks at of a pass over a replica with constants that nothing compensates."""
     values = np.array([theta.get(name, 0.0) for name in record.parameters])
-    drawn = Source.of(believed(record)).draw(np.random.default_rng(seed), values)
+    drawn = Source.of(as_configured(record)).draw(np.random.default_rng(seed), values)
     told = replace(
         drawn, parameters=drawn.parameters[:7], drive=drawn.drive[:, :, :7], seen=drawn.seen[:, :, :7]
     )
     return SimpleNamespace(
-        record=told, whitened=whitened(believed(told)), hypothesis=SimpleNamespace(values={})
+        record=told, whitened=whitened(as_configured(told)), hypothesis=SimpleNamespace(values={})
     )
 
 
@@ -79,25 +79,25 @@ def test_what_a_wandering_delay_leaves_is_doubted(city_drive: LinearRecord) -> N
 
 @pytest.mark.parametrize(("size", "still"), [(0.0, False), (0.02, True)])
 def test_a_jump_is_asked_once_more(city_drive: LinearRecord, size: float, still: bool) -> None:
-    plain = believed(city_drive)
+    plain = as_configured(city_drive)
     jumped = with_jump(plain, 450, "accel").record
     theta = {"time_offset.delay": DELAY, "bias_jump.accel_x": size}
     found = passed(jumped, theta, 3)
-    alarm = bias_jump(replace(believed(found.record), columns=(0,))).alarm
+    alarm = bias_jump(replace(as_configured(found.record), columns=(0,))).alarm
     assert jumps_still(found, ("time_offset",), ("time_offset",), THRESHOLD) == still
     told = replace(alarm, gain=0.5 * WEAK, statistic=30.0)
     assert jump_left_by(found, ("time_offset",), told) == ("time_offset",)
 
 
-def test_a_jump_that_no_sensor_makes_is_not_believed(city_drive: LinearRecord) -> None:
-    jumped = with_jump(believed(city_drive), 450, "gyro").record
+def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearRecord) -> None:
+    jumped = with_jump(as_configured(city_drive), 450, "gyro").record
     for size, credible in ((0.1 * LARGEST["gyro"], True), (3.0 * LARGEST["gyro"], False)):
         values = np.zeros(len(jumped.parameters))
         values[jumped.parameters.index("bias_jump.gyro_z")] = size
-        drawn = Source.of(believed(jumped)).draw(np.random.default_rng(4), values)
+        drawn = Source.of(as_configured(jumped)).draw(np.random.default_rng(4), values)
         record = replace(
             drawn, parameters=drawn.parameters[:7], drive=drawn.drive[:, :, :7], seen=drawn.seen[:, :, :7]
         )
-        claim: Claim = bias_jump(believed(record))
-        assert abs(evaluate(claim.belief).theta[2]) == pytest.approx(size, rel=0.05)
+        claim: Claim = bias_jump(as_configured(record))
+        assert abs(evaluate(claim.noise).theta[2]) == pytest.approx(size, rel=0.05)
         assert Candidate(claim.alarm, claim=claim).credible == credible

@@ -9,7 +9,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tests.tuner.diagnosis.drive.replicas import Source
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.likelihood import (
+    NoiseHypothesis,
+    as_configured,
+    evaluate,
+    evaluate_with_gradient,
+)
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 
@@ -38,10 +43,10 @@ def holes(record: LinearRecord, rng: np.random.Generator) -> LinearRecord:
 @pytest.fixture
 def drawn(short_drive: LinearRecord) -> LinearRecord:
     rng = np.random.default_rng(3)
-    return Source.of(believed(holes(short_drive, rng))).draw(rng)
+    return Source.of(as_configured(holes(short_drive, rng))).draw(rng)
 
 
-def joint(h: Belief) -> float:
+def joint(h: NoiseHypothesis) -> float:
     """ln L from the joint covariance of all rows taken; corrections act on the mean."""
     r = h.record
     k, n = r.transition.shape[:2]
@@ -53,7 +58,7 @@ def joint(h: Belief) -> float:
             e = np.hstack([e, np.vstack([np.eye(9), np.zeros((n - 9, 9))])])
             total.append(r.initial[:9, :9])
             offset[:9] = 0.0
-        q = sum(f**2 * r.noise[g][i] for f, g in zip(h.drive, r.noise, strict=True))
+        q = sum(f**2 * r.noise[g][i] for f, g in zip(h.process_noise_scale, r.noise, strict=True))
         e = np.hstack([r.transition[i] @ e, np.eye(n)])
         total.append(q)
         offset = r.transition[i] @ offset
@@ -80,7 +85,7 @@ def joint(h: Belief) -> float:
 def test_it_is_the_joint_density(drawn: LinearRecord) -> None:
     small = cut(drawn, 30)
     small = replace(small, starts=small.starts | (np.arange(30) == 17), scored=np.ones(30, dtype=bool))
-    h = believed(small)
+    h = as_configured(small)
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
     h = replace(
         factors(NAMES[:8]).change(h, np.linspace(-0.5, 0.7, 8)),
@@ -90,9 +95,9 @@ def test_it_is_the_joint_density(drawn: LinearRecord) -> None:
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
 
 
-def test_as_believed_the_innovations_are_those_of_the_filter(drawn: LinearRecord) -> None:
+def test_as_configured_the_innovations_are_those_of_the_filter(drawn: LinearRecord) -> None:
     first = drawn.available[:, 0]
-    z = evaluate(believed(drawn)).innovation
+    z = evaluate(as_configured(drawn)).innovation
     np.testing.assert_allclose(z[first, 0], drawn.innovation[first, 0], rtol=0, atol=1e-9)
     alone = drawn.available[:, 3] & ~drawn.used[:, 0]
     np.testing.assert_allclose(z[alone, 3], drawn.innovation[alone, 3], rtol=0, atol=1e-9)
@@ -112,12 +117,14 @@ def test_corrections_are_known_inputs(drawn: LinearRecord) -> None:
         offset = offset - shift[i]
     other = replace(drawn, innovation=drawn.innovation + moved, correction=drawn.correction + shift)
     for logs in (np.zeros(8), np.linspace(-0.4, 0.4, 8)):
-        a, b = (evaluate(factors(NAMES[:8]).change(believed(r), logs)).value for r in (drawn, other))
+        a, b = (evaluate(factors(NAMES[:8]).change(as_configured(r), logs)).value for r in (drawn, other))
         assert a == pytest.approx(b, abs=1e-6)
 
 
 def test_slopes_are_those_of_differences(drawn: LinearRecord) -> None:
-    h = replace(believed(drawn), markov_sd=np.array([0.4, 0.4, 0.9]), markov_time=15.0, columns=(0, 1, 2, 6))
+    h = replace(
+        as_configured(drawn), markov_sd=np.array([0.4, 0.4, 0.9]), markov_time=15.0, columns=(0, 1, 2, 6)
+    )
     h = factors(NAMES).change(h, np.linspace(0.3, -0.3, len(NAMES)))
     scales = factors(NAMES)
     analytic = scales.slopes(h, np.zeros(len(NAMES)), evaluate_with_gradient(h)[1])
@@ -130,9 +137,9 @@ def test_slopes_are_those_of_differences(drawn: LinearRecord) -> None:
 def test_mean_parameters_are_found(short_drive: LinearRecord) -> None:
     """Pulls of 20 replicas: the sum of squares of 7 parameters is chi-square with 140 degrees of freedom."""
     theta = np.array([0.05, 0.3, -0.2, 0.5, 0.002, 0.003, -0.004])
-    source, pulls = Source.of(believed(short_drive)), []
+    source, pulls = Source.of(as_configured(short_drive)), []
     for seed in range(20):
-        h = replace(believed(source.draw(np.random.default_rng(seed), theta)), columns=(0, 1, 2, 6))
+        h = replace(as_configured(source.draw(np.random.default_rng(seed), theta)), columns=(0, 1, 2, 6))
         found = evaluate(h)
         root = np.linalg.cholesky(np.linalg.inv(found.theta_covariance))
         pulls.append(root.T @ (found.theta - theta[[0, 1, 2, 6]]))
@@ -142,7 +149,9 @@ def test_mean_parameters_are_found(short_drive: LinearRecord) -> None:
 
 def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecord) -> None:
     h = replace(
-        factors(("position_horizontal", "gyro_white")).change(believed(short_drive), np.array([0.5, 0.7])),
+        factors(("position_horizontal", "gyro_white")).change(
+            as_configured(short_drive), np.array([0.5, 0.7])
+        ),
         markov_sd=np.array([0.5, 0.5, 1.0]),
         markov_time=20.0,
     )
@@ -158,7 +167,9 @@ def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecor
 
 def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
     """Score and information of a jump of a bias are those of its column by brute force."""
-    h = factors(("gyro_white",)).change(believed(replace(drawn, scored=drawn.scored | True)), np.array([0.4]))
+    h = factors(("gyro_white",)).change(
+        as_configured(replace(drawn, scored=drawn.scored | True)), np.array([0.4])
+    )
     _, gradient = evaluate_with_gradient(h)
     at, state = 60, 10
     column = np.zeros((*drawn.drive.shape[:2], 1))
@@ -173,7 +184,7 @@ def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
 def test_rounding_does_not_grow(long_drive: LinearRecord) -> None:
     """Variances as of Joseph's form in extended precision, with fixes far better than told and noise far stronger."""
     sd, drive = long_drive.sd / 100.0, np.full(4, 100.0)
-    found = evaluate(replace(believed(long_drive), sd=sd, drive=drive))
+    found = evaluate(replace(as_configured(long_drive), sd=sd, process_noise_scale=drive))
     P, one = long_drive.initial.astype(np.longdouble), np.eye(15, dtype=np.longdouble)
     for i, F in enumerate(long_drive.transition.astype(np.longdouble)):
         P = F @ P @ F.T + sum(drive[j] ** 2 * q[i] for j, q in enumerate(long_drive.noise.values()))

@@ -16,7 +16,7 @@ from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor, with_
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
 from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, scores
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
 from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
 
@@ -28,17 +28,17 @@ def seldom(p_values: np.ndarray, level: float) -> bool:
     return bool(np.count_nonzero(p_values < level) <= binom.isf(1e-5, len(p_values), level))
 
 
-def claims(belief: Belief) -> dict[str, float]:
-    found, masked = scores(belief), mask(belief)
-    every = [gnss_noise(belief, found), imu_noise(belief, found), bias_jump(belief)]
-    every += [outliers(belief, masked, cause) for cause in KINDS]
-    every.append(correlated_gnss(belief, evaluate(belief)))
+def claims(noise: NoiseHypothesis) -> dict[str, float]:
+    found, masked = scores(noise), mask(noise)
+    every = [gnss_noise(noise, found), imu_noise(noise, found), bias_jump(noise)]
+    every += [outliers(noise, masked, cause) for cause in KINDS]
+    every.append(correlated_gnss(noise, evaluate(noise)))
     return {claim.alarm.cause: claim.alarm.p_value for claim in every}
 
 
 def study(record: LinearRecord, n: int) -> dict[str, np.ndarray]:
-    source = Source.of(believed(record))
-    drawn = [claims(believed(source.draw(np.random.default_rng(seed)))) for seed in range(n)]
+    source = Source.of(as_configured(record))
+    drawn = [claims(as_configured(source.draw(np.random.default_rng(seed)))) for seed in range(n)]
     return {cause: np.array([one[cause] for one in drawn]) for cause in drawn[0]}
 
 
@@ -60,9 +60,9 @@ TRUE = {"position_horizontal": 1.4, "velocity_vertical": 0.7, "gyro_white": 2.5,
 
 def test_factors_are_found(short_drive: LinearRecord) -> None:
     """Mean of 12 estimates within 4.5 standard errors, each group that the drive holds."""
-    truth = factors(tuple(TRUE)).change(believed(short_drive), np.log(list(TRUE.values())))
+    truth = factors(tuple(TRUE)).change(as_configured(short_drive), np.log(list(TRUE.values())))
     source = Source.of(truth)
-    fits = [fit_noise(believed(source.draw(np.random.default_rng(seed)))) for seed in range(12)]
+    fits = [fit_noise(as_configured(source.draw(np.random.default_rng(seed)))) for seed in range(12)]
     for name in (*ROWS, "gyro_white"):
         pulls = [
             (fit.estimate[fit.number(name)] - np.log(TRUE.get(name, 1.0)))
@@ -76,11 +76,11 @@ def test_factors_are_found(short_drive: LinearRecord) -> None:
 @pytest.mark.slow
 def test_intervals_cover(city_drive: LinearRecord) -> None:
     """Nominal 95 %: 700 intervals together within 2.5 %, which is three standard errors, each alone above 86 %."""
-    truth = factors(tuple(TRUE)).change(believed(city_drive), np.log(list(TRUE.values())))
+    truth = factors(tuple(TRUE)).change(as_configured(city_drive), np.log(list(TRUE.values())))
     source, inside = Source.of(truth), dict.fromkeys((*ROWS, "gyro_white", "gyro_bias", "accel_bias"), 0)
     runs = 100
     for seed in range(runs):
-        fit = fit_noise(believed(source.draw(np.random.default_rng(seed))))
+        fit = fit_noise(as_configured(source.draw(np.random.default_rng(seed))))
         for name in inside:
             c, value = fit.coefficient(name), TRUE.get(name, 1.0)
             inside[name] += value < c.upper if c.interval is None else c.interval[0] < value < c.interval[1]
@@ -88,44 +88,44 @@ def test_intervals_cover(city_drive: LinearRecord) -> None:
     assert min(inside.values()) > 0.86 * runs
 
 
-def test_a_prior_is_believed_until_the_drive_contradicts(city_drive: LinearRecord) -> None:
-    source = Source.of(factors(("gyro_white",)).change(believed(city_drive), np.log([3.0])))
-    belief = believed(source.draw(np.random.default_rng(0)))
-    free, tied = fit_noise(belief), fit_noise(belief, prior_sd={"gyro_white": 0.05})
+def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearRecord) -> None:
+    source = Source.of(factors(("gyro_white",)).change(as_configured(city_drive), np.log([3.0])))
+    noise = as_configured(source.draw(np.random.default_rng(0)))
+    free, tied = fit_noise(noise), fit_noise(noise, prior_sd={"gyro_white": 0.05})
     assert 1.0 < tied.factor("gyro_white") < free.factor("gyro_white")
-    found = scores(belief)
-    exact, vague = imu_noise(belief, found), imu_noise(belief, found, prior_sd=dict.fromkeys(GROUPS, 1.0))
+    found = scores(noise)
+    exact, vague = imu_noise(noise, found), imu_noise(noise, found, prior_sd=dict.fromkeys(GROUPS, 1.0))
     assert exact.alarm.p_value < ALARM < vague.alarm.p_value
     assert {"gyro", "accel"} <= set(exact.describe())
 
 
 def test_a_jump_is_found_and_named(city_drive: LinearRecord) -> None:
-    source = Source.of(believed(city_drive))
+    source = Source.of(as_configured(city_drive))
     size = np.array([0.03, 0.02, 0.0])
-    hidden = with_jump(source.belief, 450, "accel").record
+    hidden = with_jump(source.noise, 450, "accel").record
     alone = replace(hidden, drive=hidden.drive[:, :, -3:], seen=hidden.seen[:, :, -3:])
-    drawn = replace(source, belief=replace(source.belief, record=alone)).draw(np.random.default_rng(0), size)
-    belief = believed(replace(drawn, drive=city_drive.drive, seen=city_drive.seen))
-    claim = bias_jump(belief)
+    drawn = replace(source, noise=replace(source.noise, record=alone)).draw(np.random.default_rng(0), size)
+    noise = as_configured(replace(drawn, drive=city_drive.drive, seen=city_drive.seen))
+    claim = bias_jump(noise)
     assert claim.alarm.p_value < ALARM
-    assert jump_sensor(claim.belief) == "accel"
-    gained = evaluate(claim.belief).value - evaluate(belief).value
+    assert jump_sensor(claim.noise) == "accel"
+    gained = evaluate(claim.noise).value - evaluate(noise).value
     assert gained == pytest.approx(0.5 * claim.alarm.statistic, rel=1e-6)
     told = claim.describe()
     assert abs(told["time"].value - city_drive.t[450]) < 20.0
     for axis, value in zip("xyz", size, strict=True):
         c = told[axis]
         assert abs(c.value - value) < 4.5 / 1.96 * 0.5 * (c.interval[1] - c.interval[0])
-    assert claim.alarm.gain > imu_noise(belief, scores(belief)).alarm.gain
+    assert claim.alarm.gain > imu_noise(noise, scores(noise)).alarm.gain
 
 
-def with_errors(record: LinearRecord, errors: np.ndarray, seed: int) -> Belief:
+def with_errors(record: LinearRecord, errors: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose fixes have further errors (k, 6)."""
     hidden = replace(
         record, seen=errors[:, :, None], drive=np.zeros((*record.drive.shape[:2], 1)), parameters=("error",)
     )
-    drawn = Source.of(believed(hidden)).draw(np.random.default_rng(seed), np.ones(1))
-    return believed(replace(drawn, seen=record.seen, drive=record.drive, parameters=record.parameters))
+    drawn = Source.of(as_configured(hidden)).draw(np.random.default_rng(seed), np.ones(1))
+    return as_configured(replace(drawn, seen=record.seen, drive=record.drive, parameters=record.parameters))
 
 
 @pytest.mark.parametrize("cause", list(KINDS))
@@ -135,61 +135,63 @@ def test_outliers_are_masked_and_named(city_drive: LinearRecord, cause: str) -> 
     which = rng.choice(900, 9, replace=False)
     rows = KINDS[cause]
     errors[which, rows] = 7.0 * rng.choice([-1.0, 1.0], (9, 3)) * city_drive.sd[which, rows]
-    belief = with_errors(city_drive, errors, 1)
-    masked = mask(belief)
-    said = {kind: outliers(belief, masked, kind) for kind in KINDS}
+    noise = with_errors(city_drive, errors, 1)
+    masked = mask(noise)
+    said = {kind: outliers(noise, masked, kind) for kind in KINDS}
     assert said[cause].alarm.p_value < 1e-9
     other = next(kind for kind in KINDS if kind != cause)
     assert said[other].alarm.p_value > ALARM
-    out = np.flatnonzero(~said[cause].belief.rows[:, rows.start])
+    out = np.flatnonzero(~said[cause].noise.rows[:, rows.start])
     assert set(which) <= set(out)
     assert len(out) <= 10
     told = said[cause].describe()
     assert told["fraction"].interval[0] < 0.01 < told["fraction"].interval[1]
-    assert said[cause].alarm.gain > gnss_noise(belief, scores(belief)).alarm.gain
+    assert said[cause].alarm.gain > gnss_noise(noise, scores(noise)).alarm.gain
 
 
 def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearRecord) -> None:
     errors = np.zeros((900, 6))
     errors[300:750, 3:5] = np.random.default_rng(2).normal(0.0, 8.0, (450, 2))
-    belief = with_errors(city_drive, errors, 3)
-    masked = mask(belief)
-    claim = outliers(belief, masked, "gnss_velocity")
+    noise = with_errors(city_drive, errors, 3)
+    masked = mask(noise)
+    claim = outliers(noise, masked, "gnss_velocity")
     assert claim.alarm.p_value < 1e-9
     assert np.count_nonzero(masked.out[300:750, 1]) > 420
     assert np.count_nonzero(masked.out[:, 0]) < 3
-    assert claim.alarm.gain > gnss_noise(belief, scores(belief)).alarm.gain
-    assert outliers(belief, masked, "gnss_outliers").alarm.p_value > ALARM
+    assert claim.alarm.gain > gnss_noise(noise, scores(noise)).alarm.gain
+    assert outliers(noise, masked, "gnss_outliers").alarm.p_value > ALARM
 
 
 def test_outliers_are_not_a_wrong_noise(city_drive: LinearRecord) -> None:
     """Twice the noise on all fixes: the robust scale takes it out of the test of outliers."""
-    source = Source.of(factors(("position", "velocity")).change(believed(city_drive), np.log([2.0, 2.0])))
-    belief = believed(source.draw(np.random.default_rng(0)))
-    masked = mask(belief)
-    assert min(outliers(belief, masked, cause).alarm.p_value for cause in KINDS) > ALARM
-    claim = gnss_noise(belief, scores(belief))
+    source = Source.of(
+        factors(("position", "velocity")).change(as_configured(city_drive), np.log([2.0, 2.0]))
+    )
+    noise = as_configured(source.draw(np.random.default_rng(0)))
+    masked = mask(noise)
+    assert min(outliers(noise, masked, cause).alarm.p_value for cause in KINDS) > ALARM
+    claim = gnss_noise(noise, scores(noise))
     assert claim.alarm.p_value < 1e-9
     for name, c in claim.describe().items():
         assert c.interval[0] * 0.95 < 2.0 < c.interval[1] * 1.05, name
 
 
 def test_correlated_positions_are_found_and_named(city_drive: LinearRecord) -> None:
-    truth = replace(believed(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
-    belief = believed(Source.of(truth).draw(np.random.default_rng(0)))
-    claim = correlated_gnss(belief, evaluate(belief))
+    truth = replace(as_configured(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
+    noise = as_configured(Source.of(truth).draw(np.random.default_rng(0)))
+    claim = correlated_gnss(noise, evaluate(noise))
     assert claim.alarm.p_value < 1e-6
-    found = scores(belief)
-    assert claim.alarm.gain > max(gnss_noise(belief, found).alarm.gain, imu_noise(belief, found).alarm.gain)
+    found = scores(noise)
+    assert claim.alarm.gain > max(gnss_noise(noise, found).alarm.gain, imu_noise(noise, found).alarm.gain)
     told = claim.describe()
     for name, value in (("sd", 0.6), ("sd_vertical", 1.1), ("time_constant", 20.0)):
         low, high = np.log(told[name].interval)
         assert abs(np.log(told[name].value / value)) < 4.5 / 3.92 * (high - low), name
-    again = scores(claim.belief)
-    assert gnss_noise(claim.belief, again).alarm.p_value > ALARM
+    again = scores(claim.noise)
+    assert gnss_noise(claim.noise, again).alarm.p_value > ALARM
 
 
 def test_wrong_noise_is_not_correlation(city_drive: LinearRecord) -> None:
-    source = Source.of(factors(("position",)).change(believed(city_drive), np.log([1.5])))
-    belief = believed(source.draw(np.random.default_rng(0)))
-    assert correlated_gnss(belief, evaluate(belief)).alarm.p_value > ALARM
+    source = Source.of(factors(("position",)).change(as_configured(city_drive), np.log([1.5])))
+    noise = as_configured(source.draw(np.random.default_rng(0)))
+    assert correlated_gnss(noise, evaluate(noise)).alarm.p_value > ALARM

@@ -11,18 +11,18 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tests.tuner.diagnosis.drive.sage_husa import sage_husa
 from tuner.diagnosis.drive.causes.reported_sd import edges_of, reported_law, reported_noise
 from tuner.diagnosis.drive.linear_model.fit import maximise
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.navigation.fix_sd_model import fix_law
 
 
-def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> Belief:
+def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
     reported = record.sd * level[:, None]
     told = replace(record, reported_sd=reported, sd=reported)
-    true = replace(believed(told), sd=record.sd * truth[:, None])
-    return believed(Source.of(true).draw(np.random.default_rng(seed)))
+    true = replace(as_configured(told), sd=record.sd * truth[:, None])
+    return as_configured(Source.of(true).draw(np.random.default_rng(seed)))
 
 
 def test_classes_are_parted_where_the_sd_jumps() -> None:
@@ -38,7 +38,7 @@ def test_classes_are_parted_where_the_sd_jumps() -> None:
 
 
 def test_a_steady_report_has_no_law(city_drive: LinearRecord) -> None:
-    assert reported_law(believed(city_drive), "position") is None
+    assert reported_law(as_configured(city_drive), "position") is None
 
 
 @pytest.mark.parametrize("law", ["factor", "classes", "power", "silence"])
@@ -53,8 +53,8 @@ def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
         "power": 1.1 * level**0.4,
         "silence": np.full(900, 1.4),
     }[law]
-    belief = reporting(city_drive, level, truth, 7)
-    found, claim = reported_law(belief, "position"), reported_noise(belief, "position")
+    noise = reporting(city_drive, level, truth, 7)
+    found, claim = reported_law(noise, "position"), reported_noise(noise, "position")
     if law == "factor":
         assert found is None or found.law == "factor"
         assert claim is None
@@ -68,36 +68,38 @@ def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
             assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
     else:
         assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
-    believed_so = fix_law(claim.law, "position").sds(belief.record.reported_sd[:, :3])
-    np.testing.assert_allclose(claim.belief.sd[:, :3], believed_so, rtol=1e-9)
+    expected = fix_law(claim.law, "position").sds(noise.record.reported_sd[:, :3])
+    np.testing.assert_allclose(claim.noise.sd[:, :3], expected, rtol=1e-9)
 
 
 def test_adaptive_noise_follows_but_is_rough(city_drive: LinearRecord) -> None:
-    """R is 1.5 times what was believed: both find it; maximum likelihood is nearer and predicts better.
+    """R is 1.5 times what was configured: both find it; maximum likelihood is nearer and predicts better.
 
     The first half is learnt from, the second scored with what was learnt.
     """
     names = tuple(ROWS)
-    source = Source.of(factors(("position", "velocity")).change(believed(city_drive), np.log([1.5, 1.5])))
+    source = Source.of(
+        factors(("position", "velocity")).change(as_configured(city_drive), np.log([1.5, 1.5]))
+    )
     learnt, scored = (
         np.arange(900) < 450,
         np.arange(900) >= 450,
     )
     error: dict[str, list[float]] = {"likelihood": [], "adaptive": []}
-    value: dict[str, float] = {"believed": 0.0, "likelihood": 0.0, "adaptive": 0.0}
+    value: dict[str, float] = {"as configured": 0.0, "likelihood": 0.0, "adaptive": 0.0}
     for seed in range(6):
         record = source.draw(np.random.default_rng(seed))
-        first, second = (believed(replace(record, scored=part)) for part in (learnt, scored))
+        first, second = (as_configured(replace(record, scored=part)) for part in (learnt, scored))
         fit = maximise(first, factors(names))
         trace, _ = sage_husa(first)
         logs = np.log([trace[name][449] for name in names])
         error["likelihood"] += (fit.estimate - np.log(1.5)).tolist()
         error["adaptive"] += (logs - np.log(1.5)).tolist()
-        value["believed"] += evaluate(second).value
+        value["as configured"] += evaluate(second).value
         value["likelihood"] += evaluate(factors(names).change(second, fit.estimate)).value
         value["adaptive"] += evaluate(factors(names).change(second, logs)).value
     rms = {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in error.items()}
     assert rms["likelihood"] < 0.05
     assert rms["adaptive"] < 0.3
     assert rms["likelihood"] < 0.5 * rms["adaptive"]
-    assert value["likelihood"] > value["adaptive"] > value["believed"]
+    assert value["likelihood"] > value["adaptive"] > value["as configured"]

@@ -11,7 +11,7 @@ from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.constants import wandering
 from tuner.diagnosis.drive.causes.gnss_outliers import mask
 from tuner.diagnosis.drive.linear_model.fit import maximise
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, believed, evaluate, held
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate, held
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.linear_model.whitened import whitened
@@ -20,7 +20,7 @@ DELAY = "time_offset.delay"
 
 
 def drawn(record: LinearRecord, seed: int) -> LinearRecord:
-    return Source.of(believed(record)).draw(np.random.default_rng(seed))
+    return Source.of(as_configured(record)).draw(np.random.default_rng(seed))
 
 
 def late(record: LinearRecord, delay: np.ndarray) -> LinearRecord:
@@ -31,7 +31,7 @@ def late(record: LinearRecord, delay: np.ndarray) -> LinearRecord:
 
 
 def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearRecord) -> None:
-    free = replace(believed(drawn(short_drive, 0)), columns=tuple(range(7)))
+    free = replace(as_configured(drawn(short_drive, 0)), columns=tuple(range(7)))
     assert evaluate(held(free)).value == pytest.approx(evaluate(free).value, abs=1e-6)
     assert held(free).columns == ()
 
@@ -40,7 +40,7 @@ def test_noise_is_fitted_beside_free_means(short_drive: LinearRecord) -> None:
     """The fit with means held in turn is a maximum of the likelihood with the means profiled out."""
     wrong = replace(short_drive, sd=short_drive.sd * 2.0)
     data = replace(drawn(wrong, 1), sd=short_drive.sd)
-    free = replace(believed(data), columns=(0, 1, 2, 3))
+    free = replace(as_configured(data), columns=(0, 1, 2, 3))
     fit = maximise(free, factors(("position_horizontal", "velocity_horizontal")))
 
     def profile(x: np.ndarray) -> float:
@@ -56,7 +56,7 @@ def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearRecor
     record, rate = drawn(city_drive, 2), 2e-4
     for true in (0.0, rate):
         moved = late(record, 0.02 + true * (record.t - record.t.mean()))
-        told = wandering(whitened(believed(moved)), moved.parameters, ("time_offset",), DELAY)
+        told = wandering(whitened(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
         assert abs(told.rate - true) < 5.0 * told.sd
         assert (told.p_value < 1e-6) == (true > 0.0)
 
@@ -65,7 +65,7 @@ def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearRecord) 
     record = drawn(city_drive, 3)
     off = np.zeros((len(record.t), 6))
     off[300:340, :2] = 60.0 + 5.0 * np.random.default_rng(4).standard_normal((40, 2))
-    belief: Belief = believed(replace(record, innovation=record.innovation + off))
-    out = mask(belief).out[:, 0]
+    noise: NoiseHypothesis = as_configured(replace(record, innovation=record.innovation + off))
+    out = mask(noise).out[:, 0]
     assert out[300:340].all()
     assert np.count_nonzero(out) <= 42

@@ -29,7 +29,7 @@ from scipy.special import gamma
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.outcome import Claim, silent
 from tuner.diagnosis.static.outcome import Alarm
@@ -56,17 +56,17 @@ class Jumps:
     covariance: FloatArray
 
 
-def bias_jump(belief: Belief) -> Claim:
+def bias_jump(noise: NoiseHypothesis) -> Claim:
     """Test the biases for one jump; see `jump_sensor` for whose it is."""
     title = "likelihood ratio of a jump of a bias"
-    settled = replace(belief, record=replace(belief.record, scored=np.ones(len(belief.record.t), dtype=bool)))
+    settled = replace(noise, record=replace(noise.record, scored=np.ones(len(noise.record.t), dtype=bool)))
     _, gradient = evaluate_with_gradient(settled)
     if gradient.score.shape[1] < 6:
-        return silent(CAUSE, belief, 1.0, 0.0, title)
-    inside = np.flatnonzero(belief.record.scored)
-    inside = inside[(inside >= EDGE) & (inside < len(belief.record.t) - EDGE)]
+        return silent(CAUSE, noise, 1.0, 0.0, title)
+    inside = np.flatnonzero(noise.record.scored)
+    inside = inside[(inside >= EDGE) & (inside < len(noise.record.t) - EDGE)]
     if not len(inside):
-        return silent(CAUSE, belief, 1.0, 0.0, title)
+        return silent(CAUSE, noise, 1.0, 0.0, title)
     found = {
         sensor: scan(gradient.score[:, at], gradient.information[:, at, at])
         for sensor, (at, _) in SENSORS.items()
@@ -76,11 +76,11 @@ def bias_jump(belief: Belief) -> Claim:
     k = int(inside[np.argmax(jumps.statistic[inside])])
     ratio = float(jumps.statistic[k])
     p_value = min(1.0, len(SENSORS) * davies(ratio, np.sqrt(jumps.statistic[inside])))
-    price = 1.5 * np.log(belief.count) + np.log(len(SENSORS) * len(inside))
+    price = 1.5 * np.log(noise.count) + np.log(len(SENSORS) * len(inside))
     alarm = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
     likely = inside[jumps.statistic[inside] > ratio - LIKELY]
     return Claim(
-        alarm, with_jump(belief, k, sensor), lambda: _described(belief.record, jumps, k, likely, sensor)
+        alarm, with_jump(noise, k, sensor), lambda: _described(noise.record, jumps, k, likely, sensor)
     )
 
 
@@ -103,9 +103,9 @@ def davies(ratio: float, root: FloatArray) -> float:
     return float(min(1.0, chi2.sf(ratio, 3) + crossings))
 
 
-def with_jump(belief: Belief, k: int, sensor: str) -> Belief:
-    """Return the belief with a jump after fix k: three more columns ``bias_jump.SENSOR_x`` …, free."""
-    record = belief.record
+def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
+    """Return the hypothesis with a jump after fix k: three more columns ``bias_jump.SENSOR_x`` …, free."""
+    record = noise.record
     n, p = record.transition.shape[1], record.drive.shape[2]
     at = SENSORS[sensor][0]
     drive = np.zeros((len(record.t), n, 3))
@@ -116,12 +116,12 @@ def with_jump(belief: Belief, k: int, sensor: str) -> Belief:
         drive=np.concatenate([record.drive, drive], axis=2),
         seen=np.concatenate([record.seen, np.zeros((len(record.t), 6, 3))], axis=2),
     )
-    return replace(belief, record=more, columns=(*belief.columns, p, p + 1, p + 2))
+    return replace(noise, record=more, columns=(*noise.columns, p, p + 1, p + 2))
 
 
-def jump_sensor(belief: Belief) -> str:
-    """Return the sensor of the last jump of a belief."""
-    return belief.record.parameters[belief.columns[-1]].partition(".")[2].partition("_")[0]
+def jump_sensor(noise: NoiseHypothesis) -> str:
+    """Return the sensor of the last jump of a noise hypothesis."""
+    return noise.record.parameters[noise.columns[-1]].partition(".")[2].partition("_")[0]
 
 
 def _described(

@@ -52,7 +52,7 @@ LARGEST: Mapping[str, float] = {
     "g_sensitivity": 0.01,
     "gravity": 0.02,
 }
-"""Size from which a cause is not believed, however well it fits: something else is wrong."""
+"""Size from which a cause is rejected, however well it fits: something else is wrong."""
 BLOCK = 30.0
 """Length of the blocks whose sums are compared, s."""
 SHARE = 0.6

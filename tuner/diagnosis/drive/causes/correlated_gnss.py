@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from tuner.diagnosis.drive.linear_model.fit import Fit, maximise
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, Likelihood, evaluate, held
+from tuner.diagnosis.drive.linear_model.likelihood import Likelihood, NoiseHypothesis, evaluate, held
 from tuner.diagnosis.drive.linear_model.noise_parameters import TIME, factors, present
 from tuner.diagnosis.drive.outcome import Claim, silent
 from tuner.diagnosis.static.outcome import Alarm
@@ -39,23 +39,23 @@ TIMES = 7
 """Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
 
 
-def correlated_gnss(belief: Belief, found: Likelihood) -> Claim:
-    """Test position fixes for a correlated error; `found` is the likelihood of the belief."""
+def correlated_gnss(noise: NoiseHypothesis, found: Likelihood) -> Claim:
+    """Test position fixes for a correlated error; `found` is the likelihood of the noise."""
     title = "likelihood ratio of correlated position errors"
-    if not belief.counted[:, :3].any():
-        return silent(CAUSE, belief, 1.0, 0.0, title)
-    chance = pretest(np.where(belief.counted, found.white, 0.0)[:, :3])
+    if not noise.counted[:, :3].any():
+        return silent(CAUSE, noise, 1.0, 0.0, title)
+    chance = pretest(np.where(noise.counted, found.white, 0.0)[:, :3])
     if chance > SUSPECT:
-        return silent(CAUSE, belief, chance, 0.0, title)
-    white = maximise(belief, factors(present(belief, ("position_horizontal", "position_vertical"))))
-    fit = fit_correlated(white.belief)
+        return silent(CAUSE, noise, chance, 0.0, title)
+    white = maximise(noise, factors(present(noise, ("position_horizontal", "position_vertical"))))
+    fit = fit_correlated(white.noise)
     ratio = max(0.0, 2.0 * (fit.log_likelihood - white.log_likelihood))
-    if fit.belief.markov_time < _interval(belief):
+    if fit.noise.markov_time < _interval(noise):
         # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
-        return silent(CAUSE, belief, 1.0, ratio, title)
-    price = 1.5 * float(np.log(np.count_nonzero(belief.counted[:, :3])))
+        return silent(CAUSE, noise, 1.0, ratio, title)
+    price = 1.5 * float(np.log(np.count_nonzero(noise.counted[:, :3])))
     alarm = Alarm(CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - found.value - price, ratio, title)
-    return Claim(alarm, fit.belief, lambda: _described(fit))
+    return Claim(alarm, fit.noise, lambda: _described(fit))
 
 
 def pretest(white: FloatArray) -> float:
@@ -70,43 +70,43 @@ def pretest(white: FloatArray) -> float:
     return float(min(1.0, 2.0 * SUMS * norm.sf(most)))
 
 
-def fit_correlated(belief: Belief) -> Fit:
+def fit_correlated(noise: NoiseHypothesis) -> Fit:
     """Fit a Gauss–Markov error of the position fixes and their white part together.
 
     Parameters
     ----------
-    belief : Belief
+    noise : NoiseHypothesis
         Its sds of the fixes are the scale of what is tried.
     """
-    record = belief.record
-    rows = belief.counted[:, :3]
+    record = noise.record
+    rows = noise.counted[:, :3]
     sd = np.array(
-        [np.sqrt(np.mean(belief.sd[rows[:, a], a] ** 2)) if rows[:, a].any() else 1.0 for a in range(3)]
+        [np.sqrt(np.mean(noise.sd[rows[:, a], a] ** 2)) if rows[:, a].any() else 1.0 for a in range(3)]
     )
     sd[:2] = np.sqrt(np.mean(sd[:2] ** 2))
     span = float(record.t[-1] - record.t[0])
-    interval = _interval(belief)
-    fixed = held(belief)
+    interval = _interval(noise)
+    fixed = held(noise)
 
-    def trial(time: float, share: float) -> Belief:
-        white = belief.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2))
-        return replace(fixed, sd=np.hstack([white, belief.sd[:, 3:]]), markov_sd=share * sd, markov_time=time)
+    def trial(time: float, share: float) -> NoiseHypothesis:
+        white = noise.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2))
+        return replace(fixed, sd=np.hstack([white, noise.sd[:, 3:]]), markov_sd=share * sd, markov_time=time)
 
-    def best(trials: Iterable[Belief]) -> Belief:
+    def best(trials: Iterable[NoiseHypothesis]) -> NoiseHypothesis:
         return max(trials, key=lambda one: evaluate(one).value)
 
     times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), TIMES).tolist()
     time = best(trial(time, SHARES[1]) for time in times).markov_time
     chosen = best(trial(time, share) for share in SHARES)
-    start = replace(chosen, record=belief.record, columns=belief.columns)
-    white = present(belief, ("position_horizontal", "position_vertical"))
+    start = replace(chosen, record=noise.record, columns=noise.columns)
+    white = present(noise, ("position_horizontal", "position_vertical"))
     markov = tuple(name.replace("position", "markov") for name in white)
     return maximise(start, factors((*markov, TIME, *white)))
 
 
-def _interval(belief: Belief) -> float:
+def _interval(noise: NoiseHypothesis) -> float:
     """Return the time between fixes, s."""
-    return float(np.median(np.diff(belief.record.t)))
+    return float(np.median(np.diff(noise.record.t)))
 
 
 def _described(fit: Fit) -> Mapping[str, Coefficient]:

@@ -3,8 +3,8 @@
 Sensitivities S are taken along the filter's own way and from the measured rates, which err by the very noise that
 makes the whitened innovations W: E SᵀW is not 0 where nothing is hidden. Where a drive says little of a constant, as
 slopes of 0.03 say of gravity, and attitudes are as uncertain, that grows with the drive: on an hour with gyros of
-2°/√h gravity leans by 3.5 sds, scale factors of the gyros by 2.4. The noise that is believed, added to the drive once
-more, tells it, as in the first step of simulation–extrapolation [1]_::
+2°/√h gravity leans by 3.5 sds, scale factors of the gyros by 2.4. The configured noise, added to the drive once more,
+tells it, as in the first step of simulation–extrapolation [1]_::
 
     θ = (λ + Sᵀ S)⁻¹ (S₁ − S)ᵀ (W₁ − W)
 
@@ -28,7 +28,7 @@ from scipy.signal import lfilter
 from models.earth import llh_displaced
 from tuner.diagnosis.drive.causes.constants import PRIORS
 from tuner.diagnosis.drive.hypothesis import Pass, examine
-from tuner.diagnosis.drive.linear_model.likelihood import believed, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.navigation.drive.run import told_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive
@@ -68,7 +68,7 @@ def leaning(drive: Drive, found: Pass) -> FloatArray:
 
 
 def noisier(drive: Drive, found: Pass, rng: np.random.Generator) -> Drive:
-    """Return a drive with the noise that a pass believes of sensors and receiver added."""
+    """Return a drive with the configured noise of sensors and receiver added once more."""
     config, rates = found.hypothesis.config, drive.rates.copy()
     step = float(np.median(np.diff(drive.imu_t)))
     for i, axis in enumerate((*GYROS, *ACCELS)):
@@ -101,12 +101,12 @@ def _markov(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> Fl
 
 def _whitened(found: Pass) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return whitened innovations and sensitivities of every fix of the drive, and the rows that count."""
-    belief = believed(found.record)
-    every = evaluate(replace(belief, columns=tuple(range(len(found.record.parameters)))))
+    noise = as_configured(found.record)
+    every = evaluate(replace(noise, columns=tuple(range(len(found.record.parameters)))))
     root = np.sqrt(every.variance)
     white = (every.innovation + every.sensitivity @ every.theta) / root
     k = len(found.hypothesis.position_out)
     whole = np.zeros((k, 6)), np.zeros((k, 6, len(every.theta))), np.zeros((k, 6), dtype=bool)
-    for to, part in zip(whole, (white, every.sensitivity / root[..., None], belief.counted), strict=True):
+    for to, part in zip(whole, (white, every.sensitivity / root[..., None], noise.counted), strict=True):
         to[found.index] = part
     return whole

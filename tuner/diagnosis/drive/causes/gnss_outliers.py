@@ -11,7 +11,7 @@ back, and round by round the worst of its neighbourhood that still is suspect fo
 *Test.* On the unmasked blocks of one kind, those of the other kind masked: the largest q, exact with n blocks, and the
 count beyond the 10⁻³ quantile, Poisson; twice the smaller chance.
 
-*Gain.* Likelihood of the mixture (1−ε) N(0, S) + ε N(0, κ² S), ε and κ from the blocks masked, over that of the belief
+*Gain.* Likelihood of the mixture (1−ε) N(0, S) + ε N(0, κ² S), ε and κ from the blocks masked, over that of the noise
 with them, on the same rows; less ln n for ε and κ.
 """
 
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.diagnosis.drive.outcome import Claim, silent
 from tuner.diagnosis.static.outcome import Alarm
@@ -57,24 +57,24 @@ class Mask:
         Position and velocity blocks that are left out.
     off : ndarray, shape (k, 6)
         What every row is off given all that are left, by its sd.
-    left : Belief
+    left : NoiseHypothesis
         Without the blocks that are left out.
     """
 
     out: BoolArray
     off: FloatArray
-    left: Belief
+    left: NoiseHypothesis
 
-    def rows(self, belief: Belief) -> BoolArray:
+    def rows(self, noise: NoiseHypothesis) -> BoolArray:
         """Return the rows that are left, shape (k, 6)."""
-        return belief.rows & ~np.repeat(self.out, 3, axis=1)
+        return noise.rows & ~np.repeat(self.out, 3, axis=1)
 
 
-def mask(belief: Belief) -> Mask:
+def mask(noise: NoiseHypothesis) -> Mask:
     """Leave outliers out, see the module."""
-    record = belief.record
-    tried = _tried(belief)
-    whole = replace(belief, rows=belief.rows | tried, record=_settled(record))
+    record = noise.record
+    tried = _tried(noise)
+    whole = replace(noise, rows=noise.rows | tried, record=_settled(record))
     out = np.zeros((len(record.t), 2), dtype=bool)
     limit = np.log(SUSPECT / max(int(np.count_nonzero(tried[:, ::3])), 1))
     alone = whole.rows.copy()
@@ -93,27 +93,27 @@ def mask(belief: Belief) -> Mask:
             break
         out = again
         off = _deleted(_without(whole, out))
-    return Mask(out, off, _without(replace(belief, rows=belief.rows | tried), out))
+    return Mask(out, off, _without(replace(noise, rows=noise.rows | tried), out))
 
 
-def _without(belief: Belief, out: BoolArray) -> Belief:
-    """Return a belief without blocks (k, 2)."""
-    return replace(belief, rows=belief.rows & ~np.repeat(out, 3, axis=1))
+def _without(noise: NoiseHypothesis, out: BoolArray) -> NoiseHypothesis:
+    """Return the hypothesis without blocks (k, 2)."""
+    return replace(noise, rows=noise.rows & ~np.repeat(out, 3, axis=1))
 
 
-def _deleted(belief: Belief) -> FloatArray:
+def _deleted(noise: NoiseHypothesis) -> FloatArray:
     """Return what every row is off given all others, by its sd, shape (k, 6)."""
-    return evaluate_with_gradient(belief)[1].deleted
+    return evaluate_with_gradient(noise)[1].deleted
 
 
 def _settled(record: LinearRecord) -> LinearRecord:
     return replace(record, scored=np.ones(len(record.t), dtype=bool))
 
 
-def _tried(belief: Belief) -> BoolArray:
+def _tried(noise: NoiseHypothesis) -> BoolArray:
     """Return the rows that may be outliers: all that count, and those that the filter itself refused."""
-    record = belief.record
-    return record.available & record.scored[:, None] & (belief.rows | ~record.used)
+    record = noise.record
+    return record.available & record.scored[:, None] & (noise.rows | ~record.used)
 
 
 def log_chances(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
@@ -140,29 +140,29 @@ def log_chances(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool =
     return np.where(have, chi2.logsf(q / scale, np.maximum(freedom, 1)), 0.0)
 
 
-def outliers(belief: Belief, masked: Mask, cause: str) -> Claim:
+def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> Claim:
     """Test the blocks of one kind for outliers.
 
     Parameters
     ----------
-    belief : Belief
-        What is believed so far.
+    noise : NoiseHypothesis
+        Noise assumed so far.
     masked : Mask
-        Of this belief.
+        Of this noise.
     cause : str
         ``gnss_outliers`` or ``gnss_velocity``.
     """
     title = "least chance of a fix" if cause == "gnss_outliers" else "least chance of a velocity fix"
     block = list(KINDS).index(cause)
-    tried = _tried(belief)
+    tried = _tried(noise)
     n = int(np.count_nonzero(tried[:, 3 * block]))
     if not n:
-        return silent(cause, belief, 1.0, 1.0, title)
+        return silent(cause, noise, 1.0, 1.0, title)
     off = masked.off
     if masked.out[:, block].any():
         others = masked.out.copy()
         others[:, block] = False
-        whole = replace(belief, rows=belief.rows | tried, record=_settled(belief.record))
+        whole = replace(noise, rows=noise.rows | tried, record=_settled(noise.record))
         off = _deleted(_without(whole, others))
     chance = np.exp(log_chances(off, tried, block))
     least = float(chance.min())
@@ -170,33 +170,33 @@ def outliers(belief: Belief, masked: Mask, cause: str) -> Claim:
     p_value = min(1.0, 2.0 * min(-np.expm1(n * np.log1p(-min(least, 0.5))), poisson.sf(count - 1, n * TAIL)))
     out = masked.out[:, block]
     if not out.any():
-        return silent(cause, belief, p_value, least, title)
-    rows = belief.rows.copy()
+        return silent(cause, noise, p_value, least, title)
+    rows = noise.rows.copy()
     rows[:, KINDS[cause]] &= ~out[:, None]
-    without = replace(belief, rows=rows)
-    dropped = belief.counted & ~without.counted
-    gain = contamination(belief, without, dropped) if dropped.any() else 0.0
+    without = replace(noise, rows=rows)
+    dropped = noise.counted & ~without.counted
+    gain = contamination(noise, without, dropped) if dropped.any() else 0.0
     alarm = Alarm(cause, float(p_value), gain, least, title)
     return Claim(alarm, without, lambda: _described(masked, cause, n))
 
 
-def contamination(belief: Belief, others: Belief, off: BoolArray) -> float:
+def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, off: BoolArray) -> float:
     """Return what the mixture gains over one normal law, nats, less ln n.
 
     Parameters
     ----------
-    belief, others : Belief
+    noise, others : NoiseHypothesis
         With all rows, and without the outliers.
     off : ndarray of bool, shape (k, 6)
         Rows of the outliers.
     """
     found = evaluate(others)
-    n, m = int(np.count_nonzero(belief.counted)) / 3.0, int(np.count_nonzero(off)) / 3.0
+    n, m = int(np.count_nonzero(noise.counted)) / 3.0, int(np.count_nonzero(off)) / 3.0
     square = float(np.sum(found.white[off] ** 2))
     spread = square / (3.0 * m)
     outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * found.variance[off]))) - 1.5 * m
     share = m * np.log(m / n) + (n - m) * np.log1p(-m / n) if m < n else 0.0
-    return found.value + outside + float(share) - evaluate(belief).value - float(np.log(n))
+    return found.value + outside + float(share) - evaluate(noise).value - float(np.log(n))
 
 
 def _described(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:

@@ -2,7 +2,7 @@
 
 `fit_noise` estimates all factors together, true ÷ assumed; prior knowledge, such as the intervals of a static
 identification, enters as sds of the logs. The tests `gnss_noise_scale` and `imu_noise_scale` ask for each factor
-alone, the rest as believed: score and curvature of ln L by the log x of the factor first (of R: 2 Σ (r d)², d the
+alone, the rest as configured: score and curvature of ln L by the log x of the factor first (of R: 2 Σ (r d)², d the
 precision of a row given all others), a refit where they promise something. The null of a factor whose log is known to
 σ only is a factor anywhere about 1 with that σ::
 
@@ -24,7 +24,12 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate, evaluate_with_gradient, held
+from tuner.diagnosis.drive.linear_model.likelihood import (
+    NoiseHypothesis,
+    evaluate,
+    evaluate_with_gradient,
+    held,
+)
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS, factors, present
 from tuner.diagnosis.drive.linear_model.record import GROUPS
 from tuner.diagnosis.drive.outcome import Claim, silent
@@ -52,7 +57,7 @@ _STEP = 0.02
 
 @dataclass(frozen=True)
 class Scores:
-    """Score and curvature of ln L by the logs of factors, others as believed; twice the most gained by `TRIALS`."""
+    """Score and curvature of ln L by the logs of factors, others as configured; twice the most gained by `TRIALS`."""
 
     names: tuple[str, ...]
     value: float
@@ -76,63 +81,63 @@ class Scores:
         return exact / (1.0 + size * prior_sd**2)
 
 
-def scores(belief: Belief) -> Scores:
+def scores(noise: NoiseHypothesis) -> Scores:
     """Return scores of all factors that the record has anything of."""
-    names = present(belief, (*ROWS, *BLOCKS, *GROUPS))
+    names = present(noise, (*ROWS, *BLOCKS, *GROUPS))
     scales, zero = factors(names), np.zeros(len(names))
-    belief = held(belief)
-    found, gradient = evaluate_with_gradient(belief)
-    slope = scales.slopes(belief, zero, gradient)
-    own = 2.0 * np.where(belief.counted, gradient.precision * belief.sd**2, 0.0) ** 2
+    noise = held(noise)
+    found, gradient = evaluate_with_gradient(noise)
+    slope = scales.slopes(noise, zero, gradient)
+    own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
     curvature, tried = np.empty(len(names)), np.zeros(len(names))
     for j, unit in enumerate(np.eye(len(names))):
         if names[j] not in GROUPS:
             curvature[j] = own[:, (ROWS | BLOCKS)[names[j]]].sum()
             continue
-        other = scales.slopes(belief, zero, evaluate_with_gradient(scales.change(belief, _STEP * unit))[1])
+        other = scales.slopes(noise, zero, evaluate_with_gradient(scales.change(noise, _STEP * unit))[1])
         curvature[j] = (slope[j] - other[j]) / _STEP
         if curvature[j] < max(SURE, abs(slope[j])):
-            trials = [evaluate(scales.change(belief, log * unit)).value for log in TRIALS]
+            trials = [evaluate(scales.change(noise, log * unit)).value for log in TRIALS]
             tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
     return Scores(names, found.value, slope, curvature, tried)
 
 
-def fit_noise(belief: Belief, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
+def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
     """Fit all factors of R and Q together.
 
     Parameters
     ----------
-    belief : Belief
-        What is believed so far: its noise is factor 1.
+    noise : NoiseHypothesis
+        Noise assumed so far: its noise is factor 1.
     prior_sd : mapping of str to float
         What is known of the log of a factor, by name of `ROWS` or `GROUPS`.
     """
-    return maximise(belief, factors(present(belief, (*ROWS, *GROUPS))), prior_sd=prior_sd)
+    return maximise(noise, factors(present(noise, (*ROWS, *GROUPS))), prior_sd=prior_sd)
 
 
-def gnss_noise(belief: Belief, found: Scores) -> Claim:
+def gnss_noise(noise: NoiseHypothesis, found: Scores) -> Claim:
     """Test the factors on the sds of the fixes."""
-    return _test(belief, found, "gnss_noise_scale", SHARE, NO_PRIOR)
+    return _test(noise, found, "gnss_noise_scale", SHARE, NO_PRIOR)
 
 
-def imu_noise(belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Claim:
+def imu_noise(noise: NoiseHypothesis, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Claim:
     """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
     told = [name for name in GROUPS if name in found.names and found.tells(name)]
-    return _test(belief, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
+    return _test(noise, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
 
 
 def joint_noise(
-    belief: Belief, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+    noise: NoiseHypothesis, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> tuple[Claim, Claim] | None:
     """Test factors on R and Q together where both are surely wrong; None where one of them is not.
 
     Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have one
-    belief (the same object) and the same gain, that of both.
+    hypothesis (the same object) and the same gain, that of both.
 
     Parameters
     ----------
-    belief : Belief
-        What is believed so far.
+    noise : NoiseHypothesis
+        Noise assumed so far.
     found : Scores
         Its scores.
     prior_sd : mapping of str to float
@@ -143,16 +148,16 @@ def joint_noise(
     score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
     if any(not side or chi2.sf(max(side), 1) > SURELY for side in score):
         return None
-    fit = _held(belief, told)
+    fit = _held(noise, told)
     told = fit.scales.names
     sides = [tuple(name for name in told if name in side) for side in sides]
     ratio = [max((_off(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides]
     chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
     if max(chance) > SURELY:
         return None
-    gain = fit.log_likelihood - found.value - 0.5 * float(np.log(belief.count)) * len(told)
+    gain = fit.log_likelihood - found.value - 0.5 * float(np.log(noise.count)) * len(told)
     title = "squares of factors on R and Q fitted together, by their variances"
-    fitted = fit.belief
+    fitted = fit.noise
 
     def claim(cause: str, i: int) -> Claim:
         def described() -> Mapping[str, Coefficient]:
@@ -163,15 +168,15 @@ def joint_noise(
     return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
 
 
-def _held(belief: Belief, names: tuple[str, ...]) -> Fit:
+def _held(noise: NoiseHypothesis, names: tuple[str, ...]) -> Fit:
     """Fit factors; those on Q that the drive does not hold, or hold at 1, stay as told.
 
     Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
     1 Hz.
     """
-    fit = maximise(belief, factors(names))
+    fit = maximise(noise, factors(names))
     sure = tuple(n for n in names if n in ROWS or (fit.held(n) and _off(fit, n, 0.0) > PROMISING))
-    return fit if sure in (names, ()) else maximise(belief, factors(sure))
+    return fit if sure in (names, ()) else maximise(noise, factors(sure))
 
 
 def _off(fit: Fit, name: str, prior_sd: float) -> float:
@@ -181,26 +186,30 @@ def _off(fit: Fit, name: str, prior_sd: float) -> float:
 
 
 def _test(
-    belief: Belief, found: Scores, cause: str, share: Mapping[str, float], prior_sd: Mapping[str, float]
+    noise: NoiseHypothesis,
+    found: Scores,
+    cause: str,
+    share: Mapping[str, float],
+    prior_sd: Mapping[str, float],
 ) -> Claim:
     title = "likelihood ratio of a factor on the noise"
     ratio = {name: found.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in found.names}
     chance = {name: min(1.0, float(chi2.sf(value, 1)) / share[name]) for name, value in ratio.items()}
     best = min(chance, key=lambda name: chance[name], default="")
     if not best or ratio[best] < PROMISING:
-        return silent(cause, belief, chance.get(best, 1.0), ratio.get(best, 0.0), title)
-    alone = maximise(belief, factors((best,)))
+        return silent(cause, noise, chance.get(best, 1.0), ratio.get(best, 0.0), title)
+    alone = maximise(noise, factors((best,)))
     exact = _ratio(alone, found.value, prior_sd.get(best, 0.0))
     p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
-    price = 0.5 * float(np.log(belief.count))
+    price = 0.5 * float(np.log(noise.count))
     parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
     wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
-    fits = [alone] if wrong in ((), (best,)) else [alone, _held(belief, wrong)]
+    fits = [alone] if wrong in ((), (best,)) else [alone, _held(noise, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - found.value - price * len(fit.estimate)
     alarm = Alarm(cause, p_value, gain, exact, title)
     others = {name: sd for name, sd in prior_sd.items() if name not in fit.scales.names}
-    return Claim(alarm, fit.belief, lambda: _described(belief, parts, others))
+    return Claim(alarm, fit.noise, lambda: _described(noise, parts, others))
 
 
 def _ratio(alone: Fit, value: float, prior_sd: float) -> float:
@@ -213,7 +222,7 @@ def _ratio(alone: Fit, value: float, prior_sd: float) -> float:
 
 
 def _described(
-    belief: Belief, names: tuple[str, ...], prior_sd: Mapping[str, float]
+    noise: NoiseHypothesis, names: tuple[str, ...], prior_sd: Mapping[str, float]
 ) -> Mapping[str, Coefficient]:
-    fit = maximise(belief, factors(names), prior_sd=prior_sd)
+    fit = maximise(noise, factors(names), prior_sd=prior_sd)
     return {SHORT.get(name, name): fit.coefficient(name) for name in names}

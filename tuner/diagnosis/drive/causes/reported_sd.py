@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive.linear_model.fit import Fit, maximise
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
     EXPONENT,
@@ -55,7 +55,7 @@ PROMISING = 6.0
 """Score statistic from which a fit is worth its time."""
 LEAST = 0.02
 """Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
-a filter that believes that refuses every fix once it is off."""
+a filter configured so refuses every fix once it is off."""
 
 
 @dataclass(frozen=True)
@@ -179,21 +179,21 @@ def scaled(values: Mapping[str, float], key: str, more: float) -> float:
     return max(LEAST, values.get(key, 1.0) * more)
 
 
-def reported_law(belief: Belief, block: str) -> ReportedLaw | None:
+def reported_law(noise: NoiseHypothesis, block: str) -> ReportedLaw | None:
     """Choose the law of the reported sds of a block; None where they do not vary, or are not there.
 
     Parameters
     ----------
-    belief : Belief
-        What is believed so far; the laws multiply its sds.
+    noise : NoiseHypothesis
+        Noise assumed so far; the laws multiply its sds.
     block : str
         ``position`` or ``velocity``.
     """
     columns = list(BLOCKS[block])
-    counted = belief.counted[:, columns].all(axis=1)
+    counted = noise.counted[:, columns].all(axis=1)
     if np.count_nonzero(counted) < 2 * FEWEST:
         return None
-    level = levels(belief.record.reported_sd[:, columns])
+    level = levels(noise.record.reported_sd[:, columns])
     low, high = np.quantile(level[counted], (0.05, 0.95))
     if high < VARIES * low:
         return None
@@ -203,10 +203,10 @@ def reported_law(belief: Belief, block: str) -> ReportedLaw | None:
     tried: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT}")}
     if edges:
         tried["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
-    if not any(_promising(belief, names, said) for names in tried.values()):
+    if not any(_promising(noise, names, said) for names in tried.values()):
         return None
     tried = {"factor": (block,), **tried}
-    fits = {name: maximise(belief, factors(names, said)) for name, names in tried.items()}
+    fits = {name: maximise(noise, factors(names, said)) for name, names in tried.items()}
     price = 0.5 * float(np.log(3 * np.count_nonzero(counted)))
     score = {name: fit.log_likelihood - price * len(fit.estimate) for name, fit in fits.items()}
     if "classes" in score and score["power"] < score["classes"] + CLOSE:
@@ -220,22 +220,22 @@ def reported_law(belief: Belief, block: str) -> ReportedLaw | None:
     return ReportedLaw(block, best, fits, gain, p_value, said, edges if best == "classes" else ())
 
 
-def reported_noise(belief: Belief, block: str) -> Claim | None:
+def reported_noise(noise: NoiseHypothesis, block: str) -> Claim | None:
     """Test whether sds of a block stand to the reported ones otherwise than by one factor; None where they do not.
 
     Parameters
     ----------
-    belief, block
+    noise, block
         As of `reported_law`.
     """
-    law = reported_law(belief, block)
+    law = reported_law(noise, block)
     if law is None or law.law == "factor":
         return None
-    fit, best = maximise(belief, factors(law.names, law.said)), law.fits[law.law]
+    fit, best = maximise(noise, factors(law.names, law.said)), law.fits[law.law]
     base = law.fits["factor"]
     ratio = 2.0 * (best.log_likelihood - base.log_likelihood)
-    price = 0.5 * float(np.log(belief.count)) * len(fit.estimate)
-    gain = fit.log_likelihood - evaluate(belief).value - price
+    price = 0.5 * float(np.log(noise.count)) * len(fit.estimate)
+    gain = fit.log_likelihood - evaluate(noise).value - price
     title = f"likelihood ratio of {'factors by class of fix' if law.law == 'classes' else 'a power of the reported sd'}"
     p_value = min(1.0, len(BLOCKS) * law.p_value)
 
@@ -243,7 +243,7 @@ def reported_noise(belief: Belief, block: str) -> Claim | None:
         return {name: coefficient(fit, name) for name in law.names}
 
     return Claim(
-        Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.belief, described, law.values(fit)
+        Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, law.values(fit)
     )
 
 
@@ -256,11 +256,11 @@ def coefficient(fit: Fit, name: str, scale: float = 1.0) -> Coefficient:
     return Coefficient.known(value, value - half, value + half, "1")
 
 
-def _promising(belief: Belief, names: tuple[str, ...], said: Said) -> bool:
+def _promising(noise: NoiseHypothesis, names: tuple[str, ...], said: Said) -> bool:
     """Whether the scores of a law's parameters, that of a common factor taken out, are worth a fit."""
-    _, gradient = evaluate_with_gradient(belief)
-    slope = factors(names, said).slopes(belief, np.zeros(len(names)), gradient)
-    own = 2.0 * np.where(belief.counted, gradient.precision * belief.sd**2, 0.0) ** 2
+    _, gradient = evaluate_with_gradient(noise)
+    slope = factors(names, said).slopes(noise, np.zeros(len(names)), gradient)
+    own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
     pulls = np.stack([weights(name, len(own), said).ravel() for name in names])
     information = (pulls * own.ravel()) @ pulls.T
     block = next(iter(said.classes))
@@ -269,6 +269,6 @@ def _promising(belief: Belief, names: tuple[str, ...], said: Said) -> bool:
     whole = float(np.sum(own * common))
     if whole <= 0.0:
         return False
-    total = float(np.sum(np.where(belief.counted, gradient.by_sd, 0.0) * common))
+    total = float(np.sum(np.where(noise.counted, gradient.by_sd, 0.0) * common))
     full = float(slope @ np.linalg.pinv(information, hermitian=True) @ slope)
     return full - total**2 / whole > PROMISING

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate_with_gradient, held
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient, held
 from tuner.diagnosis.drive.linear_model.noise_parameters import Scales
 from tuner.types import Coefficient
 
@@ -59,7 +59,7 @@ class Fit:
     ----------
     scales : Scales
         The parameters.
-    start : Belief
+    start : NoiseHypothesis
         Where they are 0, mean parameters held.
     estimate, prior_sd : ndarray, shape (q,)
         Parameters and their prior sds.
@@ -70,7 +70,7 @@ class Fit:
     """
 
     scales: Scales
-    start: Belief
+    start: NoiseHypothesis
     estimate: FloatArray
     prior_sd: FloatArray
     cost: Cost
@@ -83,8 +83,8 @@ class Fit:
         return curvature(self.cost, self.estimate, self.prior_sd)
 
     @property
-    def belief(self) -> Belief:
-        """What is believed after the fit."""
+    def noise(self) -> NoiseHypothesis:
+        """Noise after the fit."""
         return self.scales.change(self.start, self.estimate)
 
     def number(self, name: str) -> int:
@@ -136,8 +136,8 @@ class Fit:
 
         def fallen(distance: float) -> bool:
             x = np.clip(self.estimate + side * distance * ridge, -FAR, FAR)
-            belief = self.scales.change(self.start, x)
-            found, gradient = evaluate_with_gradient(belief)
+            noise = self.scales.change(self.start, x)
+            found, gradient = evaluate_with_gradient(noise)
             slopes = self.scales.slopes(self.start, x, gradient) - x / self.prior_sd**2
             value = found.value + 0.5 * float(slopes @ others @ slopes)
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
@@ -155,7 +155,7 @@ class Fit:
 
 
 def maximise(
-    belief: Belief,
+    noise: NoiseHypothesis,
     scales: Scales,
     *,
     prior_sd: Mapping[str, float] = NO_PRIOR,
@@ -165,7 +165,7 @@ def maximise(
 
     Parameters
     ----------
-    belief : Belief
+    noise : NoiseHypothesis
         Where all parameters are 0.
     scales : Scales
         The parameters.
@@ -176,13 +176,13 @@ def maximise(
     """
     sd = np.array([prior_sd.get(name, WIDE) for name in scales.names])
     x = np.zeros(len(scales.names)) if start is None else start
-    fixed, cost = _held_cost(belief, scales, x, sd)
+    fixed, cost = _held_cost(noise, scales, x, sd)
     last = -np.inf
     for _ in range(HOLDS):
         x, last = _climbed(cost, x, curvature(cost, x, sd))
-        if not belief.columns:
+        if not noise.columns:
             break
-        fixed, cost = _held_cost(belief, scales, x, sd)
+        fixed, cost = _held_cost(noise, scales, x, sd)
         was, last = last, -cost(x)[0]
         if last - was < HARDLY:
             break
@@ -190,20 +190,22 @@ def maximise(
     return Fit(scales, fixed, x, sd, cost, prior + last, last)
 
 
-def _held_cost(belief: Belief, scales: Scales, x: FloatArray, sd: FloatArray) -> tuple[Belief, Cost]:
-    """Return a belief with mean parameters held at their best for some noise, and the cost of other noise."""
-    fixed = replace(belief, record=held(scales.change(belief, x)).record, columns=())
+def _held_cost(
+    noise: NoiseHypothesis, scales: Scales, x: FloatArray, sd: FloatArray
+) -> tuple[NoiseHypothesis, Cost]:
+    """Return the hypothesis with mean parameters held at their best for some noise, and the cost of other noise."""
+    fixed = replace(noise, record=held(scales.change(noise, x)).record, columns=())
     return fixed, _cost(fixed, scales, sd)
 
 
-def _cost(belief: Belief, scales: Scales, sd: FloatArray) -> Cost:
+def _cost(noise: NoiseHypothesis, scales: Scales, sd: FloatArray) -> Cost:
     """Return the cost to minimise, −ln L and the prior, with its gradient."""
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
         x = np.clip(x, -FAR, FAR)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found, gradient = evaluate_with_gradient(scales.change(belief, x))
-            slopes = scales.slopes(belief, x, gradient)
+            found, gradient = evaluate_with_gradient(scales.change(noise, x))
+            slopes = scales.slopes(noise, x, gradient)
         if not (np.isfinite(found.value) and np.isfinite(slopes).all()):
             return HOPELESS, x / sd**2
         return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes

@@ -299,7 +299,7 @@ def backward(
     f: FloatArray,
     gains: FloatArray,
     by_sd: FloatArray,
-    by_drive: FloatArray,
+    by_process_noise_scale: FloatArray,
     by_markov: FloatArray,
     deleted: FloatArray,
     precision: FloatArray,
@@ -316,7 +316,7 @@ def backward(
     start, column, transition = phi
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     r, w, NK, h = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    by_drive[:] = 0.0
+    by_process_noise_scale[:] = 0.0
     by_markov[:] = 0.0
     for i in range(k - 1, -1, -1):
         for m in range(b):
@@ -367,10 +367,10 @@ def backward(
                         for j in range(size):
                             N[m, j] -= pull * h[m] * r[j]
                             N[j, m] -= pull * h[m] * r[j]
-        by_drive[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
-        by_drive[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
-        by_drive[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
-        by_drive[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
+        by_process_noise_scale[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
+        by_process_noise_scale[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
+        by_process_noise_scale[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
+        by_process_noise_scale[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
         for m in range(n, size):
             gain = markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
             by_markov[m - n] += gain * (r[m] * r[m] - N[m, m])
@@ -398,7 +398,7 @@ def backward(
     for m in range(n, size):
         by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
     for g in range(4):
-        by_drive[g] *= factor[g]
+        by_process_noise_scale[g] *= factor[g]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)

@@ -1,13 +1,13 @@
 """Likelihood of a linear record under other noise: what every judgement of a drive stands on.
 
-A `Belief` says what is believed of a record: sds of the fixes, factors on the drives of the process noise, a
+A `NoiseHypothesis` is an assumption on a run's noise: sds of fixes, factors on the densities of the process noise, a
 Gauss–Markov error of the position fixes, rows that are taken, columns of mean parameters θ that are free. With the
 innovations z of the filter it describes, their variances f and their sensitivities s (`passes`)::
 
     ln L = −½ Σ [(z − s θ)²/f + ln 2πf],    θ = I⁻¹ Σ s z/f,    I = Σ s sᵀ/f
 
 over the rows that are taken and count: θ is profiled out. The gradient by all noise at once costs one pass
-backwards. As believed by the filter itself (`believed`), z and f are exactly its own.
+backwards. As the filter was configured (`as_configured`), z and f are exactly its own.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ IMPULSES = 6
 
 
 @dataclass(frozen=True)
-class Belief:
-    """What is believed of a record of k fixes.
+class NoiseHypothesis:
+    """Hypothesis on the noise in a run of k fixes.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Belief:
         The pass of the filter.
     sd : ndarray, shape (k, 6)
         Of the fixes.
-    drive : ndarray, shape (4,)
+    process_noise_scale : ndarray, shape (4,)
         Factor on the density of each of `GROUPS`, as configured 1.
     rows : ndarray of bool, shape (k, 6)
         Rows that are taken.
@@ -51,7 +51,7 @@ class Belief:
 
     record: LinearRecord
     sd: FloatArray
-    drive: FloatArray
+    process_noise_scale: FloatArray
     rows: BoolArray
     columns: tuple[int, ...] = ()
     markov_sd: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -70,7 +70,7 @@ class Belief:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What a belief says of its record.
+    """Likelihood of a noise hypothesis.
 
     Attributes
     ----------
@@ -109,8 +109,8 @@ class Gradient:
         ln L.
     by_sd : ndarray, shape (k, 6)
         By ln sd of every row.
-    by_drive : ndarray, shape (4,)
-        By ln drive.
+    by_process_noise_scale : ndarray, shape (4,)
+        By ln process_noise_scale.
     by_markov_sd : ndarray, shape (3,)
         By ln markov_sd.
     deleted : ndarray, shape (k, 6)
@@ -123,7 +123,7 @@ class Gradient:
 
     value: float
     by_sd: FloatArray
-    by_drive: FloatArray
+    by_process_noise_scale: FloatArray
     by_markov_sd: FloatArray
     deleted: FloatArray
     precision: FloatArray
@@ -131,20 +131,20 @@ class Gradient:
     information: FloatArray
 
 
-def believed(record: LinearRecord) -> Belief:
-    """Return what the filter itself believed."""
-    return Belief(record, record.sd, np.ones(len(GROUPS)), record.used & record.available)
+def as_configured(record: LinearRecord) -> NoiseHypothesis:
+    """Return the noise for which the filter was configured."""
+    return NoiseHypothesis(record, record.sd, np.ones(len(GROUPS)), record.used & record.available)
 
 
-def evaluate(belief: Belief) -> Likelihood:
-    """Return the likelihood of a record under a belief, the free mean parameters profiled out."""
-    return _forward(belief)[0]
+def evaluate(noise: NoiseHypothesis) -> Likelihood:
+    """Return the likelihood of a record under a noise hypothesis, the free mean parameters profiled out."""
+    return _forward(noise)[0]
 
 
-def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
+def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient]:
     """Return the likelihood and its gradient."""
-    found, gains = _forward(belief)
-    record = belief.record
+    found, gains = _forward(noise)
+    record = noise.record
     k, b = len(record.t), min(IMPULSES, record.transition.shape[1] - 9)
     gradient = Gradient(
         found.value,
@@ -158,50 +158,50 @@ def evaluate_with_gradient(belief: Belief) -> tuple[Likelihood, Gradient]:
     )
     backward(
         *_packed(record),
-        belief.drive**2,
+        noise.process_noise_scale**2,
         record.H,
-        belief.sd,
+        noise.sd,
         record.available,
-        belief.rows & record.available,
-        belief.counted,
+        noise.rows & record.available,
+        noise.counted,
         record.starts,
-        _decay(belief),
-        belief.markov_sd,
+        _decay(noise),
+        noise.markov_sd,
         found.innovation,
         found.variance,
         gains,
         gradient.by_sd,
-        gradient.by_drive,
+        gradient.by_process_noise_scale,
         gradient.by_markov_sd,
         gradient.deleted,
         gradient.precision,
         gradient.score,
         gradient.information,
     )
-    gradient.by_drive[:] *= 2.0
+    gradient.by_process_noise_scale[:] *= 2.0
     return found, gradient
 
 
-def held(belief: Belief) -> Belief:
-    """Return a belief with its free mean parameters held where they are now, which costs no column any more.
+def held(noise: NoiseHypothesis) -> NoiseHypothesis:
+    """Return the hypothesis with its free mean parameters held where they are now, which costs no column any more.
 
     What they do to the record is taken out of its innovations. Estimates of mean and noise of normal laws are
     independent to first order: noise may be fitted with the mean held.
     """
-    if not belief.columns:
-        return belief
-    record, columns = belief.record, list(belief.columns)
-    theta = evaluate(belief).theta
+    if not noise.columns:
+        return noise
+    record, columns = noise.record, list(noise.columns)
+    theta = evaluate(noise).theta
     push, offset = record.drive[:, :, columns] @ theta, record.seen[:, :, columns] @ theta
     error = np.empty_like(push)
     unaided(_packed(record)[0], push, record.starts, error)
     seen = (record.H @ error[:, :, None])[:, :, 0] + offset
-    return replace(belief, record=replace(record, innovation=record.innovation - seen), columns=())
+    return replace(noise, record=replace(record, innovation=record.innovation - seen), columns=())
 
 
-def gains_of(belief: Belief) -> FloatArray:
+def gains_of(noise: NoiseHypothesis) -> FloatArray:
     """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
-    return _forward(belief)[1]
+    return _forward(noise)[1]
 
 
 def _packed(record: LinearRecord) -> tuple[Places, Places, Places, Places, Places]:
@@ -222,39 +222,39 @@ def _chosen(of: FloatArray, columns: list[int]) -> FloatArray:
     return np.ascontiguousarray(of if every else of[:, :, columns])
 
 
-def _decay(belief: Belief) -> FloatArray:
-    t = belief.record.t
-    return np.asarray(np.exp(-np.diff(t, prepend=t[:1]) / belief.markov_time))
+def _decay(noise: NoiseHypothesis) -> FloatArray:
+    t = noise.record.t
+    return np.asarray(np.exp(-np.diff(t, prepend=t[:1]) / noise.markov_time))
 
 
-def _forward(belief: Belief) -> tuple[Likelihood, FloatArray]:
-    record, columns = belief.record, list(belief.columns)
+def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
+    record, columns = noise.record, list(noise.columns)
     k, n, p = len(record.t), record.transition.shape[1], len(columns)
-    size = n + 3 if np.any(belief.markov_sd > 0.0) else n
+    size = n + 3 if np.any(noise.markov_sd > 0.0) else n
     z, f = np.full((k, 6), np.nan), np.full((k, 6), np.nan)
     s, gains = np.zeros((k, 6, p)), np.zeros((k, 6, size))
     forward(
         *_packed(record),
         _places(record, "gnss_position"),
-        belief.drive**2,
+        noise.process_noise_scale**2,
         record.H,
         record.innovation,
-        belief.sd,
+        noise.sd,
         record.available,
-        belief.rows & record.available,
+        noise.rows & record.available,
         record.correction,
         record.initial,
         record.starts,
         _chosen(record.drive, columns),
         _chosen(record.seen, columns),
-        _decay(belief),
-        belief.markov_sd,
+        _decay(noise),
+        noise.markov_sd,
         z,
         f,
         s,
         gains,
     )
-    rows = belief.counted
+    rows = noise.counted
     theta, covariance = np.zeros(p), np.zeros((p, p))
     if p:
         root = np.sqrt(f[rows])

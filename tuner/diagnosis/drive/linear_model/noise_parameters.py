@@ -1,7 +1,7 @@
 """Noise as a few numbers: which parameters a fit may change, and what the likelihood says of their change.
 
 Parameters are natural logs: of factors on the sds of groups of rows, of all fixes or of one class
-(``position_class_1``), on the drives of groups of process noise, on sd and time constant of a Gauss–Markov error of
+(``position_class_1``), on the densities of groups of process noise, on sd and time constant of a Gauss–Markov error of
 the fixes; and what is added to the exponent of a reported sd (``position_exponent``). Parameters at 0 change nothing.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, Gradient, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import Gradient, NoiseHypothesis, evaluate
 from tuner.diagnosis.drive.linear_model.record import GROUPS
 
 FloatArray = NDArray[np.float64]
@@ -48,14 +48,14 @@ class Scales:
     names : tuple of str
         What each parameter is called.
     change : callable
-        (belief, parameters (q,)) → belief.
+        (noise, parameters (q,)) → noise.
     slopes : callable
-        (belief, parameters (q,), gradient at the changed belief) → derivatives of ln L, (q,).
+        (noise, parameters (q,), gradient at the changed noise) → derivatives of ln L, (q,).
     """
 
     names: tuple[str, ...]
-    change: Callable[[Belief, FloatArray], Belief]
-    slopes: Callable[[Belief, FloatArray, Gradient], FloatArray]
+    change: Callable[[NoiseHypothesis, FloatArray], NoiseHypothesis]
+    slopes: Callable[[NoiseHypothesis, FloatArray, Gradient], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -99,31 +99,31 @@ def weights(name: str, count: int, said: Said) -> FloatArray:
 def factors(names: tuple[str, ...], said: Said = SILENT) -> Scales:
     """Return parameters by name: of the rows as `weights` has them, of `GROUPS`, `MARKOV` and `TIME`."""
 
-    def change(belief: Belief, logs: FloatArray) -> Belief:
-        sd, drive = belief.sd.copy(), belief.drive.copy()
-        markov, time = belief.markov_sd.copy(), belief.markov_time
+    def change(noise: NoiseHypothesis, logs: FloatArray) -> NoiseHypothesis:
+        sd, scale = noise.sd.copy(), noise.process_noise_scale.copy()
+        markov, time = noise.markov_sd.copy(), noise.markov_time
         for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
             if _of_rows(name):
                 sd *= factor ** weights(name, len(sd), said)
             elif name in GROUPS:
-                drive[GROUPS.index(name)] *= factor
+                scale[GROUPS.index(name)] *= factor
             elif name in MARKOV:
                 markov[MARKOV[name]] *= factor
             else:
                 time *= factor
-        return replace(belief, sd=sd, drive=drive, markov_sd=markov, markov_time=time)
+        return replace(noise, sd=sd, process_noise_scale=scale, markov_sd=markov, markov_time=time)
 
-    def slopes(belief: Belief, logs: FloatArray, gradient: Gradient) -> FloatArray:
+    def slopes(noise: NoiseHypothesis, logs: FloatArray, gradient: Gradient) -> FloatArray:
         out = np.zeros(len(names))
         for j, name in enumerate(names):
             if _of_rows(name):
-                out[j] = float(np.sum(gradient.by_sd * weights(name, len(belief.sd), said)))
+                out[j] = float(np.sum(gradient.by_sd * weights(name, len(noise.sd), said)))
             elif name in GROUPS:
-                out[j] = gradient.by_drive[GROUPS.index(name)]
+                out[j] = gradient.by_process_noise_scale[GROUPS.index(name)]
             elif name in MARKOV:
                 out[j] = gradient.by_markov_sd[MARKOV[name]].sum()
             else:
-                here = change(belief, logs)
+                here = change(noise, logs)
                 longer = replace(here, markov_time=here.markov_time * float(np.exp(STEP)))
                 out[j] = (evaluate(longer).value - gradient.value) / STEP
         return out
@@ -135,13 +135,13 @@ def _of_rows(name: str) -> bool:
     return name.removesuffix(EXPONENT).partition(_CLASS)[0] in _ROWS
 
 
-def present(belief: Belief, names: tuple[str, ...], said: Said = SILENT) -> tuple[str, ...]:
+def present(noise: NoiseHypothesis, names: tuple[str, ...], said: Said = SILENT) -> tuple[str, ...]:
     """Return those of the names of rows and of `GROUPS` that the record has anything of."""
-    counted = belief.counted
+    counted = noise.counted
 
     def there(name: str) -> bool:
         if _of_rows(name):
             return bool(np.any(weights(name, len(counted), said)[counted]))
-        return bool(belief.record.noise[name].any())
+        return bool(noise.record.noise[name].any())
 
     return tuple(name for name in names if there(name))

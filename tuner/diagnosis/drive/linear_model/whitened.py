@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.likelihood import Belief, evaluate
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate
 
 FloatArray = NDArray[np.float64]
 
@@ -42,11 +42,11 @@ class Whitened:
     slope: FloatArray
 
 
-def whitened(belief: Belief) -> Whitened:
+def whitened(noise: NoiseHypothesis) -> Whitened:
     """Return the innovations of a record made white, and their sensitivities to all its constants."""
-    record = belief.record
-    every = evaluate(replace(belief, columns=tuple(range(len(record.parameters)))))
-    rows = belief.counted
+    record = noise.record
+    every = evaluate(replace(noise, columns=tuple(range(len(record.parameters)))))
+    rows = noise.counted
     root = np.sqrt(every.variance[rows])
     slope = every.sensitivity[rows]
     t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
