@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.diagnosis.drive.inflation import covers, said
+from tuner.diagnosis.drive.noise_scale_estimates import covers, said
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.diagnosis_tables import findings_table
 from tuner.types import Demand, DriveDiagnosis, Gain

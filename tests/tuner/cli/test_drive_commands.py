@@ -14,8 +14,8 @@ from tuner.cli import run
 from tuner.cli.commands import tune
 from tuner.cli.commands.inputs import is_drive
 from tuner.diagnosis.drive import Examined
-from tuner.diagnosis.drive.config import driven_config
-from tuner.diagnosis.drive.inflation import covers, words
+from tuner.diagnosis.drive.config_after_drive import driven_config
+from tuner.diagnosis.drive.noise_scale_estimates import covers, words
 from tuner.formats import native
 from tuner.formats.logs import write_drive
 from tuner.report.drive_tables import drive_tables

@@ -149,7 +149,7 @@ def examined_drive(
     from dataclasses import replace
 
     from tuner.diagnosis.drive import examine_drive
-    from tuner.diagnosis.drive.inflation import demands
+    from tuner.diagnosis.drive.noise_scale_estimates import demands
     from tuner.synthesis.from_drive import standing
 
     messages.say("diagnosing the drive (kernels are compiled on first use: some ten seconds)")

@@ -100,7 +100,7 @@ def command(
     from --seed, hidden in it.
     """
     from tuner.catalogue.grades import load_grade
-    from tuner.diagnosis.drive.config import driven_config
+    from tuner.diagnosis.drive.config_after_drive import driven_config
     from tuner.exporters import export
     from tuner.formats import native
     from tuner.formats.files import json_text, write_text

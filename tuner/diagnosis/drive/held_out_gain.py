@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from tuner.diagnosis.drive.causes.constants import SHARE
 from tuner.diagnosis.drive.causes.reported_sd import names_in, refitted, said_by
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.fit import maximise
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.noise_fit import maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
+from tuner.diagnosis.drive.score_tests import SHARE
 from tuner.diagnosis.drive.search import Criticism, refined
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.linearize import linear_record
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened, whitened
 from tuner.navigation.compensation import compensated, compensated_settings
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, beginning, navigate, prepare, told_sds

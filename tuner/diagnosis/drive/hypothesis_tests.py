@@ -15,20 +15,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.drive.cause_test import Claim
 from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor
-from tuner.diagnosis.drive.causes.constants import Scored, families
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
 from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, joint_noise, scores
 from tuner.diagnosis.drive.causes.reported_sd import has_law, reported_noise, scaled
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump, Pass
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
-from tuner.diagnosis.drive.linear_model.record import GROUPS
-from tuner.diagnosis.drive.linear_model.whitened import Whitened
-from tuner.diagnosis.drive.outcome import Claim
+from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened
+from tuner.diagnosis.drive.score_tests import Scored, families
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, MarkovState
 

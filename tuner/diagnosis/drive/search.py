@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
-from tuner.diagnosis.drive.causes.constants import PRIORS, Fit, Scored, carried, fit, inseparable, retested
-from tuner.diagnosis.drive.causes.errors_in_variables import leaning
 from tuner.diagnosis.drive.causes.gnss_outliers import KINDS
 from tuner.diagnosis.drive.causes.noise_scale import SHORT
 from tuner.diagnosis.drive.causes.reported_sd import coefficient, edges_told, factor_in, names_in, said_by
+from tuner.diagnosis.drive.errors_in_variables_bias import leaning
 from tuner.diagnosis.drive.hypothesis import Pass, examine
 from tuner.diagnosis.drive.hypothesis_tests import (
     Candidate,
@@ -28,11 +27,12 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     noise_hypothesis_of,
     shift,
 )
-from tuner.diagnosis.drive.leftover_checks import doubted, jump_left_by, jumps_still, left_by
-from tuner.diagnosis.drive.linear_model.fit import maximise
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
+from tuner.diagnosis.drive.linear_model.noise_fit import maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
-from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.diagnosis.drive.residue_of_strong_causes import doubted, jump_left_by, jumps_still, left_by
+from tuner.diagnosis.drive.score_tests import PRIORS, Fit, Scored, carried, fit, inseparable, retested
 from tuner.types import Alternative, Coefficient
 from tuner.types.records import DataError, Drive
 

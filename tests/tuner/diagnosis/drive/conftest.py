@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
 
 GRAVITY = 9.80665
 DEG, HOUR = np.pi / 180.0, 3600.0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, gains_of
-from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

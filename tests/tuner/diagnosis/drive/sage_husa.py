@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS
-from tuner.diagnosis.drive.linear_model.record import GROUPS
 
 FloatArray = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import pytest
 
 from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.diagnosis.drive.causes.constants import carried, families, fit
 from tuner.diagnosis.drive.hypothesis import Hypothesis, examine
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.whitened import Whitened, whitened
+from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened, whitened
+from tuner.diagnosis.drive.score_tests import carried, families, fit
 from tuner.diagnosis.drive.search import THRESHOLD
 from tuner.formats import native
 from tuner.navigation.compensation import compensated, sensor_matrix

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from scipy.special import gamma
 from scipy.stats import chi2
 
+from tuner.diagnosis.drive.cause_test import Claim, silent
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 

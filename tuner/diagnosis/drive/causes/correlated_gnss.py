@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from tuner.diagnosis.drive.linear_model.fit import Fit, maximise
+from tuner.diagnosis.drive.cause_test import Claim, silent
 from tuner.diagnosis.drive.linear_model.likelihood import Likelihood, NoiseHypothesis, evaluate, held
+from tuner.diagnosis.drive.linear_model.noise_fit import Fit, maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import TIME, factors, present
-from tuner.diagnosis.drive.outcome import Claim, silent
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 

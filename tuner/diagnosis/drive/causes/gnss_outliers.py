@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
+from tuner.diagnosis.drive.cause_test import Claim, silent
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.outcome import Claim, silent
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 

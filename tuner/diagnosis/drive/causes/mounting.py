@@ -18,8 +18,8 @@ from scipy.stats import chi2
 
 from models import rotation
 from models.units import STANDARD_GRAVITY
-from tuner.diagnosis.drive.causes.constants import PRIORS, columns_of
 from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive.score_tests import PRIORS, columns_of
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.drive.vehicle_constraints import DRIVING, STRAIGHT
 from tuner.types import Coefficient, Finding, Inseparable

@@ -23,16 +23,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
+from tuner.diagnosis.drive.cause_test import Claim, silent
 from tuner.diagnosis.drive.linear_model.likelihood import (
     NoiseHypothesis,
     evaluate,
     evaluate_with_gradient,
     held,
 )
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
+from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, Fit, maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS, factors, present
-from tuner.diagnosis.drive.linear_model.record import GROUPS
-from tuner.diagnosis.drive.outcome import Claim, silent
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 

@@ -21,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.linear_model.fit import Fit, maximise
+from tuner.diagnosis.drive.cause_test import Claim
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.noise_fit import Fit, maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
     EXPONENT,
@@ -32,8 +34,6 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import (
     of_block,
     weights,
 )
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.outcome import Claim
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.navigation.fix_sd_model import CAUSE, edges_in, levels
 from tuner.types import Coefficient

@@ -15,9 +15,9 @@ from scipy.stats import norm
 
 from models import rotation
 from models.earth import gravity
-from tuner.diagnosis.drive.causes.constants import fit
 from tuner.diagnosis.drive.hypothesis import Pass
 from tuner.diagnosis.drive.linear_model.linearize import columns
+from tuner.diagnosis.drive.score_tests import fit
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Coefficient, FilterConfig, Finding, Inflation

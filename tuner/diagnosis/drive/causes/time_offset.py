@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tuner.diagnosis.drive.causes.constants import wandering
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, settings_of
+from tuner.diagnosis.drive.score_tests import wandering
 from tuner.navigation.compensation import compensated
 from tuner.navigation.drive.alignment import standing_until
 from tuner.navigation.drive.run import prepare

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import Places, backward, forward, unaided
-from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

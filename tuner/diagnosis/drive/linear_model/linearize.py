@@ -21,8 +21,8 @@ from models.earth import earth_rate, gravity, transport_rate
 from models.error_state import navigation_error
 from models.strapdown import NavigationState
 from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.navigation import engine
 from tuner.navigation.data import ABSENT, USED, Solution
 from tuner.navigation.drive.run import Stretch

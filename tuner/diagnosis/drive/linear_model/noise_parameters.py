@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import Gradient, NoiseHypothesis, evaluate
-from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
 
 FloatArray = NDArray[np.float64]
 

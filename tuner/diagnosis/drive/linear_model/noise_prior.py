@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tuner.diagnosis.drive.linear_model.record import GROUPS
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
 from tuner.types import ChannelNoise, Coefficient
 
 TYPICAL = 0.1

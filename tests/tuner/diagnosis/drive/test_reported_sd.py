@@ -10,10 +10,10 @@ import pytest
 from tests.tuner.diagnosis.drive.replicas import Source
 from tests.tuner.diagnosis.drive.sage_husa import sage_husa
 from tuner.diagnosis.drive.causes.reported_sd import edges_of, reported_law, reported_noise
-from tuner.diagnosis.drive.linear_model.fit import maximise
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.noise_fit import maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
 from tuner.navigation.fix_sd_model import fix_law
 
 

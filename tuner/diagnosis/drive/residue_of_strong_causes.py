@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump
-from tuner.diagnosis.drive.causes.constants import Scored, columns_of, retested
 from tuner.diagnosis.drive.hypothesis import Pass
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.linear_model.whitened import whitened
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened_innovations import whitened
+from tuner.diagnosis.drive.score_tests import Scored, columns_of, retested
 from tuner.diagnosis.static.outcome import Alarm
 
 FloatArray = NDArray[np.float64]

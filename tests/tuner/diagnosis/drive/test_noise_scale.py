@@ -17,8 +17,8 @@ from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
 from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
 from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, scores
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
-from tuner.diagnosis.drive.linear_model.record import GROUPS, LinearRecord
 
 ALARM = 7e-4
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.linear_model.whitened import Whitened
+from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened
 
 FloatArray = NDArray[np.float64]
 

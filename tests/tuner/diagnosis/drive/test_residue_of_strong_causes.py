@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
+from tuner.diagnosis.drive.cause_test import Claim
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, with_jump
-from tuner.diagnosis.drive.causes.constants import Scored, retested
 from tuner.diagnosis.drive.hypothesis_tests import LARGEST, Candidate
-from tuner.diagnosis.drive.leftover_checks import (
+from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.whitened_innovations import whitened
+from tuner.diagnosis.drive.residue_of_strong_causes import (
     PARTS,
     WEAK,
     doubted,
@@ -21,10 +24,7 @@ from tuner.diagnosis.drive.leftover_checks import (
     left_by,
     loosened,
 )
-from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.linear_model.whitened import whitened
-from tuner.diagnosis.drive.outcome import Claim
+from tuner.diagnosis.drive.score_tests import Scored, retested
 
 KNOWN = ("time_offset", "lever_arm")
 THRESHOLD = 1e-4

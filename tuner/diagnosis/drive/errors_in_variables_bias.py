@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from models.earth import llh_displaced
-from tuner.diagnosis.drive.causes.constants import PRIORS
 from tuner.diagnosis.drive.hypothesis import Pass, examine
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.score_tests import PRIORS
 from tuner.navigation.drive.run import told_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive

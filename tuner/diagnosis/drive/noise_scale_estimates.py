@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis.drive.diagnose import Examined
 from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.fit import NO_PRIOR, Fit, maximise
+from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, Fit, maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, factors, present
 from tuner.types import ChannelNoise, Coefficient, Demand, FilterConfig
 from tuner.types.records import DataError, Drive

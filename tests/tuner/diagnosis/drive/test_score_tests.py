@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
-from tuner.diagnosis.drive.causes.constants import wandering
 from tuner.diagnosis.drive.causes.gnss_outliers import mask
-from tuner.diagnosis.drive.linear_model.fit import maximise
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate, held
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.noise_fit import maximise
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
-from tuner.diagnosis.drive.linear_model.whitened import whitened
+from tuner.diagnosis.drive.linear_model.whitened_innovations import whitened
+from tuner.diagnosis.drive.score_tests import wandering
 
 DELAY = "time_offset.delay"
 

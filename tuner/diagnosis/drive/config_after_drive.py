@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tuner.diagnosis.drive import Examined
-from tuner.diagnosis.drive.inflation import settled, stated_value
+from tuner.diagnosis.drive.noise_scale_estimates import settled, stated_value
 from tuner.types import Demand, FilterConfig, Inflation
 
 HARM = "what the drive shows is not in this configuration: it did harm on the part of the drive held out"

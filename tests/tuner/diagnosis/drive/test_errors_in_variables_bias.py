@@ -11,7 +11,7 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli.commands.check import load_filter
 from tuner.diagnosis.drive import diagnose_drive, examine_drive
-from tuner.diagnosis.drive.causes.errors_in_variables import leaning, noisier
+from tuner.diagnosis.drive.errors_in_variables_bias import leaning, noisier
 from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes
 from tuner.simulation.drive import simulate_drive
 

@@ -15,8 +15,8 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
     evaluate,
     evaluate_with_gradient,
 )
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
 from tuner.diagnosis.drive.linear_model.noise_parameters import factors
-from tuner.diagnosis.drive.linear_model.record import LinearRecord
 
 NAMES = (
     "position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical", "gyro_white",
