@@ -33,11 +33,11 @@ from tuner.consistency.scores import (
     whiteness,
 )
 from tuner.consistency.verdicts import verdicts
-from tuner.navigation.compensation import compensated, compensated_settings
+from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
 from tuner.navigation.drive.gross_outliers import without_outliers
-from tuner.navigation.drive.run import SETTLING, Stretch, navigate, prepare
+from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, prepare
 from tuner.navigation.drive.unit_checks import likely_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
@@ -108,7 +108,7 @@ def drive_filter(
         constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM)
         notes.append(f"lever arm estimated from 0 ± {constants['lever_arm']:g} m")
     settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
-    return compensated_settings(settings, config.compensation), tuple(notes)
+    return compensate_settings(settings, config.compensation), tuple(notes)
 
 
 def navigate_drive(
@@ -136,7 +136,7 @@ def navigate_drive(
     DataError
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
-    drive = compensated(drive, config.compensation)
+    drive = compensate(drive, config.compensation)
     gnss, positions, velocities = without_outliers(drive.gnss)
     left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
     if positions or velocities:
@@ -158,8 +158,8 @@ def navigate_drive(
     if not any(map(len, scored)):
         span = max(float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches)
         msg = (
-            f"{drive.source}: expected fixes beyond {SETTLING:g} s after the start or the stand, in which the filter "
-            f"settles, found {span:.0f} s of them: nothing is left to judge it by"
+            f"{drive.source}: expected fixes beyond {SETTLING_TIME:g} s after the start or the stand, in which the "
+            f"filter settles, found {span:.0f} s of them: nothing is left to judge it by"
         )
         raise DataError(msg)
     groups = [

@@ -17,7 +17,7 @@ from models.earth import ned_between
 from tuner.consistency.scores import Score, score, squares
 from tuner.navigation import reference_filter as readable
 from tuner.navigation.data import USED, Solution
-from tuner.navigation.drive.run import Stretch, beginning, starting
+from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
 from tuner.types.records import Reference
@@ -159,9 +159,14 @@ def against_smoother(
     parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
     before: Solution | None = None
     for stretch, rows in zip(stretches, scored, strict=True):
-        x, p = beginning(settings, stretch, before)
+        x, p = initial_estimates(settings, stretch, before)
         before, passages = readable.run_with_passages(
-            settings, starting(settings, stretch, x), stretch.steps, stretch.fixes, parameters=x, covariance=p
+            settings,
+            initial_state(settings, stretch, x),
+            stretch.steps,
+            stretch.fixes,
+            parameters=x,
+            covariance=p,
         )
         apart = separation(smooth(before, passages))
         for _, own in blocks(before, rows[rows < len(apart)]):

@@ -32,7 +32,7 @@ from tuner.exporters.base import Target
 from tuner.exporters.kf_gins import entries, header
 from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.navigation.compensation import compensated
+from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.gross_outliers import without_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
@@ -68,11 +68,11 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     DataError
         Where the drive cannot be aligned.
     """
-    drive = compensated(drive, config.compensation)
+    drive = compensate(drive, config.compensation)
     gnss, wrong, _ = without_outliers(drive.gnss)
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
     settings, assumed = drive_filter(drive, config)
-    if np.isfinite(gnss.position_sd).any() and settings.fix_laws is None:
+    if np.isfinite(gnss.position_sd).any() and settings.fix_sd_models is None:
         settings = replace(settings, position_sd=None)  # KF-GINS believes what is reported
     stretches, found = prepare(drive, settings)
     notes = [*drive.notes, *assumed, *found]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.navigation.fix_sd_model import CAUSE, fix_law
+from tuner.navigation.fix_sd_model import CAUSE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types.records import Drive
 
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 
 
-def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
+def compensate(drive: Drive, values: Mapping[str, float]) -> Drive:
     """Return the drive without what is known to be wrong with it.
 
     Parameters
@@ -65,12 +65,14 @@ def compensated(drive: Drive, values: Mapping[str, float]) -> Drive:
     return replace(drive, rates=rates, gnss=gnss, lever_arm=arm)
 
 
-def compensated_settings(settings: FilterSettings, values: Mapping[str, float]) -> FilterSettings:
+def compensate_settings(settings: FilterSettings, values: Mapping[str, float]) -> FilterSettings:
     """Return the filter with what is known of its fixes: the lag of velocities, the laws of reported sds."""
     settings = replace(settings, velocity_lag=values.get("velocity_lag.delay", 0.0))
     if not any(name.startswith(CAUSE) for name in values):
         return settings
-    return replace(settings, fix_laws=(fix_law(values, "position"), fix_law(values, "velocity")))
+    return replace(
+        settings, fix_sd_models=(fix_sd_model(values, "position"), fix_sd_model(values, "velocity"))
+    )
 
 
 def sensor_matrix(values: Mapping[str, float]) -> FloatArray:

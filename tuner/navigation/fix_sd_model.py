@@ -33,7 +33,7 @@ BLOCKS: Mapping[str, slice] = {"position": slice(0, 3), "velocity": slice(3, 6)}
 
 
 @dataclass(frozen=True)
-class FixLaw:
+class FixSdModel:
     """The law of one block.
 
     Attributes
@@ -54,7 +54,7 @@ class FixLaw:
 
     def sds(self, reported: FloatArray) -> FloatArray:
         """Return the sds north, east, down of fixes with reported ones (k, 3), shape (k, 3)."""
-        level = levels(reported)
+        level = sd_levels(reported)
         classes = np.searchsorted(np.array(self.edges), level)
         factor = np.stack([np.array(self.horizontal)[classes], np.array(self.vertical)[classes]], axis=-1)
         return np.asarray(
@@ -62,21 +62,21 @@ class FixLaw:
         )
 
 
-def levels(reported: FloatArray) -> FloatArray:
+def sd_levels(reported: FloatArray) -> FloatArray:
     """Return the levels of fixes with reported sds north, east, down (k, 3), shape (k,)."""
     return np.asarray(np.sqrt(np.mean(reported[:, :2] ** 2, axis=1)))
 
 
-def edges_in(values: Mapping[str, float], block: str) -> tuple[float, ...]:
+def class_edges_of(values: Mapping[str, float], block: str) -> tuple[float, ...]:
     """Return the levels at which classes of a block begin in a compensation."""
     names = itertools.takewhile(values.__contains__, (f"{CAUSE}{block}_edge_{c}" for c in itertools.count(1)))
     return tuple(values[name] for name in names)
 
 
-def fix_law(values: Mapping[str, float], block: str) -> FixLaw:
+def fix_sd_model(values: Mapping[str, float], block: str) -> FixSdModel:
     """Return the law of a block in a compensation."""
     own = f"{CAUSE}{block}_"
-    edges = edges_in(values, block)
+    edges = class_edges_of(values, block)
     horizontal, vertical = (
         tuple(
             values.get(f"{own}{axis}", 1.0) * values.get(f"{own}{axis}_class_{c}", 1.0)
@@ -84,7 +84,7 @@ def fix_law(values: Mapping[str, float], block: str) -> FixLaw:
         )
         for axis in AXES
     )
-    return FixLaw(
+    return FixSdModel(
         horizontal,
         vertical,
         edges,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from models.state_layout import OPTIONAL, AxisNoise, ErrorModel, error_model
-from tuner.navigation.fix_sd_model import FixLaw
+from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -55,7 +55,7 @@ class FilterSettings:
     patience : float
         After so long with nothing but refused positions, or velocities, the next one is used whatever the
         gate says, s: the filter, not the receiver, is lost.
-    fix_laws : tuple of 2 FixLaw or None
+    fix_sd_models : tuple of 2 FixSdModel or None
         How the sds of positions and of velocities stand to the reported ones. None: not measured, and the larger of
         the reported and the configured sd counts.
     velocity_lag : float
@@ -70,7 +70,7 @@ class FilterSettings:
     position_sd: tuple[float, float, float] | None = None
     velocity_sd: tuple[float, float, float] | None = None
     patience: float = PATIENCE
-    fix_laws: tuple[FixLaw, FixLaw] | None = None
+    fix_sd_models: tuple[FixSdModel, FixSdModel] | None = None
     velocity_lag: float = 0.0
 
     @property

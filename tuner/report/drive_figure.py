@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive import Examined
-from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive import ExaminedDrive
+from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.formats.files import whole_file
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
@@ -46,7 +46,7 @@ WINDOW = 30.0
 """Over which NIS is averaged, s."""
 
 
-def draw_drive(examined: Examined, directory: Path) -> list[tuple[str, Path]]:
+def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path]]:
     """Draw the diagnosis of a drive to ``drive-*.png`` and ``.svg``.
 
     Returns
@@ -54,7 +54,7 @@ def draw_drive(examined: Examined, directory: Path) -> list[tuple[str, Path]]:
     list of (str, Path)
         Caption and SVG of each picture.
     """
-    passes = (examined.criticism.base, examined.criticism.final)
+    passes = (examined.search.base, examined.search.final)
     named = "with all findings" if examined.diagnosis.findings else "nothing found, so the same again"
     drawn = [
         _draw(
@@ -128,20 +128,20 @@ def _draw(
     return caption, path
 
 
-def _view(examined: Examined, cause: str) -> View:
+def _view(examined: ExaminedDrive, cause: str) -> View:
     """Return the view of a cause; of one that shifts innovations, with its constants in axes of the unit."""
-    one = next((a for a in examined.criticism.accepted if a.cause == cause), None)
+    one = next((a for a in examined.search.accepted if a.cause == cause), None)
     if one is None or one.candidate.scored is None:
         return VIEWS.get(cause, draw_distribution)
     values = {f"{cause}.{name}": c.value for name, c in one.parameters.items() if c.value is not None}
     return partial(draw_effect, values=values)
 
 
-def _viewed(view: View, found: Pass, title: str, panel: Axes) -> None:
+def _viewed(view: View, found: FilterRun, title: str, panel: Axes) -> None:
     view(panel, found, title)
 
 
-def _innovations(passes: tuple[Pass, Pass], row: int, panel: Axes) -> None:
+def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> None:
     name, unit = CHANNELS[row]
     reach = 0.0
     for found, colour, label, size in zip(
@@ -170,7 +170,7 @@ def _innovations(passes: tuple[Pass, Pass], row: int, panel: Axes) -> None:
     panel.set(xlabel="time, s", ylabel=f"{name}, {unit}")
 
 
-def _correlation(passes: tuple[Pass, Pass], panel: Axes) -> None:
+def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
         for first, kind, style in ((0, "position", "-"), (3, "velocity", ":")):
             z = normalised(found)[:, first : first + 3]
@@ -185,7 +185,7 @@ def _correlation(passes: tuple[Pass, Pass], panel: Axes) -> None:
     panel.set(xscale="log", xlabel="lag, s", ylabel="autocorrelation", title="memory of the innovations")
 
 
-def _nis(passes: tuple[Pass, Pass], panel: Axes) -> None:
+def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
         z2 = normalised(found) ** 2
         t = found.record.t
@@ -206,7 +206,7 @@ def _nis(passes: tuple[Pass, Pass], panel: Axes) -> None:
     )
 
 
-def _outages(passes: tuple[Pass, Pass]) -> list[tuple[float, FloatArray, FloatArray]]:
+def _outages(passes: tuple[FilterRun, FilterRun]) -> list[tuple[float, FloatArray, FloatArray]]:
     """Return length and paired horizontal errors, m, of outages of the whole drive."""
     answer = []
     for horizon in OUTAGES:
@@ -225,7 +225,7 @@ def _outages(passes: tuple[Pass, Pass]) -> list[tuple[float, FloatArray, FloatAr
     return answer
 
 
-def _errors_of(found: Pass, windows: list[tuple[float, float]]) -> dict[tuple[float, float], float]:
+def _errors_of(found: FilterRun, windows: list[tuple[float, float]]) -> dict[tuple[float, float], float]:
     errors = {}
     for solution in navigate(found.stretches, found.settings, np.array(windows)):
         for begin, end in windows:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.diagnosis.drive.noise_scale_estimates import covers, said
+from tuner.diagnosis.drive.noise_scale_estimates import factor_text, may_be_one
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.diagnosis_tables import findings_table
 from tuner.types import Demand, DriveDiagnosis, Gain
@@ -117,8 +117,8 @@ def _cells(one: Demand) -> tuple[str, ...]:
     elif one.plain.upper is not None:
         asked = f"below {shown(one.plain.upper)} {unit}"
     why = ", ".join(cause.replace("_", " ") for cause in one.causes)
-    nothing = "nothing to account for" if covers(one.plain) else "the findings"
-    return stated, asked, said(one.plain), said(one.named), why or nothing
+    nothing = "nothing to account for" if may_be_one(one.plain) else "the findings"
+    return stated, asked, factor_text(one.plain), factor_text(one.named), why or nothing
 
 
 INTERVAL = "_change_interval"

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive.hypothesis import FilterRun
 
 FloatArray = NDArray[np.float64]
-View = Callable[[Axes, Pass, str], None]
+View = Callable[[Axes, FilterRun, str], None]
 
 BEFORE, AFTER, CAUSE = "0.55", "#1f5fa8", "#c2410c"
 CHANNELS = (
@@ -27,13 +27,13 @@ GROUPS = 15
 """Groups of innovations whose means are drawn."""
 
 
-def normalised(found: Pass) -> FloatArray:
+def normalised(found: FilterRun) -> FloatArray:
     """Return innovations by their predicted sds, shape (k, 6), NaN where the filter used none."""
     z, sd = _innovations(found)
     return np.asarray(np.where(found.record.counted, z / sd, np.nan))
 
 
-def _innovations(found: Pass) -> tuple[FloatArray, FloatArray]:
+def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
     """Return innovations of the record and their predicted sds, (k, 6)."""
     z = np.concatenate([s.innovation for s in found.solutions])
     variance = np.concatenate(
@@ -42,7 +42,7 @@ def _innovations(found: Pass) -> tuple[FloatArray, FloatArray]:
     return z, np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
-def draw_effect(panel: Axes, found: Pass, title: str, values: Mapping[str, float]) -> None:
+def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[str, float]) -> None:
     """Draw innovations over what the constants that were found would do to them.
 
     Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
@@ -74,7 +74,7 @@ def draw_effect(panel: Axes, found: Pass, title: str, values: Mapping[str, float
     )
 
 
-def draw_outliers(panel: Axes, found: Pass, title: str, first: int = 0) -> None:
+def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> None:
     """Draw the size of every fix's innovation by its prediction over time, with those that are left out."""
     z, sd = _innovations(found)
     part = slice(first, first + 3)
@@ -99,12 +99,12 @@ def draw_outliers(panel: Axes, found: Pass, title: str, first: int = 0) -> None:
     panel.set(yscale="log", xlabel="time, s", ylabel="innovation ÷ predicted sd", title=title)
 
 
-def draw_wrong_velocities(panel: Axes, found: Pass, title: str) -> None:
+def draw_wrong_velocities(panel: Axes, found: FilterRun, title: str) -> None:
     """Draw the same of the velocities."""
     draw_outliers(panel, found, title, 3)
 
 
-def draw_distribution(panel: Axes, found: Pass, title: str) -> None:
+def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
     """Draw the distribution of normalised innovations beside the one that the filter promises."""
     z = normalised(found)
     edges = np.linspace(-6.0, 6.0, 73)
@@ -119,7 +119,7 @@ def draw_distribution(panel: Axes, found: Pass, title: str) -> None:
     panel.set(xlabel="innovation ÷ predicted sd", ylabel="density", title=title)
 
 
-def draw_memory(panel: Axes, found: Pass, title: str) -> None:
+def draw_memory(panel: Axes, found: FilterRun, title: str) -> None:
     """Draw normalised innovations of the position, smoothed over 10 s: what stays for a while."""
     z, t = normalised(found), found.record.t
     for row, colour in ((0, AFTER), (1, CAUSE), (2, BEFORE)):

@@ -13,9 +13,9 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
 from tuner.cli.commands import tune
 from tuner.cli.commands.inputs import is_drive
-from tuner.diagnosis.drive import Examined
-from tuner.diagnosis.drive.config_after_drive import driven_config
-from tuner.diagnosis.drive.noise_scale_estimates import covers, words
+from tuner.diagnosis.drive import ExaminedDrive
+from tuner.diagnosis.drive.config_after_drive import config_after_drive
+from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import native
 from tuner.formats.logs import write_drive
 from tuner.report.drive_tables import drive_tables
@@ -201,9 +201,9 @@ def test_a_coarse_lattice_sets_the_least_noise(drive):
 def test_demands_are_said_in_words():
     one, three = Coefficient.known(1.0, 0.9, 1.1, "1"), Coefficient.known(3.0, 2.5, 3.6, "1")
     bound = Coefficient.bounded(2.0, "1", "indistinguishable")
-    assert covers(one)
-    assert covers(bound)
-    assert not covers(three)
+    assert may_be_one(one)
+    assert may_be_one(bound)
+    assert not may_be_one(three)
     demand = Demand("gyro_white", 1e-3, "rad/s/√Hz", three, one, ("time_offset",), True, "")
     assert "once time offset is named" in words(demand)
     assert "no known cause" in words(replace(demand, named=three, causes=("unknown",)))
@@ -220,7 +220,7 @@ def test_findings_that_do_harm_are_not_taken_over(tuned):
     assert replace(found, gain=replace(gain, nats=5.0)).credited
     grown = {"outage_30s_horizontal_change_interval [m]": (1.0, 2.0)}
     assert not replace(found, gain=replace(gain, nats=5.0, user=grown)).credited
-    hurt = driven_config(Examined(_NoDrive(), None, found))
+    hurt = config_after_drive(ExaminedDrive(_NoDrive(), None, found))
     assert not hurt.compensation
     assert "harm" in hurt.notes[-1]
     assert any("harm" in str(line) for line in drive_tables(found))

@@ -21,7 +21,7 @@ from tuner.consistency.drive_scores import differences, errors
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align, receiver_lag, standing_until
 from tuner.navigation.drive.gross_outliers import without_outliers
-from tuner.navigation.drive.run import navigate, prepare, starting
+from tuner.navigation.drive.run import initial_state, navigate, prepare
 from tuner.navigation.drive.vehicle_constraints import Vehicle, accounts, forward_axes
 from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
@@ -136,7 +136,7 @@ def test_start_in_a_turn_knows_the_lever_arm_once(configuration, saved, data, tm
     drive = read_drive(saved(tmp_path / "turning.npz", moving, **PLACED))
     settings, _ = drive_filter(drive, configuration())
     stretch = prepare(drive, replace(settings, lever_arm=(1.0, -0.5, 0.2)))[0][0]
-    begun = starting(replace(settings, lever_arm=(1.0, -0.5, 0.2)), stretch, np.zeros(settings.size))
+    begun = initial_state(replace(settings, lever_arm=(1.0, -0.5, 0.2)), stretch, np.zeros(settings.size))
     assert np.linalg.norm(stretch.start.vel_n - begun.vel_n) < 1e-3  # the Earth turns the arm by 1e-4
     assert np.allclose(begun.llh, stretch.start.llh, rtol=0.0, atol=1e-14)
 

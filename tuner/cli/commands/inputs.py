@@ -11,7 +11,7 @@ from tuner.types import FilterConfig, GnssNoise, Identification
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:
-    from tuner.diagnosis.drive import Examined
+    from tuner.diagnosis.drive import ExaminedDrive
     from tuner.identification.arma import Likelihood
     from tuner.identification.gnss_receiver import ReceiverErrors
     from tuner.types.records import Drive
@@ -144,16 +144,16 @@ def load_drive(source: str) -> Drive:
 
 def examined_drive(
     drive: Drive, config: FilterConfig, messages: Messages, *, wheels: bool = False
-) -> Examined:
+) -> ExaminedDrive:
     """Criticise the filter of a configuration on a drive, and explain what the drive asks of its noise settings."""
     from dataclasses import replace
 
     from tuner.diagnosis.drive import examine_drive
-    from tuner.diagnosis.drive.noise_scale_estimates import demands
+    from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
     from tuner.synthesis.from_drive import standing
 
     messages.say("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
     examined = examine_drive(drive, config, wheels=wheels, progress=messages.say)
     messages.say("explaining what the drive asks of each noise setting")
-    asked = demands(examined, standing(drive).vibration)
+    asked = estimate_noise_scales(examined, standing(drive).vibration)
     return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked))

@@ -100,7 +100,7 @@ def command(
     from --seed, hidden in it.
     """
     from tuner.catalogue.grades import load_grade
-    from tuner.diagnosis.drive.config_after_drive import driven_config
+    from tuner.diagnosis.drive.config_after_drive import config_after_drive
     from tuner.exporters import export
     from tuner.formats import native
     from tuner.formats.files import json_text, write_text
@@ -174,7 +174,7 @@ def command(
     examined = None
     if measured is not None:
         examined = examined_drive(measured, config, messages)
-        config = driven_config(examined)
+        config = config_after_drive(examined)
     texts = {
         "noise.yaml": native.dumps(config),
         **{f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED},

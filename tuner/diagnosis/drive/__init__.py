@@ -5,6 +5,6 @@ sensitivities (`score`), wrong noise, correlated errors, outliers and jumps by l
 what gains most, filters again (`loop`) until nothing alarms.
 """
 
-from tuner.diagnosis.drive.diagnose import Examined, diagnose_drive, examine_drive
+from tuner.diagnosis.drive.diagnose import ExaminedDrive, diagnose_drive, examine_drive
 
-__all__ = ["Examined", "diagnose_drive", "examine_drive"]
+__all__ = ["ExaminedDrive", "diagnose_drive", "examine_drive"]

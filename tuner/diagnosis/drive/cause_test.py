@@ -12,7 +12,7 @@ from tuner.types import Coefficient
 
 
 @dataclass(frozen=True)
-class Claim:
+class CauseTest:
     """Outcome of one family.
 
     Attributes
@@ -34,10 +34,12 @@ class Claim:
     law: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
-SILENT = -9.0
+NO_GAIN = -9.0
 """Gain of a family that has nothing to say, nats."""
 
 
-def silent(cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str) -> Claim:
+def not_significant(
+    cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str
+) -> CauseTest:
     """Return the outcome of a family that has nothing to say."""
-    return Claim(Alarm(cause, p_value, SILENT, statistic, name), noise, dict)
+    return CauseTest(Alarm(cause, p_value, NO_GAIN, statistic, name), noise, dict)

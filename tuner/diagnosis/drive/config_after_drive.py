@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tuner.diagnosis.drive import Examined
-from tuner.diagnosis.drive.noise_scale_estimates import settled, stated_value
+from tuner.diagnosis.drive import ExaminedDrive
+from tuner.diagnosis.drive.noise_scale_estimates import assumed_over_stated, stated_value
 from tuner.types import Demand, FilterConfig, Inflation
 
-HARM = "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
+NO_GAIN_NOTE = (
+    "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
+)
 """Note of a configuration that takes nothing over."""
 QUANTITIES: Mapping[str, str] = {
     "gyro_white": "gyro.white_density",
@@ -27,18 +29,24 @@ QUANTITIES: Mapping[str, str] = {
 """Settings as an inflation names them."""
 
 
-def driven_config(examined: Examined) -> FilterConfig:
+def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
     """Return the configuration after a drive, its inflations explained."""
     found = examined.diagnosis
     chosen = found.after if found.credited else found.before
     told = tuple(
-        Inflation(QUANTITIES[one.quantity], applied(examined, one), one.text, one.plain.interval, one.causes)
+        Inflation(
+            QUANTITIES[one.quantity], applied_factor(examined, one), one.text, one.plain.interval, one.causes
+        )
         for one in found.demands
     )
     return replace(
         chosen,
         inflations=(*chosen.inflations, *told),
-        notes=(*chosen.notes, *(i.text for i in found.inseparable), *(() if found.credited else (HARM,))),
+        notes=(
+            *chosen.notes,
+            *(i.text for i in found.inseparable),
+            *(() if found.credited else (NO_GAIN_NOTE,)),
+        ),
         provenance={
             **chosen.provenance,
             "drive": {"source": examined.drive.source, "digest": examined.drive.digest},
@@ -46,14 +54,14 @@ def driven_config(examined: Examined) -> FilterConfig:
     )
 
 
-def applied(examined: Examined, one: Demand) -> float:
+def applied_factor(examined: ExaminedDrive, one: Demand) -> float:
     """Return the factor that the configuration after the drive has on a setting."""
     if not examined.diagnosis.credited:
         return 1.0
     if one.quantity in ("position", "velocity"):
-        return settled(examined.criticism.final, one.quantity)
+        return assumed_over_stated(examined.search.final, one.quantity)
     before, after = (
-        stated_value(config, examined.criticism.base, one.quantity)
+        stated_value(config, examined.search.base, one.quantity)
         for config in (examined.diagnosis.before, examined.diagnosis.after)
     )
     return after / before if before and after else 1.0

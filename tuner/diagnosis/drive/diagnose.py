@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tuner.diagnosis.drive.causes.mounting import mounting, not_told
-from tuner.diagnosis.drive.causes.quantizer import coarse_lattices
-from tuner.diagnosis.drive.causes.sensor_bias import beyond_prior
-from tuner.diagnosis.drive.causes.time_offset import coarse_clocks, drifting, suspicious
-from tuner.diagnosis.drive.findings import finding, told_apart
-from tuner.diagnosis.drive.held_out_gain import gain_of
-from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes, thinned
+from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
+from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
+from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
+from tuner.diagnosis.drive.causes.time_offset import clock_drift, clocks_are_suspicious, coarse_clock_search
+from tuner.diagnosis.drive.findings import finding, inseparable_causes
+from tuner.diagnosis.drive.held_out_gain import held_out_gain
+from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter, thin_fixes
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.search import THRESHOLD, Criticism, criticise
+from tuner.diagnosis.drive.search import THRESHOLD, SearchResult, search_causes
 from tuner.formats.findings import carried
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.types import DriveDiagnosis, FilterConfig, Gain, Unexplained
@@ -23,11 +23,11 @@ from tuner.types.records import DataError, Drive
 
 
 @dataclass(frozen=True)
-class Examined:
+class ExaminedDrive:
     """A drive with what was found in it: the drive as looked at, the passes before and after, and the outcome."""
 
     drive: Drive
-    criticism: Criticism
+    search: SearchResult
     diagnosis: DriveDiagnosis
 
 
@@ -48,7 +48,7 @@ def examine_drive(
     *,
     wheels: bool = False,
     progress: Callable[[str], None] | None = None,
-) -> Examined:
+) -> ExaminedDrive:
     """Find what the navigation simulation gets wrong on a drive, and why.
 
     Parameters
@@ -69,7 +69,7 @@ def examine_drive(
         axis, or its covariances are lost in rounding.
     """
     try:
-        return _examined(drive, config, wheels, progress)
+        return _examine(drive, config, wheels, progress)
     except np.linalg.LinAlgError as error:
         msg = (
             f"{drive.source or drive.name}: the covariances of the filter are lost in rounding ({error}), expected "
@@ -78,28 +78,28 @@ def examine_drive(
         raise DataError(msg) from error
 
 
-def _examined(
+def _examine(
     drive: Drive, config: FilterConfig, wheels: bool, progress: Callable[[str], None] | None
-) -> Examined:
-    sensor, every = thinned(in_sensor_axes(drive))
-    base = examine(sensor, Hypothesis.first(sensor, config, config.compensation))
-    doubtful = suspicious(base)
+) -> ExaminedDrive:
+    sensor, every = thin_fixes(in_sensor_axes(drive))
+    base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
+    doubtful = clocks_are_suspicious(base)
     if doubtful:
         refuse_wrong_axes(drive)
-    coarse, notes = coarse_clocks(sensor, base.hypothesis) if doubtful else ({}, ())
-    outcome = criticise(sensor, base, coarse, progress)
-    notes = (*base.notes, *notes, *outcome.notes, *coarse_lattices(sensor))
+    coarse, notes = coarse_clock_search(sensor, base.hypothesis) if doubtful else ({}, ())
+    outcome = search_causes(sensor, base, coarse, progress)
+    notes = (*base.notes, *notes, *outcome.notes, *coarse_quantizer_notes(sensor))
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
-    gain = gain_of(sensor, outcome)
-    return Examined(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
+    gain = held_out_gain(sensor, outcome)
+    return ExaminedDrive(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
 
 
 def _diagnosis(
     drive: Drive,
     config: FilterConfig,
     wheels: bool,
-    outcome: Criticism,
+    outcome: SearchResult,
     notes: tuple[str, ...],
     gain: Gain | None,
 ) -> DriveDiagnosis:
@@ -114,7 +114,7 @@ def _diagnosis(
     ]
     pairs = zip(outcome.accepted, own, strict=True)
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
-    biases = beyond_prior(outcome.final, config, outcome.shifts, THRESHOLD)
+    biases = biases_beyond_prior(outcome.final, config, outcome.shifts, THRESHOLD)
     # A bias is what named causes leave: it comes last.
     turned = (
         mounting(outcome.final, drive.mounting, THRESHOLD) if wheels and drive.mounting is not None else None
@@ -140,8 +140,10 @@ def _diagnosis(
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
     )
-    left = (*left, *drifting(outcome.final, outcome.shifts, THRESHOLD))
+    left = (*left, *clock_drift(outcome.final, outcome.shifts, THRESHOLD))
     told = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
-    untold = not_told(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
-    return DriveDiagnosis(findings, config, after, left, (*told_apart(outcome.accepted), *untold), told, gain)
+    untold = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
+    return DriveDiagnosis(
+        findings, config, after, left, (*inseparable_causes(outcome.accepted), *untold), told, gain
+    )

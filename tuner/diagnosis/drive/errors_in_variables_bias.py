@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from models.earth import llh_displaced
-from tuner.diagnosis.drive.hypothesis import Pass, examine
+from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.score_tests import PRIORS
-from tuner.navigation.drive.run import told_sds
+from tuner.navigation.drive.run import reported_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive
 
@@ -38,24 +38,24 @@ BoolArray = NDArray[np.bool_]
 
 SEED = 0
 """Of the noise that is added."""
-UNTOLD = 0.05
+RIDGE = 0.05
 """Where a drive says less of a constant than this share of what its prior does, nothing is taken out."""
-LARGEST = 7.0
+MAX_CHANGE = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
 
 
-def leaning(drive: Drive, found: Pass) -> FloatArray:
+def errors_in_variables_bias(drive: Drive, found: FilterRun) -> FloatArray:
     """Return what noise makes of the constants of a pass, (p,); zeros where the noisier drive cannot be aligned.
 
     Parameters
     ----------
     drive : Drive
         In sensor axes.
-    found : Pass
+    found : FilterRun
         Of the drive.
     """
     try:
-        other = examine(noisier(drive, found, np.random.default_rng(SEED)), found.hypothesis)
+        other = run_filter(with_more_noise(drive, found, np.random.default_rng(SEED)), found.hypothesis)
     except DataError:
         return np.zeros(len(found.record.parameters))
     white, slope, rows = _whitened(found)
@@ -63,11 +63,11 @@ def leaning(drive: Drive, found: Pass) -> FloatArray:
     rows &= rows_1
     prior = np.array([PRIORS[name.partition(".")[0]] for name in found.record.parameters])
     s = slope[rows] * prior
-    pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -LARGEST, LARGEST)
-    return np.asarray(prior * np.linalg.solve(UNTOLD * np.eye(len(prior)) + s.T @ s, pull))
+    pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -MAX_CHANGE, MAX_CHANGE)
+    return np.asarray(prior * np.linalg.solve(RIDGE * np.eye(len(prior)) + s.T @ s, pull))
 
 
-def noisier(drive: Drive, found: Pass, rng: np.random.Generator) -> Drive:
+def with_more_noise(drive: Drive, found: FilterRun, rng: np.random.Generator) -> Drive:
     """Return a drive with the configured noise of sensors and receiver added once more."""
     config, rates = found.hypothesis.config, drive.rates.copy()
     step = float(np.median(np.diff(drive.imu_t)))
@@ -80,7 +80,7 @@ def noisier(drive: Drive, found: Pass, rng: np.random.Generator) -> Drive:
         for state in channel.markov:
             rates[:, i] += state.sd * _markov((len(rates),), step / state.time_constant, rng)
     gnss = drive.gnss
-    sd = told_sds(gnss, found.settings)
+    sd = reported_sds(gnss, found.settings)
     sd[found.index] = found.record.sd
     errors = sd * rng.standard_normal(sd.shape)
     if config.gnss is not None:
@@ -99,7 +99,7 @@ def _markov(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> Fl
     return np.asarray(lfilter([1.0], [1.0, -np.exp(-rate)], drawn, axis=0))
 
 
-def _whitened(found: Pass) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _whitened(found: FilterRun) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return whitened innovations and sensitivities of every fix of the drive, and the rows that count."""
     noise = as_configured(found.record)
     every = evaluate(replace(noise, columns=tuple(range(len(found.record.parameters)))))

@@ -88,7 +88,7 @@ def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
     channels, meaning, consequence = MEANINGS[one.cause]
     parameters: Mapping[str, Coefficient] = one.parameters
     if one.cause == "lever_arm" and drive.mounting is not None:
-        parameters = turned(parameters, drive.mounting.T)
+        parameters = rotated_parameters(parameters, drive.mounting.T)
     alarm = one.candidate.alarm
     extension: dict[str, Any] = {
         "cause": one.cause,
@@ -110,7 +110,7 @@ def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
     )
 
 
-def turned(parameters: Mapping[str, Coefficient], matrix: Any) -> dict[str, Coefficient]:
+def rotated_parameters(parameters: Mapping[str, Coefficient], matrix: Any) -> dict[str, Coefficient]:
     """Return three parameters along other axes, each with the interval of a sum of independent ones."""
     known = list(parameters.values())
     value = matrix @ np.array([c.value for c in known])
@@ -122,7 +122,7 @@ def turned(parameters: Mapping[str, Coefficient], matrix: Any) -> dict[str, Coef
     }
 
 
-def told_apart(accepted: tuple[Accepted, ...]) -> tuple[Inseparable, ...]:
+def inseparable_causes(accepted: tuple[Accepted, ...]) -> tuple[Inseparable, ...]:
     """Return what a drive cannot tell apart, and the motion that would."""
     return tuple(
         Inseparable(

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from tuner.diagnosis.drive.causes.reported_sd import names_in, refitted, said_by
-from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drive.causes.reported_sd import reported_levels, sd_model_parameters, updated_values
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.noise_fit import maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import factors, present
-from tuner.diagnosis.drive.score_tests import SHARE
-from tuner.diagnosis.drive.search import Criticism, refined
+from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters, present
+from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.diagnosis.drive.search import SearchResult, refit_constants
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
 from tuner.types import Gain
@@ -34,21 +34,21 @@ from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
 
-HORIZONS = (30.0, 60.0)
-RECOVERY = 30.0
+OUTAGE_DURATIONS = (30.0, 60.0)
+RECOVERY_TIME = 30.0
 """Outages and the time with fixes between them, s."""
-FEWEST = 30
+MIN_ROWS = 30
 """Rows that a gain must be measured on."""
 
 
-def gain_of(drive: Drive, outcome: Criticism) -> Gain | None:
+def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
     """Return the gain of all that was accepted; None where nothing was, or the drive is too short.
 
     Parameters
     ----------
     drive : Drive
         In sensor axes.
-    outcome : Criticism
+    outcome : SearchResult
         Of the loop.
     """
     if not outcome.accepted:
@@ -57,27 +57,27 @@ def gain_of(drive: Drive, outcome: Criticism) -> Gain | None:
     t = final.t[final.counted.any(axis=1)]
     if not len(t):
         return None
-    cut = float(t[0] + SHARE * (t[-1] - t[0]))
+    cut = float(t[0] + FITTED_SHARE * (t[-1] - t[0]))
     try:
-        after = examine(drive, _frozen(drive, outcome, cut))
+        after = run_filter(drive, _fitted_before(drive, outcome, cut))
     except DataError:
         return None
     before = outcome.base
-    rows_b, rows_a = _shared(before, after, cut, len(drive.gnss))
-    if np.count_nonzero(rows_b) < FEWEST:
+    rows_b, rows_a = _shared_rows(before, after, cut, len(drive.gnss))
+    if np.count_nonzero(rows_b) < MIN_ROWS:
         return None
     told = [_scores(each, rows) for each, rows in ((before, rows_b), (after, rows_a))]
     user = {
         "nis": (told[0][1], told[1][1]),
         "innovation_lag1_correlation": (told[0][2], told[1][2]),
     }
-    for horizon in HORIZONS:
-        user |= _outages(before, after, cut, horizon)
+    for horizon in OUTAGE_DURATIONS:
+        user |= _outage_figures(before, after, cut, horizon)
     n = int(np.count_nonzero(rows_b.any(axis=1)))
     return Gain("60/40", told[0][0] / n, told[1][0] / n, told[1][0] - told[0][0], user=user)
 
 
-def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
+def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis:
     """Return the final hypothesis with its values fitted to what comes before the cut."""
     final = outcome.final.hypothesis
     kept = drive.gnss.t < cut
@@ -86,17 +86,19 @@ def _frozen(drive: Drive, outcome: Criticism, cut: float) -> Hypothesis:
         drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
     )
     own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
-    found = refined(part, examine(part, own), outcome.shifts)
+    found = refit_constants(part, run_filter(part, own), outcome.shifts)
     values = dict(found.hypothesis.values)
     if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
-        noise, said = noise_hypothesis_of(found, outcome.shifts), said_by(found.record, values)
-        names = present(noise, names_in(values), said)
+        noise, said = noise_hypothesis_of(found, outcome.shifts), reported_levels(found.record, values)
+        names = present(noise, sd_model_parameters(values), said)
         if names:
-            values |= refitted(values, maximise(noise, factors(names, said)))
+            values |= updated_values(values, maximize_likelihood(noise, noise_parameters(names, said)))
     return replace(final, values=values)
 
 
-def _shared(before: Pass, after: Pass, cut: float, count: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _shared_rows(
+    before: FilterRun, after: FilterRun, cut: float, count: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the rows after the cut that both passes took, as rows of each; shapes (k, 6)."""
     both = np.ones((count, 6), dtype=bool)
     for each in (before, after):
@@ -106,7 +108,7 @@ def _shared(before: Pass, after: Pass, cut: float, count: int) -> tuple[NDArray[
     return both[before.index], both[after.index]
 
 
-def _scores(found: Pass, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
+def _scores(found: FilterRun, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Return log likelihood, mean square and lag-1 correlation of whitened innovations in rows."""
     told = evaluate(as_configured(found.record))
     white = np.where(rows, told.white, 0.0)
@@ -115,14 +117,16 @@ def _scores(found: Pass, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
     return value, square / int(np.count_nonzero(rows)), float(np.sum(white[1:] * white[:-1])) / square
 
 
-def _outages(before: Pass, after: Pass, cut: float, horizon: float) -> dict[str, tuple[float, float]]:
+def _outage_figures(
+    before: FilterRun, after: FilterRun, cut: float, horizon: float
+) -> dict[str, tuple[float, float]]:
     """Return the rms horizontal error at the end of outages, and the 95 % interval of its change."""
     last = float(before.record.t[-1])
-    begins = np.arange(cut, last - horizon, horizon + RECOVERY)
+    begins = np.arange(cut, last - horizon, horizon + RECOVERY_TIME)
     if len(begins) < 2:
         return {}
     windows = np.stack([begins, begins + horizon], axis=-1)
-    first, second = (_ends(each, windows) for each in (before, after))
+    first, second = (_outage_errors(each, windows) for each in (before, after))
     good = np.isfinite(first) & np.isfinite(second)
     if np.count_nonzero(good) < 2:
         return {}
@@ -145,7 +149,7 @@ def change_interval(pairs: FloatArray) -> tuple[float, float]:
     return (middle - half) / whole, (middle + half) / whole
 
 
-def _ends(found: Pass, windows: FloatArray) -> FloatArray:
+def _outage_errors(found: FilterRun, windows: FloatArray) -> FloatArray:
     """Return the squared horizontal error at the last withheld fix of every window, NaN where there is none."""
     shift = found.hypothesis.values.get("time_offset.delay", 0.0)
     out = np.full(len(windows), np.nan)

@@ -1,7 +1,7 @@
-"""What is held to be true of a drive, and the filter's pass under it.
+"""A hypothesis about a drive (configuration, compensation, fixes left out), and the filter run under it.
 
-A hypothesis is a configuration, a compensation and fixes left out. `examine` takes the compensation out of the drive,
-aligns, filters and leaves the linear record; the criticism happens in the axes of the sensor, whatever the mounting.
+`run_filter` takes the compensation out of the drive, aligns, filters, and linearises the run. Everything is in the
+axes of the sensor, whatever its mounting.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.linearize import linear_record
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
-from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened, whitened
-from tuner.navigation.compensation import compensated, compensated_settings
+from tuner.diagnosis.drive.linear_model.linearize import linearize
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
+from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.run import Stretch, beginning, navigate, prepare, told_sds
-from tuner.navigation.fix_sd_model import FixLaw
+from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
+from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import FilterConfig
 from tuner.types.records import Drive
@@ -28,11 +28,11 @@ from tuner.types.records import Drive
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MOST = 1500
+MAX_FIXES = 1500
 """Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
 
 
-SAME = 0.05
+NEGLIGIBLE_CHANGE = 0.05
 """Relative difference of values that a filter hardly notices."""
 
 
@@ -59,8 +59,8 @@ class Hypothesis:
         Fixes of the drive whose position (and velocity), or velocity alone, is left out.
     jumps : tuple of Jump
         Jumps of biases, on the clock of the inertial unit.
-    leaning : ndarray, shape (p,), optional
-        What noise by itself makes of the constants of a record, see `leaning`.
+    errors_in_variables_bias : ndarray, shape (p,), optional
+        Bias of fitted constants caused by noise in the measured rates, see `errors_in_variables_bias`.
     """
 
     config: FilterConfig
@@ -68,7 +68,7 @@ class Hypothesis:
     position_out: BoolArray
     velocity_out: BoolArray
     jumps: tuple[Jump, ...] = ()
-    leaning: FloatArray | None = None
+    errors_in_variables_bias: FloatArray | None = None
 
     @classmethod
     def first(
@@ -82,7 +82,7 @@ class Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
         return replace(self, values={**self.values, **values})
 
-    def is_like(self, other: Hypothesis) -> bool:
+    def is_equivalent_to(self, other: Hypothesis) -> bool:
         """Whether a filter would hardly notice the difference."""
         names = self.values.keys() | other.values.keys()
         return (
@@ -91,7 +91,9 @@ class Hypothesis:
             and np.array_equal(self.position_out, other.position_out)
             and np.array_equal(self.velocity_out, other.velocity_out)
             and all(
-                np.isclose(self.values.get(n, 0.0), other.values.get(n, 0.0), rtol=SAME, atol=0.0)
+                np.isclose(
+                    self.values.get(n, 0.0), other.values.get(n, 0.0), rtol=NEGLIGIBLE_CHANGE, atol=0.0
+                )
                 for n in names
             )
         )
@@ -103,7 +105,7 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class Pass:
+class FilterRun:
     """A filter's pass over a drive under a hypothesis.
 
     Attributes
@@ -114,7 +116,7 @@ class Pass:
         The filter.
     stretches, solutions : tuples
         What was filtered, and the outcome.
-    record : LinearRecord
+    record : LinearizedRun
         The same made linear.
     index : ndarray of int, shape (k,)
         Fix of the drive behind every fix of the record.
@@ -126,15 +128,15 @@ class Pass:
     settings: FilterSettings
     stretches: tuple[Stretch, ...]
     solutions: tuple[Solution, ...]
-    record: LinearRecord
+    record: LinearizedRun
     index: NDArray[np.intp]
     notes: tuple[str, ...]
 
     @cached_property
-    def whitened(self) -> Whitened:
+    def whitened(self) -> WhitenedInnovations:
         """Innovations and sensitivities by the sds the filter predicts, less what noise makes of constants."""
-        w, leaning = whitened(as_configured(self.record)), self.hypothesis.leaning
-        return w if leaning is None else replace(w, residual=w.residual - w.slope @ leaning)
+        w, bias = whiten(as_configured(self.record)), self.hypothesis.errors_in_variables_bias
+        return w if bias is None else replace(w, residual=w.residual - w.slope @ bias)
 
 
 def in_sensor_axes(drive: Drive) -> Drive:
@@ -148,23 +150,23 @@ def in_sensor_axes(drive: Drive) -> Drive:
     return replace(drive, mounting=None, lever_arm=arm)
 
 
-def thinned(drive: Drive) -> tuple[Drive, int]:
-    """Return the drive with at most `MOST` fixes, and of how many one was kept."""
-    every = -(-len(drive.gnss) // MOST)
+def thin_fixes(drive: Drive) -> tuple[Drive, int]:
+    """Return the drive with at most `MAX_FIXES` fixes, and of how many one was kept."""
+    every = -(-len(drive.gnss) // MAX_FIXES)
     return replace(drive, gnss=drive.gnss.rows(slice(None, None, every))), every
 
 
-def settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
+def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     """Return the filter of a hypothesis for a drive that is already compensated: it takes the receiver's sds."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
     settings = filter_settings(hypothesis.config, lever_arm=arm)
-    settings = replace(settings, fix_laws=(FixLaw(), FixLaw()))
-    return compensated_settings(settings, hypothesis.values)
+    settings = replace(settings, fix_sd_models=(FixSdModel(), FixSdModel()))
+    return compensate_settings(settings, hypothesis.values)
 
 
-def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
+def corrected_drive(drive: Drive, hypothesis: Hypothesis) -> Drive:
     """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
-    drive = compensated(drive, hypothesis.values)
+    drive = compensate(drive, hypothesis.values)
     gnss = drive.gnss
     for jump in hypothesis.jumps:
         first = 0 if jump.sensor == "gyro" else 3
@@ -178,7 +180,7 @@ def mended(drive: Drive, hypothesis: Hypothesis) -> Drive:
     return replace(drive, gnss=gnss)
 
 
-def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
+def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     """Filter a drive in sensor axes under a hypothesis.
 
     Raises
@@ -186,17 +188,18 @@ def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
     DataError
         Where the drive cannot be aligned.
     """
-    seen = mended(drive, hypothesis)
-    settings = settings_of(seen, hypothesis)
+    seen = corrected_drive(drive, hypothesis)
+    settings = filter_settings_of(seen, hypothesis)
     stretches, notes = prepare(seen, settings, timed=True)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     starts = [
-        beginning(settings, stretch, solutions[i - 1] if i else None) for i, stretch in enumerate(stretches)
+        initial_estimates(settings, stretch, solutions[i - 1] if i else None)
+        for i, stretch in enumerate(stretches)
     ]
     stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
     indices = [_nearest(stamps, solution.t) for solution in solutions]
-    told = told_sds(drive.gnss, settings)
-    record = linear_record(
+    told = reported_sds(drive.gnss, settings)
+    record = linearize(
         settings,
         stretches,
         solutions,
@@ -204,7 +207,7 @@ def examine(drive: Drive, hypothesis: Hypothesis) -> Pass:
         [x for x, _ in starts],
         [told[index] for index in indices],
     )
-    return Pass(hypothesis, settings, stretches, solutions, record, np.concatenate(indices), notes)
+    return FilterRun(hypothesis, settings, stretches, solutions, record, np.concatenate(indices), notes)
 
 
 def _nearest(stamps: FloatArray, t: FloatArray) -> NDArray[np.intp]:

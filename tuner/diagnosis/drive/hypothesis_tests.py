@@ -1,8 +1,8 @@
-"""Families of tests on one pass, and the hypothesis that each would lead to.
+"""The tests of all causes on one filter run, and the hypothesis that each would lead to.
 
-Causes that shift innovations come from `score`; those of the noise and of single fixes make another noise hypothesis
-of the record (`claim`), which `adopted` turns into a hypothesis: factors on the sds of the receiver or a law of them,
-densities, correlated states, fixes left out.
+Causes that are constants shift the innovations and come from `score_tests`; those of the noise and of single fixes
+make another noise hypothesis of the linearised run (`CauseTest`). `hypothesis_with` turns that into a hypothesis
+about the drive: factors on the sds of the receiver or a model of them, densities, correlated states, fixes left out.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.cause_test import Claim
+from tuner.diagnosis.drive.cause_test import CauseTest
 from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
-from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
-from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, joint_noise, scores
-from tuner.diagnosis.drive.causes.reported_sd import has_law, reported_noise, scaled
-from tuner.diagnosis.drive.hypothesis import Hypothesis, Jump, Pass
+from tuner.diagnosis.drive.causes.gnss_outliers import ROWS_OF_CAUSE, mask, outliers
+from tuner.diagnosis.drive.causes.noise_scale import gnss_noise, imu_noise, joint_noise, noise_scores
+from tuner.diagnosis.drive.causes.reported_sd import has_sd_model, reported_sd_test, scaled_factor
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, Jump
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
-from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
-from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened
-from tuner.diagnosis.drive.score_tests import Scored, families
+from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
+from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import ChannelNoise, Coefficient, FilterConfig, MarkovState
 
 FloatArray = NDArray[np.float64]
 
-STRONG = 1e-9
+STRONG_P_VALUE = 1e-9
 """Chance below which a shift is significant whatever the noise."""
-WORTH = 1.0
+MIN_GAIN = 1.0
 """Gain from which a cause is named, nats."""
-JUMPS = 2
+MAX_JUMPS = 2
 """Most jumps that are named; more of them are another thing."""
-LARGEST = {"gyro": 0.05, "accel": 1.0}
+MAX_JUMP_SIZE = {"gyro": 0.05, "accel": 1.0}
 """Size of a jump of a bias, rad/s and m/s², from which it is rejected: something else is wrong."""
-MEAN_TITLE = "score of the sensitivity of the innovations"
+SCORE_TEST_TITLE = "score of the sensitivity of the innovations"
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class Candidate:
     ----------
     alarm : Alarm
         How surely.
-    scored : Scored or None
+    scored : ScoreTest or None
         Of a cause that shifts innovations.
-    claim : Claim or None
+    claim : CauseTest or None
         Of any other.
     """
 
     alarm: Alarm
-    scored: Scored | None = None
-    claim: Claim | None = None
+    scored: ScoreTest | None = None
+    claim: CauseTest | None = None
 
     @property
     def cause(self) -> str:
@@ -73,15 +73,15 @@ class Candidate:
         """Whether a cause of the size that it would have to be is met in practice."""
         if self.scored is None and self.cause == JUMP and self.claim is not None:
             size = np.abs(evaluate(self.claim.noise).theta[-3:]).max()
-            return bool(size < LARGEST[jump_sensor(self.claim.noise)])
+            return bool(size < MAX_JUMP_SIZE[jump_sensor(self.claim.noise)])
         return self.scored is None or self.scored.credible
 
-    def raised(self, threshold: float) -> bool:
+    def is_significant(self, threshold: float) -> bool:
         """Whether the family alarms and its cause gains."""
-        return self.alarm.p_value < threshold and self.alarm.gain > WORTH
+        return self.alarm.p_value < threshold and self.alarm.gain > MIN_GAIN
 
 
-def noise_hypothesis_of(found: Pass, accepted: tuple[str, ...]) -> NoiseHypothesis:
+def noise_hypothesis_of(found: FilterRun, accepted: tuple[str, ...]) -> NoiseHypothesis:
     """Return the noise for which the filter of a pass was configured, with accepted shifts free."""
     names = found.record.parameters
     columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
@@ -89,7 +89,7 @@ def noise_hypothesis_of(found: Pass, accepted: tuple[str, ...]) -> NoiseHypothes
 
 
 def candidates(
-    found: Pass, w: Whitened, accepted: tuple[str, ...], threshold: float
+    found: FilterRun, w: WhitenedInnovations, accepted: tuple[str, ...], threshold: float
 ) -> tuple[Candidate, ...]:
     """Return what families say of a pass; accepted shifts are fitted beside every test.
 
@@ -100,32 +100,34 @@ def candidates(
     """
     record = found.record
     noise = noise_hypothesis_of(found, accepted)
-    shifts = [shift(one) for one in families(w, record.parameters, accepted)]
-    if any(one.raised(STRONG) for one in shifts):
+    shifts = [score_candidate(one) for one in score_tests(w, record.parameters, accepted)]
+    if any(one.is_significant(STRONG_P_VALUE) for one in shifts):
         free = replace(noise, columns=tuple(range(len(record.parameters))))
-        fixes, others = _asked(found, free, threshold)
-        if any(one.raised(STRONG) for one in others):
+        fixes, others = _test_fixes_and_noise(found, free, threshold)
+        if any(one.is_significant(STRONG_P_VALUE) for one in others):
             return (*fixes, *others)
-        return (*shifts, *_fixes(noise, threshold))
-    fixes, others = _asked(found, noise, threshold)
-    if any(one.raised(threshold) for one in (*fixes, *others)):
+        return (*shifts, *_test_fixes(noise, threshold))
+    fixes, others = _test_fixes_and_noise(found, noise, threshold)
+    if any(one.is_significant(threshold) for one in (*fixes, *others)):
         return (*fixes, *others)
     return (*shifts, *fixes, *others)
 
 
-def _fixes(noise: NoiseHypothesis, threshold: float) -> tuple[Candidate, ...]:
+def _test_fixes(noise: NoiseHypothesis, threshold: float) -> tuple[Candidate, ...]:
     """Return what single fixes say; where positions and velocities both alarm they have one hypothesis."""
     record = noise.record
     every = replace(noise, rows=noise.rows | (record.available & record.scored[:, None]))
     masked = mask(every)
-    told = [_claimed(outliers(every, masked, cause)) for cause in KINDS]
-    if all(one.raised(threshold) for one in told):
+    told = [_candidate(outliers(every, masked, cause)) for cause in ROWS_OF_CAUSE]
+    if all(one.is_significant(threshold) for one in told):
         both = replace(every, rows=masked.rows(every))
-        told = [_claimed(replace(one.claim, noise=both)) for one in told if one.claim is not None]
+        told = [_candidate(replace(one.claim, noise=both)) for one in told if one.claim is not None]
     return tuple(told)
 
 
-def _asked(found: Pass, noise: NoiseHypothesis, threshold: float) -> tuple[tuple[Candidate, ...], ...]:
+def _test_fixes_and_noise(
+    found: FilterRun, noise: NoiseHypothesis, threshold: float
+) -> tuple[tuple[Candidate, ...], ...]:
     """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
 
     The kernels of the likelihood let other threads run. What a line search says is not for the user, and scipy keeps it
@@ -134,35 +136,35 @@ def _asked(found: Pass, noise: NoiseHypothesis, threshold: float) -> tuple[tuple
     with warnings.catch_warnings(), ThreadPoolExecutor(max_workers=2) as pool:
         warnings.filterwarnings("ignore", "The line search|Rounding errors", RuntimeWarning)
         correlated = pool.submit(lambda: correlated_gnss(noise, evaluate(noise)))
-        factors = pool.submit(_factors, found, noise)
-        fixes = pool.submit(_fixes, noise, threshold)
-        jumps = [pool.submit(bias_jump, noise)] if len(found.hypothesis.jumps) < JUMPS else []
+        factors = pool.submit(_test_noise_scales, found, noise)
+        fixes = pool.submit(_test_fixes, noise, threshold)
+        jumps = [pool.submit(bias_jump, noise)] if len(found.hypothesis.jumps) < MAX_JUMPS else []
         claims = (*factors.result(), correlated.result(), *(jump.result() for jump in jumps))
-        return fixes.result(), tuple(_claimed(claim) for claim in claims)
+        return fixes.result(), tuple(_candidate(claim) for claim in claims)
 
 
-def _factors(found: Pass, noise: NoiseHypothesis) -> tuple[Claim, ...]:
+def _test_noise_scales(found: FilterRun, noise: NoiseHypothesis) -> tuple[CauseTest, ...]:
     """Return what is said of factors on the noise, and of laws of the reported sds."""
-    told, prior = scores(noise), static_prior(found.hypothesis.config.channels)
+    told, prior = noise_scores(noise), static_prior(found.hypothesis.config.channels)
     factors = joint_noise(noise, told, prior_sd=prior)
     if factors is None:
         factors = gnss_noise(noise, told), imu_noise(noise, told, prior_sd=prior)
-    asked = [block for block in BLOCKS if not has_law(found.hypothesis.values, block)]
-    laws = [claim for block in asked if (claim := reported_noise(noise, block)) is not None]
+    asked = [block for block in BLOCKS if not has_sd_model(found.hypothesis.values, block)]
+    laws = [claim for block in asked if (claim := reported_sd_test(noise, block)) is not None]
     return (*factors, *laws)
 
 
-def _claimed(claim: Claim) -> Candidate:
+def _candidate(claim: CauseTest) -> Candidate:
     return Candidate(claim.alarm, claim=claim)
 
 
-def shift(scored: Scored) -> Candidate:
+def score_candidate(scored: ScoreTest) -> Candidate:
     """Return the candidate of a cause that shifts innovations."""
-    alarm = Alarm(scored.cause, scored.p_value, scored.gain, scored.statistic, MEAN_TITLE)
+    alarm = Alarm(scored.cause, scored.p_value, scored.gain, scored.statistic, SCORE_TEST_TITLE)
     return Candidate(alarm, scored=scored)
 
 
-def adopted(found: Pass, claim: Claim) -> Hypothesis:
+def hypothesis_with(found: FilterRun, claim: CauseTest) -> Hypothesis:
     """Return the hypothesis of a pass with what a claim holds true besides."""
     was, record, noise = found.hypothesis, found.record, claim.noise
     if claim.alarm.cause == JUMP:
@@ -172,18 +174,21 @@ def adopted(found: Pass, claim: Claim) -> Hypothesis:
         return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(noise), theta)))
     ratio = noise.sd / record.sd
     told = claim.law or {
-        f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)])) for name, rows in ROWS.items()
+        f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)]))
+        for name, rows in ROW_GROUPS.items()
     }
-    factor = tuple(f"gnss_noise_scale.{name}" for name in ROWS)
-    values = {name: scaled(was.values, name, v) if name in factor else v for name, v in told.items()}
-    config = _denser(was.config, dict(zip(GROUPS, noise.process_noise_scale.tolist(), strict=True)))
+    factor = tuple(f"gnss_noise_scale.{name}" for name in ROW_GROUPS)
+    values = {name: scaled_factor(was.values, name, v) if name in factor else v for name, v in told.items()}
+    config = _scaled_densities(
+        was.config, dict(zip(NOISE_GROUPS, noise.process_noise_scale.tolist(), strict=True))
+    )
     if np.any(noise.markov_sd > 0.0) and config.gnss is not None:
         level, down = float(np.sqrt(np.mean(noise.markov_sd[:2] ** 2))), float(noise.markov_sd[2])
         state = MarkovState(level or down, float(noise.markov_time))
         gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
         config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
     position, velocity = was.position_out.copy(), was.velocity_out.copy()
-    if claim.alarm.cause in KINDS:
+    if claim.alarm.cause in ROWS_OF_CAUSE:
         dropped = record.available & record.scored[:, None] & ~noise.rows
         position[found.index[dropped[:, :3].any(axis=1)]] = True
         velocity[found.index[dropped[:, 3:].any(axis=1)]] = True
@@ -197,7 +202,7 @@ def adopted(found: Pass, claim: Claim) -> Hypothesis:
     )
 
 
-def _denser(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
+def _scaled_densities(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
     """Return the configuration with its densities times factors by group."""
 
     def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:

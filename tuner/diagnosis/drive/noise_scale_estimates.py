@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.diagnose import Examined
-from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, examine
+from tuner.diagnosis.drive.diagnose import ExaminedDrive
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
-from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, Fit, maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, factors, present
+from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, noise_parameters, present
 from tuner.types import ChannelNoise, Coefficient, Demand, FilterConfig
 from tuner.types.records import DataError, Drive
 
@@ -38,22 +38,22 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "velocity": ("error of the velocities", "m/s"),
 }
 """Noise settings of a filter: in words, SI unit."""
-SCALES = ("gnss_noise_scale", "imu_noise_scale")
+NOISE_SCALE_CAUSES = ("gnss_noise_scale", "imu_noise_scale")
 """Findings that are themselves an inflation: they explain none."""
-NOTABLE = 1.5
+MIN_VIBRATION_RATIO = 1.5
 """Vibration, moving ÷ standing, from which it counts."""
-SHARE = 0.25
+MIN_RETURNED_SHARE = 0.25
 """Part of what a factor lost that forgetting a cause must bring back for it to be named."""
-MOST = 4
+MAX_CAUSES_LEFT_OUT = 4
 """Findings that are forgotten in turn, the first accepted: each costs a pass and a fit."""
 UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Factors:
     """Factors on the stated settings that a pass asks for, and the same as coefficients with intervals."""
 
-    fit: Fit
+    fit: NoiseFit
     scale: Mapping[str, float]
 
     def log(self, name: str) -> float:
@@ -65,8 +65,8 @@ class _Asked:
         return self.fit.coefficient(name, scale=self.scale[name])
 
 
-def demands(
-    examined: Examined,
+def estimate_noise_scales(
+    examined: ExaminedDrive,
     vibration: Mapping[str, float] | None = None,
     *,
     prior_sd: Mapping[str, float] = NO_PRIOR,
@@ -77,7 +77,7 @@ def demands(
 
     Parameters
     ----------
-    examined : Examined
+    examined : ExaminedDrive
         The drive, its passes and findings.
     vibration : mapping of str to float
         Noise above 5 Hz, moving ÷ standing, of ``gyro`` and ``accel``.
@@ -85,106 +85,113 @@ def demands(
         What is known beforehand of the log of a factor, by name of `SETTINGS`; nothing by default, so that the drive
         speaks for itself.
     """
-    base, final = examined.criticism.base, examined.criticism.final
+    base, final = examined.search.base, examined.search.final
     config = base.hypothesis.config
-    known = tuple(a.cause for a in examined.criticism.accepted)
+    known = tuple(a.cause for a in examined.search.accepted)
     if not all(present(noise_hypothesis_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
         return ()
     try:
-        plain = _asked(base, base, (), prior_sd)
-        named = _asked(base, final, known, prior_sd)
+        plain = _fit_factors(base, base, (), prior_sd)
+        named = _fit_factors(base, final, known, prior_sd)
     except np.linalg.LinAlgError:
         return ()
-    names = [name for name in SETTINGS if name in plain.fit.scales.names and name in named.fit.scales.names]
+    names = [
+        name for name in SETTINGS if name in plain.fit.parameters.names and name in named.fit.parameters.names
+    ]
     factor = {name: (plain.coefficient(name), named.coefficient(name)) for name in names}
     fallen = [
         name
         for name in names
-        if not covers(factor[name][0]) and plain.log(name) - named.log(name) > SHARE * plain.log(name)
+        if not may_be_one(factor[name][0])
+        and plain.log(name) - named.log(name) > MIN_RETURNED_SHARE * plain.log(name)
     ]
-    accounted = _accounted(examined.drive, base, final, known, fallen, plain, named, prior_sd)
+    accounted = _responsible_causes(examined.drive, base, final, known, fallen, plain, named, prior_sd)
     answer = []
     for name in SETTINGS:
         stated = stated_value(config, base, name)
         if name not in names:
             continue
-        held = plain.fit.held(name) or named.fit.held(name)
+        held = plain.fit.identifiable(name) or named.fit.identifiable(name)
         causes = accounted.get(name, ())
-        if held and not covers(factor[name][1]):
-            causes = (*causes, _rest(name, factor[name][1], known, vibration or {}))
+        if held and not may_be_one(factor[name][1]):
+            causes = (*causes, _remaining_cause(name, factor[name][1], known, vibration or {}))
         answer.append(
             Demand(name, stated, SETTINGS[name][1], *factor[name], causes if held else (), held, "")
         )
     return tuple(replace(one, text=words(one, (vibration or {}).get(one.quantity[:-6]))) for one in answer)
 
 
-def covers(factor: Coefficient) -> bool:
+def may_be_one(factor: Coefficient) -> bool:
     """Whether a factor may be 1."""
     if factor.interval is not None:
         return factor.interval[0] <= 1.0 <= factor.interval[1]
     return factor.upper is None or factor.upper >= 1.0
 
 
-def stated_value(config: FilterConfig, base: Pass, name: str) -> float | None:
+def stated_value(config: FilterConfig, base: FilterRun, name: str) -> float | None:
     """Return what is stated of a setting, root mean square over axes (and fixes), SI."""
     if name in BLOCKS:
         rows = base.record.counted[:, BLOCKS[name]]
         return float(np.sqrt(np.mean(base.record.sd[:, BLOCKS[name]][rows] ** 2))) if rows.any() else None
     sensor, _, kind = name.partition("_")
     channels = [c for axis, c in config.channels.items() if axis.startswith(sensor)]
-    density = [c.white_density if kind == "white" else wander(c) for c in channels]
+    density = [c.white_density if kind == "white" else bias_driving_density(c) for c in channels]
     return float(np.sqrt(np.mean(np.square(density))))
 
 
-def wander(channel: ChannelNoise) -> float:
+def bias_driving_density(channel: ChannelNoise) -> float:
     """Return the density that drives all bias states of an axis together, unit/√s."""
     return float(np.sqrt(channel.random_walk_density**2 + sum(s.driving_density**2 for s in channel.markov)))
 
 
-def _asked(
-    base: Pass,
-    found: Pass,
+def _fit_factors(
+    base: FilterRun,
+    found: FilterRun,
     known: Sequence[str],
     prior_sd: Mapping[str, float],
     free: Sequence[str] = tuple(SETTINGS),
-    others: Fit | None = None,
-) -> _Asked:
+    others: NoiseFit | None = None,
+) -> _Factors:
     """Fit the free settings of a pass, the others as a fit has them."""
     noise = noise_hypothesis_of(found, tuple(known))
     names = present(noise, tuple(free))
     if others is not None:
-        fixed = tuple(name for name in others.scales.names if name not in names)
+        fixed = tuple(name for name in others.parameters.names if name not in names)
         logs = np.array([others.estimate[others.number(name)] for name in fixed])
-        noise = factors(fixed).change(noise, logs)
+        noise = noise_parameters(fixed).change(noise, logs)
     # Far from the truth variances may come out negative: the search turns back from there.
     with np.errstate(invalid="ignore"):
-        fit = maximise(noise, factors(names), prior_sd=prior_sd)
-    return _Asked(fit, {name: settled(found, name) / settled(base, name) for name in names})
+        fit = maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd)
+    return _Factors(
+        fit, {name: assumed_over_stated(found, name) / assumed_over_stated(base, name) for name in names}
+    )
 
 
-def settled(found: Pass, name: str) -> float:
+def assumed_over_stated(found: FilterRun, name: str) -> float:
     """Return the configured value of a setting of a pass, in proportion to what was stated."""
     if name in BLOCKS:
         record, rows = found.record, found.record.counted[:, BLOCKS[name]]
-        now, said = (sd[:, BLOCKS[name]][rows] for sd in (record.sd, record.reported_sd))
-        known = np.isfinite(said)
-        return float(np.sqrt(np.sum(now[known] ** 2) / np.sum(said[known] ** 2))) if known.any() else 1.0
+        now, factor_text = (sd[:, BLOCKS[name]][rows] for sd in (record.sd, record.reported_sd))
+        known = np.isfinite(factor_text)
+        return (
+            float(np.sqrt(np.sum(now[known] ** 2) / np.sum(factor_text[known] ** 2))) if known.any() else 1.0
+        )
     value = stated_value(found.hypothesis.config, found, name)
     return value or 1.0
 
 
-def _accounted(
+def _responsible_causes(
     drive: Drive,
-    base: Pass,
-    final: Pass,
+    base: FilterRun,
+    final: FilterRun,
     known: tuple[str, ...],
     fallen: Sequence[str],
-    plain: _Asked,
-    named: _Asked,
+    plain: _Factors,
+    named: _Factors,
     prior_sd: Mapping[str, float],
 ) -> dict[str, tuple[str, ...]]:
     """Return the findings that bring factors back when they are forgotten, the most important first."""
-    causes = tuple(dict.fromkeys(c for c in known if c not in SCALES))[:MOST]
+    causes = tuple(dict.fromkeys(c for c in known if c not in NOISE_SCALE_CAUSES))[:MAX_CAUSES_LEFT_OUT]
     if not fallen or not causes:
         return {}
     if len(causes) == 1:
@@ -193,8 +200,8 @@ def _accounted(
     for cause in causes:
         others = tuple(c for c in known if c != cause)
         try:
-            less = examine(drive, forgotten(final.hypothesis, base.hypothesis, cause))
-            asked = _asked(base, less, others, prior_sd, fallen, named.fit)
+            less = run_filter(drive, without_cause(final.hypothesis, base.hypothesis, cause))
+            asked = _fit_factors(base, less, others, prior_sd, fallen, named.fit)
         except (DataError, np.linalg.LinAlgError):
             # A filter that cannot do without the cause: all of the factor is back.
             back = {name: {**shares, cause: 1.0} for name, shares in back.items()}
@@ -205,11 +212,11 @@ def _accounted(
     answer = {}
     for name, shares in back.items():
         order = sorted(shares, key=lambda cause: -shares[cause])
-        answer[name] = tuple(c for c in order if shares[c] > SHARE) or (order[0],)
+        answer[name] = tuple(c for c in order if shares[c] > MIN_RETURNED_SHARE) or (order[0],)
     return answer
 
 
-def forgotten(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
+def without_cause(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
     """Return a hypothesis without one of its causes."""
     values = {name: value for name, value in final.values.items() if name.partition(".")[0] != cause}
     values |= {name: value for name, value in base.values.items() if name.partition(".")[0] == cause}
@@ -227,14 +234,16 @@ def forgotten(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
     return less
 
 
-def _rest(name: str, left: Coefficient, known: Sequence[str], vibration: Mapping[str, float]) -> str:
+def _remaining_cause(
+    name: str, left: Coefficient, known: Sequence[str], vibration: Mapping[str, float]
+) -> str:
     """Return what accounts for a factor that stays."""
     if name in BLOCKS:
         return "gnss_noise_scale" if "gnss_noise_scale" in known else UNKNOWN
     sensor, _, kind = name.partition("_")
     ratio = vibration.get(sensor, 1.0)
     low = left.interval[0] if left.interval else 0.0
-    return "vibration" if kind == "white" and ratio > NOTABLE and 1.0 < low < ratio else UNKNOWN
+    return "vibration" if kind == "white" and ratio > MIN_VIBRATION_RATIO and 1.0 < low < ratio else UNKNOWN
 
 
 def words(one: Demand, vibration: float | None = None) -> str:
@@ -242,9 +251,13 @@ def words(one: Demand, vibration: float | None = None) -> str:
     title = SETTINGS[one.quantity][0]
     if not one.identifiable:
         return f"{title}: not identifiable on this drive; the stated value stays"
-    if covers(one.plain) and covers(one.named):
+    if may_be_one(one.plain) and may_be_one(one.named):
         return f"{title}: as stated; the drive allows {_times(one.plain)}"
-    named = [cause.replace("_", " ") for cause in one.causes if cause not in (UNKNOWN, "vibration", *SCALES)]
+    named = [
+        cause.replace("_", " ")
+        for cause in one.causes
+        if cause not in (UNKNOWN, "vibration", *NOISE_SCALE_CAUSES)
+    ]
     parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
     if named:
         parts.append(f"{_times(one.named)} once {listed(named)} {'is' if len(named) == 1 else 'are'} named")
@@ -265,10 +278,10 @@ def listed(names: Sequence[str]) -> str:
 
 
 def _times(factor: Coefficient) -> str:
-    return f"less than × {factor.upper:.3g}" if factor.value is None else f"× {said(factor)}"
+    return f"less than × {factor.upper:.3g}" if factor.value is None else f"× {factor_text(factor)}"
 
 
-def said(factor: Coefficient) -> str:
+def factor_text(factor: Coefficient) -> str:
     """Say a factor: ``1.8 (1.5 … 2.2)``, ``below 0.9``."""
     if factor.value is None:
         return f"below {factor.upper:.3g}" if factor.upper is not None else "–"

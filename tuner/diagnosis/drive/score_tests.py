@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened
+from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 
 FloatArray = NDArray[np.float64]
 
@@ -53,16 +53,16 @@ LARGEST: Mapping[str, float] = {
     "gravity": 0.02,
 }
 """Size from which a cause is rejected, however well it fits: something else is wrong."""
-BLOCK = 30.0
+BLOCK_DURATION = 30.0
 """Length of the blocks whose sums are compared, s."""
-SHARE = 0.6
+FITTED_SHARE = 0.6
 """Part of the scored time that constants are taken from where the rest is to judge them."""
-ALIKE = 0.97
+INSEPARABLE_CORRELATION = 0.97
 """Correlation from which two causes count as one on a drive."""
 
 
 @dataclass(frozen=True)
-class Scored:
+class ScoreTest:
     """A family under test.
 
     Attributes
@@ -91,7 +91,7 @@ class Scored:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ConstantsFit:
     """Constants fitted together.
 
     Attributes
@@ -111,7 +111,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Wandering:
+class LinearTrend:
     """How fast a constant changes, unit/s, its sd, and the chance of so much if it does not."""
 
     rate: float
@@ -124,36 +124,38 @@ def columns_of(cause: str, parameters: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for i, name in enumerate(parameters) if name.partition(".")[0] == cause)
 
 
-def families(w: Whitened, parameters: Sequence[str], accepted: Sequence[str]) -> tuple[Scored, ...]:
+def score_tests(
+    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str]
+) -> tuple[ScoreTest, ...]:
     """Test every cause that is not accepted yet, those that are fitted beside it."""
     known = _columns(accepted, parameters)
-    residual, slope = _without(w, known)
+    residual, slope = _projected_out(w, known)
     return tuple(
-        _scored(w.t, residual, slope, cause, columns_of(cause, parameters))
+        _score_test(w.t, residual, slope, cause, columns_of(cause, parameters))
         for cause in PRIORS
         if cause not in accepted
     )
 
 
-def retested(
-    w: Whitened, parameters: Sequence[str], accepted: Sequence[str], cause: str, values: FloatArray
-) -> Scored:
+def retest(
+    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], cause: str, values: FloatArray
+) -> ScoreTest:
     """Test a cause whose values are compensated already, as if they were not; the others fitted beside it."""
     own = columns_of(cause, parameters)
-    raw = Whitened(w.t, w.residual + w.slope[:, list(own)] @ values, w.slope)
+    raw = WhitenedInnovations(w.t, w.residual + w.slope[:, list(own)] @ values, w.slope)
     others = _columns([other for other in accepted if other != cause], parameters)
-    residual, slope = _without(raw, others)
-    return _scored(w.t, residual, slope, cause, own)
+    residual, slope = _projected_out(raw, others)
+    return _score_test(w.t, residual, slope, cause, own)
 
 
-def carried(
-    w: Whitened, parameters: Sequence[str], accepted: Sequence[str], cause: str, at: FloatArray
+def late_gain(
+    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], cause: str, at: FloatArray
 ) -> float:
     """Return the log likelihood that a cause gains in the last part of a drive with constants from the first.
 
     Parameters
     ----------
-    w : Whitened
+    w : WhitenedInnovations
         The rows, compensated.
     parameters, accepted : sequences of str
         Constants of the record; causes that are accepted, this one among them.
@@ -162,7 +164,7 @@ def carried(
     at : ndarray, shape (p,)
         What is compensated.
     """
-    early = w.t < w.t[0] + SHARE * (w.t[-1] - w.t[0])
+    early = w.t < w.t[0] + FITTED_SHARE * (w.t[-1] - w.t[0])
     every = list(_columns(accepted, parameters))
     raw = w.residual + w.slope[:, every] @ at[every]
 
@@ -178,7 +180,9 @@ def carried(
     return 0.5 * float(unnamed @ unnamed - named @ named) / level
 
 
-def fit(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], at: FloatArray) -> Fit:
+def fit_constants(
+    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], at: FloatArray
+) -> ConstantsFit:
     """Fit the constants of accepted causes; `at` (p,) is what is compensated already: the answer is the total."""
     known = _columns(accepted, parameters)
     own = list(known)
@@ -189,19 +193,19 @@ def fit(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], at: Flo
     inverse *= np.outer(prior, prior)
     step = inverse @ (s.T @ w.residual)
     left = w.residual - s @ step
-    c = np.array([_colour(w.t, left, s[:, [i]]) for i in range(len(own))])
+    c = np.array([_colour_factor(w.t, left, s[:, [i]]) for i in range(len(own))])
     covariance = inverse * np.sqrt(np.outer(c, c))
     total = np.asarray(at[own] + step, dtype=float)
     shrunk = np.asarray(np.linalg.solve(information + np.diag(prior**-2), information @ total), dtype=float)
-    return Fit(known, total, shrunk, np.asarray(covariance, dtype=float))
+    return ConstantsFit(known, total, shrunk, np.asarray(covariance, dtype=float))
 
 
 def inseparable(
-    w: Whitened, parameters: Sequence[str], cause: str, accepted: Sequence[str]
+    w: WhitenedInnovations, parameters: Sequence[str], cause: str, accepted: Sequence[str]
 ) -> tuple[str, ...]:
     """Return causes whose pull on the innovations is nearly that of an accepted one, on this drive."""
     others = _columns([a for a in accepted if a != cause], parameters)
-    residual, slope = _without(w, others)
+    residual, slope = _projected_out(w, others)
     own = slope[:, list(columns_of(cause, parameters))]
     at = np.linalg.lstsq(own, residual, rcond=None)[0]
     path = own @ at
@@ -211,40 +215,42 @@ def inseparable(
             continue
         s = slope[:, list(columns_of(other, parameters))]
         fitted = s @ np.linalg.lstsq(s, path, rcond=None)[0]
-        if float(fitted @ fitted) > ALIKE**2 * float(path @ path):
+        if float(fitted @ fitted) > INSEPARABLE_CORRELATION**2 * float(path @ path):
             names.append(other)
     return tuple(names)
 
 
-def wandering(w: Whitened, parameters: Sequence[str], accepted: Sequence[str], name: str) -> Wandering:
+def linear_trend(
+    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], name: str
+) -> LinearTrend:
     """Test whether a constant that is compensated changes steadily with time, accepted ones fitted beside it.
 
     Parameters
     ----------
-    w : Whitened
+    w : WhitenedInnovations
         The rows.
     parameters, accepted : sequences of str
         Constants of the record; causes that are accepted.
     name : str
         The constant.
     """
-    residual, _ = _without(w, _columns(accepted, parameters))
+    residual, _ = _projected_out(w, _columns(accepted, parameters))
     column = w.slope[:, parameters.index(name)] * (w.t - w.t.mean())
     known = w.slope[:, list(_columns(accepted, parameters))]
     s = (column - known @ np.linalg.lstsq(known, column, rcond=None)[0])[:, None]
     information = float(s[:, 0] @ s[:, 0])
     if information <= 0.0:
-        return Wandering(0.0, np.inf, 1.0)
+        return LinearTrend(0.0, np.inf, 1.0)
     rate = float(s[:, 0] @ residual) / information
-    sd = float(np.sqrt(_colour(w.t, residual - s[:, 0] * rate, s) / information))
-    return Wandering(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
+    sd = float(np.sqrt(_colour_factor(w.t, residual - s[:, 0] * rate, s) / information))
+    return LinearTrend(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
 
 
 def _columns(causes: Sequence[str], parameters: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for cause in causes for i in columns_of(cause, parameters))
 
 
-def _without(w: Whitened, known: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+def _projected_out(w: WhitenedInnovations, known: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Return residuals and slopes with accepted constants fitted out."""
     if not known:
         return w.residual, w.slope
@@ -252,26 +258,26 @@ def _without(w: Whitened, known: Sequence[int]) -> tuple[FloatArray, FloatArray]
     return w.residual - q @ (q.T @ w.residual), w.slope - q @ (q.T @ w.slope)
 
 
-def _scored(
+def _score_test(
     t: FloatArray, residual: FloatArray, slope: FloatArray, cause: str, own: tuple[int, ...]
-) -> Scored:
+) -> ScoreTest:
     s = slope[:, list(own)] * PRIORS[cause]
     information, b = s.T @ s, s.T @ residual
     inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
     step = inverse @ b
-    c = _colour(t, residual - s @ step, s)
+    c = _colour_factor(t, residual - s @ step, s)
     z2 = float(b @ step) / c
     eye = np.eye(len(own))
     shrunk = np.linalg.solve(information / c + eye, b / c)
     gain = 0.5 * float(b @ shrunk) / c - 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
-    return Scored(
+    return ScoreTest(
         cause, own, z2, float(chi2.sf(z2, len(own))), gain, PRIORS[cause] * float(np.abs(shrunk).max())
     )
 
 
-def _colour(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
+def _colour_factor(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
     """Return how many times the sums of s W over blocks vary as much as white noise would have it, at least 1."""
-    block = ((t - t[0]) // BLOCK).astype(int) if len(t) else np.zeros(0, dtype=int)
+    block = ((t - t[0]) // BLOCK_DURATION).astype(int) if len(t) else np.zeros(0, dtype=int)
     sums = np.stack([np.bincount(block, weights=column * residual) for column in s.T], axis=-1)
     inverse = np.linalg.pinv(s.T @ s, rcond=1e-9, hermitian=True)
     rank = max(1, int(np.linalg.matrix_rank(inverse, hermitian=True)))

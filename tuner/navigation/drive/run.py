@@ -1,7 +1,7 @@
 """A measured drive through the filter: clocks, stretches without gaps, alignment, fixes and their errors.
 
 The filter's body frame is that of the vehicle where the mounting is known, else that of the sensor: alignment
-from gravity and motion needs no mounting. Sampling gaps up to `BRIDGED` are bridged with the rates held; a
+from gravity and motion needs no mounting. Sampling gaps up to `MAX_BRIDGED_GAP` are bridged with the rates held; a
 longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried
 over.
 
@@ -37,21 +37,21 @@ from tuner.types.records import DataError, Drive, Gnss
 
 FloatArray = NDArray[np.float64]
 
-BRIDGED = 0.5
+MAX_BRIDGED_GAP = 0.5
 """Longest gap of the inertial samples that is bridged, s."""
-SHORTEST = 20.0
+MIN_STRETCH = 20.0
 """Shortest stretch that is worth an alignment, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
 """Least sds of an alignment, rad."""
-AVERAGED = 0.5
+START_AVERAGING_TIME = 0.5
 """Time over which the rates at a start are averaged, s."""
-SLOPE = 2.0
+DIFFERENCED_VELOCITY_SD = 2.0
 """Error of a velocity that is the slope of two positions, m/s."""
 DELAY_STEP = 0.25
 """Spacing of the delays that are tried, s."""
-OUTLIER = 50.0
+MAX_SQUARED_DISTANCE = 50.0
 """Largest squared distance that a fix counts with in the choice of the delay."""
-SETTLING = 60.0
+SETTLING_TIME = 60.0
 """Time in motion during which fixes are used whatever the gate says, s: the start may be wrong, not they."""
 
 
@@ -83,7 +83,7 @@ class Stretch:
     @property
     def settled(self) -> float:
         """From when on the filter has settled, s."""
-        return self.alignment.t + self.alignment.still + SETTLING
+        return self.alignment.t + self.alignment.still + SETTLING_TIME
 
 
 def prepare(
@@ -125,10 +125,10 @@ def prepare(
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
-    gaps = np.flatnonzero(dt > BRIDGED)
+    gaps = np.flatnonzero(dt > MAX_BRIDGED_GAP)
     if len(gaps):
         notes.append(
-            f"{len(gaps)} gaps longer than {BRIDGED:g} s in the inertial record, the longest "
+            f"{len(gaps)} gaps longer than {MAX_BRIDGED_GAP:g} s in the inertial record, the longest "
             f"{dt.max():.1f} s: aligned anew after each"
         )
     edges = np.concatenate([[0], gaps + 1, [len(drive.imu_t)]])
@@ -136,13 +136,13 @@ def prepare(
     failure = ""
     for first, last in pairwise(edges.tolist()):
         t = drive.imu_t[first:last]
-        if len(t) < 2 or t[-1] - t[0] < SHORTEST:
+        if len(t) < 2 or t[-1] - t[0] < MIN_STRETCH:
             notes.append(f"a stretch of {t[-1] - t[0]:.1f} s left out: too short to align")
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
             known = 0.0 if timed else stretches[0].alignment.delay if stretches else None
-            stretch = replace(_stretch(steps, gnss, settings, known), lag=lag)
+            stretch = replace(_aligned_stretch(steps, gnss, settings, known), lag=lag)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -166,13 +166,13 @@ def navigate(
     """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
     answers: list[Solution] = []
     for stretch in stretches:
-        x, p = beginning(settings, stretch, answers[-1] if answers else None)
+        x, p = initial_estimates(settings, stretch, answers[-1] if answers else None)
         fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
 
         def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
             return engine.run(
                 settings,
-                starting(settings, stretch, x),
+                initial_state(settings, stretch, x),
                 stretch.steps,
                 fixes,
                 parameters=x,
@@ -186,23 +186,23 @@ def navigate(
     return tuple(answers)
 
 
-def beginning(
+def initial_estimates(
     settings: FilterSettings, stretch: Stretch, before: Solution | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the other states (n,) and P (n, n) at the start of a stretch that follows a solution, or none."""
     if before is not None:
         x = before.final_parameters.copy()
-        return x, _fresh(before.final_covariance, settings, stretch, x)
+        return x, _initial_covariance(before.final_covariance, settings, stretch, x)
     a, at = stretch.alignment, settings.model.layout
     x, p = np.zeros(settings.size), np.diag(settings.initial_sd**2)
     x[at["gyro_bias"]] = a.gyro_bias
     x[at["accel_bias"]] = a.accel_bias
     own = range(at["accel_bias"].start, at["accel_bias"].stop)
     p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
-    return x, _fresh(p, settings, stretch, x)
+    return x, _initial_covariance(p, settings, stretch, x)
 
 
-def starting(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
+def initial_state(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
     """Return the start of a stretch where lever arm, delay and other states (n,) are known already."""
     start, z = stretch.start, _first_fix(settings, stretch, parameters)[0]
     return NavigationState(llh_displaced(start.llh, z[:3]), start.vel_n + z[3:], start.quat_nb)
@@ -229,11 +229,11 @@ def _first_fix(
 
 def _first_rates(steps: Steps) -> FloatArray:
     """Return the mean angular rate and specific force as measured at the beginning, (6,)."""
-    few = slice(0, max(1, int(np.searchsorted(np.cumsum(steps.dt), AVERAGED))))
+    few = slice(0, max(1, int(np.searchsorted(np.cumsum(steps.dt), START_AVERAGING_TIME))))
     return np.asarray(steps.increments[few].sum(axis=0) / steps.dt[few].sum())
 
 
-def _fresh(
+def _initial_covariance(
     covariance: FloatArray, settings: FilterSettings, stretch: Stretch, parameters: FloatArray
 ) -> FloatArray:
     """Return P at the start of a stretch: navigation states anew, the others as they are."""
@@ -243,7 +243,7 @@ def _fresh(
     at, a = settings.model.layout, stretch.alignment
     sd = stretch.fixes.sd[0]
     p[range(3), range(3)] = np.maximum(sd[:3], settings.initial_sd[at["position"]]) ** 2
-    unknown = 0.0 if np.isfinite(stretch.fixes.vel_n[0]).all() else SLOPE
+    unknown = 0.0 if np.isfinite(stretch.fixes.vel_n[0]).all() else DIFFERENCED_VELOCITY_SD
     p[range(3, 6), range(3, 6)] = np.maximum(sd[3:], settings.initial_sd[at["velocity"]]) ** 2 + unknown**2
     tilt = max(a.tilt_sd, TILT_FLOOR, float(settings.initial_sd[at["attitude"]][0]))
     p[6, 6] = p[7, 7] = tilt**2
@@ -253,7 +253,7 @@ def _fresh(
     return among @ p @ among.T
 
 
-def _stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
+def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
     """Align a stretch; where the delay of the fixes is not known yet, the filter itself decides on it."""
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
@@ -287,7 +287,7 @@ def _misfit(stretch: Stretch, settings: FilterSettings) -> float:
     if not (np.isfinite(z).all() and np.isfinite(s).all()):
         return float("inf")
     distance = np.sum(z * np.linalg.solve(s, z[..., None])[..., 0], axis=-1)
-    return float(np.mean(np.minimum(distance, OUTLIER) + np.linalg.slogdet(s)[1]))
+    return float(np.mean(np.minimum(distance, MAX_SQUARED_DISTANCE) + np.linalg.slogdet(s)[1]))
 
 
 def _shifted(gnss: Gnss, delay: float) -> Gnss:
@@ -302,10 +302,10 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> S
     own, t = own.rows(keep), t[keep]
     first = max(0, int(np.searchsorted(ends, t[0], side="right")) - 1)
     # The attitude holds at another step than the first fix may fall on: turn it by the gyros between.
-    quat = _carried(steps, a, first)
+    quat = _attitude_at(steps, a, first)
     steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
     split, after = split_at(steps, t)
-    settled = a.t + a.still + SETTLING
+    settled = a.t + a.still + SETTLING_TIME
     fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
     mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
     arm = np.array(settings.lever_arm)
@@ -315,7 +315,7 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> S
     return Stretch(split, fixes, start, a)
 
 
-def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
+def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
     """Return the attitude of an alignment at the end of step k."""
     ends = steps.ends()
     have = int(np.argmin(np.abs(ends - a.t)))
@@ -328,14 +328,14 @@ def _carried(steps: Steps, a: Alignment, k: int) -> FloatArray:
 
 def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
-    told = told_sds(gnss, settings)
-    if settings.fix_laws is None:
+    told = reported_sds(gnss, settings)
+    if settings.fix_sd_models is None:
         return told if settings.position_sd is None else np.maximum(told, _configured(settings))
-    position, velocity = settings.fix_laws
+    position, velocity = settings.fix_sd_models
     return np.hstack([position.sds(told[:, :3]), velocity.sds(told[:, 3:])])
 
 
-def told_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
+def reported_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return the sds that the receiver reports, those of the configuration where it reports none; (k, 6)."""
     reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
     return np.where(reported > 0.0, reported, _configured(settings))

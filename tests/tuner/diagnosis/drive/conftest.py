@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 
 GRAVITY = 9.80665
 DEG, HOUR = np.pi / 180.0, 3600.0
@@ -16,7 +16,7 @@ def _skew(a):
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def city(fixes: int, *, interval: float = 1.0, seed: int = 0, break_at: int | None = None) -> LinearRecord:
+def city(fixes: int, *, interval: float = 1.0, seed: int = 0, break_at: int | None = None) -> LinearizedRun:
     """Drive blocks of a city: 50 Hz consumer unit, receiver of 1/1/1.8 m and 0.06/0.06/0.1 m/s.
 
     Columns: delay of the fixes, lever arm (3), scale factors of the gyroscopes (3).
@@ -97,25 +97,25 @@ def city(fixes: int, *, interval: float = 1.0, seed: int = 0, break_at: int | No
         "gyro_scale.y",
         "gyro_scale.z",
     )
-    return LinearRecord(
+    return LinearizedRun(
         (np.arange(k) + 1.0) * interval, phi, noise, H, np.zeros((k, 6)), sd, sd, yes, yes, np.zeros((k, n)),
         initial, names, drive, seen, starts,
     )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
-def city_drive() -> LinearRecord:
+def city_drive() -> LinearizedRun:
     """900 fixes."""
     return city(900)
 
 
 @pytest.fixture(scope="session")
-def short_drive() -> LinearRecord:
+def short_drive() -> LinearizedRun:
     """200 fixes in two stretches."""
     return city(200, break_at=120)
 
 
 @pytest.fixture(scope="session")
-def long_drive() -> LinearRecord:
+def long_drive() -> LinearizedRun:
     """3000 fixes."""
     return city(3000)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, gains_of
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, kalman_gains
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -51,11 +51,11 @@ class Source:
         record = noise.record
         factors = (noise.process_noise_scale**2).tolist()
         total = record.noise.get("gnss_position", np.zeros_like(record.transition))
-        for factor, group in zip(factors, GROUPS, strict=True):
+        for factor, group in zip(factors, NOISE_GROUPS, strict=True):
             total = total + factor * record.noise[group]
-        return cls(noise, _root(total), _root(record.initial[None])[0], gains_of(as_configured(record)))
+        return cls(noise, _root(total), _root(record.initial[None])[0], kalman_gains(as_configured(record)))
 
-    def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearRecord:
+    def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearizedRun:
         """Return a replica.
 
         Parameters

@@ -4,8 +4,9 @@ The filter corrects the variance of every row by its own innovations, with a for
 
     r ← (1 − d) r + d (z² − h P hᵀ),    d = (1 − b)/(1 − b^{i+1})
 
-and uses it at once; a variance below a hundredth of what was configured is held there. One number a group of `ROWS`,
-in units of the sds configured. It needs no second pass and follows changes; its noise is that of 1/(1 − b) fixes.
+and uses it at once; a variance below a hundredth of the configured one is clipped there. There is one number for each
+of `ROW_GROUPS`, in units of the configured sds. It needs no second run and follows changes; its noise is that of
+1/(1 − b) fixes.
 
 Sds 1.5 times those configured, 450 fixes to learn from and 450 to be scored by (mean of 12 replicas of a city drive):
 rms error of the factor 3.0 % for maximum likelihood, 9.8, 5.9, 8.1 and 13.7 % for b = 0.95, 0.98, 0.99 and 0.995; log
@@ -24,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 
 FloatArray = NDArray[np.float64]
 
@@ -50,17 +51,17 @@ def sage_husa(
     Returns
     -------
     factors : dict of str to ndarray, shape (k,)
-        Factor on the sds after every fix, by group of `ROWS`.
+        Factor on the sds after every fix, by group of `ROW_GROUPS`.
     noise : NoiseHypothesis
         With the sds that the filter used at each fix.
     """
     record, sd = noise.record, noise.sd.copy()
     n = record.transition.shape[1]
     group = np.empty(6, dtype=int)
-    for j, rows in enumerate(ROWS.values()):
+    for j, rows in enumerate(ROW_GROUPS.values()):
         group[list(rows)] = j
-    scale, seen = np.ones(len(ROWS)), np.zeros(len(ROWS))
-    trace = np.empty((len(record.t), len(ROWS)))
+    scale, seen = np.ones(len(ROW_GROUPS)), np.zeros(len(ROW_GROUPS))
+    trace = np.empty((len(record.t), len(ROW_GROUPS)))
     a, P = np.zeros(n), record.initial.copy()
     taken = noise.rows & record.available
     for i, F in enumerate(record.transition):
@@ -68,11 +69,11 @@ def sage_husa(
             a[:9], P[:9], P[:, :9] = 0.0, 0.0, 0.0
             P[:9, :9] = record.initial[:9, :9]
         a, P = F @ a, F @ P @ F.T
-        for name, factor in zip(GROUPS, noise.process_noise_scale**2, strict=True):
+        for name, factor in zip(NOISE_GROUPS, noise.process_noise_scale**2, strict=True):
             P += factor * record.noise[name][i]
         if "gnss_position" in record.noise:
             P += record.noise["gnss_position"][i]
-        fresh: list[list[float]] = [[] for _ in ROWS]
+        fresh: list[list[float]] = [[] for _ in ROW_GROUPS]
         for row in np.flatnonzero(taken[i]):
             h, g = record.H[i, row], group[row]
             Ph = P @ h
@@ -88,4 +89,4 @@ def sage_husa(
                 scale[g] = max((1.0 - d) * scale[g] + d * float(np.mean(values)), LEAST)
         a = a - record.correction[i]
         trace[i] = np.sqrt(scale)
-    return dict(zip(ROWS, trace.T, strict=True)), replace(noise, sd=sd)
+    return dict(zip(ROW_GROUPS, trace.T, strict=True)), replace(noise, sd=sd)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuner.diagnosis.drive.causes.quantizer import coarse_lattices
+from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
 from tuner.types.records import Drive, Gnss
 
 
@@ -18,11 +18,11 @@ def rounded(step: float) -> Drive:
 
 
 def test_a_lattice_above_the_noise_is_told() -> None:
-    (told,) = coarse_lattices(rounded(0.01))
+    (told,) = coarse_quantizer_notes(rounded(0.01))
     assert told.startswith("gyro")
     assert "0.01 rad/s" in told
 
 
 def test_a_fine_lattice_is_not() -> None:
-    assert not coarse_lattices(rounded(1e-3))
-    assert not coarse_lattices(rounded(0.0))
+    assert not coarse_quantizer_notes(rounded(1e-3))
+    assert not coarse_quantizer_notes(rounded(0.0))

@@ -9,13 +9,13 @@ import pytest
 
 from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.diagnosis.drive.hypothesis import Hypothesis, examine
+from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
-from tuner.diagnosis.drive.linear_model.whitened_innovations import Whitened, whitened
-from tuner.diagnosis.drive.score_tests import carried, families, fit
+from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
+from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_tests
 from tuner.diagnosis.drive.search import THRESHOLD
 from tuner.formats import native
-from tuner.navigation.compensation import compensated, sensor_matrix
+from tuner.navigation.compensation import compensate, sensor_matrix
 
 DURATION = 500.0
 POSITIONS = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
@@ -24,7 +24,7 @@ POSITIONS = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
 @pytest.fixture(scope="module")
 def clean(simulated, drive_config):
     drive = simulated(1, duration=DURATION)
-    return drive, examine(drive, Hypothesis.first(drive, drive_config))
+    return drive, run_filter(drive, Hypothesis.first(drive, drive_config))
 
 
 def test_record_is_the_filter(clean):
@@ -52,11 +52,11 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
         "misalignment.pitch": 1e-3,
     }
     drive = simulated(1, duration=DURATION)
-    first = examine(drive, Hypothesis.first(drive, drive_config))
-    base = whitened(as_configured(first.record))
+    first = run_filter(drive, Hypothesis.first(drive, drive_config))
+    base = whiten(as_configured(first.record))
     for name, size in small.items():
-        changed = examine(compensated(drive, {name: -size}), Hypothesis.first(drive, drive_config))
-        moved = whitened(as_configured(changed.record))
+        changed = run_filter(compensate(drive, {name: -size}), Hypothesis.first(drive, drive_config))
+        moved = whiten(as_configured(changed.record))
         change = moved.residual - base.residual
         told = base.slope[:, first.record.parameters.index(name)] * size
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
@@ -64,7 +64,7 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
 
 def test_clean_drive_is_quiet(clean, drive_config):
     drive, found = clean
-    shifts = families(whitened(as_configured(found.record)), found.record.parameters, ())
+    shifts = score_tests(whiten(as_configured(found.record)), found.record.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5
     assert diagnose_drive(drive, drive_config).quiet
 
@@ -91,11 +91,11 @@ def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
     assert found.gain.nats > 0.0
     again = native.loads(native.dumps(found.after))
     assert again == found.after
-    (carried,) = again.findings
-    assert carried["channels"] == list(finding.channels)
+    (late_gain,) = again.findings
+    assert late_gain["channels"] == list(finding.channels)
     for name, told in finding.parameters.items():
-        assert carried["parameters"][name]["interval"] == pytest.approx(told.interval)
-        assert carried["parameters"][name]["unit"] == told.unit
+        assert late_gain["parameters"][name]["interval"] == pytest.approx(told.interval)
+        assert late_gain["parameters"][name]["unit"] == told.unit
 
 
 def test_large_delay_and_wrong_sds(simulated, drive_config):
@@ -111,12 +111,12 @@ def test_a_shift_must_carry_to_the_last_part():
     rng = np.random.default_rng(4)
     t, slope = np.arange(2000.0), rng.standard_normal((2000, 1))
     noise = rng.standard_normal(2000)
-    lasting = Whitened(t, noise + 20.0 * 0.01 * slope[:, 0], slope)
-    passing = Whitened(t, noise + np.where(t < 1000.0, 0.4, -0.4) * slope[:, 0], slope)
+    lasting = WhitenedInnovations(t, noise + 20.0 * 0.01 * slope[:, 0], slope)
+    passing = WhitenedInnovations(t, noise + np.where(t < 1000.0, 0.4, -0.4) * slope[:, 0], slope)
     at = np.zeros(1)
     # 0.2² 800/2 = 16 nats with a sd of 6; some 40 nats lost with one of 10.
-    assert carried(lasting, ("time_offset.delay",), ("time_offset",), "time_offset", at) > -10.0
-    assert carried(passing, ("time_offset.delay",), ("time_offset",), "time_offset", at) < -2.0
+    assert late_gain(lasting, ("time_offset.delay",), ("time_offset",), "time_offset", at) > -10.0
+    assert late_gain(passing, ("time_offset.delay",), ("time_offset",), "time_offset", at) < -2.0
 
 
 def test_compensation_is_undone(simulated):
@@ -129,11 +129,11 @@ def test_compensation_is_undone(simulated):
     }
     drive = simulated(1, duration=DURATION)
     spoiled = replace(drive, rates=drive.rates @ sensor_matrix(values).T)
-    np.testing.assert_allclose(compensated(spoiled, values).rates, drive.rates, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(compensate(spoiled, values).rates, drive.rates, rtol=1e-9, atol=1e-12)
     turn = rotation.mat_from_rpy((0.01, -0.02, 0.03))
     gnss = replace(drive.gnss, t=drive.gnss.t + 0.3, vel_n=drive.gnss.vel_n @ turn.T)
     angles = {"gnss_frame.roll": 0.01, "gnss_frame.pitch": -0.02, "gnss_frame.yaw": 0.03}
-    back = compensated(replace(drive, gnss=gnss), {"time_offset.delay": 0.3, **angles}).gnss
+    back = compensate(replace(drive, gnss=gnss), {"time_offset.delay": 0.3, **angles}).gnss
     np.testing.assert_allclose(back.t, drive.gnss.t)
     np.testing.assert_allclose(back.vel_n, drive.gnss.vel_n, atol=1e-12)
 
@@ -143,9 +143,9 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
     drive = simulated(5, duration=DURATION, delay=0.04)
     totals = []
     for known in (0.0, 0.03):
-        found = examine(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
+        found = run_filter(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
         names = found.record.parameters
         at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-        told = fit(whitened(as_configured(found.record)), names, ("time_offset",), at)
+        told = fit_constants(whiten(as_configured(found.record)), names, ("time_offset",), at)
         totals.append((told.value[0], np.sqrt(told.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]

@@ -11,8 +11,8 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli.commands.check import load_filter
 from tuner.diagnosis.drive import diagnose_drive, examine_drive
-from tuner.diagnosis.drive.errors_in_variables_bias import leaning, noisier
-from tuner.diagnosis.drive.hypothesis import Hypothesis, examine, in_sensor_axes
+from tuner.diagnosis.drive.errors_in_variables_bias import errors_in_variables_bias, with_more_noise
+from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter
 from tuner.simulation.drive import simulate_drive
 
 RECEIVER = replace(load_gnss("spp"), interval=2.4)
@@ -25,15 +25,15 @@ def hour():
         load_grade("adis16405"), TRAJECTORIES["city"](3600.0), RECEIVER, rate=25.0, seed=5
     )
     drive, config = in_sensor_axes(drive), load_filter("adis16405", RECEIVER)
-    return drive, config, examine(drive, Hypothesis.first(drive, config))
+    return drive, config, run_filter(drive, Hypothesis.first(drive, config))
 
 
 def test_noise_leans_on_constants_and_is_told(hour):
     """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
     drive, _, found = hour
-    lean, names = leaning(drive, found), found.record.parameters
+    lean, names = errors_in_variables_bias(drive, found), found.record.parameters
     w = found.whitened
-    upright = replace(found, hypothesis=replace(found.hypothesis, leaning=lean)).whitened
+    upright = replace(found, hypothesis=replace(found.hypothesis, errors_in_variables_bias=lean)).whitened
     s = w.slope[:, names.index("gravity.offset")]
     before, after = (float(s @ each.residual / np.sqrt(s @ s)) for each in (w, upright))
     assert after - before > 2.0
@@ -48,7 +48,7 @@ def test_a_clean_hour_is_quiet(hour):
 
 def test_the_noise_that_is_added_is_the_one_configured(hour):
     drive, config, found = hour
-    more = noisier(drive, found, np.random.default_rng(3))
+    more = with_more_noise(drive, found, np.random.default_rng(3))
     step = float(np.median(np.diff(drive.imu_t)))
     white = np.diff(more.rates - drive.rates, axis=0).std(axis=0) * np.sqrt(0.5 * step)
     densities = [
@@ -74,7 +74,7 @@ def test_what_noise_leans_on_is_told_where_a_shift_is_taken_out():
         hidden=("time_offset:delay=0.06",),
     )
     found = examine_drive(drive, load_filter("adis16465", receiver))
-    final = found.criticism.final
+    final = found.search.final
     assert [finding.cause for finding in found.diagnosis.findings] == ["time_offset"]
     place = final.record.parameters.index("time_offset.delay")
-    assert abs(final.hypothesis.leaning[place]) < 5e-4
+    assert abs(final.hypothesis.errors_in_variables_bias[place]) < 5e-4

@@ -15,8 +15,8 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
     evaluate,
     evaluate_with_gradient,
 )
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
-from tuner.diagnosis.drive.linear_model.noise_parameters import factors
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
 
 NAMES = (
     "position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical", "gyro_white",
@@ -24,14 +24,14 @@ NAMES = (
 )  # fmt: skip
 
 
-def cut(record: LinearRecord, k: int) -> LinearRecord:
+def cut(record: LinearizedRun, k: int) -> LinearizedRun:
     names = ("t", "transition", "H", "innovation", "sd", "reported_sd", "available", "used", "correction",
              "drive", "seen", "starts", "scored")  # fmt: skip
     parts = {name: getattr(record, name)[:k] for name in names}
     return replace(record, **parts, noise={g: q[:k] for g, q in record.noise.items()})
 
 
-def holes(record: LinearRecord, rng: np.random.Generator) -> LinearRecord:
+def holes(record: LinearizedRun, rng: np.random.Generator) -> LinearizedRun:
     """Take some rows away, let the filter refuse others, and let it settle in both stretches."""
     k = len(record.t)
     available = np.repeat(rng.random((k, 2)) > 0.1, 3, axis=1)
@@ -41,7 +41,7 @@ def holes(record: LinearRecord, rng: np.random.Generator) -> LinearRecord:
 
 
 @pytest.fixture
-def drawn(short_drive: LinearRecord) -> LinearRecord:
+def drawn(short_drive: LinearizedRun) -> LinearizedRun:
     rng = np.random.default_rng(3)
     return Source.of(as_configured(holes(short_drive, rng))).draw(rng)
 
@@ -82,20 +82,20 @@ def joint(h: NoiseHypothesis) -> float:
     return float(multivariate_normal.logpdf(y[root], cov=S[np.ix_(root, root)]))
 
 
-def test_it_is_the_joint_density(drawn: LinearRecord) -> None:
+def test_it_is_the_joint_density(drawn: LinearizedRun) -> None:
     small = cut(drawn, 30)
     small = replace(small, starts=small.starts | (np.arange(30) == 17), scored=np.ones(30, dtype=bool))
     h = as_configured(small)
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
     h = replace(
-        factors(NAMES[:8]).change(h, np.linspace(-0.5, 0.7, 8)),
+        noise_parameters(NAMES[:8]).change(h, np.linspace(-0.5, 0.7, 8)),
         markov_sd=np.array([0.5, 0.3, 1.1]),
         markov_time=7.0,
     )
     assert evaluate(h).value == pytest.approx(joint(h), abs=1e-6)
 
 
-def test_as_configured_the_innovations_are_those_of_the_filter(drawn: LinearRecord) -> None:
+def test_as_configured_the_innovations_are_those_of_the_filter(drawn: LinearizedRun) -> None:
     first = drawn.available[:, 0]
     z = evaluate(as_configured(drawn)).innovation
     np.testing.assert_allclose(z[first, 0], drawn.innovation[first, 0], rtol=0, atol=1e-9)
@@ -103,7 +103,7 @@ def test_as_configured_the_innovations_are_those_of_the_filter(drawn: LinearReco
     np.testing.assert_allclose(z[alone, 3], drawn.innovation[alone, 3], rtol=0, atol=1e-9)
 
 
-def test_corrections_are_known_inputs(drawn: LinearRecord) -> None:
+def test_corrections_are_known_inputs(drawn: LinearizedRun) -> None:
     """Another filter on the same way, with the corrections it made, has the same likelihood under any noise."""
     rng = np.random.default_rng(1)
     shift = 0.1 * rng.standard_normal(drawn.correction.shape) * np.sqrt(np.diag(drawn.initial))
@@ -117,24 +117,26 @@ def test_corrections_are_known_inputs(drawn: LinearRecord) -> None:
         offset = offset - shift[i]
     other = replace(drawn, innovation=drawn.innovation + moved, correction=drawn.correction + shift)
     for logs in (np.zeros(8), np.linspace(-0.4, 0.4, 8)):
-        a, b = (evaluate(factors(NAMES[:8]).change(as_configured(r), logs)).value for r in (drawn, other))
+        a, b = (
+            evaluate(noise_parameters(NAMES[:8]).change(as_configured(r), logs)).value for r in (drawn, other)
+        )
         assert a == pytest.approx(b, abs=1e-6)
 
 
-def test_slopes_are_those_of_differences(drawn: LinearRecord) -> None:
+def test_slopes_are_those_of_differences(drawn: LinearizedRun) -> None:
     h = replace(
         as_configured(drawn), markov_sd=np.array([0.4, 0.4, 0.9]), markov_time=15.0, columns=(0, 1, 2, 6)
     )
-    h = factors(NAMES).change(h, np.linspace(0.3, -0.3, len(NAMES)))
-    scales = factors(NAMES)
-    analytic = scales.slopes(h, np.zeros(len(NAMES)), evaluate_with_gradient(h)[1])
+    h = noise_parameters(NAMES).change(h, np.linspace(0.3, -0.3, len(NAMES)))
+    parameters = noise_parameters(NAMES)
+    analytic = parameters.slopes(h, np.zeros(len(NAMES)), evaluate_with_gradient(h)[1])
     step = 1e-4
     for j, unit in enumerate(np.eye(len(NAMES))):
-        up, down = (evaluate(factors(NAMES).change(h, s * step * unit)).value for s in (1.0, -1.0))
+        up, down = (evaluate(noise_parameters(NAMES).change(h, s * step * unit)).value for s in (1.0, -1.0))
         assert analytic[j] == pytest.approx((up - down) / (2.0 * step), rel=1e-4, abs=1e-3)
 
 
-def test_mean_parameters_are_found(short_drive: LinearRecord) -> None:
+def test_mean_parameters_are_found(short_drive: LinearizedRun) -> None:
     """Pulls of 20 replicas: the sum of squares of 7 parameters is chi-square with 140 degrees of freedom."""
     theta = np.array([0.05, 0.3, -0.2, 0.5, 0.002, 0.003, -0.004])
     source, pulls = Source.of(as_configured(short_drive)), []
@@ -147,9 +149,9 @@ def test_mean_parameters_are_found(short_drive: LinearRecord) -> None:
     assert 34.0 < square < 152.0, "80 degrees of freedom, 1e-4 on either side"
 
 
-def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecord) -> None:
+def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearizedRun) -> None:
     h = replace(
-        factors(("position_horizontal", "gyro_white")).change(
+        noise_parameters(("position_horizontal", "gyro_white")).change(
             as_configured(short_drive), np.array([0.5, 0.7])
         ),
         markov_sd=np.array([0.5, 0.5, 1.0]),
@@ -165,9 +167,9 @@ def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearRecor
     assert abs(lagged) < 4.5 * np.sqrt(count)
 
 
-def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
+def test_an_impulse_is_scored(drawn: LinearizedRun) -> None:
     """Score and information of a jump of a bias are those of its column by brute force."""
-    h = factors(("gyro_white",)).change(
+    h = noise_parameters(("gyro_white",)).change(
         as_configured(replace(drawn, scored=drawn.scored | True)), np.array([0.4])
     )
     _, gradient = evaluate_with_gradient(h)
@@ -181,7 +183,7 @@ def test_an_impulse_is_scored(drawn: LinearRecord) -> None:
     assert found.theta[0] == pytest.approx(gradient.score[at, state - 9] / information, rel=1e-6)
 
 
-def test_rounding_does_not_grow(long_drive: LinearRecord) -> None:
+def test_rounding_does_not_grow(long_drive: LinearizedRun) -> None:
     """Variances as of Joseph's form in extended precision, with fixes far better than told and noise far stronger."""
     sd, drive = long_drive.sd / 100.0, np.full(4, 100.0)
     found = evaluate(replace(as_configured(long_drive), sd=sd, process_noise_scale=drive))

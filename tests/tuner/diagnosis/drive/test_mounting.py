@@ -9,7 +9,7 @@ import pytest
 
 from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.navigation.compensation import compensated
+from tuner.navigation.compensation import compensate
 
 PITCH, YAW = np.radians((3.0, -4.0))
 WIDER = 4.9 / 1.96
@@ -32,7 +32,7 @@ def test_a_wrong_mounting_is_named_where_wheels_do_not_slip(turned, drive_config
     for name, truth in (("pitch", PITCH), ("yaw", YAW)):
         told = finding.parameters[name]
         assert abs(told.value - truth) < WIDER * 0.5 * (told.interval[1] - told.interval[0])
-    mended = compensated(turned, diagnosis.compensation).mounting
+    mended = compensate(turned, diagnosis.compensation).mounting
     np.testing.assert_allclose(mended, rotation.mat_from_rpy((0.0, PITCH, YAW)), atol=0.03)
 
 

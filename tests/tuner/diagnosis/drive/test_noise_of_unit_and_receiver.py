@@ -7,7 +7,7 @@ import pytest
 
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.formats import native
-from tuner.navigation.compensation import compensated_settings
+from tuner.navigation.compensation import compensate_settings
 from tuner.navigation.settings import filter_settings
 
 SD = np.array([1.0, 1.0, 1.8, 0.06, 0.06, 0.1])
@@ -61,7 +61,7 @@ def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config
         assert holds(finding.parameters[f"{row}_class_1"], 0.25), row
     assert SD[0] < finding.parameters["position_edge_1"].value < 4.0 * SD[0]
     assert diagnosis.gain.nats > 0.0
-    laws = compensated_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_laws
+    laws = compensate_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_sd_models
     reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
     modelled = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
     np.testing.assert_allclose(modelled, np.tile(SD, (len(modelled), 1)), rtol=0.3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tuner.diagnosis.drive.linear_model.noise_prior import TYPICAL, VAGUE, static_prior
+from tuner.diagnosis.drive.linear_model.noise_prior import DATASHEET_LOG_SD, UNKNOWN_LOG_SD, static_prior
 from tuner.types import ChannelNoise, Coefficient, TermEstimate
 
 
@@ -38,6 +38,6 @@ def test_white_noise_is_taken_at_its_word_the_rest_is_vague() -> None:
     bounded = TermEstimate("white", {"density": Coefficient.bounded(2.0, "1", "short")})
     told = TermEstimate("white", {"density": Coefficient(1.0, None, None, "1")})
     level = TermEstimate("bias_instability", {"level": Coefficient(1.0, None, None, "1")})
-    assert static_prior({"accel_x": channel("accel_x", bounded)})["accel_white"] == VAGUE
+    assert static_prior({"accel_x": channel("accel_x", bounded)})["accel_white"] == UNKNOWN_LOG_SD
     of_sheet = static_prior({"accel_x": channel("accel_x", told, level)})
-    assert of_sheet == {"accel_white": TYPICAL, "accel_bias": VAGUE}
+    assert of_sheet == {"accel_white": DATASHEET_LOG_SD, "accel_bias": UNKNOWN_LOG_SD}

@@ -14,11 +14,11 @@ from scipy.stats import binom
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor, with_jump
 from tuner.diagnosis.drive.causes.correlated_gnss import correlated_gnss
-from tuner.diagnosis.drive.causes.gnss_outliers import KINDS, mask, outliers
-from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, scores
+from tuner.diagnosis.drive.causes.gnss_outliers import ROWS_OF_CAUSE, mask, outliers
+from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_noise, noise_scores
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
 
 ALARM = 7e-4
 
@@ -29,27 +29,27 @@ def seldom(p_values: np.ndarray, level: float) -> bool:
 
 
 def claims(noise: NoiseHypothesis) -> dict[str, float]:
-    found, masked = scores(noise), mask(noise)
+    found, masked = noise_scores(noise), mask(noise)
     every = [gnss_noise(noise, found), imu_noise(noise, found), bias_jump(noise)]
-    every += [outliers(noise, masked, cause) for cause in KINDS]
+    every += [outliers(noise, masked, cause) for cause in ROWS_OF_CAUSE]
     every.append(correlated_gnss(noise, evaluate(noise)))
     return {claim.alarm.cause: claim.alarm.p_value for claim in every}
 
 
-def study(record: LinearRecord, n: int) -> dict[str, np.ndarray]:
+def study(record: LinearizedRun, n: int) -> dict[str, np.ndarray]:
     source = Source.of(as_configured(record))
     drawn = [claims(as_configured(source.draw(np.random.default_rng(seed)))) for seed in range(n)]
     return {cause: np.array([one[cause] for one in drawn]) for cause in drawn[0]}
 
 
-def test_quiet_where_all_is_right(short_drive: LinearRecord) -> None:
+def test_quiet_where_all_is_right(short_drive: LinearizedRun) -> None:
     for cause, p_values in study(short_drive, 60).items():
         for level in (0.2, 0.05, 0.01):
             assert seldom(p_values, level), (cause, level)
 
 
 @pytest.mark.slow
-def test_levels_are_kept(short_drive: LinearRecord) -> None:
+def test_levels_are_kept(short_drive: LinearizedRun) -> None:
     for cause, p_values in study(short_drive, 600).items():
         assert np.mean(p_values < 1e-2) <= 0.02, cause
         assert np.mean(p_values < 1e-3) <= 3e-3, cause
@@ -58,12 +58,12 @@ def test_levels_are_kept(short_drive: LinearRecord) -> None:
 TRUE = {"position_horizontal": 1.4, "velocity_vertical": 0.7, "gyro_white": 2.5, "accel_bias": 2.0}
 
 
-def test_factors_are_found(short_drive: LinearRecord) -> None:
+def test_factors_are_found(short_drive: LinearizedRun) -> None:
     """Mean of 12 estimates within 4.5 standard errors, each group that the drive holds."""
-    truth = factors(tuple(TRUE)).change(as_configured(short_drive), np.log(list(TRUE.values())))
+    truth = noise_parameters(tuple(TRUE)).change(as_configured(short_drive), np.log(list(TRUE.values())))
     source = Source.of(truth)
     fits = [fit_noise(as_configured(source.draw(np.random.default_rng(seed)))) for seed in range(12)]
-    for name in (*ROWS, "gyro_white"):
+    for name in (*ROW_GROUPS, "gyro_white"):
         pulls = [
             (fit.estimate[fit.number(name)] - np.log(TRUE.get(name, 1.0)))
             / np.sqrt(fit.covariance[fit.number(name), fit.number(name)])
@@ -74,10 +74,13 @@ def test_factors_are_found(short_drive: LinearRecord) -> None:
 
 
 @pytest.mark.slow
-def test_intervals_cover(city_drive: LinearRecord) -> None:
+def test_intervals_cover(city_drive: LinearizedRun) -> None:
     """Nominal 95 %: 700 intervals together within 2.5 %, which is three standard errors, each alone above 86 %."""
-    truth = factors(tuple(TRUE)).change(as_configured(city_drive), np.log(list(TRUE.values())))
-    source, inside = Source.of(truth), dict.fromkeys((*ROWS, "gyro_white", "gyro_bias", "accel_bias"), 0)
+    truth = noise_parameters(tuple(TRUE)).change(as_configured(city_drive), np.log(list(TRUE.values())))
+    source, inside = (
+        Source.of(truth),
+        dict.fromkeys((*ROW_GROUPS, "gyro_white", "gyro_bias", "accel_bias"), 0),
+    )
     runs = 100
     for seed in range(runs):
         fit = fit_noise(as_configured(source.draw(np.random.default_rng(seed))))
@@ -88,18 +91,18 @@ def test_intervals_cover(city_drive: LinearRecord) -> None:
     assert min(inside.values()) > 0.86 * runs
 
 
-def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearRecord) -> None:
-    source = Source.of(factors(("gyro_white",)).change(as_configured(city_drive), np.log([3.0])))
+def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearizedRun) -> None:
+    source = Source.of(noise_parameters(("gyro_white",)).change(as_configured(city_drive), np.log([3.0])))
     noise = as_configured(source.draw(np.random.default_rng(0)))
     free, tied = fit_noise(noise), fit_noise(noise, prior_sd={"gyro_white": 0.05})
     assert 1.0 < tied.factor("gyro_white") < free.factor("gyro_white")
-    found = scores(noise)
-    exact, vague = imu_noise(noise, found), imu_noise(noise, found, prior_sd=dict.fromkeys(GROUPS, 1.0))
+    found = noise_scores(noise)
+    exact, vague = imu_noise(noise, found), imu_noise(noise, found, prior_sd=dict.fromkeys(NOISE_GROUPS, 1.0))
     assert exact.alarm.p_value < ALARM < vague.alarm.p_value
     assert {"gyro", "accel"} <= set(exact.describe())
 
 
-def test_a_jump_is_found_and_named(city_drive: LinearRecord) -> None:
+def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
     source = Source.of(as_configured(city_drive))
     size = np.array([0.03, 0.02, 0.0])
     hidden = with_jump(source.noise, 450, "accel").record
@@ -116,10 +119,10 @@ def test_a_jump_is_found_and_named(city_drive: LinearRecord) -> None:
     for axis, value in zip("xyz", size, strict=True):
         c = told[axis]
         assert abs(c.value - value) < 4.5 / 1.96 * 0.5 * (c.interval[1] - c.interval[0])
-    assert claim.alarm.gain > imu_noise(noise, scores(noise)).alarm.gain
+    assert claim.alarm.gain > imu_noise(noise, noise_scores(noise)).alarm.gain
 
 
-def with_errors(record: LinearRecord, errors: np.ndarray, seed: int) -> NoiseHypothesis:
+def with_errors(record: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose fixes have further errors (k, 6)."""
     hidden = replace(
         record, seen=errors[:, :, None], drive=np.zeros((*record.drive.shape[:2], 1)), parameters=("error",)
@@ -128,28 +131,28 @@ def with_errors(record: LinearRecord, errors: np.ndarray, seed: int) -> NoiseHyp
     return as_configured(replace(drawn, seen=record.seen, drive=record.drive, parameters=record.parameters))
 
 
-@pytest.mark.parametrize("cause", list(KINDS))
-def test_outliers_are_masked_and_named(city_drive: LinearRecord, cause: str) -> None:
+@pytest.mark.parametrize("cause", list(ROWS_OF_CAUSE))
+def test_outliers_are_masked_and_named(city_drive: LinearizedRun, cause: str) -> None:
     rng = np.random.default_rng(5)
     errors = np.zeros((900, 6))
     which = rng.choice(900, 9, replace=False)
-    rows = KINDS[cause]
+    rows = ROWS_OF_CAUSE[cause]
     errors[which, rows] = 7.0 * rng.choice([-1.0, 1.0], (9, 3)) * city_drive.sd[which, rows]
     noise = with_errors(city_drive, errors, 1)
     masked = mask(noise)
-    said = {kind: outliers(noise, masked, kind) for kind in KINDS}
+    said = {kind: outliers(noise, masked, kind) for kind in ROWS_OF_CAUSE}
     assert said[cause].alarm.p_value < 1e-9
-    other = next(kind for kind in KINDS if kind != cause)
+    other = next(kind for kind in ROWS_OF_CAUSE if kind != cause)
     assert said[other].alarm.p_value > ALARM
     out = np.flatnonzero(~said[cause].noise.rows[:, rows.start])
     assert set(which) <= set(out)
     assert len(out) <= 10
     told = said[cause].describe()
     assert told["fraction"].interval[0] < 0.01 < told["fraction"].interval[1]
-    assert said[cause].alarm.gain > gnss_noise(noise, scores(noise)).alarm.gain
+    assert said[cause].alarm.gain > gnss_noise(noise, noise_scores(noise)).alarm.gain
 
 
-def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearRecord) -> None:
+def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None:
     errors = np.zeros((900, 6))
     errors[300:750, 3:5] = np.random.default_rng(2).normal(0.0, 8.0, (450, 2))
     noise = with_errors(city_drive, errors, 3)
@@ -158,40 +161,40 @@ def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearRecord) -> None:
     assert claim.alarm.p_value < 1e-9
     assert np.count_nonzero(masked.out[300:750, 1]) > 420
     assert np.count_nonzero(masked.out[:, 0]) < 3
-    assert claim.alarm.gain > gnss_noise(noise, scores(noise)).alarm.gain
+    assert claim.alarm.gain > gnss_noise(noise, noise_scores(noise)).alarm.gain
     assert outliers(noise, masked, "gnss_outliers").alarm.p_value > ALARM
 
 
-def test_outliers_are_not_a_wrong_noise(city_drive: LinearRecord) -> None:
+def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
     """Twice the noise on all fixes: the robust scale takes it out of the test of outliers."""
     source = Source.of(
-        factors(("position", "velocity")).change(as_configured(city_drive), np.log([2.0, 2.0]))
+        noise_parameters(("position", "velocity")).change(as_configured(city_drive), np.log([2.0, 2.0]))
     )
     noise = as_configured(source.draw(np.random.default_rng(0)))
     masked = mask(noise)
-    assert min(outliers(noise, masked, cause).alarm.p_value for cause in KINDS) > ALARM
-    claim = gnss_noise(noise, scores(noise))
+    assert min(outliers(noise, masked, cause).alarm.p_value for cause in ROWS_OF_CAUSE) > ALARM
+    claim = gnss_noise(noise, noise_scores(noise))
     assert claim.alarm.p_value < 1e-9
     for name, c in claim.describe().items():
         assert c.interval[0] * 0.95 < 2.0 < c.interval[1] * 1.05, name
 
 
-def test_correlated_positions_are_found_and_named(city_drive: LinearRecord) -> None:
+def test_correlated_positions_are_found_and_named(city_drive: LinearizedRun) -> None:
     truth = replace(as_configured(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
     noise = as_configured(Source.of(truth).draw(np.random.default_rng(0)))
     claim = correlated_gnss(noise, evaluate(noise))
     assert claim.alarm.p_value < 1e-6
-    found = scores(noise)
+    found = noise_scores(noise)
     assert claim.alarm.gain > max(gnss_noise(noise, found).alarm.gain, imu_noise(noise, found).alarm.gain)
     told = claim.describe()
     for name, value in (("sd", 0.6), ("sd_vertical", 1.1), ("time_constant", 20.0)):
         low, high = np.log(told[name].interval)
         assert abs(np.log(told[name].value / value)) < 4.5 / 3.92 * (high - low), name
-    again = scores(claim.noise)
+    again = noise_scores(claim.noise)
     assert gnss_noise(claim.noise, again).alarm.p_value > ALARM
 
 
-def test_wrong_noise_is_not_correlation(city_drive: LinearRecord) -> None:
-    source = Source.of(factors(("position",)).change(as_configured(city_drive), np.log([1.5])))
+def test_wrong_noise_is_not_correlation(city_drive: LinearizedRun) -> None:
+    source = Source.of(noise_parameters(("position",)).change(as_configured(city_drive), np.log([1.5])))
     noise = as_configured(source.draw(np.random.default_rng(0)))
     assert correlated_gnss(noise, evaluate(noise)).alarm.p_value > ALARM

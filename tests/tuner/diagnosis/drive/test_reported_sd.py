@@ -9,15 +9,15 @@ import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tests.tuner.diagnosis.drive.sage_husa import sage_husa
-from tuner.diagnosis.drive.causes.reported_sd import edges_of, reported_law, reported_noise
+from tuner.diagnosis.drive.causes.reported_sd import choose_sd_model, class_edges, reported_sd_test
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
-from tuner.diagnosis.drive.linear_model.noise_fit import maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import ROWS, factors
-from tuner.navigation.fix_sd_model import fix_law
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
+from tuner.navigation.fix_sd_model import fix_sd_model
 
 
-def reporting(record: LinearRecord, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
+def reporting(record: LinearizedRun, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
     reported = record.sd * level[:, None]
     told = replace(record, reported_sd=reported, sd=reported)
@@ -30,19 +30,19 @@ def test_classes_are_parted_where_the_sd_jumps() -> None:
     sd = np.concatenate(
         [rng.uniform(0.01, 0.015, 300), rng.uniform(0.3, 0.5, 200), rng.uniform(2.0, 3.0, 100)]
     )
-    first, second = edges_of(sd)
+    first, second = class_edges(sd)
     assert 0.015 < first < 0.3
     assert 0.5 < second < 2.0
-    assert not edges_of(rng.uniform(1.0, 3.0, 500))
-    assert not edges_of(np.append(sd[:300], [5.0, 6.0])), "two fixes are no class"
+    assert not class_edges(rng.uniform(1.0, 3.0, 500))
+    assert not class_edges(np.append(sd[:300], [5.0, 6.0])), "two fixes are no class"
 
 
-def test_a_steady_report_has_no_law(city_drive: LinearRecord) -> None:
-    assert reported_law(as_configured(city_drive), "position") is None
+def test_a_steady_report_has_no_law(city_drive: LinearizedRun) -> None:
+    assert choose_sd_model(as_configured(city_drive), "position") is None
 
 
 @pytest.mark.parametrize("law", ["factor", "classes", "power", "silence"])
-def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
+def test_the_law_is_found(city_drive: LinearizedRun, law: str) -> None:
     rng = np.random.default_rng(4)
     level = np.exp(0.6 * rng.standard_normal(900))
     if law == "classes":
@@ -54,7 +54,7 @@ def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
         "silence": np.full(900, 1.4),
     }[law]
     noise = reporting(city_drive, level, truth, 7)
-    found, claim = reported_law(noise, "position"), reported_noise(noise, "position")
+    found, claim = choose_sd_model(noise, "position"), reported_sd_test(noise, "position")
     if law == "factor":
         assert found is None or found.law == "factor"
         assert claim is None
@@ -68,18 +68,18 @@ def test_the_law_is_found(city_drive: LinearRecord, law: str) -> None:
             assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
     else:
         assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
-    expected = fix_law(claim.law, "position").sds(noise.record.reported_sd[:, :3])
+    expected = fix_sd_model(claim.law, "position").sds(noise.record.reported_sd[:, :3])
     np.testing.assert_allclose(claim.noise.sd[:, :3], expected, rtol=1e-9)
 
 
-def test_adaptive_noise_follows_but_is_rough(city_drive: LinearRecord) -> None:
+def test_adaptive_noise_follows_but_is_rough(city_drive: LinearizedRun) -> None:
     """R is 1.5 times what was configured: both find it; maximum likelihood is nearer and predicts better.
 
     The first half is learnt from, the second scored with what was learnt.
     """
-    names = tuple(ROWS)
+    names = tuple(ROW_GROUPS)
     source = Source.of(
-        factors(("position", "velocity")).change(as_configured(city_drive), np.log([1.5, 1.5]))
+        noise_parameters(("position", "velocity")).change(as_configured(city_drive), np.log([1.5, 1.5]))
     )
     learnt, scored = (
         np.arange(900) < 450,
@@ -90,14 +90,14 @@ def test_adaptive_noise_follows_but_is_rough(city_drive: LinearRecord) -> None:
     for seed in range(6):
         record = source.draw(np.random.default_rng(seed))
         first, second = (as_configured(replace(record, scored=part)) for part in (learnt, scored))
-        fit = maximise(first, factors(names))
+        fit = maximize_likelihood(first, noise_parameters(names))
         trace, _ = sage_husa(first)
         logs = np.log([trace[name][449] for name in names])
         error["likelihood"] += (fit.estimate - np.log(1.5)).tolist()
         error["adaptive"] += (logs - np.log(1.5)).tolist()
         value["as configured"] += evaluate(second).value
-        value["likelihood"] += evaluate(factors(names).change(second, fit.estimate)).value
-        value["adaptive"] += evaluate(factors(names).change(second, logs)).value
+        value["likelihood"] += evaluate(noise_parameters(names).change(second, fit.estimate)).value
+        value["adaptive"] += evaluate(noise_parameters(names).change(second, logs)).value
     rms = {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in error.items()}
     assert rms["likelihood"] < 0.05
     assert rms["adaptive"] < 0.3

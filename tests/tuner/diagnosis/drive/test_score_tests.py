@@ -9,42 +9,47 @@ import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.causes.gnss_outliers import mask
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate, held
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
-from tuner.diagnosis.drive.linear_model.noise_fit import maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import factors
-from tuner.diagnosis.drive.linear_model.whitened_innovations import whitened
-from tuner.diagnosis.drive.score_tests import wandering
+from tuner.diagnosis.drive.linear_model.likelihood import (
+    NoiseHypothesis,
+    as_configured,
+    evaluate,
+    with_constants_fixed,
+)
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
+from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
+from tuner.diagnosis.drive.score_tests import linear_trend
 
 DELAY = "time_offset.delay"
 
 
-def drawn(record: LinearRecord, seed: int) -> LinearRecord:
+def drawn(record: LinearizedRun, seed: int) -> LinearizedRun:
     return Source.of(as_configured(record)).draw(np.random.default_rng(seed))
 
 
-def late(record: LinearRecord, delay: np.ndarray) -> LinearRecord:
+def late(record: LinearizedRun, delay: np.ndarray) -> LinearizedRun:
     """Let fixes come late by a delay (k,) that changes slowly."""
     seen = record.seen[:, :, :1] * delay[:, None, None]
     pushed = replace(record, seen=-seen, drive=0.0 * record.drive[:, :, :1], parameters=(DELAY,))
     return replace(record, innovation=record.innovation - pushed.seen[:, :, 0])
 
 
-def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearRecord) -> None:
+def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearizedRun) -> None:
     free = replace(as_configured(drawn(short_drive, 0)), columns=tuple(range(7)))
-    assert evaluate(held(free)).value == pytest.approx(evaluate(free).value, abs=1e-6)
-    assert held(free).columns == ()
+    assert evaluate(with_constants_fixed(free)).value == pytest.approx(evaluate(free).value, abs=1e-6)
+    assert with_constants_fixed(free).columns == ()
 
 
-def test_noise_is_fitted_beside_free_means(short_drive: LinearRecord) -> None:
+def test_noise_is_fitted_beside_free_means(short_drive: LinearizedRun) -> None:
     """The fit with means held in turn is a maximum of the likelihood with the means profiled out."""
     wrong = replace(short_drive, sd=short_drive.sd * 2.0)
     data = replace(drawn(wrong, 1), sd=short_drive.sd)
     free = replace(as_configured(data), columns=(0, 1, 2, 3))
-    fit = maximise(free, factors(("position_horizontal", "velocity_horizontal")))
+    fit = maximize_likelihood(free, noise_parameters(("position_horizontal", "velocity_horizontal")))
 
     def profile(x: np.ndarray) -> float:
-        return evaluate(replace(fit.scales.change(free, x), columns=free.columns)).value
+        return evaluate(replace(fit.parameters.change(free, x), columns=free.columns)).value
 
     top = profile(fit.estimate)
     assert top == pytest.approx(fit.log_likelihood, abs=0.1)
@@ -52,16 +57,16 @@ def test_noise_is_fitted_beside_free_means(short_drive: LinearRecord) -> None:
         assert profile(fit.estimate + step) < top + 0.02
 
 
-def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearRecord) -> None:
+def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearizedRun) -> None:
     record, rate = drawn(city_drive, 2), 2e-4
     for true in (0.0, rate):
         moved = late(record, 0.02 + true * (record.t - record.t.mean()))
-        told = wandering(whitened(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
+        told = linear_trend(whiten(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
         assert abs(told.rate - true) < 5.0 * told.sd
         assert (told.p_value < 1e-6) == (true > 0.0)
 
 
-def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearRecord) -> None:
+def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearizedRun) -> None:
     record = drawn(city_drive, 3)
     off = np.zeros((len(record.t), 6))
     off[300:340, :2] = 60.0 + 5.0 * np.random.default_rng(4).standard_normal((40, 2))

@@ -30,6 +30,6 @@ def test_a_badly_known_scale_leaves_no_bias(simulated, drive_config):
 def test_a_jump_at_the_same_place_again_is_no_further_jump(simulated, drive_config):
     once = Jump(100.0, "accel", np.array([0.0, -0.06, 0.0]))
     one = replace(Hypothesis.first(simulated(21), drive_config), jumps=(once,))
-    assert replace(one, jumps=(once, replace(once, size=0.9 * once.size))).is_like(one)
-    assert not replace(one, jumps=(once, replace(once, time=130.0))).is_like(one)
-    assert not replace(one, jumps=(once, replace(once, sensor="gyro"))).is_like(one)
+    assert replace(one, jumps=(once, replace(once, size=0.9 * once.size))).is_equivalent_to(one)
+    assert not replace(one, jumps=(once, replace(once, time=130.0))).is_equivalent_to(one)
+    assert not replace(one, jumps=(once, replace(once, sensor="gyro"))).is_equivalent_to(one)

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from scipy.special import gamma
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.cause_test import Claim, silent
+from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
@@ -40,15 +40,15 @@ FloatArray = NDArray[np.float64]
 CAUSE = "bias_jump"
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
 """Places of the biases among those that are scored, and their units."""
-EDGE = 5
+N_EDGE_FIXES = 5
 """Fixes at either end of the record that are left out: the prior of the biases stands for jumps there."""
-LIKELY = 3.841
+CHI2_1_QUANTILE_95 = 3.841
 """Drop of the statistic within which a time is in its 95 % interval."""
-_SINGULAR = 1e-9
+_SINGULAR_VALUE_CUTOFF = 1e-9
 
 
 @dataclass(frozen=True)
-class Jumps:
+class JumpScan:
     """Statistic, sizes and their covariances of a jump of one sensor after every fix, (k,), (k, 3), (k, 3, 3)."""
 
     statistic: FloatArray
@@ -56,17 +56,17 @@ class Jumps:
     covariance: FloatArray
 
 
-def bias_jump(noise: NoiseHypothesis) -> Claim:
+def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     """Test the biases for one jump; see `jump_sensor` for whose it is."""
     title = "likelihood ratio of a jump of a bias"
     settled = replace(noise, record=replace(noise.record, scored=np.ones(len(noise.record.t), dtype=bool)))
     _, gradient = evaluate_with_gradient(settled)
     if gradient.score.shape[1] < 6:
-        return silent(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(CAUSE, noise, 1.0, 0.0, title)
     inside = np.flatnonzero(noise.record.scored)
-    inside = inside[(inside >= EDGE) & (inside < len(noise.record.t) - EDGE)]
+    inside = inside[(inside >= N_EDGE_FIXES) & (inside < len(noise.record.t) - N_EDGE_FIXES)]
     if not len(inside):
-        return silent(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(CAUSE, noise, 1.0, 0.0, title)
     found = {
         sensor: scan(gradient.score[:, at], gradient.information[:, at, at])
         for sensor, (at, _) in SENSORS.items()
@@ -75,28 +75,28 @@ def bias_jump(noise: NoiseHypothesis) -> Claim:
     jumps = found[sensor]
     k = int(inside[np.argmax(jumps.statistic[inside])])
     ratio = float(jumps.statistic[k])
-    p_value = min(1.0, len(SENSORS) * davies(ratio, np.sqrt(jumps.statistic[inside])))
+    p_value = min(1.0, len(SENSORS) * davies_bound(ratio, np.sqrt(jumps.statistic[inside])))
     price = 1.5 * np.log(noise.count) + np.log(len(SENSORS) * len(inside))
     alarm = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
-    likely = inside[jumps.statistic[inside] > ratio - LIKELY]
-    return Claim(
-        alarm, with_jump(noise, k, sensor), lambda: _described(noise.record, jumps, k, likely, sensor)
+    likely = inside[jumps.statistic[inside] > ratio - CHI2_1_QUANTILE_95]
+    return CauseTest(
+        alarm, with_jump(noise, k, sensor), lambda: _coefficients(noise.record, jumps, k, likely, sensor)
     )
 
 
-def scan(score: FloatArray, information: FloatArray) -> Jumps:
+def scan(score: FloatArray, information: FloatArray) -> JumpScan:
     """Return the statistics of impulses with scores (k, 3) and informations (k, 3, 3)."""
     scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     inverse = np.linalg.pinv(
-        information / (scale[:, :, None] * scale[:, None, :]), rcond=_SINGULAR, hermitian=True
+        information / (scale[:, :, None] * scale[:, None, :]), rcond=_SINGULAR_VALUE_CUTOFF, hermitian=True
     )
     inverse = inverse / (scale[:, :, None] * scale[:, None, :])
     size = np.einsum("kij,kj->ki", inverse, score)
-    return Jumps(np.sum(size * score, axis=1), size, inverse)
+    return JumpScan(np.sum(size * score, axis=1), size, inverse)
 
 
-def davies(ratio: float, root: FloatArray) -> float:
+def davies_bound(ratio: float, root: FloatArray) -> float:
     """Return the bound on the chance that a scan of χ²₃ exceeds `ratio`; `root` are its square roots (k,)."""
     variation = float(np.abs(np.diff(root)).sum())
     crossings = variation * ratio * np.exp(-0.5 * ratio) / (2.0**1.5 * gamma(1.5))
@@ -124,8 +124,8 @@ def jump_sensor(noise: NoiseHypothesis) -> str:
     return noise.record.parameters[noise.columns[-1]].partition(".")[2].partition("_")[0]
 
 
-def _described(
-    record: LinearRecord, jumps: Jumps, k: int, likely: NDArray[np.intp], sensor: str
+def _coefficients(
+    record: LinearizedRun, jumps: JumpScan, k: int, likely: NDArray[np.intp], sensor: str
 ) -> Mapping[str, Coefficient]:
     last = min(int(likely.max()) + 1, len(record.t) - 1)
     middle = 0.5 * float(record.t[k] + record.t[k + 1])

@@ -17,10 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from tuner.diagnosis.drive.cause_test import Claim, silent
-from tuner.diagnosis.drive.linear_model.likelihood import Likelihood, NoiseHypothesis, evaluate, held
-from tuner.diagnosis.drive.linear_model.noise_fit import Fit, maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import TIME, factors, present
+from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
+from tuner.diagnosis.drive.linear_model.likelihood import (
+    Likelihood,
+    NoiseHypothesis,
+    evaluate,
+    with_constants_fixed,
+)
+from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import MARKOV_TIME, noise_parameters, present
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
@@ -29,33 +34,35 @@ FloatArray = NDArray[np.float64]
 CAUSE = "correlated_gnss"
 LAGS = (1, 2, 4, 8, 16, 32)
 """Numbers of lags over which correlations are summed."""
-SUMS = 4.0
+EFFECTIVE_TESTS = 4.0
 """Independent tests that so many sums over nested lags are worth."""
-SUSPECT = 0.05
+PRETEST_P_VALUE = 0.05
 """Chance of the pre-test below which states are fitted."""
-SHARES = (0.3, 0.6, 1.0)
+TRIAL_SHARES = (0.3, 0.6, 1.0)
 """Sds of the correlated part that are tried, relative to the white one: the second at all times, all at the best."""
-TIMES = 7
+N_TRIAL_TIMES = 7
 """Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
 
 
-def correlated_gnss(noise: NoiseHypothesis, found: Likelihood) -> Claim:
+def correlated_gnss(noise: NoiseHypothesis, found: Likelihood) -> CauseTest:
     """Test position fixes for a correlated error; `found` is the likelihood of the noise."""
     title = "likelihood ratio of correlated position errors"
     if not noise.counted[:, :3].any():
-        return silent(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(CAUSE, noise, 1.0, 0.0, title)
     chance = pretest(np.where(noise.counted, found.white, 0.0)[:, :3])
-    if chance > SUSPECT:
-        return silent(CAUSE, noise, chance, 0.0, title)
-    white = maximise(noise, factors(present(noise, ("position_horizontal", "position_vertical"))))
+    if chance > PRETEST_P_VALUE:
+        return not_significant(CAUSE, noise, chance, 0.0, title)
+    white = maximize_likelihood(
+        noise, noise_parameters(present(noise, ("position_horizontal", "position_vertical")))
+    )
     fit = fit_correlated(white.noise)
     ratio = max(0.0, 2.0 * (fit.log_likelihood - white.log_likelihood))
     if fit.noise.markov_time < _interval(noise):
         # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
-        return silent(CAUSE, noise, 1.0, ratio, title)
+        return not_significant(CAUSE, noise, 1.0, ratio, title)
     price = 1.5 * float(np.log(np.count_nonzero(noise.counted[:, :3])))
     alarm = Alarm(CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - found.value - price, ratio, title)
-    return Claim(alarm, fit.noise, lambda: _described(fit))
+    return CauseTest(alarm, fit.noise, lambda: _coefficients(fit))
 
 
 def pretest(white: FloatArray) -> float:
@@ -67,10 +74,10 @@ def pretest(white: FloatArray) -> float:
         if lag in LAGS:
             square = float(np.sum(white**2)) ** 2 / white.size
             most = max(most, abs(total) / np.sqrt(lag * square))
-    return float(min(1.0, 2.0 * SUMS * norm.sf(most)))
+    return float(min(1.0, 2.0 * EFFECTIVE_TESTS * norm.sf(most)))
 
 
-def fit_correlated(noise: NoiseHypothesis) -> Fit:
+def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
     """Fit a Gauss–Markov error of the position fixes and their white part together.
 
     Parameters
@@ -86,7 +93,7 @@ def fit_correlated(noise: NoiseHypothesis) -> Fit:
     sd[:2] = np.sqrt(np.mean(sd[:2] ** 2))
     span = float(record.t[-1] - record.t[0])
     interval = _interval(noise)
-    fixed = held(noise)
+    fixed = with_constants_fixed(noise)
 
     def trial(time: float, share: float) -> NoiseHypothesis:
         white = noise.sd[:, :3] * np.sqrt(1.0 / (1.0 + share**2))
@@ -95,13 +102,13 @@ def fit_correlated(noise: NoiseHypothesis) -> Fit:
     def best(trials: Iterable[NoiseHypothesis]) -> NoiseHypothesis:
         return max(trials, key=lambda one: evaluate(one).value)
 
-    times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), TIMES).tolist()
-    time = best(trial(time, SHARES[1]) for time in times).markov_time
-    chosen = best(trial(time, share) for share in SHARES)
+    times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), N_TRIAL_TIMES).tolist()
+    time = best(trial(time, TRIAL_SHARES[1]) for time in times).markov_time
+    chosen = best(trial(time, share) for share in TRIAL_SHARES)
     start = replace(chosen, record=noise.record, columns=noise.columns)
     white = present(noise, ("position_horizontal", "position_vertical"))
     markov = tuple(name.replace("position", "markov") for name in white)
-    return maximise(start, factors((*markov, TIME, *white)))
+    return maximize_likelihood(start, noise_parameters((*markov, MARKOV_TIME, *white)))
 
 
 def _interval(noise: NoiseHypothesis) -> float:
@@ -109,9 +116,9 @@ def _interval(noise: NoiseHypothesis) -> float:
     return float(np.median(np.diff(noise.record.t)))
 
 
-def _described(fit: Fit) -> Mapping[str, Coefficient]:
-    start, names = fit.start, fit.scales.names
-    out = {"time_constant": fit.coefficient(TIME, unit="s", scale=start.markov_time)}
+def _coefficients(fit: NoiseFit) -> Mapping[str, Coefficient]:
+    start, names = fit.start, fit.parameters.names
+    out = {"time_constant": fit.coefficient(MARKOV_TIME, unit="s", scale=start.markov_time)}
     for name, label, axis in (("markov_horizontal", "sd", 0), ("markov_vertical", "sd_vertical", 2)):
         if name in names:
             out[label] = fit.coefficient(name, unit="m", scale=float(start.markov_sd[axis]))

@@ -1,18 +1,19 @@
-"""Outliers among fixes: positions far off (`gnss_outliers`), velocities that contradict them (`gnss_velocity`).
+"""Outliers among GNSS fixes: wrong positions (`gnss_outliers`) and velocities that contradict them (`gnss_velocity`).
 
-A block is the position or the velocity of one fix. What its rows are off given all other rows, before and after them
-and corrected for all accepted mean parameters, names the culprit among neighbours; its square is q ~ χ²₃. By a robust
-scale, median q ÷ median χ², a wrong R is no reason for an alarm.
+A block is the position or the velocity of one fix. Its deleted residual, the difference from what all other rows
+before and after it predict, corrected for all accepted constants, shows which of several neighbours is wrong; its
+square is q ~ χ²₃. Dividing by a robust scale, median q ÷ median χ², keeps a wrong R from causing a detection.
 
-*Masking.* Velocities far from what positions and inertial unit alone predict are left out first, as there may be
-more wrong than right ones; then all blocks at once where n P(χ² > q) < `SUSPECT`. What is fine without itself is taken
-back, and round by round the worst of its neighbourhood that still is suspect follows.
+*Masking.* Velocities far from what positions and inertial unit alone predict are left out first, since there may be
+more wrong than right ones; then all blocks with n P(χ² > q) < `EXPECTED_FALSE_OUTLIERS` at once. Blocks that agree
+with the rest once they are left out are taken back, and in each round the worst remaining block of every
+neighbourhood follows.
 
-*Test.* On the unmasked blocks of one kind, those of the other kind masked: the largest q, exact with n blocks, and the
-count beyond the 10⁻³ quantile, Poisson; twice the smaller chance.
+*Test.* On the blocks of one kind, the outliers of the other kind left out: the largest q, exact for n blocks, and the
+count beyond the 10⁻³ quantile, Poisson; twice the smaller probability.
 
-*Gain.* Likelihood of the mixture (1−ε) N(0, S) + ε N(0, κ² S), ε and κ from the blocks masked, over that of the noise
-with them, on the same rows; less ln n for ε and κ.
+*Gain.* Likelihood of the mixture (1−ε) N(0, S) + ε N(0, κ² S), with ε and κ from the blocks left out, over that of
+the hypothesis without outliers on the same rows; less ln n for ε and κ.
 """
 
 from __future__ import annotations
@@ -25,25 +26,25 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
-from tuner.diagnosis.drive.cause_test import Claim, silent
+from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-KINDS = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
+ROWS_OF_CAUSE = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
 """Rows of a block by the cause that its outliers are called."""
 UNITS = {"gnss_outliers": "m", "gnss_velocity": "m/s"}
-SUSPECT = 0.05
+EXPECTED_FALSE_OUTLIERS = 0.05
 """Expected number of good blocks that a mask takes."""
-TAIL = 1e-3
+TAIL_PROBABILITY = 1e-3
 """Chance of a block beyond which blocks are counted."""
-REACH = 5
+NEIGHBOURHOOD = 5
 """Fixes on either side among which only the worst block is left out in one round."""
-ROUNDS = 12
+MAX_ROUNDS = 12
 """Most rounds of masking."""
 
 
@@ -73,26 +74,26 @@ class Mask:
 def mask(noise: NoiseHypothesis) -> Mask:
     """Leave outliers out, see the module."""
     record = noise.record
-    tried = _tried(noise)
-    whole = replace(noise, rows=noise.rows | tried, record=_settled(record))
+    tried = _testable_rows(noise)
+    whole = replace(noise, rows=noise.rows | tried, record=_all_fixes_scored(record))
     out = np.zeros((len(record.t), 2), dtype=bool)
-    limit = np.log(SUSPECT / max(int(np.count_nonzero(tried[:, ::3])), 1))
+    limit = np.log(EXPECTED_FALSE_OUTLIERS / max(int(np.count_nonzero(tried[:, ::3])), 1))
     alone = whole.rows.copy()
     alone[:, 3:] = False
     if alone[:, :3].any():
-        off = _deleted(replace(whole, rows=alone))
-        out[:, 1] = log_chances(off, tried, 1, scaled=False) < limit
-    off = _deleted(_without(whole, out))
-    for n in range(ROUNDS):
-        chance = np.stack([log_chances(off, tried, block) for block in range(2)], axis=1)
+        off = _deleted_residuals(replace(whole, rows=alone))
+        out[:, 1] = log_p_values(off, tried, 1, scaled=False) < limit
+    off = _deleted_residuals(_without(whole, out))
+    for n in range(MAX_ROUNDS):
+        chance = np.stack([log_p_values(off, tried, block) for block in range(2)], axis=1)
         again = chance < limit
         if n:
-            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * REACH + 1)
+            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * NEIGHBOURHOOD + 1)
             again &= out | (chance <= worst[:, None])
         if np.array_equal(again, out):
             break
         out = again
-        off = _deleted(_without(whole, out))
+        off = _deleted_residuals(_without(whole, out))
     return Mask(out, off, _without(replace(noise, rows=noise.rows | tried), out))
 
 
@@ -101,22 +102,22 @@ def _without(noise: NoiseHypothesis, out: BoolArray) -> NoiseHypothesis:
     return replace(noise, rows=noise.rows & ~np.repeat(out, 3, axis=1))
 
 
-def _deleted(noise: NoiseHypothesis) -> FloatArray:
+def _deleted_residuals(noise: NoiseHypothesis) -> FloatArray:
     """Return what every row is off given all others, by its sd, shape (k, 6)."""
     return evaluate_with_gradient(noise)[1].deleted
 
 
-def _settled(record: LinearRecord) -> LinearRecord:
+def _all_fixes_scored(record: LinearizedRun) -> LinearizedRun:
     return replace(record, scored=np.ones(len(record.t), dtype=bool))
 
 
-def _tried(noise: NoiseHypothesis) -> BoolArray:
+def _testable_rows(noise: NoiseHypothesis) -> BoolArray:
     """Return the rows that may be outliers: all that count, and those that the filter itself refused."""
     record = noise.record
     return record.available & record.scored[:, None] & (noise.rows | ~record.used)
 
 
-def log_chances(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
+def log_p_values(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
     """Return ln P(χ² > q) of all blocks of a kind, q by its robust scale if wished, shape (k,).
 
     Parameters
@@ -140,7 +141,7 @@ def log_chances(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool =
     return np.where(have, chi2.logsf(q / scale, np.maximum(freedom, 1)), 0.0)
 
 
-def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> Claim:
+def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     """Test the blocks of one kind for outliers.
 
     Parameters
@@ -153,31 +154,33 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> Claim:
         ``gnss_outliers`` or ``gnss_velocity``.
     """
     title = "least chance of a fix" if cause == "gnss_outliers" else "least chance of a velocity fix"
-    block = list(KINDS).index(cause)
-    tried = _tried(noise)
+    block = list(ROWS_OF_CAUSE).index(cause)
+    tried = _testable_rows(noise)
     n = int(np.count_nonzero(tried[:, 3 * block]))
     if not n:
-        return silent(cause, noise, 1.0, 1.0, title)
+        return not_significant(cause, noise, 1.0, 1.0, title)
     off = masked.off
     if masked.out[:, block].any():
         others = masked.out.copy()
         others[:, block] = False
-        whole = replace(noise, rows=noise.rows | tried, record=_settled(noise.record))
-        off = _deleted(_without(whole, others))
-    chance = np.exp(log_chances(off, tried, block))
+        whole = replace(noise, rows=noise.rows | tried, record=_all_fixes_scored(noise.record))
+        off = _deleted_residuals(_without(whole, others))
+    chance = np.exp(log_p_values(off, tried, block))
     least = float(chance.min())
-    count = int(np.count_nonzero(chance < TAIL))
-    p_value = min(1.0, 2.0 * min(-np.expm1(n * np.log1p(-min(least, 0.5))), poisson.sf(count - 1, n * TAIL)))
+    count = int(np.count_nonzero(chance < TAIL_PROBABILITY))
+    p_value = min(
+        1.0, 2.0 * min(-np.expm1(n * np.log1p(-min(least, 0.5))), poisson.sf(count - 1, n * TAIL_PROBABILITY))
+    )
     out = masked.out[:, block]
     if not out.any():
-        return silent(cause, noise, p_value, least, title)
+        return not_significant(cause, noise, p_value, least, title)
     rows = noise.rows.copy()
-    rows[:, KINDS[cause]] &= ~out[:, None]
+    rows[:, ROWS_OF_CAUSE[cause]] &= ~out[:, None]
     without = replace(noise, rows=rows)
     dropped = noise.counted & ~without.counted
     gain = contamination(noise, without, dropped) if dropped.any() else 0.0
     alarm = Alarm(cause, float(p_value), gain, least, title)
-    return Claim(alarm, without, lambda: _described(masked, cause, n))
+    return CauseTest(alarm, without, lambda: _coefficients(masked, cause, n))
 
 
 def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, off: BoolArray) -> float:
@@ -199,8 +202,8 @@ def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, off: BoolArra
     return found.value + outside + float(share) - evaluate(noise).value - float(np.log(n))
 
 
-def _described(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:
-    block = list(KINDS).index(cause)
+def _coefficients(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:
+    block = list(ROWS_OF_CAUSE).index(cause)
     out = masked.out[:, block]
     m = int(np.count_nonzero(out))
     low = float(beta.ppf(0.025, m, n - m + 1)) if m else 0.0
@@ -208,7 +211,7 @@ def _described(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:
     fraction = Coefficient.known(m / n, low, high, "1")
     runs = int(np.count_nonzero(np.diff(out.astype(int), prepend=0) == 1))
     length = Coefficient(m / max(runs, 1), None, None, "1", "fixes in a row")
-    off = evaluate(masked.left).innovation[out, KINDS[cause]]
+    off = evaluate(masked.left).innovation[out, ROWS_OF_CAUSE[cause]]
     rms = float(np.sqrt(np.mean(np.sum(np.nan_to_num(off) ** 2, axis=1)))) if m else 0.0
     spread = np.sqrt(3.0 * m / chi2.ppf((0.975, 0.025), max(3 * m, 1)))
     size = Coefficient.known(rms, rms * float(spread[0]), rms * float(spread[1]), UNITS[cause])

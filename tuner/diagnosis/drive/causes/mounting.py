@@ -1,13 +1,13 @@
-"""How a unit is turned in its vehicle, and what a drive cannot say of it.
+"""Mounting angles of the unit in its vehicle, tested by the direction of motion, and causes a drive cannot separate.
 
-Positions and velocities move with the antenna, however the unit is turned in the vehicle. Where wheels do not slip the
-vehicle goes where it points: on straight parts, of the velocity in stated vehicle axes::
+Positions and velocities are those of the antenna, however the unit is mounted. Where wheels do not slip, the vehicle
+moves along its x axis: on straight parts the velocity in the stated vehicle axes gives::
 
     yaw = atan(v_y/v_x)      pitch = −asin(v_z/|v|)      of the true axes in the stated ones, R_true = R_stated Rz Ry
 
-Roll turns about the direction of motion and does not show. The sd of a mean angle is that of the means of blocks of
-`BLOCK`, and the filter's own sd of the attitude as if its error were one constant of the drive: pitch and yaw that
-stick out of both are not errors of the attitude. Both together are tested, χ²₂.
+Roll is a rotation about the direction of motion and is not observable. The sd of a mean angle combines the scatter of
+the means of blocks of `BLOCK_DURATION` with the filter's own sd of the attitude, taken as one constant of the drive,
+so that attitude errors are not mistaken for a mounting error. Pitch and yaw are tested together, χ²₂.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from models import rotation
 from models.units import STANDARD_GRAVITY
-from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.score_tests import PRIORS, columns_of
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.drive.vehicle_constraints import DRIVING, STRAIGHT
@@ -29,20 +29,20 @@ FloatArray = NDArray[np.float64]
 CAUSE = "mounting"
 MEANING = "the unit is turned in the vehicle against the mounting given"
 CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
-BLOCK = 30.0
+BLOCK_DURATION = 30.0
 """Length of the blocks whose means are compared, s."""
-FEWEST = 8
+MIN_BLOCKS = 8
 """Blocks with straight parts that it takes."""
-SEEN = 4.0
+DETECTABLE_SDS = 4.0
 """Sds from which a constant is told from nothing."""
 
 
-def mounting(found: Pass, stated: FloatArray, threshold: float) -> Finding | None:
+def mounting(found: FilterRun, stated: FloatArray, threshold: float) -> Finding | None:
     """Test the stated mounting of a vehicle whose wheels do not slip; None where it stands, or too little is driven.
 
     Parameters
     ----------
-    found : Pass
+    found : FilterRun
         The last pass, in axes of the sensor.
     stated : ndarray, shape (3, 3)
         Turns vehicle axes into those of the sensor.
@@ -50,9 +50,9 @@ def mounting(found: Pass, stated: FloatArray, threshold: float) -> Finding | Non
         Chance below which it is a finding.
     """
     t, angles, spread = _directions(found, stated)
-    block = ((t - found.record.t[0]) // BLOCK).astype(int)
+    block = ((t - found.record.t[0]) // BLOCK_DURATION).astype(int)
     present = np.unique(block)
-    if len(present) < FEWEST:
+    if len(present) < MIN_BLOCKS:
         return None
     means = np.stack([angles[block == b].mean(axis=0) for b in present])
     value = means.mean(axis=0)
@@ -75,7 +75,7 @@ def mounting(found: Pass, stated: FloatArray, threshold: float) -> Finding | Non
     return Finding(CAUSE, ("imu",), title, statistic, p_value, told, text, CONSEQUENCE, values)
 
 
-def _directions(found: Pass, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _directions(found: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times of straight driving (m,), pitch and yaw of the motion (m, 2), sds of the attitude there (2,)."""
     vel = np.concatenate([one.state.vel_n for one in found.solutions])
     mat = rotation.mat_from_quat(np.concatenate([one.state.quat_nb for one in found.solutions]))
@@ -97,14 +97,14 @@ def _directions(found: Pass, stated: FloatArray) -> tuple[FloatArray, FloatArray
     return t[use], angles, np.array([tilt, heading])
 
 
-def not_told(
-    final: Pass, stated: FloatArray | None, *, wheels: bool, accepted: tuple[str, ...]
+def untestable_causes(
+    final: FilterRun, stated: FloatArray | None, *, wheels: bool, accepted: tuple[str, ...]
 ) -> tuple[Inseparable, ...]:
     """Return causes of the catalogue that this drive cannot tell, each with the reason.
 
     Parameters
     ----------
-    final : Pass
+    final : FilterRun
         The last pass.
     stated : ndarray, shape (3, 3), or None
         Mounting of the unit, if given.
@@ -122,7 +122,7 @@ def not_told(
     if "gravity" not in accepted:
         w = final.whitened
         column = w.slope[:, columns_of("gravity", final.record.parameters)[0]]
-        least = SEEN / max(float(np.linalg.norm(column)), 1e-12)
+        least = DETECTABLE_SDS / max(float(np.linalg.norm(column)), 1e-12)
         if least > PRIORS["gravity"]:
             size = (
                 f"gravity off by less than {least:.1g} m/s^2" if least < STANDARD_GRAVITY else "gravity off"

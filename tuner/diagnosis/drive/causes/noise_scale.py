@@ -23,41 +23,41 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.cause_test import Claim, silent
+from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.linear_model.likelihood import (
     NoiseHypothesis,
     evaluate,
     evaluate_with_gradient,
-    held,
+    with_constants_fixed,
 )
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
-from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, Fit, maximise
-from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROWS, factors, present
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
+from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
+from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS, noise_parameters, present
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 
-PROMISING = 6.0
+MIN_SCORE_STATISTIC = 6.0
 """Score statistic from which a refit is worth its time."""
-SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROWS, 0.1)}
+ERROR_RATE_SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROW_GROUPS, 0.1)}
 """Share of the family's error rate that goes to each factor of R."""
-SURE = 10.0
+MIN_CONVEX_CURVATURE = 10.0
 """Curvature by a log above which the slope tells of large factors, too."""
-FLAT = 0.25
+MIN_CURVATURE = 0.25
 """Curvature by a log below which the drive says nothing of a factor."""
-TRIALS = (1.0, 2.5)
+TRIAL_LOGS = (1.0, 2.5)
 """Logs of large factors on Q that are tried where ln L is flat here: its slope may say little of them."""
-SHORT = {"gyro_white": "gyro", "accel_white": "accel"}
+FINDING_NAMES = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
-SURELY = 1e-9
+JOINT_P_VALUE = 1e-9
 """Chance of wrong R, and of wrong Q, below which both are fitted together."""
-_STEP = 0.02
+_LOG_STEP = 0.02
 
 
 @dataclass(frozen=True)
-class Scores:
-    """Score and curvature of ln L by the logs of factors, others as configured; twice the most gained by `TRIALS`."""
+class NoiseScores:
+    """Score and curvature of ln L by the log of each factor, and twice the largest gain among `TRIAL_LOGS`."""
 
     names: tuple[str, ...]
     value: float
@@ -70,39 +70,43 @@ class Scores:
         j = self.names.index(name)
         return float(max(self.curvature[j], abs(self.slope[j])))
 
-    def tells(self, name: str) -> bool:
+    def is_informative(self, name: str) -> bool:
         """Whether the drive says anything of a factor."""
-        return self.size(name) > FLAT or float(self.tried[self.names.index(name)]) > PROMISING
+        return (
+            self.size(name) > MIN_CURVATURE or float(self.tried[self.names.index(name)]) > MIN_SCORE_STATISTIC
+        )
 
     def ratio(self, name: str, prior_sd: float) -> float:
         """Return the likelihood ratio of a factor as the score, or a trial, has it."""
-        j, size = self.names.index(name), max(self.size(name), FLAT)
+        j, size = self.names.index(name), max(self.size(name), MIN_CURVATURE)
         exact = max(float(self.slope[j]) ** 2 / size, float(self.tried[j]))
         return exact / (1.0 + size * prior_sd**2)
 
 
-def scores(noise: NoiseHypothesis) -> Scores:
+def noise_scores(noise: NoiseHypothesis) -> NoiseScores:
     """Return scores of all factors that the record has anything of."""
-    names = present(noise, (*ROWS, *BLOCKS, *GROUPS))
-    scales, zero = factors(names), np.zeros(len(names))
-    noise = held(noise)
+    names = present(noise, (*ROW_GROUPS, *BLOCKS, *NOISE_GROUPS))
+    parameters, zero = noise_parameters(names), np.zeros(len(names))
+    noise = with_constants_fixed(noise)
     found, gradient = evaluate_with_gradient(noise)
-    slope = scales.slopes(noise, zero, gradient)
+    slope = parameters.slopes(noise, zero, gradient)
     own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
     curvature, tried = np.empty(len(names)), np.zeros(len(names))
     for j, unit in enumerate(np.eye(len(names))):
-        if names[j] not in GROUPS:
-            curvature[j] = own[:, (ROWS | BLOCKS)[names[j]]].sum()
+        if names[j] not in NOISE_GROUPS:
+            curvature[j] = own[:, (ROW_GROUPS | BLOCKS)[names[j]]].sum()
             continue
-        other = scales.slopes(noise, zero, evaluate_with_gradient(scales.change(noise, _STEP * unit))[1])
-        curvature[j] = (slope[j] - other[j]) / _STEP
-        if curvature[j] < max(SURE, abs(slope[j])):
-            trials = [evaluate(scales.change(noise, log * unit)).value for log in TRIALS]
+        other = parameters.slopes(
+            noise, zero, evaluate_with_gradient(parameters.change(noise, _LOG_STEP * unit))[1]
+        )
+        curvature[j] = (slope[j] - other[j]) / _LOG_STEP
+        if curvature[j] < max(MIN_CONVEX_CURVATURE, abs(slope[j])):
+            trials = [evaluate(parameters.change(noise, log * unit)).value for log in TRIAL_LOGS]
             tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
-    return Scores(names, found.value, slope, curvature, tried)
+    return NoiseScores(names, found.value, slope, curvature, tried)
 
 
-def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Fit:
+def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> NoiseFit:
     """Fit all factors of R and Q together.
 
     Parameters
@@ -110,25 +114,29 @@ def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIO
     noise : NoiseHypothesis
         Noise assumed so far: its noise is factor 1.
     prior_sd : mapping of str to float
-        What is known of the log of a factor, by name of `ROWS` or `GROUPS`.
+        What is known of the log of a factor, by name of `ROW_GROUPS` or `NOISE_GROUPS`.
     """
-    return maximise(noise, factors(present(noise, (*ROWS, *GROUPS))), prior_sd=prior_sd)
+    return maximize_likelihood(
+        noise, noise_parameters(present(noise, (*ROW_GROUPS, *NOISE_GROUPS))), prior_sd=prior_sd
+    )
 
 
-def gnss_noise(noise: NoiseHypothesis, found: Scores) -> Claim:
+def gnss_noise(noise: NoiseHypothesis, found: NoiseScores) -> CauseTest:
     """Test the factors on the sds of the fixes."""
-    return _test(noise, found, "gnss_noise_scale", SHARE, NO_PRIOR)
+    return _test(noise, found, "gnss_noise_scale", ERROR_RATE_SHARE, NO_PRIOR)
 
 
-def imu_noise(noise: NoiseHypothesis, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> Claim:
+def imu_noise(
+    noise: NoiseHypothesis, found: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+) -> CauseTest:
     """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
-    told = [name for name in GROUPS if name in found.names and found.tells(name)]
+    told = [name for name in NOISE_GROUPS if name in found.names and found.is_informative(name)]
     return _test(noise, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
 
 
 def joint_noise(
-    noise: NoiseHypothesis, found: Scores, *, prior_sd: Mapping[str, float] = NO_PRIOR
-) -> tuple[Claim, Claim] | None:
+    noise: NoiseHypothesis, found: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+) -> tuple[CauseTest, CauseTest] | None:
     """Test factors on R and Q together where both are surely wrong; None where one of them is not.
 
     Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have one
@@ -138,48 +146,58 @@ def joint_noise(
     ----------
     noise : NoiseHypothesis
         Noise assumed so far.
-    found : Scores
+    found : NoiseScores
         Its scores.
     prior_sd : mapping of str to float
         As of `imu_noise`.
     """
-    told = tuple(name for name in found.names if name in ROWS or (name in GROUPS and found.tells(name)))
-    sides = [tuple(n for n in told if n in side) for side in (ROWS, GROUPS)]
+    told = tuple(
+        name
+        for name in found.names
+        if name in ROW_GROUPS or (name in NOISE_GROUPS and found.is_informative(name))
+    )
+    sides = [tuple(n for n in told if n in side) for side in (ROW_GROUPS, NOISE_GROUPS)]
     score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
-    if any(not side or chi2.sf(max(side), 1) > SURELY for side in score):
+    if any(not side or chi2.sf(max(side), 1) > JOINT_P_VALUE for side in score):
         return None
-    fit = _held(noise, told)
-    told = fit.scales.names
+    fit = _fit_identifiable(noise, told)
+    told = fit.parameters.names
     sides = [tuple(name for name in told if name in side) for side in sides]
-    ratio = [max((_off(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides]
+    ratio = [
+        max((_wald_statistic(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides
+    ]
     chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
-    if max(chance) > SURELY:
+    if max(chance) > JOINT_P_VALUE:
         return None
     gain = fit.log_likelihood - found.value - 0.5 * float(np.log(noise.count)) * len(told)
     title = "squares of factors on R and Q fitted together, by their variances"
     fitted = fit.noise
 
-    def claim(cause: str, i: int) -> Claim:
+    def claim(cause: str, i: int) -> CauseTest:
         def described() -> Mapping[str, Coefficient]:
-            return {SHORT.get(name, name): fit.coefficient(name) for name in sides[i]}
+            return {FINDING_NAMES.get(name, name): fit.coefficient(name) for name in sides[i]}
 
-        return Claim(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
+        return CauseTest(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
 
     return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
 
 
-def _held(noise: NoiseHypothesis, names: tuple[str, ...]) -> Fit:
+def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFit:
     """Fit factors; those on Q that the drive does not hold, or hold at 1, stay as told.
 
     Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
     1 Hz.
     """
-    fit = maximise(noise, factors(names))
-    sure = tuple(n for n in names if n in ROWS or (fit.held(n) and _off(fit, n, 0.0) > PROMISING))
-    return fit if sure in (names, ()) else maximise(noise, factors(sure))
+    fit = maximize_likelihood(noise, noise_parameters(names))
+    sure = tuple(
+        n
+        for n in names
+        if n in ROW_GROUPS or (fit.identifiable(n) and _wald_statistic(fit, n, 0.0) > MIN_SCORE_STATISTIC)
+    )
+    return fit if sure in (names, ()) else maximize_likelihood(noise, noise_parameters(sure))
 
 
-def _off(fit: Fit, name: str, prior_sd: float) -> float:
+def _wald_statistic(fit: NoiseFit, name: str, prior_sd: float) -> float:
     """Return the square of the log of a factor by its variance, that of what is known of it included."""
     j = fit.number(name)
     return float(fit.estimate[j] ** 2 / (fit.covariance[j, j] + prior_sd**2))
@@ -187,42 +205,44 @@ def _off(fit: Fit, name: str, prior_sd: float) -> float:
 
 def _test(
     noise: NoiseHypothesis,
-    found: Scores,
+    found: NoiseScores,
     cause: str,
     share: Mapping[str, float],
     prior_sd: Mapping[str, float],
-) -> Claim:
+) -> CauseTest:
     title = "likelihood ratio of a factor on the noise"
     ratio = {name: found.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in found.names}
     chance = {name: min(1.0, float(chi2.sf(value, 1)) / share[name]) for name, value in ratio.items()}
     best = min(chance, key=lambda name: chance[name], default="")
-    if not best or ratio[best] < PROMISING:
-        return silent(cause, noise, chance.get(best, 1.0), ratio.get(best, 0.0), title)
-    alone = maximise(noise, factors((best,)))
-    exact = _ratio(alone, found.value, prior_sd.get(best, 0.0))
+    if not best or ratio[best] < MIN_SCORE_STATISTIC:
+        return not_significant(cause, noise, chance.get(best, 1.0), ratio.get(best, 0.0), title)
+    alone = maximize_likelihood(noise, noise_parameters((best,)))
+    exact = _likelihood_ratio(alone, found.value, prior_sd.get(best, 0.0))
     p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
     price = 0.5 * float(np.log(noise.count))
-    parts = tuple(name for name in found.names if name in (ROWS if best in SHARE else GROUPS))
-    wrong = tuple(name for name in parts if ratio.get(name, 0.0) > PROMISING)
-    fits = [alone] if wrong in ((), (best,)) else [alone, _held(noise, wrong)]
+    parts = tuple(
+        name for name in found.names if name in (ROW_GROUPS if best in ERROR_RATE_SHARE else NOISE_GROUPS)
+    )
+    wrong = tuple(name for name in parts if ratio.get(name, 0.0) > MIN_SCORE_STATISTIC)
+    fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - found.value - price * len(fit.estimate)
     alarm = Alarm(cause, p_value, gain, exact, title)
-    others = {name: sd for name, sd in prior_sd.items() if name not in fit.scales.names}
-    return Claim(alarm, fit.noise, lambda: _described(noise, parts, others))
+    others = {name: sd for name, sd in prior_sd.items() if name not in fit.parameters.names}
+    return CauseTest(alarm, fit.noise, lambda: _coefficients(noise, parts, others))
 
 
-def _ratio(alone: Fit, value: float, prior_sd: float) -> float:
+def _likelihood_ratio(alone: NoiseFit, value: float, prior_sd: float) -> float:
     """Return the likelihood ratio of the factor that was fitted alone."""
     if prior_sd == 0.0:
         return max(0.0, 2.0 * (alone.log_likelihood - value))
-    (name,), half = alone.scales.names, 0.5 * alone.estimate
-    tied = maximise(alone.start, factors((name,)), prior_sd={name: prior_sd}, start=half)
+    (name,), half = alone.parameters.names, 0.5 * alone.estimate
+    tied = maximize_likelihood(alone.start, noise_parameters((name,)), prior_sd={name: prior_sd}, start=half)
     return max(0.0, 2.0 * (alone.log_likelihood - tied.objective))
 
 
-def _described(
+def _coefficients(
     noise: NoiseHypothesis, names: tuple[str, ...], prior_sd: Mapping[str, float]
 ) -> Mapping[str, Coefficient]:
-    fit = maximise(noise, factors(names), prior_sd=prior_sd)
-    return {SHORT.get(name, name): fit.coefficient(name) for name in names}
+    fit = maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd)
+    return {FINDING_NAMES.get(name, name): fit.coefficient(name) for name in names}

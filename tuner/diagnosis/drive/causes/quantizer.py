@@ -12,17 +12,17 @@ from tuner.diagnosis.data_quality.quantizer import lattice_step
 from tuner.types.records import Drive
 
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}
-CALM = 0.25
+CALM_QUANTILE = 0.25
 """Quantile of the sds of seconds that stands for a calm one."""
 
 
-def coarse_lattices(drive: Drive) -> tuple[str, ...]:
+def coarse_quantizer_notes(drive: Drive) -> tuple[str, ...]:
     """Return what is worth knowing of the lattices of a drive, one line for each coarse one."""
     size = max(2, round(1.0 / float(np.median(np.diff(drive.imu_t)))))
     count = len(drive.rates) // size
     if not count:
         return ()
-    sd = np.quantile(drive.rates[: count * size].reshape(count, size, 6).std(axis=1), CALM, axis=0)
+    sd = np.quantile(drive.rates[: count * size].reshape(count, size, 6).std(axis=1), CALM_QUANTILE, axis=0)
     steps = np.array([lattice_step([column]) for column in drive.rates.T])
     notes = []
     for sensor, (at, unit) in SENSORS.items():

@@ -21,45 +21,45 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.cause_test import Claim
+from tuner.diagnosis.drive.cause_test import CauseTest
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
-from tuner.diagnosis.drive.linear_model.noise_fit import Fit, maximise
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
     EXPONENT,
-    ROWS,
-    Said,
-    factors,
-    of_block,
+    ROW_GROUPS,
+    ReportedLevels,
+    names_of_block,
+    noise_parameters,
     weights,
 )
 from tuner.diagnosis.static.outcome import Alarm
-from tuner.navigation.fix_sd_model import CAUSE, edges_in, levels
+from tuner.navigation.fix_sd_model import CAUSE, class_edges_of, sd_levels
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-JUMP = np.log(2.0)
+MIN_LOG_GAP = np.log(2.0)
 """Gap of the log of the reported sd that parts two classes."""
-SMALLEST = 0.03
+MIN_CLASS_SHARE = 0.03
 """Least share of the fixes in a class."""
-FEWEST = 30
+MIN_CLASS_FIXES = 30
 """Least number of fixes in a class."""
-VARIES = 1.2
+MIN_SD_RATIO = 1.2
 """Ratio of the 95 % to the 5 % quantile of the reported sd from which its law can be asked for."""
-CLOSE = 3.0
+MIN_POWER_ADVANTAGE = 3.0
 """Nats by which a power must do better than classes, where there are some."""
-PROMISING = 6.0
+MIN_SCORE_STATISTIC = 6.0
 """Score statistic from which a fit is worth its time."""
-LEAST = 0.02
+MIN_FACTOR = 0.02
 """Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
 a filter configured so refuses every fix once it is off."""
 
 
 @dataclass(frozen=True)
-class ReportedLaw:
+class ReportedSdModel:
     """How the sds of a receiver stand to the truth.
 
     Attributes
@@ -68,13 +68,13 @@ class ReportedLaw:
         ``position`` or ``velocity``.
     law : str
         Name of the best law.
-    fits : mapping of str to Fit
+    fits : mapping of str to NoiseFit
         Of every law that was tried.
     gain : float
         Penalised log likelihood of the best law over the base, nats.
     p_value : float
         Chance of so much against the base; 1 for the base itself.
-    said : Said
+    said : ReportedLevels
         Classes and levels of the fixes.
     edges : tuple of float
         Levels at which the classes from the second on begin.
@@ -82,21 +82,21 @@ class ReportedLaw:
 
     block: str
     law: str
-    fits: dict[str, Fit]
+    fits: dict[str, NoiseFit]
     gain: float
     p_value: float
-    said: Said
+    said: ReportedLevels
     edges: tuple[float, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the best law, horizontal and vertical apart."""
-        rows = of_block(ROWS, self.block)
+        rows = names_of_block(ROW_GROUPS, self.block)
         if self.law == "classes":
             return tuple(f"{row}_class_{c}" for c in range(len(self.edges) + 1) for row in rows)
         return (*rows, f"{self.block}{EXPONENT}") if self.law == "power" else rows
 
-    def values(self, fit: Fit) -> dict[str, float]:
+    def values(self, fit: NoiseFit) -> dict[str, float]:
         """Return the law as names of a compensation, `fit` being of `names`."""
         out = {f"{CAUSE}{name}": fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
         out |= {f"{CAUSE}{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
@@ -107,79 +107,81 @@ class ReportedLaw:
         return out
 
 
-def edges_of(level: FloatArray) -> tuple[float, ...]:
+def class_edges(level: FloatArray) -> tuple[float, ...]:
     """Return where classes part, from levels (k,), NaN where there is none."""
     order = np.sort(np.log(level[np.isfinite(level) & (level > 0.0)]))
-    least = max(FEWEST, int(SMALLEST * len(order)))
+    least = max(MIN_CLASS_FIXES, int(MIN_CLASS_SHARE * len(order)))
     edges, start = [], 0
-    for i in np.flatnonzero(np.diff(order) > JUMP).tolist():
+    for i in np.flatnonzero(np.diff(order) > MIN_LOG_GAP).tolist():
         if i + 1 - start >= least and len(order) - i - 1 >= least:
             edges.append(float(np.exp(0.5 * (order[i] + order[i + 1]))))
             start = i + 1
     return tuple(edges)
 
 
-def said_by(record: LinearRecord, values: Mapping[str, float]) -> Said:
+def reported_levels(record: LinearizedRun, values: Mapping[str, float]) -> ReportedLevels:
     """Return classes and levels of the fixes of a record, edges and typical levels as in a compensation."""
     classes: dict[str, IntArray] = {}
     logs: dict[str, FloatArray] = {}
     typical = {}
     for block, columns in BLOCKS.items():
-        level = levels(record.reported_sd[:, list(columns)])
-        classes[block] = np.searchsorted(np.array(edges_in(values, block)), level).astype(np.int64)
+        level = sd_levels(record.reported_sd[:, list(columns)])
+        classes[block] = np.searchsorted(np.array(class_edges_of(values, block)), level).astype(np.int64)
         logs[block] = np.log(level)
         typical[block] = float(np.log(values.get(f"{CAUSE}{block}_typical", 1.0)))
-    return Said(classes, logs, typical)
+    return ReportedLevels(classes, logs, typical)
 
 
-def edges_told(values: Mapping[str, float]) -> dict[str, Coefficient]:
+def edge_coefficients(values: Mapping[str, float]) -> dict[str, Coefficient]:
     """Return the levels of reported sds at which classes begin in a compensation, for a finding."""
     return {
         f"{block}_edge_{c}": Coefficient(edge, None, None, unit, "reported sd from which this class begins")
         for block, unit in (("position", "m"), ("velocity", "m/s"))
-        for c, edge in enumerate(edges_in(values, block), 1)
+        for c, edge in enumerate(class_edges_of(values, block), 1)
     }
 
 
-def has_law(values: Mapping[str, float], block: str) -> bool:
+def has_sd_model(values: Mapping[str, float], block: str) -> bool:
     """Whether a compensation has classes or an exponent for a block."""
-    return bool(edges_in(values, block)) or f"{CAUSE}{block}{EXPONENT}" in values
+    return bool(class_edges_of(values, block)) or f"{CAUSE}{block}{EXPONENT}" in values
 
 
-def names_in(values: Mapping[str, float]) -> tuple[str, ...]:
+def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
     """Return the parameters of the fixes that a compensation has a law for: of every row its factor, or one a class."""
     out: list[str] = []
     for block in BLOCKS:
-        rows = of_block(ROWS, block)
-        count = len(edges_in(values, block)) + 1
+        rows = names_of_block(ROW_GROUPS, block)
+        count = len(class_edges_of(values, block)) + 1
         out += rows if count == 1 else [f"{row}_class_{c}" for c in range(count) for row in rows]
         if f"{CAUSE}{block}{EXPONENT}" in values:
             out.append(f"{block}{EXPONENT}")
     return tuple(out)
 
 
-def factor_in(values: Mapping[str, float], name: str) -> float:
-    """Return a factor, true ÷ reported, or the exponent that a compensation has by name of `names_in`."""
+def sd_model_factor(values: Mapping[str, float], name: str) -> float:
+    """Return a factor, true ÷ reported, or the exponent that a compensation has by name of `sd_model_parameters`."""
     plain = name.partition("_class_")[0]
     own = values.get(f"{CAUSE}{name}", 1.0)
     return own if plain == name else own * values.get(f"{CAUSE}{plain}", 1.0)
 
 
-def refitted(values: Mapping[str, float], fit: Fit) -> dict[str, float]:
-    """Return what a fit of `names_in` makes of the values of a compensation that has them."""
+def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, float]:
+    """Return what a fit of `sd_model_parameters` makes of the values of a compensation that has them."""
     out = {}
-    for name in fit.scales.names:
+    for name in fit.parameters.names:
         key, more = f"{CAUSE}{name}", float(fit.estimate[fit.number(name)])
-        out[key] = values[key] + more if name.endswith(EXPONENT) else scaled(values, key, float(np.exp(more)))
+        out[key] = (
+            values[key] + more if name.endswith(EXPONENT) else scaled_factor(values, key, float(np.exp(more)))
+        )
     return out
 
 
-def scaled(values: Mapping[str, float], key: str, more: float) -> float:
-    """Return a factor of a compensation times another one, `LEAST` at least."""
-    return max(LEAST, values.get(key, 1.0) * more)
+def scaled_factor(values: Mapping[str, float], key: str, more: float) -> float:
+    """Return a factor of a compensation times another one, `MIN_FACTOR` at least."""
+    return max(MIN_FACTOR, values.get(key, 1.0) * more)
 
 
-def reported_law(noise: NoiseHypothesis, block: str) -> ReportedLaw | None:
+def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | None:
     """Choose the law of the reported sds of a block; None where they do not vary, or are not there.
 
     Parameters
@@ -191,25 +193,27 @@ def reported_law(noise: NoiseHypothesis, block: str) -> ReportedLaw | None:
     """
     columns = list(BLOCKS[block])
     counted = noise.counted[:, columns].all(axis=1)
-    if np.count_nonzero(counted) < 2 * FEWEST:
+    if np.count_nonzero(counted) < 2 * MIN_CLASS_FIXES:
         return None
-    level = levels(noise.record.reported_sd[:, columns])
+    level = sd_levels(noise.record.reported_sd[:, columns])
     low, high = np.quantile(level[counted], (0.05, 0.95))
-    if high < VARIES * low:
+    if high < MIN_SD_RATIO * low:
         return None
-    edges = edges_of(np.where(counted, level, np.nan))
+    edges = class_edges(np.where(counted, level, np.nan))
     classes = np.searchsorted(np.array(edges), level).astype(np.int64)
-    said = Said({block: classes}, {block: np.log(level)}, {block: float(np.mean(np.log(level[counted])))})
+    said = ReportedLevels(
+        {block: classes}, {block: np.log(level)}, {block: float(np.mean(np.log(level[counted])))}
+    )
     tried: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT}")}
     if edges:
         tried["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
-    if not any(_promising(noise, names, said) for names in tried.values()):
+    if not any(_worth_a_fit(noise, names, said) for names in tried.values()):
         return None
     tried = {"factor": (block,), **tried}
-    fits = {name: maximise(noise, factors(names, said)) for name, names in tried.items()}
+    fits = {name: maximize_likelihood(noise, noise_parameters(names, said)) for name, names in tried.items()}
     price = 0.5 * float(np.log(3 * np.count_nonzero(counted)))
     score = {name: fit.log_likelihood - price * len(fit.estimate) for name, fit in fits.items()}
-    if "classes" in score and score["power"] < score["classes"] + CLOSE:
+    if "classes" in score and score["power"] < score["classes"] + MIN_POWER_ADVANTAGE:
         # Between two sharp classes any power does the same.
         score["power"] = -np.inf
     best = max(score, key=lambda name: score[name])
@@ -217,21 +221,21 @@ def reported_law(noise: NoiseHypothesis, block: str) -> ReportedLaw | None:
     ratio = max(0.0, 2.0 * (fits[best].log_likelihood - fits["factor"].log_likelihood))
     p_value = float(chi2.sf(ratio, more)) if more else 1.0
     gain = score[best] - score["factor"]
-    return ReportedLaw(block, best, fits, gain, p_value, said, edges if best == "classes" else ())
+    return ReportedSdModel(block, best, fits, gain, p_value, said, edges if best == "classes" else ())
 
 
-def reported_noise(noise: NoiseHypothesis, block: str) -> Claim | None:
+def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
     """Test whether sds of a block stand to the reported ones otherwise than by one factor; None where they do not.
 
     Parameters
     ----------
     noise, block
-        As of `reported_law`.
+        As of `choose_sd_model`.
     """
-    law = reported_law(noise, block)
+    law = choose_sd_model(noise, block)
     if law is None or law.law == "factor":
         return None
-    fit, best = maximise(noise, factors(law.names, law.said)), law.fits[law.law]
+    fit, best = maximize_likelihood(noise, noise_parameters(law.names, law.said)), law.fits[law.law]
     base = law.fits["factor"]
     ratio = 2.0 * (best.log_likelihood - base.log_likelihood)
     price = 0.5 * float(np.log(noise.count)) * len(fit.estimate)
@@ -242,12 +246,12 @@ def reported_noise(noise: NoiseHypothesis, block: str) -> Claim | None:
     def described() -> Mapping[str, Coefficient]:
         return {name: coefficient(fit, name) for name in law.names}
 
-    return Claim(
+    return CauseTest(
         Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, law.values(fit)
     )
 
 
-def coefficient(fit: Fit, name: str, scale: float = 1.0) -> Coefficient:
+def coefficient(fit: NoiseFit, name: str, scale: float = 1.0) -> Coefficient:
     """Return a parameter of a law with its interval: a factor times `scale`, or an exponent with `scale` added."""
     if not name.endswith(EXPONENT):
         return fit.coefficient(name, scale=scale)
@@ -256,10 +260,10 @@ def coefficient(fit: Fit, name: str, scale: float = 1.0) -> Coefficient:
     return Coefficient.known(value, value - half, value + half, "1")
 
 
-def _promising(noise: NoiseHypothesis, names: tuple[str, ...], said: Said) -> bool:
+def _worth_a_fit(noise: NoiseHypothesis, names: tuple[str, ...], said: ReportedLevels) -> bool:
     """Whether the scores of a law's parameters, that of a common factor taken out, are worth a fit."""
     _, gradient = evaluate_with_gradient(noise)
-    slope = factors(names, said).slopes(noise, np.zeros(len(names)), gradient)
+    slope = noise_parameters(names, said).slopes(noise, np.zeros(len(names)), gradient)
     own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
     pulls = np.stack([weights(name, len(own), said).ravel() for name in names])
     information = (pulls * own.ravel()) @ pulls.T
@@ -271,4 +275,4 @@ def _promising(noise: NoiseHypothesis, names: tuple[str, ...], said: Said) -> bo
         return False
     total = float(np.sum(np.where(noise.counted, gradient.by_sd, 0.0) * common))
     full = float(slope @ np.linalg.pinv(information, hermitian=True) @ slope)
-    return full - total**2 / whole > PROMISING
+    return full - total**2 / whole > MIN_SCORE_STATISTIC

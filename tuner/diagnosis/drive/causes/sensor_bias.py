@@ -15,9 +15,9 @@ from scipy.stats import norm
 
 from models import rotation
 from models.earth import gravity
-from tuner.diagnosis.drive.hypothesis import Pass
+from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.linearize import columns
-from tuner.diagnosis.drive.score_tests import fit
+from tuner.diagnosis.drive.score_tests import fit_constants
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Coefficient, FilterConfig, Finding, Inflation
@@ -26,18 +26,18 @@ CAUSE = "sensor_bias"
 MEANING = "a constant bias far beyond its prior"
 CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
-FELT = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
+ALTERNATIVES = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
 """Causes that are the same on a level road."""
 
 
-def beyond_prior(
-    found: Pass, config: FilterConfig, shifts: tuple[str, ...], threshold: float
+def biases_beyond_prior(
+    found: FilterRun, config: FilterConfig, shifts: tuple[str, ...], threshold: float
 ) -> tuple[Finding, ...]:
     """Return the biases that their priors do not explain, one finding for each sensor.
 
     Parameters
     ----------
-    found : Pass
+    found : FilterRun
         The last pass.
     config : FilterConfig
         The priors.
@@ -50,7 +50,7 @@ def beyond_prior(
     solution, at = found.solutions[longest], found.settings.model.layout
     span = float(solution.t[-1] - found.solutions[0].t[0])
     sd = np.sqrt(np.diag(solution.final_covariance))
-    passed = _passed_on(found, shifts)
+    passed = _sd_from_constants(found, shifts)
     findings = []
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
         told, inflations, least, most = {}, [], 1.0, 0.0
@@ -86,19 +86,19 @@ def beyond_prior(
                     text,
                     CONSEQUENCE,
                     values,
-                    alternatives=FELT[sensor],
+                    alternatives=ALTERNATIVES[sensor],
                     inflations=tuple(inflations),
                 )
             )
     return tuple(findings)
 
 
-def _passed_on(found: Pass, shifts: tuple[str, ...]) -> NDArray[np.float64]:
+def _sd_from_constants(found: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.float64]:
     """Return the sds of what compensated constants leave to the biases under the force at the start, (6,)."""
     if not shifts:
         return np.zeros(6)
     start, names = found.solutions[0].state, found.record.parameters
-    now = fit(found.whitened, names, shifts, np.zeros(len(names)))
+    now = fit_constants(found.whitened, names, shifts, np.zeros(len(names)))
     size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
     force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
     felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]

@@ -9,28 +9,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from tuner.diagnosis.drive.hypothesis import Hypothesis, Pass, settings_of
-from tuner.diagnosis.drive.score_tests import wandering
-from tuner.navigation.compensation import compensated
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, filter_settings_of
+from tuner.diagnosis.drive.score_tests import linear_trend
+from tuner.navigation.compensation import compensate
 from tuner.navigation.drive.alignment import standing_until
 from tuner.navigation.drive.run import prepare
 from tuner.types import Unexplained
 from tuner.types.records import Drive
 
-MEDIAN = 0.455
+MEDIAN_CHI2_1 = 0.455
 """Median of χ²₁."""
-BAD = 3.0
+SUSPICIOUS_SQUARE_RATIO = 3.0
 """Ratio of a typical squared innovation to its prediction from which the clocks are looked at."""
-REFUSED = 0.03
+SUSPICIOUS_REFUSED_SHARE = 0.03
 """Share of refused fixes from which they are."""
-SPAN = 300.0
+SEARCHED_MOTION = 300.0
 """Length of the motion that is searched, s."""
 DELAY = "time_offset.delay"
-COARSE = 0.1
+MIN_COARSE_DELAY = 0.1
 """Delay that the sensitivities find by themselves, s."""
 
 
-def suspicious(found: Pass) -> bool:
+def clocks_are_suspicious(found: FilterRun) -> bool:
     """Whether the innovations of a pass are so large that the fixes may come at another time."""
     record = found.record
     rows = record.available & record.scored[:, None]
@@ -39,15 +39,18 @@ def suspicious(found: Pass) -> bool:
     spread = np.concatenate([np.diagonal(s.innovation_covariance, axis1=1, axis2=2) for s in found.solutions])
     ratio = record.innovation[rows] ** 2 / spread[rows]
     refused = float(np.mean(~record.used[rows]))
-    return refused > REFUSED or float(np.median(ratio)) > BAD * MEDIAN
+    return (
+        refused > SUSPICIOUS_REFUSED_SHARE
+        or float(np.median(ratio)) > SUSPICIOUS_SQUARE_RATIO * MEDIAN_CHI2_1
+    )
 
 
-def drifting(found: Pass, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
+def clock_drift(found: FilterRun, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
     """Return what is said of a delay that does not stay: no number compensates it, a common clock is missing.
 
     Parameters
     ----------
-    found : Pass
+    found : FilterRun
         The last pass.
     accepted : tuple of str
         Shifts that it compensates.
@@ -57,7 +60,7 @@ def drifting(found: Pass, accepted: tuple[str, ...], threshold: float) -> tuple[
     if DELAY.partition(".")[0] not in accepted:
         return ()
     names = found.record.parameters
-    told = wandering(found.whitened, names, accepted, DELAY)
+    told = linear_trend(found.whitened, names, accepted, DELAY)
     if told.p_value >= threshold:
         return ()
     low, high = (1e3 * (told.rate + side * 1.96 * told.sd) for side in (-1.0, 1.0))
@@ -68,7 +71,7 @@ def drifting(found: Pass, accepted: tuple[str, ...], threshold: float) -> tuple[
     return (Unexplained(text, ("drive",), told.p_value),)
 
 
-def coarse_clocks(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tuple[str, ...]]:
+def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the values of delay and lag that a coarse search finds, and what it says; empty where they are small.
 
     Parameters
@@ -78,13 +81,13 @@ def coarse_clocks(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tu
     start : Hypothesis
         What is held true already.
     """
-    seen = compensated(drive, start.values)
-    end = standing_until(seen.gnss) + SPAN
+    seen = compensate(drive, start.values)
+    end = standing_until(seen.gnss) + SEARCHED_MOTION
     imu, fixes = seen.imu_t < end, seen.gnss.t < end
     part = replace(seen, imu_t=seen.imu_t[imu], rates=seen.rates[imu], gnss=seen.gnss.rows(fixes))
-    stretches, notes = prepare(part, settings_of(part, start))
+    stretches, notes = prepare(part, filter_settings_of(part, start))
     delay, lag = stretches[0].alignment.delay, stretches[0].lag
-    if abs(delay) < COARSE and lag == 0.0:
+    if abs(delay) < MIN_COARSE_DELAY and lag == 0.0:
         return {}, ()
     values = {"time_offset.delay": start.values.get("time_offset.delay", 0.0) + delay}
     if lag:

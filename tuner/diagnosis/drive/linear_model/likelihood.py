@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.kalman_kernels import Places, backward, forward, unaided
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS, LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-IMPULSES = 6
+N_IMPULSE_STATES = 6
 """States after the first nine whose impulses are scored: the biases of gyroscopes and accelerometers."""
 
 
@@ -33,12 +33,12 @@ class NoiseHypothesis:
 
     Attributes
     ----------
-    record : LinearRecord
+    record : LinearizedRun
         The pass of the filter.
     sd : ndarray, shape (k, 6)
         Of the fixes.
     process_noise_scale : ndarray, shape (4,)
-        Factor on the density of each of `GROUPS`, as configured 1.
+        Factor on the density of each of `NOISE_GROUPS`, as configured 1.
     rows : ndarray of bool, shape (k, 6)
         Rows that are taken.
     columns : tuple of int
@@ -49,7 +49,7 @@ class NoiseHypothesis:
         Its time constant, s.
     """
 
-    record: LinearRecord
+    record: LinearizedRun
     sd: FloatArray
     process_noise_scale: FloatArray
     rows: BoolArray
@@ -131,9 +131,9 @@ class Gradient:
     information: FloatArray
 
 
-def as_configured(record: LinearRecord) -> NoiseHypothesis:
+def as_configured(record: LinearizedRun) -> NoiseHypothesis:
     """Return the noise for which the filter was configured."""
-    return NoiseHypothesis(record, record.sd, np.ones(len(GROUPS)), record.used & record.available)
+    return NoiseHypothesis(record, record.sd, np.ones(len(NOISE_GROUPS)), record.used & record.available)
 
 
 def evaluate(noise: NoiseHypothesis) -> Likelihood:
@@ -145,7 +145,7 @@ def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient
     """Return the likelihood and its gradient."""
     found, gains = _forward(noise)
     record = noise.record
-    k, b = len(record.t), min(IMPULSES, record.transition.shape[1] - 9)
+    k, b = len(record.t), min(N_IMPULSE_STATES, record.transition.shape[1] - 9)
     gradient = Gradient(
         found.value,
         np.zeros((k, 6)),
@@ -182,7 +182,7 @@ def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient
     return found, gradient
 
 
-def held(noise: NoiseHypothesis) -> NoiseHypothesis:
+def with_constants_fixed(noise: NoiseHypothesis) -> NoiseHypothesis:
     """Return the hypothesis with its free mean parameters held where they are now, which costs no column any more.
 
     What they do to the record is taken out of its innovations. Estimates of mean and noise of normal laws are
@@ -199,20 +199,20 @@ def held(noise: NoiseHypothesis) -> NoiseHypothesis:
     return replace(noise, record=replace(record, innovation=record.innovation - seen), columns=())
 
 
-def gains_of(noise: NoiseHypothesis) -> FloatArray:
+def kalman_gains(noise: NoiseHypothesis) -> FloatArray:
     """Return the gains of every row, one after the other of a fix; shape (k, 6, n)."""
     return _forward(noise)[1]
 
 
-def _packed(record: LinearRecord) -> tuple[Places, Places, Places, Places, Places]:
-    """Return the transition and the noise of `GROUPS` as the passes take them."""
-    phi = record.compact("transition")
-    gyro, accel, gyro_bias, accel_bias = (_places(record, group) for group in GROUPS)
+def _packed(record: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
+    """Return the transition and the noise of `NOISE_GROUPS` as the passes take them."""
+    phi = record.sparse("transition")
+    gyro, accel, gyro_bias, accel_bias = (_places(record, group) for group in NOISE_GROUPS)
     return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias
 
 
-def _places(record: LinearRecord, name: str) -> Places:
-    kept = record.compact(name)
+def _places(record: LinearizedRun, name: str) -> Places:
+    kept = record.sparse(name)
     return kept.row, kept.column, kept.values
 
 

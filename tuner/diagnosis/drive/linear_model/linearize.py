@@ -21,7 +21,7 @@ from models.earth import earth_rate, gravity, transport_rate
 from models.error_state import navigation_error
 from models.strapdown import NavigationState
 from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearRecord
+from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
 from tuner.navigation import engine
 from tuner.navigation.data import ABSENT, USED, Solution
@@ -62,14 +62,14 @@ def columns(parameters: Sequence[str] = PARAMETERS) -> Columns:
     return Columns(mix, down)
 
 
-def linear_record(
+def linearize(
     settings: FilterSettings,
     stretches: Sequence[Stretch],
     solutions: Sequence[Solution],
     covariance: FloatArray,
     starts: Sequence[FloatArray],
     reported: Sequence[FloatArray],
-) -> LinearRecord:
+) -> LinearizedRun:
     """Return the record of a filter's pass.
 
     Parameters
@@ -94,7 +94,7 @@ def linear_record(
         return _joined([np.asarray(getattr(part, name)) for part in parts])
 
     groups = parts[0].noise
-    return LinearRecord(
+    return LinearizedRun(
         joined("t"),
         joined("transition"),
         {g: _joined([part.noise[g] for part in parts]) for g in groups},
@@ -127,7 +127,7 @@ def _part(
     reported: FloatArray,
     *,
     first: bool,
-) -> LinearRecord:
+) -> LinearizedRun:
     """Return the record of one stretch."""
     k, n, p = len(solution.t), settings.size, len(PARAMETERS)
     own = columns()
@@ -174,7 +174,7 @@ def _part(
     correction[:, :9] = navigation_error(solution.state, before)
     h, d = _jacobians(settings, out)
     use = np.repeat(solution.use, 3, axis=1)
-    return LinearRecord(
+    return LinearizedRun(
         solution.t,
         out.phi,
         noise,

@@ -19,12 +19,12 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
+NOISE_GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
 """Groups of process noise: white noise of the sensors, and the drives of all their bias states."""
 
 
 @dataclass(frozen=True)
-class LinearRecord:
+class LinearizedRun:
     """A filter's pass over k fixes, n states, p candidate parameters.
 
     Attributes
@@ -34,8 +34,8 @@ class LinearRecord:
     transition : ndarray, shape (k, n, n)
         Φ from just after the update of the fix before (or from the start) to each fix.
     noise : mapping of str to ndarray, shape (k, n, n)
-        Process noise of each of `GROUPS` over the same interval, as configured, and of ``gnss_position`` where the
-        filter has such states; Q is the sum of all.
+        Process noise of each of `NOISE_GROUPS` over the same interval, as configured, and of ``gnss_position`` where
+        the filter has such states; Q is the sum of all.
     H : ndarray, shape (k, 6, n)
         Jacobian of position (north, east, down, m) and velocity (m/s) fixes.
     innovation : ndarray, shape (k, 6)
@@ -60,7 +60,7 @@ class LinearRecord:
         True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
     scored : ndarray of bool, shape (k,)
         Fixes that count in sums over the record; false while the filter settles, all by default.
-    packed : dict of str to Sparse
+    sparse_cache : dict of str to SparseStack
         Transition and noise without their zeros as far as they were asked for, handed on to copies.
     """
 
@@ -80,7 +80,7 @@ class LinearRecord:
     seen: FloatArray
     starts: BoolArray
     scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    packed: dict[str, Sparse] = field(default_factory=dict, repr=False, compare=False)
+    sparse_cache: dict[str, SparseStack] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.scored) != len(self.t):
@@ -94,17 +94,17 @@ class LinearRecord:
         """Rows that enter sums: taken by the filter, after it has settled; shape (k, 6)."""
         return self.used & self.scored[:, None]
 
-    def compact(self, name: str) -> Sparse:
+    def sparse(self, name: str) -> SparseStack:
         """Return ``transition``, or the lower half of a noise, without its zeros."""
         dense = self.transition if name == "transition" else self.noise.get(name, self.transition[:, :0, :0])
-        kept = self.packed.get(name)
+        kept = self.sparse_cache.get(name)
         if kept is None or kept.of is not dense:
-            self.packed[name] = kept = sparse(dense, lower=name != "transition")
+            self.sparse_cache[name] = kept = sparse_stack(dense, lower=name != "transition")
         return kept
 
 
 @dataclass(frozen=True)
-class Sparse:
+class SparseStack:
     """The m places of (k, n, n) matrices that are not 0 throughout, row by row.
 
     Attributes
@@ -126,11 +126,13 @@ class Sparse:
     values: FloatArray
 
 
-def sparse(matrices: FloatArray, *, lower: bool = False) -> Sparse:
+def sparse_stack(matrices: FloatArray, *, lower: bool = False) -> SparseStack:
     """Return matrices (k, n, n) without their zeros; of symmetric ones, if wished, the lower half only."""
     n = matrices.shape[-1]
     place = np.any(matrices != 0.0, axis=0) if len(matrices) else np.zeros((n, n), dtype=bool)
     row, column = np.nonzero(np.tril(place | place.T) if lower else place)
     start = np.searchsorted(row, np.arange(n + 1))
     values = np.ascontiguousarray(matrices[:, row, column])
-    return Sparse(matrices, start.astype(np.int64), row.astype(np.int64), column.astype(np.int64), values)
+    return SparseStack(
+        matrices, start.astype(np.int64), row.astype(np.int64), column.astype(np.int64), values
+    )

@@ -22,42 +22,46 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient, held
-from tuner.diagnosis.drive.linear_model.noise_parameters import Scales
+from tuner.diagnosis.drive.linear_model.likelihood import (
+    NoiseHypothesis,
+    evaluate_with_gradient,
+    with_constants_fixed,
+)
+from tuner.diagnosis.drive.linear_model.noise_parameters import NoiseParameters
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 """(parameters (q,)) → cost and its gradient."""
 
-WIDE = 2.0
+VAGUE_PRIOR_SD = 2.0
 """Prior sd of the log of a factor of which nothing is known."""
-FAR = 5.0
+MAX_LOG = 5.0
 """Greatest distance of a log that is looked at."""
-NARROW = 0.15
+QUADRATIC_SD = 0.15
 """Sd of a log below which the quadratic stands for the likelihood."""
-ENOUGH = 0.01
+MIN_STEP_GAIN = 0.01
 """Gain of a step, nats, from which on a search goes on."""
-ROUGHLY = 1e-3
+MIN_STEP_GAIN_SHARE = 1e-3
 """The same, as a share of all that was gained: what is so far off is fitted again once it is adopted."""
-HOLDS = 3
+MAX_ALTERNATIONS = 3
 """Times that the noise is fitted at most, mean parameters held as fitted with the noise before."""
-HARDLY = 0.1
+MIN_ALTERNATION_GAIN = 0.1
 """Gain by other mean parameters, nats, from which the noise is fitted once more."""
-HOPELESS = 1e12
+LOST_IN_ROUNDING_COST = 1e12
 """Cost, nats, of noise so far from the record's that its likelihood is lost in rounding."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
-_STEP = 0.02
-_TWO_SIDED, _ONE_SIDED = 1.9207, 1.3528
+_LOG_STEP = 0.02
+_TWO_SIDED_DROP, _ONE_SIDED_DROP = 1.9207, 1.3528
 
 
 @dataclass(frozen=True)
-class Fit:
+class NoiseFit:
     """Noise fitted to a record.
 
     Attributes
     ----------
-    scales : Scales
+    parameters : NoiseParameters
         The parameters.
     start : NoiseHypothesis
         Where they are 0, mean parameters held.
@@ -69,7 +73,7 @@ class Fit:
         ln L there, without and with the prior.
     """
 
-    scales: Scales
+    parameters: NoiseParameters
     start: NoiseHypothesis
     estimate: FloatArray
     prior_sd: FloatArray
@@ -85,17 +89,17 @@ class Fit:
     @property
     def noise(self) -> NoiseHypothesis:
         """Noise after the fit."""
-        return self.scales.change(self.start, self.estimate)
+        return self.parameters.change(self.start, self.estimate)
 
     def number(self, name: str) -> int:
         """Return the number of a parameter."""
-        return self.scales.names.index(name)
+        return self.parameters.names.index(name)
 
     def factor(self, name: str) -> float:
         """Return the exponential of a parameter."""
         return float(np.exp(self.estimate[self.number(name)]))
 
-    def held(self, name: str) -> bool:
+    def identifiable(self, name: str) -> bool:
         """Whether the record itself holds a parameter within a factor e."""
         j = self.number(name)
         return bool(1.0 / self.covariance[j, j] - 1.0 / self.prior_sd[j] ** 2 > 1.0)
@@ -113,17 +117,19 @@ class Fit:
         j = self.number(name)
         sd, x = float(np.sqrt(self.covariance[j, j])), float(self.estimate[j])
         value = scale * float(np.exp(x))
-        if sd < NARROW:
+        if sd < QUADRATIC_SD:
             low, high = scale * np.exp(x - 1.96 * sd), scale * np.exp(x + 1.96 * sd)
             return Coefficient.known(value, float(low), float(high), unit)
         reason = None
-        if not self.held(name):
-            reason = f"the drive holds it no better than a factor {np.exp(min(sd, WIDE)):.1f} either way"
-        low = self._reach(j, -1.0, _TWO_SIDED)
-        if low <= -FAR:
-            upper = scale * float(np.exp(self._reach(j, 1.0, _ONE_SIDED)))
+        if not self.identifiable(name):
+            reason = (
+                f"the drive holds it no better than a factor {np.exp(min(sd, VAGUE_PRIOR_SD)):.1f} either way"
+            )
+        low = self._reach(j, -1.0, _TWO_SIDED_DROP)
+        if low <= -MAX_LOG:
+            upper = scale * float(np.exp(self._reach(j, 1.0, _ONE_SIDED_DROP)))
             return Coefficient.bounded(upper, unit, reason or "indistinguishable from none on this drive")
-        high = self._reach(j, 1.0, _TWO_SIDED)
+        high = self._reach(j, 1.0, _TWO_SIDED_DROP)
         return Coefficient.known(value, scale * float(np.exp(low)), scale * float(np.exp(high)), unit, reason)
 
     def _reach(self, j: int, side: float, drop: float) -> float:
@@ -131,22 +137,22 @@ class Fit:
         ridge = self.covariance[:, j] / self.covariance[j, j]
         sd = float(np.sqrt(self.covariance[j, j]))
         others = self.covariance - np.outer(ridge, self.covariance[j])
-        known = np.where(self.prior_sd < WIDE, self.prior_sd, np.inf)
+        known = np.where(self.prior_sd < VAGUE_PRIOR_SD, self.prior_sd, np.inf)
         top = self.log_likelihood - 0.5 * float(np.sum((self.estimate / known) ** 2))
 
         def fallen(distance: float) -> bool:
-            x = np.clip(self.estimate + side * distance * ridge, -FAR, FAR)
-            noise = self.scales.change(self.start, x)
+            x = np.clip(self.estimate + side * distance * ridge, -MAX_LOG, MAX_LOG)
+            noise = self.parameters.change(self.start, x)
             found, gradient = evaluate_with_gradient(noise)
-            slopes = self.scales.slopes(self.start, x, gradient) - x / self.prior_sd**2
+            slopes = self.parameters.slopes(self.start, x, gradient) - x / self.prior_sd**2
             value = found.value + 0.5 * float(slopes @ others @ slopes)
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
 
-        most = FAR - side * float(self.estimate[j])
+        most = MAX_LOG - side * float(self.estimate[j])
         near, far = 0.0, min(np.sqrt(2.0 * drop) * sd, most)
         while not fallen(far):
             if far >= most:
-                return side * FAR
+                return side * MAX_LOG
             near, far = far, min(2.0 * far, most)
         for _ in range(5):
             middle = 0.5 * (near + far)
@@ -154,66 +160,66 @@ class Fit:
         return float(self.estimate[j] + side * 0.5 * (near + far))
 
 
-def maximise(
+def maximize_likelihood(
     noise: NoiseHypothesis,
-    scales: Scales,
+    parameters: NoiseParameters,
     *,
     prior_sd: Mapping[str, float] = NO_PRIOR,
     start: FloatArray | None = None,
-) -> Fit:
+) -> NoiseFit:
     """Fit noise to a record.
 
     Parameters
     ----------
     noise : NoiseHypothesis
         Where all parameters are 0.
-    scales : Scales
+    parameters : NoiseParameters
         The parameters.
     prior_sd : mapping of str to float
-        Prior sd of a log by name, about 0; `WIDE` where it is not given.
+        Prior sd of a log by name, about 0; `VAGUE_PRIOR_SD` where it is not given.
     start : ndarray, shape (q,), optional
         Where to begin.
     """
-    sd = np.array([prior_sd.get(name, WIDE) for name in scales.names])
-    x = np.zeros(len(scales.names)) if start is None else start
-    fixed, cost = _held_cost(noise, scales, x, sd)
+    sd = np.array([prior_sd.get(name, VAGUE_PRIOR_SD) for name in parameters.names])
+    x = np.zeros(len(parameters.names)) if start is None else start
+    fixed, cost = _cost_at_fixed_constants(noise, parameters, x, sd)
     last = -np.inf
-    for _ in range(HOLDS):
-        x, last = _climbed(cost, x, curvature(cost, x, sd))
+    for _ in range(MAX_ALTERNATIONS):
+        x, last = _minimized(cost, x, curvature(cost, x, sd))
         if not noise.columns:
             break
-        fixed, cost = _held_cost(noise, scales, x, sd)
+        fixed, cost = _cost_at_fixed_constants(noise, parameters, x, sd)
         was, last = last, -cost(x)[0]
-        if last - was < HARDLY:
+        if last - was < MIN_ALTERNATION_GAIN:
             break
     prior = 0.5 * float(np.sum((x / sd) ** 2))
-    return Fit(scales, fixed, x, sd, cost, prior + last, last)
+    return NoiseFit(parameters, fixed, x, sd, cost, prior + last, last)
 
 
-def _held_cost(
-    noise: NoiseHypothesis, scales: Scales, x: FloatArray, sd: FloatArray
+def _cost_at_fixed_constants(
+    noise: NoiseHypothesis, parameters: NoiseParameters, x: FloatArray, sd: FloatArray
 ) -> tuple[NoiseHypothesis, Cost]:
     """Return the hypothesis with mean parameters held at their best for some noise, and the cost of other noise."""
-    fixed = replace(noise, record=held(scales.change(noise, x)).record, columns=())
-    return fixed, _cost(fixed, scales, sd)
+    fixed = replace(noise, record=with_constants_fixed(parameters.change(noise, x)).record, columns=())
+    return fixed, _cost(fixed, parameters, sd)
 
 
-def _cost(noise: NoiseHypothesis, scales: Scales, sd: FloatArray) -> Cost:
+def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -> Cost:
     """Return the cost to minimise, −ln L and the prior, with its gradient."""
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
-        x = np.clip(x, -FAR, FAR)
+        x = np.clip(x, -MAX_LOG, MAX_LOG)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found, gradient = evaluate_with_gradient(scales.change(noise, x))
-            slopes = scales.slopes(noise, x, gradient)
+            found, gradient = evaluate_with_gradient(parameters.change(noise, x))
+            slopes = parameters.slopes(noise, x, gradient)
         if not (np.isfinite(found.value) and np.isfinite(slopes).all()):
-            return HOPELESS, x / sd**2
+            return LOST_IN_ROUNDING_COST, x / sd**2
         return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes
 
     return cost
 
 
-def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float]:
+def _minimized(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float]:
     """Return where a search from x ends, the inverse of the curvature there given, and the objective."""
     options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
     first = last = cost(x)[0]
@@ -221,11 +227,11 @@ def _climbed(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray
     def enough(intermediate_result: OptimizeResult) -> None:
         nonlocal last
         gained, last = last - float(intermediate_result.fun), float(intermediate_result.fun)
-        if gained < max(ENOUGH, ROUGHLY * (first - last)):
+        if gained < max(MIN_STEP_GAIN, MIN_STEP_GAIN_SHARE * (first - last)):
             raise StopIteration
 
     answer = minimize(cost, x, method="BFGS", jac=True, options=options, callback=enough)
-    return np.clip(answer.x, -FAR, FAR), -float(answer.fun)
+    return np.clip(answer.x, -MAX_LOG, MAX_LOG), -float(answer.fun)
 
 
 def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:
@@ -237,9 +243,9 @@ def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:
     second = np.empty((len(x), len(x)))
     for j in range(len(x)):
         moved = x.copy()
-        moved[j] += _STEP
-        second[j] = (cost(moved)[1] - middle) / _STEP
-    second = np.where(np.abs(second) < HOPELESS, second, 0.0)
+        moved[j] += _LOG_STEP
+        second[j] = (cost(moved)[1] - middle) / _LOG_STEP
+    second = np.where(np.abs(second) < LOST_IN_ROUNDING_COST, second, 0.0)
     second = 0.5 * (second + second.T) * np.outer(sd, sd)
     values, vectors = np.linalg.eigh(second)
     inverse = (vectors / np.maximum(values, 1.0)) @ vectors.T * np.outer(sd, sd)

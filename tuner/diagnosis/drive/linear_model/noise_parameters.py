@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.linear_model.likelihood import Gradient, NoiseHypothesis, evaluate
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 
 FloatArray = NDArray[np.float64]
 
-ROWS: dict[str, tuple[int, ...]] = {
+ROW_GROUPS: dict[str, tuple[int, ...]] = {
     "position_horizontal": (0, 1),
     "position_vertical": (2,),
     "velocity_horizontal": (3, 4),
@@ -27,20 +27,20 @@ ROWS: dict[str, tuple[int, ...]] = {
 """Groups of the rows of a fix that share a factor on their sd."""
 BLOCKS: dict[str, tuple[int, ...]] = {"position": (0, 1, 2), "velocity": (3, 4, 5)}
 """The same, coarser."""
-MARKOV = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_vertical": slice(2, 3)}
+MARKOV_AXES = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_vertical": slice(2, 3)}
 """Axes of the Gauss–Markov error of the fixes that share a factor on their sd."""
-TIME = "markov_time"
+MARKOV_TIME = "markov_time"
 """Name of the factor on its time constant."""
-_ROWS = ROWS | BLOCKS
+_ROW_GROUPS = ROW_GROUPS | BLOCKS
 EXPONENT = "_exponent"
 """Ending of the name of what is added to the exponent of a reported sd."""
 _CLASS = "_class_"
-STEP = 1e-4
+TIME_CONSTANT_STEP = 1e-4
 """Width of the difference that stands for the derivative by the time constant."""
 
 
 @dataclass(frozen=True)
-class Scales:
+class NoiseParameters:
     """Parameters of a fit.
 
     Attributes
@@ -59,7 +59,7 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class Said:
+class ReportedLevels:
     """What a receiver says of its fixes, by block: class and log of the level of its sds, (k,), the typical log."""
 
     classes: Mapping[str, NDArray[np.int64]]
@@ -67,37 +67,37 @@ class Said:
     typical: Mapping[str, float]
 
 
-SILENT = Said({}, {}, {})
+NO_LEVELS = ReportedLevels({}, {}, {})
 
 
-def of_block(names: Iterable[str], block: str) -> tuple[str, ...]:
+def names_of_block(names: Iterable[str], block: str) -> tuple[str, ...]:
     """Return the names that begin with that of a block."""
     return tuple(name for name in names if name.startswith(block))
 
 
-def weights(name: str, count: int, said: Said) -> FloatArray:
+def weights(name: str, count: int, said: ReportedLevels) -> FloatArray:
     """Return what a parameter adds to ln sd of every row, where it is 1; shape (count, 6).
 
     Parameters
     ----------
     name : str
-        Of `ROWS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT`.
+        Of `ROW_GROUPS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT`.
     count : int
         Number of fixes.
-    said : Said
+    said : ReportedLevels
         What the receiver says of them.
     """
     base, _, number = name.removesuffix(EXPONENT).partition(_CLASS)
     block, out = base.partition("_")[0], np.zeros((count, 6))
     if name.endswith(EXPONENT):
-        out[:, _ROWS[base]] = (said.logs[block] - said.typical[block])[:, None]
+        out[:, _ROW_GROUPS[base]] = (said.logs[block] - said.typical[block])[:, None]
     else:
-        out[:, _ROWS[base]] = (said.classes[block] == int(number))[:, None] if number else 1.0
+        out[:, _ROW_GROUPS[base]] = (said.classes[block] == int(number))[:, None] if number else 1.0
     return out
 
 
-def factors(names: tuple[str, ...], said: Said = SILENT) -> Scales:
-    """Return parameters by name: of the rows as `weights` has them, of `GROUPS`, `MARKOV` and `TIME`."""
+def noise_parameters(names: tuple[str, ...], said: ReportedLevels = NO_LEVELS) -> NoiseParameters:
+    """Return noise parameters by name: those of `weights`, `NOISE_GROUPS`, `MARKOV_AXES` and `MARKOV_TIME`."""
 
     def change(noise: NoiseHypothesis, logs: FloatArray) -> NoiseHypothesis:
         sd, scale = noise.sd.copy(), noise.process_noise_scale.copy()
@@ -105,10 +105,10 @@ def factors(names: tuple[str, ...], said: Said = SILENT) -> Scales:
         for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
             if _of_rows(name):
                 sd *= factor ** weights(name, len(sd), said)
-            elif name in GROUPS:
-                scale[GROUPS.index(name)] *= factor
-            elif name in MARKOV:
-                markov[MARKOV[name]] *= factor
+            elif name in NOISE_GROUPS:
+                scale[NOISE_GROUPS.index(name)] *= factor
+            elif name in MARKOV_AXES:
+                markov[MARKOV_AXES[name]] *= factor
             else:
                 time *= factor
         return replace(noise, sd=sd, process_noise_scale=scale, markov_sd=markov, markov_time=time)
@@ -118,25 +118,27 @@ def factors(names: tuple[str, ...], said: Said = SILENT) -> Scales:
         for j, name in enumerate(names):
             if _of_rows(name):
                 out[j] = float(np.sum(gradient.by_sd * weights(name, len(noise.sd), said)))
-            elif name in GROUPS:
-                out[j] = gradient.by_process_noise_scale[GROUPS.index(name)]
-            elif name in MARKOV:
-                out[j] = gradient.by_markov_sd[MARKOV[name]].sum()
+            elif name in NOISE_GROUPS:
+                out[j] = gradient.by_process_noise_scale[NOISE_GROUPS.index(name)]
+            elif name in MARKOV_AXES:
+                out[j] = gradient.by_markov_sd[MARKOV_AXES[name]].sum()
             else:
                 here = change(noise, logs)
-                longer = replace(here, markov_time=here.markov_time * float(np.exp(STEP)))
-                out[j] = (evaluate(longer).value - gradient.value) / STEP
+                longer = replace(here, markov_time=here.markov_time * float(np.exp(TIME_CONSTANT_STEP)))
+                out[j] = (evaluate(longer).value - gradient.value) / TIME_CONSTANT_STEP
         return out
 
-    return Scales(names, change, slopes)
+    return NoiseParameters(names, change, slopes)
 
 
 def _of_rows(name: str) -> bool:
-    return name.removesuffix(EXPONENT).partition(_CLASS)[0] in _ROWS
+    return name.removesuffix(EXPONENT).partition(_CLASS)[0] in _ROW_GROUPS
 
 
-def present(noise: NoiseHypothesis, names: tuple[str, ...], said: Said = SILENT) -> tuple[str, ...]:
-    """Return those of the names of rows and of `GROUPS` that the record has anything of."""
+def present(
+    noise: NoiseHypothesis, names: tuple[str, ...], said: ReportedLevels = NO_LEVELS
+) -> tuple[str, ...]:
+    """Return those of the names of rows and of `NOISE_GROUPS` that the record has anything of."""
     counted = noise.counted
 
     def there(name: str) -> bool:

@@ -1,9 +1,9 @@
-"""How well a static identification knows the process noise: sds of the logs of the factors of a drive.
+"""How well a static identification knows the process noise: prior sds of the logs of noise factors of a drive.
 
-The interval of a coefficient, (low, high) at 95 %, is (ln high − ln low)/3.92 of its log; a group takes the rms over
-its axes, of the bias terms that of the best known one. White noise that stands in a datasheet without an interval is
-known to `TYPICAL`: the filter was told that number, and a drive that contradicts it is to say so. Bias terms without
-an interval, and terms that are only bounded, are known to `VAGUE`.
+The interval of a coefficient, (low, high) at 95 %, gives the sd (ln high − ln low)/3.92 of its log; a group takes the
+root mean square over its axes, and of several bias terms the best known one. White noise stated in a datasheet
+without an interval is known to `DATASHEET_LOG_SD`. Bias terms without an interval, and terms that are only bounded,
+are known to `UNKNOWN_LOG_SD`.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tuner.diagnosis.drive.linear_model.linearized_run import GROUPS
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.types import ChannelNoise, Coefficient
 
-TYPICAL = 0.1
+DATASHEET_LOG_SD = 0.1
 """Sd of the log of a white density as a datasheet has it: what units of one type differ by."""
-VAGUE = 0.5
+UNKNOWN_LOG_SD = 0.5
 """Sd of the log of a density that is hardly known: a factor 1.6 either way."""
 COEFFICIENTS = {
     "white": {"white": "density"},
@@ -35,11 +35,11 @@ def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
         Of a configuration, with what was identified behind it.
     """
     out = {}
-    for group in GROUPS:
+    for group in NOISE_GROUPS:
         sensor, _, kind = group.partition("_")
         own = [noise for axis, noise in channels.items() if axis.startswith(sensor)]
         if own:
-            told = TYPICAL if kind == "white" else VAGUE
+            told = DATASHEET_LOG_SD if kind == "white" else UNKNOWN_LOG_SD
             sds = [_axis(noise, COEFFICIENTS[kind], told) for noise in own]
             out[group] = float(np.sqrt(np.mean(np.square(sds))))
     return out
@@ -52,13 +52,13 @@ def _axis(noise: ChannelNoise, terms: Mapping[str, str], told: float) -> float:
         for estimate in noise.identified
         if estimate.name in terms and estimate.present
     ]
-    return min(known, default=VAGUE)
+    return min(known, default=UNKNOWN_LOG_SD)
 
 
 def _log_sd(coefficient: Coefficient, told: float) -> float:
     if coefficient.value is not None and coefficient.interval is None:
         return told
     if coefficient.interval is None or coefficient.interval[0] <= 0.0:
-        return VAGUE
+        return UNKNOWN_LOG_SD
     low, high = coefficient.interval
-    return min(float(np.log(high / low)) / 3.92, VAGUE)
+    return min(float(np.log(high / low)) / 3.92, UNKNOWN_LOG_SD)

@@ -1,4 +1,4 @@
-"""Whitened innovations and what unknown constants do to them.
+"""WhitenedInnovations innovations and what unknown constants do to them.
 
 The separate-bias form of Friedland [1]_: with the filter's own gains K, the error that constants θ cause is V θ,
 
@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Whitened:
+class WhitenedInnovations:
     """The m rows of a record that count, made white.
 
     Attributes
@@ -42,7 +42,7 @@ class Whitened:
     slope: FloatArray
 
 
-def whitened(noise: NoiseHypothesis) -> Whitened:
+def whiten(noise: NoiseHypothesis) -> WhitenedInnovations:
     """Return the innovations of a record made white, and their sensitivities to all its constants."""
     record = noise.record
     every = evaluate(replace(noise, columns=tuple(range(len(record.parameters)))))
@@ -50,4 +50,6 @@ def whitened(noise: NoiseHypothesis) -> Whitened:
     root = np.sqrt(every.variance[rows])
     slope = every.sensitivity[rows]
     t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
-    return Whitened(t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None])
+    return WhitenedInnovations(
+        t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None]
+    )
