@@ -19,12 +19,12 @@ from models.effects import Samples
 from models.effects import hide as hide_at_rest
 from models.effects.drive import Course, course_of_fixes, draw, hide, parse
 from models.effects.drive.base import DriveEffect, DriveSamples
-from models.effects.drive.gnss import CorrelatedGnss
 from models.measurements import perfect_fixes
 from models.sensors import SensorGrade
 from models.trajectory.motion import Motion, imu_increments
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.simulation.effect_spec import Hidden, within_record
+from tuner.simulation.receiver import draw_fix_errors, reported_sd
 from tuner.simulation.static import Channel, grade_channels, sample_noise
 from tuner.types import GnssNoise
 from tuner.types.records import DataError, Drive, Gnss, Reference
@@ -209,16 +209,13 @@ def _fixes(
     llh, vel = perfect_fixes(motion, t, lever_arm=lever_arm)
     if receiver.velocity_sd is None:
         vel = np.full_like(vel, np.nan)
-    reported = (*receiver.position_sd, *(receiver.velocity_sd or (np.nan, np.nan, np.nan)))
-    return t, llh, vel, np.tile(np.array(reported), (len(t), 1))
+    return t, llh, vel, reported_sd(receiver, len(t))
 
 
 def _erring(samples: DriveSamples, receiver: GnssNoise, rng: np.random.Generator) -> DriveSamples:
     """Add the errors of the receiver to perfect fixes."""
-    sd = np.nan_to_num(np.hstack([samples.position_sd, samples.velocity_sd]))
-    white = rng.standard_normal(sd.shape) * sd
-    walks = [CorrelatedGnss(s.sd, s.time_constant).signal(samples.fix_t, rng) for s in receiver.correlated]
-    return replace(samples.moved(white[:, :3] + sum(walks), white[:, 3:]), fix_white=white)
+    errors = draw_fix_errors(receiver, len(samples.fix_t), receiver.interval, rng)
+    return replace(samples.moved(errors.position, errors.velocity), fix_white=errors.white)
 
 
 def _hidden(

@@ -19,7 +19,6 @@ from models import rotation
 from models.earth import llh_displaced
 from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
-from models.noise import GaussMarkov
 from models.strapdown import NavigationState
 from models.trajectory.motion import Motion, imu_increments
 from tuner.navigation import engine
@@ -27,6 +26,7 @@ from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.simd import WIDTH
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.simulation.imu import Sensor
+from tuner.simulation.receiver import draw_fix_errors
 from tuner.types import GnssNoise
 
 FloatArray = NDArray[np.float64]
@@ -239,18 +239,9 @@ def _together(
 
 def _with_errors(perfect: Fixes, receiver: GnssNoise, rng: np.random.Generator) -> Fixes:
     """Return fixes with the errors of a receiver."""
-    k = len(perfect)
-    offset = rng.standard_normal((k, 3)) * np.array(receiver.position_sd)
-    interval = float(perfect.t[0]) if k else 1.0
-    for state in receiver.correlated:
-        walk = GaussMarkov(state.sd, state.time_constant)
-        offset += np.stack([walk.sample(k, interval, rng) for _ in range(3)], axis=-1)
-    vel_n = perfect.vel_n
-    if receiver.velocity_sd is None:
-        vel_n = np.full_like(vel_n, np.nan)
-    else:
-        vel_n = vel_n + rng.standard_normal((k, 3)) * np.array(receiver.velocity_sd)
-    llh = llh_displaced(perfect.llh, offset)
+    interval = float(perfect.t[0]) if len(perfect) else 1.0
+    errors = draw_fix_errors(receiver, len(perfect), interval, rng)
+    llh, vel_n = llh_displaced(perfect.llh, errors.position), perfect.vel_n + errors.velocity
     return Fixes(perfect.t, perfect.after, llh, vel_n, perfect.sd, perfect.withheld)
 
 

@@ -107,7 +107,11 @@ def initial_uncertainty(
     why["position"] = f"no GNSS figures: {POSITION_DEFAULT:g} m assumed"
     why["velocity"] = f"standing still within {VELOCITY_DEFAULT:g} m/s assumed"
     if gnss is not None:
-        position = math.hypot(max(gnss.position_sd), *(state.sd for state in gnss.correlated))
+        factors = (1.0, 1.0, gnss.correlated_down)
+        position = max(
+            math.hypot(sd, *(factor * state.sd for state in gnss.correlated))
+            for sd, factor in zip(gnss.position_sd, factors, strict=True)
+        )
         why["position"] = "largest position sd of GNSS, with its correlated part"
         if gnss.velocity_sd is not None:
             velocity = max(gnss.velocity_sd)

@@ -20,6 +20,7 @@ from tuner.types import (
     Coefficient,
     Identification,
     Inflation,
+    MarkovState,
     TermEstimate,
 )
 from tuner.types.records import DataError
@@ -246,6 +247,18 @@ def test_missing_parts_are_left_out_with_a_reason_and_filled_in_on_request() -> 
     assert "gyros gyro_y, gyro_z completed from grade stim300" in whole.notes
     assert "accelerometers completed from grade stim300" in whole.notes
     assert whole.channels["gyro_x"] == config.channels["gyro_x"]
+
+
+def test_initial_position_sd_is_that_of_the_worst_axis_of_a_fix():
+    """Horizontal √(2² + 1²), down √(1.5² + (3 · 1)²): the larger of both."""
+    receiver = replace(
+        load_gnss("spp"),
+        position_sd=(2.0, 2.0, 1.5),
+        correlated=(MarkovState(1.0, 100.0),),
+        correlated_down=3.0,
+    )
+    config = synthesize(grade_identification(load_grade("stim300")), gnss=receiver)
+    assert config.initial.position == pytest.approx(math.hypot(1.5, 3.0))
 
 
 def test_tilt_and_heading_follow_from_the_sensors() -> None:
