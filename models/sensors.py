@@ -9,44 +9,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+
+V = TypeVar("V", float, GaussMarkov)
 
 KINDS = ("gyro", "accel")
 
 
 @dataclass(frozen=True)
-class Sourced:
-    """A number and where it comes from.
+class Sourced(Generic[V]):
+    """A number or a process of a data sheet, and where it comes from.
 
     Attributes
     ----------
-    value : float
-        SI value.
+    value : float or GaussMarkov
+        SI.
     reference : str
         Data sheet, paper or recording; ``recalled`` where the source was not opened.
     """
 
-    value: float
+    value: V
     reference: str
 
     def __post_init__(self) -> None:
         if not self.reference.strip():
             msg = f"'reference' must name the source of {self.value}"
-            raise ValueError(msg)
-
-
-@dataclass(frozen=True)
-class SourcedMarkov:
-    """A Gauss–Markov process of a data sheet: sd (unit) and time constant (s) of one source."""
-
-    sd: float
-    time_constant: float
-    reference: str
-
-    def __post_init__(self) -> None:
-        if not self.reference.strip():
-            msg = "'reference' must name the source of the Gauss–Markov process"
             raise ValueError(msg)
 
 
@@ -68,7 +57,7 @@ class TriadGrade:
         Density K, unit/√s.
     ramp : Sourced or None
         Rate R, unit/s.
-    gauss_markov : tuple of SourcedMarkov
+    gauss_markov : tuple of Sourced
         Exponentially correlated biases.
     turn_on_sd : Sourced or None
         sd of the constant bias from one switch-on to the next, unit.
@@ -85,18 +74,18 @@ class TriadGrade:
     """
 
     kind: str
-    quantization: Sourced | None = None
-    white: Sourced | None = None
-    bias_instability: Sourced | None = None
-    random_walk: Sourced | None = None
-    ramp: Sourced | None = None
-    gauss_markov: tuple[SourcedMarkov, ...] = ()
-    turn_on_sd: Sourced | None = None
-    scale_factor_sd: Sourced | None = None
-    misalignment_sd: Sourced | None = None
-    g_sensitivity_sd: Sourced | None = None
-    bandwidth: Sourced | None = None
-    range: Sourced | None = None
+    quantization: Sourced[float] | None = None
+    white: Sourced[float] | None = None
+    bias_instability: Sourced[float] | None = None
+    random_walk: Sourced[float] | None = None
+    ramp: Sourced[float] | None = None
+    gauss_markov: tuple[Sourced[GaussMarkov], ...] = ()
+    turn_on_sd: Sourced[float] | None = None
+    scale_factor_sd: Sourced[float] | None = None
+    misalignment_sd: Sourced[float] | None = None
+    g_sensitivity_sd: Sourced[float] | None = None
+    bandwidth: Sourced[float] | None = None
+    range: Sourced[float] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -110,7 +99,7 @@ class TriadGrade:
 
     def noise_model(self) -> NoiseModel:
         """Return the noise of one axis; what the source does not tell is absent."""
-        sourced: tuple[tuple[Callable[[float], Term], Sourced | None], ...] = (
+        sourced: tuple[tuple[Callable[[float], Term], Sourced[float] | None], ...] = (
             (Quantization, self.quantization),
             (White, self.white),
             (BiasInstability, self.bias_instability),
@@ -118,7 +107,7 @@ class TriadGrade:
             (Ramp, self.ramp),
         )
         single = [term(number.value) for term, number in sourced if number is not None]
-        return NoiseModel([*single, *(GaussMarkov(g.sd, g.time_constant) for g in self.gauss_markov)])
+        return NoiseModel([*single, *(g.value for g in self.gauss_markov)])
 
 
 @dataclass(frozen=True)
@@ -141,7 +130,7 @@ class SensorGrade:
 
     key: str
     title: str
-    rate: Sourced
+    rate: Sourced[float]
     gyro: TriadGrade
     accel: TriadGrade
     notes: tuple[str, ...] = ()

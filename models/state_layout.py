@@ -34,10 +34,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from models.noise.gauss_markov import GaussMarkov
 
 FloatArray = NDArray[np.float64]
 
@@ -57,18 +58,6 @@ OPTIONAL = {
 """Blocks of constants that a model may ask for by name, and their sizes."""
 
 
-class Markov(Protocol):
-    """A Gauss–Markov process: stationary standard deviation and time constant, s."""
-
-    @property
-    def sd(self) -> float:
-        """Stationary standard deviation."""
-
-    @property
-    def time_constant(self) -> float:
-        """Time constant, s."""
-
-
 @dataclass(frozen=True)
 class AxisNoise:
     """What drives the errors of one sensor axis.
@@ -81,14 +70,14 @@ class AxisNoise:
         Drive of the bias state, unit/√s.
     bias_time_constant : float
         Time constant of the bias state, s; infinite for a constant or random walk.
-    markov : tuple of Markov
+    markov : tuple of GaussMarkov
         Further Gauss–Markov biases.
     """
 
     white_density: float
     walk_density: float = 0.0
     bias_time_constant: float = math.inf
-    markov: tuple[Markov, ...] = ()
+    markov: tuple[GaussMarkov, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("white_density", "walk_density"):
@@ -165,7 +154,7 @@ def error_model(
     gyro: Sequence[AxisNoise],
     accel: Sequence[AxisNoise],
     *,
-    gnss_markov: Sequence[Markov] = (),
+    gnss_markov: Sequence[GaussMarkov] = (),
     constants: Sequence[str] = (),
 ) -> ErrorModel:
     """Lay out the states of a filter.
@@ -174,7 +163,7 @@ def error_model(
     ----------
     gyro, accel : sequence of 3 AxisNoise
         Axes x, y, z.
-    gnss_markov : sequence of Markov
+    gnss_markov : sequence of GaussMarkov
         Correlated errors of the position fixes, each along north, east and down.
     constants : sequence of str
         Names of `OPTIONAL` blocks.
@@ -204,7 +193,7 @@ def error_model(
     for name, ladder in ladders.items():
         if ladder:
             time_constant[layout[name]] = [m.time_constant for _, m in ladder]
-            driving[layout[name]] = [m.sd * math.sqrt(2.0 / m.time_constant) for _, m in ladder]
+            driving[layout[name]] = [m.driving_density for _, m in ladder]
     return ErrorModel(
         layout,
         np.array([a.white_density for a in gyro]),

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, White
-from models.sensors import SensorGrade, Sourced, SourcedMarkov, TriadGrade
+from models.sensors import SensorGrade, Sourced, TriadGrade
 
 SHEET = "made-up data sheet, table 1"
 GYRO = TriadGrade(
     "gyro",
     white=Sourced(1e-4, SHEET),
     bias_instability=Sourced(2e-5, SHEET),
-    gauss_markov=(SourcedMarkov(1e-4, 300.0, SHEET),),
+    gauss_markov=(Sourced(GaussMarkov(1e-4, 300.0), SHEET),),
     turn_on_sd=Sourced(1e-2, SHEET),
 )
 ACCEL = TriadGrade("accel", white=Sourced(1e-3, SHEET))
@@ -29,7 +29,7 @@ def test_no_number_without_a_source():
     with pytest.raises(ValueError, match="'reference' must name the source"):
         Sourced(1.0, " ")
     with pytest.raises(ValueError, match="'reference' must name the source"):
-        SourcedMarkov(1.0, 1.0, "")
+        Sourced(GaussMarkov(1.0, 1.0), "")
 
 
 def test_errors_say_what_was_expected():

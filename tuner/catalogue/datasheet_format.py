@@ -33,8 +33,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
-from models.sensors import SensorGrade, Sourced, SourcedMarkov, TriadGrade
+from models.sensors import SensorGrade, Sourced, TriadGrade
 from models.units import canonical_unit, to_si, two_sided
 from tuner.formats.nodes import Node, document
 
@@ -166,14 +167,14 @@ def _triad(root: Node, kind: str, inherited: _Origin) -> TriadGrade:
     return TriadGrade(kind, gauss_markov=states, **numbers)
 
 
-def _markov(entry: Node, kind: str, inherited: _Origin) -> SourcedMarkov:
+def _markov(entry: Node, kind: str, inherited: _Origin) -> Sourced[GaussMarkov]:
     entry.only("sd", "time_constant", "kind", "reference")
     origin = inherited.within(entry)
     sd, time = (_sourced(entry[key.field], key, kind, origin).value for key in (_SD, _TIME_CONSTANT))
-    return SourcedMarkov(sd, time, origin.words())
+    return Sourced(GaussMarkov(sd, time), origin.words())
 
 
-def _sourced(entry: Node, key: _Key, kind: str, inherited: _Origin) -> Sourced:
+def _sourced(entry: Node, key: _Key, kind: str, inherited: _Origin) -> Sourced[float]:
     entry.only("value", "unit", "sided", "reading", "kind", "reference")
     unit = entry["unit"]
     if not _allowed(unit, key.units[kind]):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from tuner.catalogue.datasheet_format import parse_sheet
@@ -23,7 +24,6 @@ from tuner.types import (
     Coefficient,
     GnssNoise,
     Identification,
-    MarkovState,
     TermEstimate,
 )
 from tuner.types.records import DataError
@@ -150,20 +150,20 @@ def _triple(node: Node) -> tuple[float, float, float]:
     return north, east, down
 
 
-def _state(node: Node) -> MarkovState:
-    return MarkovState(node["sd"].number(positive=True), node["time_constant"].number(positive=True))
+def _state(node: Node) -> GaussMarkov:
+    return GaussMarkov(node["sd"].number(positive=True), node["time_constant"].number(positive=True))
 
 
 def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
     """Yield the terms a triad tells of, in the order of its noise model."""
     terms = iter(triad.noise_model().terms)
     for name, field in _SINGLE.items():
-        number: Sourced | None = getattr(triad, name)
+        number: Sourced[float] | None = getattr(triad, name)
         if number is not None:
             (unit,) = next(terms).units(triad.unit)
             yield TermEstimate(name, {field: Coefficient(number.value, None, None, unit, number.reference)})
     for state in triad.gauss_markov:
-        figures = {"sd": (state.sd, triad.unit), "time_constant": (state.time_constant, "s")}
+        figures = {"sd": (state.value.sd, triad.unit), "time_constant": (state.value.time_constant, "s")}
         yield TermEstimate(
             "gauss_markov",
             {

@@ -181,7 +181,7 @@ def _inflations(config: FilterConfig) -> Iterator[str]:
     """Yield every inflation, those of like axes in one line."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for inflation in config.inflations:
-        axis, _, quantity = inflation.quantity.partition(".")
-        groups.setdefault((quantity, f"{inflation.factor:.4g}", inflation.reason), []).append(axis)
+        key = inflation.quantity.field, f"{inflation.factor:.4g}", inflation.reason
+        groups.setdefault(key, []).append(inflation.quantity.owner)
     for (quantity, factor, reason), axes in groups.items():
         yield f"{quantity} × {factor} ({', '.join(axes)}): {reason}"

@@ -20,11 +20,12 @@ from typing import Any
 
 import yaml
 
+from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
-from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty, MarkovState
+from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
 from tuner.types.records import DataError
 
 SCALE_FACTOR_SD = 300.0
@@ -122,7 +123,7 @@ def load(path: Path) -> FilterConfig:
         wander = _numbers(path, noise, sd, 3)
         first = _numbers(path, content, start, 3) if start in content else wander
         for i, axis in enumerate("xyz"):
-            state = MarkovState(to_si(wander[i], units[1]), period)
+            state = GaussMarkov(to_si(wander[i], units[1]), period)
             constant = math.sqrt(max(to_si(first[i], units[1]) ** 2 - state.sd**2, 0.0))
             name = f"{sensor}_{axis}"
             channels[name] = ChannelNoise(name, unit, to_si(density[i], units[0]), (state,), 0.0, constant)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tuner.formats.files import plain
-from tuner.types import Coefficient, Finding, Gain
+from tuner.types import Coefficient, Enlargement, Finding, Gain
 
 
 def coefficient_json(coefficient: Coefficient) -> dict[str, Any]:
@@ -36,8 +36,13 @@ def finding_json(finding: Finding) -> dict[str, Any]:
         "text": finding.text,
         "consequence": finding.consequence,
         "extension": plain(dict(finding.extension)),
-        "inflations": [vars(inflation) for inflation in finding.inflations],
+        "inflations": [_enlargement(one) for one in finding.inflations],
     }
+
+
+def _enlargement(one: Enlargement) -> dict[str, Any]:
+    """Return a factor on a setting; `interval` is null, as only a drive estimates one."""
+    return {**vars(one), "quantity": str(one.quantity), "interval": None}
 
 
 def carried(finding: Finding) -> dict[str, Any]:

@@ -16,18 +16,22 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from models.noise import GaussMarkov
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty
 from tuner.formats.files import write_text
 from tuner.formats.nodes import Node, document
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import (
+    AppliedNoiseScale,
+    BoundUsed,
     ChannelNoise,
     Coefficient,
+    Enlargement,
     FilterConfig,
     GnssNoise,
     Inflation,
     InitialUncertainty,
-    MarkovState,
+    Quantity,
     TermEstimate,
 )
 from tuner.types.records import DataError
@@ -133,7 +137,7 @@ def _channel(channel: ChannelNoise) -> dict[str, Any]:
         shown = _in_words(value, quantity, channel.unit) if value else "none"
         return Noted(value, f"{channel.unit}{per}; {shown}")
 
-    def state(markov: MarkovState) -> Noted:
+    def state(markov: GaussMarkov) -> Noted:
         return Noted(_state(markov), f"{channel.unit}, s; {_in_words(markov.sd, 'level', channel.unit)}")
 
     return {
@@ -162,7 +166,7 @@ def _term(term: TermEstimate, unit: str) -> dict[str, Any]:
     return entries
 
 
-def _state(markov: MarkovState) -> Inline:
+def _state(markov: GaussMarkov) -> Inline:
     return Inline({"sd": markov.sd, "time_constant": markov.time_constant})
 
 
@@ -190,14 +194,25 @@ def _gnss(gnss: GnssNoise) -> dict[str, Any]:
 
 
 def _inflation(inflation: Inflation) -> dict[str, Any]:
-    asked = {"interval": Noted(Inline(inflation.interval), "95 %, asked for by the drive as it stands")}
+    interval = inflation.interval if isinstance(inflation, AppliedNoiseScale) else None
+    causes = () if isinstance(inflation, BoundUsed) else inflation.causes
+    noted = {"interval": Noted(Inline(interval), "95 %, asked for by the drive as it stands")}
     return {
-        "quantity": inflation.quantity,
+        "quantity": str(inflation.quantity),
+        "kind": next(kind for kind, found in _INFLATIONS.items() if isinstance(inflation, found)),
         "factor": inflation.factor,
-        **(asked if inflation.interval else {}),
-        **({"causes": list(inflation.causes)} if inflation.causes else {}),
+        **(noted if interval else {}),
+        **({"causes": list(causes)} if causes else {}),
         "reason": inflation.reason,
     }
+
+
+_INFLATIONS: Mapping[str, type[Inflation]] = {
+    "bound_used": BoundUsed,
+    "enlargement": Enlargement,
+    "noise_scale": AppliedNoiseScale,
+}
+"""Value of the key ``kind`` of an inflation; files of version 0.1 lack the key."""
 
 
 def _read_channel(axis: str, node: Node) -> ChannelNoise:
@@ -215,8 +230,8 @@ def _read_channel(axis: str, node: Node) -> ChannelNoise:
     )
 
 
-def _read_markov(node: Node) -> MarkovState:
-    return MarkovState(node["sd"].number(signed=False), node["time_constant"].number(positive=True))
+def _read_markov(node: Node) -> GaussMarkov:
+    return GaussMarkov(node["sd"].number(positive=True), node["time_constant"].number(positive=True))
 
 
 def _read_term(node: Node) -> TermEstimate:
@@ -274,13 +289,30 @@ def _read_gnss(node: Node) -> GnssNoise:
 def _read_inflation(node: Node) -> Inflation:
     interval, causes = node.get("interval"), node.get("causes")
     ends = interval.numbers(2) if interval else None
-    return Inflation(
-        node["quantity"].text(),
-        node["factor"].number(),
-        node["reason"].text(),
-        (ends[0], ends[1]) if ends else None,
-        tuple(cause.text() for cause in causes.elements()) if causes else (),
-    )
+    names = tuple(cause.text() for cause in causes.elements()) if causes else ()
+    try:
+        quantity = Quantity.parse(node["quantity"].text())
+    except ValueError as error:
+        node["quantity"].refuse(str(error), repr(node["quantity"].value))
+    factor, reason = node["factor"].number(), node["reason"].text()
+    kind = _kind(node, factor, reason)
+    if kind == "bound_used":
+        return BoundUsed(quantity, factor, reason)
+    if kind == "enlargement":
+        return Enlargement(quantity, factor, reason, names)
+    return AppliedNoiseScale(quantity, factor, reason, (ends[0], ends[1]) if ends else None, names)
+
+
+def _kind(node: Node, factor: float, reason: str) -> str:
+    """Return the kind of an inflation; in a file without that key, by what only one of the three has."""
+    kind = node.get("kind")
+    if kind is not None:
+        if kind.value not in _INFLATIONS:
+            kind.refuse(f"one of {', '.join(_INFLATIONS)}", repr(kind.value))
+        return kind.text()
+    if reason.startswith("bounded"):
+        return "bound_used"
+    return "noise_scale" if node.get("interval") or node.get("causes") or factor == 1.0 else "enlargement"
 
 
 def _list(node: Node, key: str, read: Callable[[Node], T]) -> tuple[T, ...]:

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
+from models.noise import GaussMarkov
 from tuner.identification.likelihood import LikelihoodFit, fit
-from tuner.types import Coefficient, GnssNoise, MarkovState
+from tuner.types import Coefficient, GnssNoise
 from tuner.types.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -124,7 +125,7 @@ def _coefficients(found: LikelihoodFit, interval: float) -> dict[str, Coefficien
     return out
 
 
-def _process(fits: list[LikelihoodFit]) -> tuple[tuple[MarkovState, ...], float]:
+def _process(fits: list[LikelihoodFit]) -> tuple[tuple[GaussMarkov, ...], float]:
     """Return the one process that stands for those of three axes, and its down part over the horizontal one."""
     have = [found for found in fits if "gauss_markov" in found.terms]
     if not have:
@@ -136,8 +137,8 @@ def _process(fits: list[LikelihoodFit]) -> tuple[tuple[MarkovState, ...], float]
     time = float(np.exp(np.average(logs, weights=weights)))
     level = float(np.hypot(sd[0], sd[1]) / np.sqrt(2.0))
     if level == 0.0:
-        return (MarkovState(sd[2], time),), 1.0
-    return (MarkovState(level, time),), sd[2] / level
+        return (GaussMarkov(sd[2], time),), 1.0
+    return (GaussMarkov(level, time),), sd[2] / level
 
 
 def _velocity(vel_n: FloatArray) -> dict[str, Coefficient]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from models.noise import BiasInstability, NoiseModel, RandomWalk, White
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from models.noise.arma import Arma
 from models.noise.bias_instability import flicker_ladder
 from models.trajectory.catalogue import figure_eight
@@ -33,7 +33,7 @@ from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize
 from tuner.synthesis.bias_states import FlickerView
 from tuner.synthesis.mismatched_filter import AIDED, Linear, axis, outage_errors, shaped
-from tuner.types import ChannelNoise, MarkovState
+from tuner.types import ChannelNoise
 
 FloatArray = NDArray[np.float64]
 
@@ -55,11 +55,11 @@ def kf_parameters(settings: Settings) -> Item:
 
     constant = 0.1 * DEG
 
-    def channel(markov: tuple[MarkovState, ...], drive: float) -> ChannelNoise:
+    def channel(markov: tuple[GaussMarkov, ...], drive: float) -> ChannelNoise:
         return ChannelNoise("gyro_x", "rad/s", density, markov, drive, constant_sd=constant)
 
     fine = flicker_ladder(level, 0.3, 1e7, per_decade=3)
-    truth = axis(channel(tuple(MarkovState(g.sd, g.time_constant) for g in fine), walk))
+    truth = axis(channel(tuple(GaussMarkov(g.sd, g.time_constant) for g in fine), walk))
     paper, ladder = RULES["level"].states(view), RULES["ladder"].states(view)
     sequence = likeliest(model)
     filters: Mapping[str, Linear] = MappingProxyType(
@@ -205,7 +205,7 @@ def run_times(states: tuple[int, ...], runs: int) -> FloatArray:
                 config,
                 channels={
                     name: replace(
-                        c, markov=tuple(MarkovState(c.constant_sd, 10.0 * (j + 1)) for j in range(count))
+                        c, markov=tuple(GaussMarkov(c.constant_sd, 10.0 * (j + 1)) for j in range(count))
                     )
                     for name, c in config.channels.items()
                 },

@@ -9,7 +9,7 @@ from rich.table import Table
 from tuner.diagnosis.drive.noise_scale_estimates import factor_text, may_be_one
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
 from tuner.report.diagnosis_tables import findings_table
-from tuner.types import Demand, DriveDiagnosis, Gain
+from tuner.types import DriveDiagnosis, Gain, NoiseScaleEstimate
 
 
 def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
@@ -30,8 +30,8 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
         f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the drive has more in it than was named"
         for u in found.unexplained
     ]
-    if found.demands:
-        answer += inflation_tables(found.demands)
+    if found.noise_scales:
+        answer += inflation_tables(found.noise_scales)
     answer += [f"  missing: {line}" for line in missing(found)]
     return answer + [f"  note: {note}" for note in found.notes]
 
@@ -47,12 +47,12 @@ def missing(found: DriveDiagnosis) -> list[str]:
         lines.append(
             "what is left unexplained has no cause in the catalogue; a reference solution would show when it acts"
         )
-    if hidden := [SHORT[one.quantity] for one in found.demands if not one.identifiable]:
+    if hidden := [SHORT[one.setting] for one in found.noise_scales if not one.identifiable]:
         lines.append(
             f"{', '.join(hidden)}: this drive cannot tell; a static log tells the unit's own noise, better fixes or "
             "times without fixes tell what it is in motion"
         )
-    if not found.demands:
+    if not found.noise_scales:
         lines.append(
             "too few fixes count after the filter has settled, or they are too far off, to judge the noise settings"
         )
@@ -86,18 +86,18 @@ def harm_words(gain: Gain | None) -> str:
     )
 
 
-def inflation_tables(demands: Sequence[Demand]) -> list[Table | str]:
+def inflation_tables(estimates: Sequence[NoiseScaleEstimate]) -> list[Table | str]:
     """Return one row a noise setting: what is stated, what the drive asks for, why."""
     table = Table(title="What the drive asks of each noise setting (95 % intervals)")
     for head in ("setting", "stated", "drive asks for", "factor", "with all findings", "accounted for by"):
         table.add_column(head)
-    for one in demands:
-        table.add_row(SHORT[one.quantity], *_cells(one))
-    return [table, *(f"  {one.text}" for one in demands if one.causes)]
+    for one in estimates:
+        table.add_row(SHORT[one.setting], *_cells(one))
+    return [table, *(f"  {one.text}" for one in estimates if one.causes)]
 
 
-def _cells(one: Demand) -> tuple[str, ...]:
-    quantity, si = _CUSTOMARY[one.quantity]
+def _cells(one: NoiseScaleEstimate) -> tuple[str, ...]:
+    quantity, si = _CUSTOMARY[one.setting]
     unit = pretty(customary_unit(quantity, si)) if quantity else one.unit
 
     def shown(factor: float) -> str:

@@ -167,7 +167,7 @@ def noise_of_channel(channel: ChannelNoise) -> NoiseModel:
             return NoiseModel(terms)
         return NoiseModel([White(channel.white_density), *terms])
     states: list[Term] = [White(channel.white_density)]
-    states += [GaussMarkov(state.sd, state.time_constant) for state in channel.markov]
+    states += channel.markov
     if channel.random_walk_density > 0.0:
         states.append(RandomWalk(channel.random_walk_density))
     return NoiseModel(states)

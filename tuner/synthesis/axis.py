@@ -26,10 +26,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state
 from tuner.synthesis.equivalent_models import structure_function
-from tuner.types import ArmaFit, ChannelIdentification, ChannelNoise, Inflation, MarkovState, TermEstimate
+from tuner.types import (
+    ArmaFit,
+    BoundUsed,
+    ChannelIdentification,
+    ChannelNoise,
+    Enlargement,
+    Inflation,
+    Quantity,
+    TermEstimate,
+)
 
 BOUNDED_SHARE = 0.5
 """Share of an upper limit that stands in for a term the data only bound."""
@@ -56,7 +66,7 @@ class _Share:
     inflations: tuple[Inflation, ...] = ()
     white_variance: float = 0.0
     walk_variance: float = 0.0
-    markov: tuple[MarkovState, ...] = ()
+    markov: tuple[GaussMarkov, ...] = ()
 
 
 def channel_noise(
@@ -123,14 +133,14 @@ def _told(term: TermEstimate) -> bool:
 def _figure(task: _Task, term: TermEstimate, name: str) -> tuple[float, tuple[Inflation, ...]]:
     """Return the figure the filter takes for a coefficient, and how it differs from the estimate."""
     coefficient = term.coefficients[name]
-    quantity = f"{task.channel.axis}.{term.name}.{name}"
+    quantity = Quantity(task.channel.axis, f"{term.name}.{name}")
     if coefficient.value is None:
         why = f"bounded: half of the 95 % upper limit ({coefficient.reason or 'no value in the data'})"
-        return BOUNDED_SHARE * (coefficient.upper or 0.0), (Inflation(quantity, BOUNDED_SHARE, why),)
+        return BOUNDED_SHARE * (coefficient.upper or 0.0), (BoundUsed(quantity, BOUNDED_SHARE, why),)
     value = abs(coefficient.value)
     if task.rule == BOUND and coefficient.interval is not None and value > 0.0:
         top = max(abs(x) for x in coefficient.interval)
-        return top, (Inflation(quantity, top / value, "rule bound: upper end of the 95 % interval"),)
+        return top, (Enlargement(quantity, top / value, "rule bound: upper end of the 95 % interval"),)
     return value, ()
 
 
@@ -144,7 +154,7 @@ def _white_from_curve(channel: ChannelIdentification) -> _Share:
     """Bound white noise by the Allan curve where no term says anything: N ≤ σ(τ) √τ at every τ."""
     bound = float(np.min(channel.allan.deviation()[:, 0] * np.sqrt(channel.allan.tau)))
     why = "bounded: half of the smallest σ(τ)√τ of the Allan curve, as no white term was identified"
-    inflation = Inflation(f"{channel.axis}.white.density", BOUNDED_SHARE, why)
+    inflation = BoundUsed(Quantity(channel.axis, "white.density"), BOUNDED_SHARE, why)
     return _Share(why, (inflation,), white_variance=(BOUNDED_SHARE * bound) ** 2)
 
 
@@ -172,11 +182,11 @@ def _gauss_markov(task: _Task, term: TermEstimate) -> _Share:
         state = bounding_state(sd.interval, time_constant.interval)
         why = "rule bound: spectrum above every spectrum within the intervals of sd and time constant"
         inflations: tuple[Inflation, ...] = (
-            Inflation(f"{task.channel.axis}.gauss_markov.sd", state.sd / sd.value, why),
+            Enlargement(Quantity(task.channel.axis, "gauss_markov.sd"), state.sd / sd.value, why),
         )
     else:
         level, inflations = _figure(task, term, "sd")
-        state = MarkovState(level, time_constant.value or time_constant.upper or task.horizon)
+        state = GaussMarkov(level, time_constant.value or time_constant.upper or task.horizon)
     return _Share(
         f"one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s",
         inflations,
@@ -193,7 +203,7 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
     amplitude, inflations = _figure(task, term, "amplitude")
     frequency = term.coefficients["frequency"].value
     if frequency is not None and 1.0 / frequency >= SLOW_PERIOD:
-        state = MarkovState(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
+        state = GaussMarkov(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
         fate = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
         return _Share(fate, inflations, markov=(state,))
     return _Share("fast line: no state, as its integral stays bounded; to be removed at its source")

@@ -36,8 +36,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR, flicker_ladder
-from tuner.types import MarkovState
 
 PEAK_TIME = 1.89262
 """Cluster time of the Allan peak of a Gauss–Markov process ÷ its time constant."""
@@ -93,14 +93,14 @@ class Rule:
 
     formula: str
     worst_ratio: float
-    states: Callable[[FlickerView], tuple[MarkovState, ...]]
+    states: Callable[[FlickerView], tuple[GaussMarkov, ...]]
 
     def describe(self) -> str:
         """Say formula and price in one line."""
         return f"{self.formula}; true error up to {self.worst_ratio:g} × predicted in outages of 10 to 1000 s"
 
 
-def ladder(view: FlickerView) -> tuple[MarkovState, ...]:
+def ladder(view: FlickerView) -> tuple[GaussMarkov, ...]:
     """Return one state a decade, sd 0.856 B each, from the horizon down to the first below twice the corner.
 
     A state of time constant T < corner/3 lies below white noise at every frequency and could not be observed.
@@ -108,23 +108,23 @@ def ladder(view: FlickerView) -> tuple[MarkovState, ...]:
     shortest = min(max(2.0 * view.corner, view.interval), view.horizon)
     decades = math.ceil(math.log10(view.horizon / shortest))
     rungs = flicker_ladder(view.level, view.horizon / 10.0**decades, view.horizon, per_decade=1)
-    return tuple(MarkovState(rung.sd, rung.time_constant) for rung in rungs)
+    return tuple(GaussMarkov(rung.sd, rung.time_constant) for rung in rungs)
 
 
-def _peak(view: FlickerView) -> tuple[MarkovState, ...]:
-    return (MarkovState(ALLAN_FLOOR / PEAK_SD * view.level, view.minimum_tau / PEAK_TIME),)
+def _peak(view: FlickerView) -> tuple[GaussMarkov, ...]:
+    return (GaussMarkov(ALLAN_FLOOR / PEAK_SD * view.level, view.minimum_tau / PEAK_TIME),)
 
 
-def _level(view: FlickerView) -> tuple[MarkovState, ...]:
-    return (MarkovState(view.level, view.minimum_tau),)
+def _level(view: FlickerView) -> tuple[GaussMarkov, ...]:
+    return (GaussMarkov(view.level, view.minimum_tau),)
 
 
-def _minimum(view: FlickerView) -> tuple[MarkovState, ...]:
-    return (MarkovState(view.minimum, view.minimum_tau),)
+def _minimum(view: FlickerView) -> tuple[GaussMarkov, ...]:
+    return (GaussMarkov(view.minimum, view.minimum_tau),)
 
 
-def _wide(view: FlickerView) -> tuple[MarkovState, ...]:
-    return (MarkovState(1.5 * view.level, view.minimum_tau / 2.0),)
+def _wide(view: FlickerView) -> tuple[GaussMarkov, ...]:
+    return (GaussMarkov(1.5 * view.level, view.minimum_tau / 2.0),)
 
 
 RULES: Mapping[str, Rule] = MappingProxyType(
@@ -147,7 +147,7 @@ BOUND = "bound"
 """The rule that takes the upper end of every interval: ladder for flicker, `bounding_state` for the rest."""
 
 
-def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) -> MarkovState:
+def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) -> GaussMarkov:
     """Return the smallest single state whose spectrum lies above every spectrum of a box.
 
     Parameters
@@ -159,7 +159,7 @@ def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) 
 
     Returns
     -------
-    MarkovState
+    GaussMarkov
         A filter that uses it predicts, for any state or outage, at least the variance of any process in the
         box.
     """
@@ -167,4 +167,4 @@ def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) 
     if not 0.0 < low <= high < math.inf:
         msg = f"'time_constant' must be an interval of positive numbers, got {time_constant}"
         raise ValueError(msg)
-    return MarkovState(sd[1] * (high / low) ** 0.25, math.sqrt(low * high))
+    return GaussMarkov(sd[1] * (high / low) ** 0.25, math.sqrt(low * high))

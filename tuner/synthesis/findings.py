@@ -25,10 +25,11 @@ from tuner.identification.channel import identify_channel
 from tuner.types import (
     ChannelIdentification,
     Diagnosis,
+    Enlargement,
     FilterConfig,
     Finding,
     Identification,
-    Inflation,
+    Quantity,
     TermEstimate,
 )
 from tuner.types.records import IdentificationError, Record
@@ -150,7 +151,7 @@ def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:
     return f"; without: {', '.join(figures)}" if figures else ""
 
 
-def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Inflation, ...]:
+def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Enlargement, ...]:
     """Return the inflations that a configuration made from the same log still needs.
 
     Stretches of noise follow one another: of several inflations of a quantity for one reason the largest holds.
@@ -162,9 +163,9 @@ def settled_inflations(diagnosis: Diagnosis, config: FilterConfig) -> tuple[Infl
     config : FilterConfig
         Settings before any of these inflations.
     """
-    settled: dict[tuple[str, str], Inflation] = {}
+    settled: dict[tuple[Quantity, str], Enlargement] = {}
     for inflation in diagnosis.inflations:
-        axis, _, field = inflation.quantity.partition(".")
+        axis, field = inflation.quantity.owner, inflation.quantity.field
         if axis not in config.channels:
             continue
         factor = inflation.factor

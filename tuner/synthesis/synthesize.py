@@ -12,12 +12,13 @@ from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from models.noise import GaussMarkov
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import grade_identification
 from tuner.synthesis.axis import channel_noise
 from tuner.synthesis.bias_states import BOUND, RULES
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
-from tuner.types import ChannelNoise, FilterConfig, GnssNoise, Identification, Inflation, MarkovState
+from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
 from tuner.types.records import DataError
 
 AXES: Mapping[str, tuple[str, ...]] = {
@@ -35,7 +36,7 @@ def synthesize(
     complete: SensorGrade | None = None,
     gnss: GnssNoise | None = None,
     turn_on: Mapping[str, float] | None = None,
-    inflations: Sequence[Inflation] = (),
+    inflations: Sequence[Enlargement] = (),
     findings: Sequence[Mapping[str, Any]] = (),
     name: str = "",
     seed: int | None = None,
@@ -57,7 +58,7 @@ def synthesize(
     turn_on : mapping of str to float, optional
         Sd of the turn-on constant by axis, unit, such as from `turn_on_spread`; else taken from grade,
         datasheet or mean.
-    inflations : sequence of Inflation, optional
+    inflations : sequence of Enlargement, optional
         Enlargements that findings ask for, applied by `inflate`.
     findings : sequence of mapping, optional
         Findings carried along, as plain values.
@@ -111,14 +112,14 @@ def synthesize(
     return inflate(config, inflations)
 
 
-def inflate(config: FilterConfig, inflations: Sequence[Inflation]) -> FilterConfig:
+def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterConfig:
     """Return the configuration with figures enlarged, and the enlargements on record.
 
     Parameters
     ----------
     config : FilterConfig
         Settings.
-    inflations : sequence of Inflation
+    inflations : sequence of Enlargement
         Factors on ``AXIS.FIELD`` or ``SENSOR.FIELD`` with FIELD one of ``white_density``, ``markov`` (the
         sds), ``random_walk_density``, ``constant_sd``, ``ramp_sd``; or on ``gnss.position_sd``,
         ``gnss.velocity_sd``.
@@ -129,11 +130,11 @@ def inflate(config: FilterConfig, inflations: Sequence[Inflation]) -> FilterConf
         Where a factor names nothing in the configuration.
     """
     for inflation in inflations:
-        target, _, field = inflation.quantity.partition(".")
-        if target == "gnss" and config.gnss is not None and field in {"position_sd", "velocity_sd"}:
+        owner, field = inflation.quantity.owner, inflation.quantity.field
+        if owner == "gnss" and config.gnss is not None and field in {"position_sd", "velocity_sd"}:
             config = replace(config, gnss=_inflated_gnss(config.gnss, field, inflation.factor))
             continue
-        axes = [axis for axis in config.channels if target in {axis, axis.rpartition("_")[0]}]
+        axes = inflation.quantity.axes(config.channels)
         if not axes or field not in _INFLATABLE:
             allowed = ", ".join(_INFLATABLE)
             msg = f"inflation of '{inflation.quantity}': expected an axis or sensor and one of {allowed}"
@@ -155,7 +156,7 @@ def _inflated_gnss(gnss: GnssNoise, field: str, factor: float) -> GnssNoise:
 def _enlarged(channel: ChannelNoise, field: str, factor: float) -> ChannelNoise:
     if field == "markov":
         return replace(
-            channel, markov=tuple(MarkovState(factor * s.sd, s.time_constant) for s in channel.markov)
+            channel, markov=tuple(GaussMarkov(factor * s.sd, s.time_constant) for s in channel.markov)
         )
     return replace(channel, **{field: factor * getattr(channel, field)})
 

@@ -11,19 +11,17 @@ from tuner.types.config import (
     ChannelNoise,
     FilterConfig,
     GnssNoise,
-    Inflation,
     InitialUncertainty,
-    MarkovState,
 )
 from tuner.types.curves import AllanCurve, Correlogram, Spectrum
 from tuner.types.diagnosis import (
     Alternative,
-    Demand,
     Diagnosis,
     DriveDiagnosis,
     Finding,
     Gain,
     Inseparable,
+    NoiseScaleEstimate,
     Unexplained,
 )
 from tuner.types.identification import (
@@ -35,20 +33,24 @@ from tuner.types.identification import (
     PooledCoefficient,
     TermEstimate,
 )
+from tuner.types.inflation import AppliedNoiseScale, BoundUsed, Enlargement, Inflation
+from tuner.types.quantity import Quantity
 
 __all__ = [
     "LEVEL",
     "AllanCurve",
     "Alternative",
+    "AppliedNoiseScale",
     "ArmaFit",
+    "BoundUsed",
     "Candidate",
     "ChannelIdentification",
     "ChannelNoise",
     "Coefficient",
     "Correlogram",
-    "Demand",
     "Diagnosis",
     "DriveDiagnosis",
+    "Enlargement",
     "FilterConfig",
     "Finding",
     "Gain",
@@ -57,9 +59,10 @@ __all__ = [
     "Inflation",
     "InitialUncertainty",
     "Inseparable",
-    "MarkovState",
+    "NoiseScaleEstimate",
     "PooledChannel",
     "PooledCoefficient",
+    "Quantity",
     "Spectrum",
     "TermEstimate",
     "Unexplained",

@@ -1,4 +1,4 @@
-"""What a navigation filter is told: densities, Gauss–Markov states, first uncertainties, fixes."""
+"""The settings of a navigation filter: noise densities, Gauss–Markov states, initial uncertainties, GNSS errors."""
 
 from __future__ import annotations
 
@@ -7,36 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
+from models.noise import GaussMarkov
 from tuner.types.identification import TermEstimate
-
-
-@dataclass(frozen=True)
-class MarkovState:
-    """A first-order Gauss–Markov bias state: stationary sd and time constant, s."""
-
-    sd: float
-    time_constant: float
-
-    @property
-    def driving_density(self) -> float:
-        """White density that drives the state, sd·√(2/T), unit/√s."""
-        return float(self.sd * np.sqrt(2.0 / self.time_constant))
-
-
-@dataclass(frozen=True)
-class Inflation:
-    """A number that was enlarged: by how much, and why.
-
-    `interval` is the 95 % interval of the factor that a drive asks for, `causes` what accounts for it, where known.
-    """
-
-    quantity: str
-    factor: float
-    reason: str
-    interval: tuple[float, float] | None = None
-    causes: tuple[str, ...] = ()
+from tuner.types.inflation import Inflation
 
 
 @dataclass(frozen=True)
@@ -49,7 +22,7 @@ class ChannelNoise:
         Channel and unit of its samples.
     white_density : float
         unit/√Hz.
-    markov : tuple of MarkovState
+    markov : tuple of GaussMarkov
         Gauss–Markov bias states (a ladder stands for flicker).
     random_walk_density : float
         Drive of the bias random walk, unit/√s; 0 where there is none.
@@ -66,7 +39,7 @@ class ChannelNoise:
     axis: str
     unit: str
     white_density: float
-    markov: tuple[MarkovState, ...]
+    markov: tuple[GaussMarkov, ...]
     random_walk_density: float
     constant_sd: float
     ramp_sd: float = 0.0
@@ -86,7 +59,7 @@ class GnssNoise:
     velocity_sd: tuple[float, float, float] | None
     interval: float
     gate: float
-    correlated: tuple[MarkovState, ...] = ()
+    correlated: tuple[GaussMarkov, ...] = ()
     reference: str = ""
     correlated_down: float = 1.0
 

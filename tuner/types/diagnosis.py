@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel
 from tuner.types.coefficient import Coefficient
-from tuner.types.config import FilterConfig, Inflation
+from tuner.types.config import FilterConfig
+from tuner.types.inflation import Enlargement
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ class Finding:
         What that is worth.
     alternatives : tuple of Alternative
         Causes within 3 nats.
-    inflations : tuple of Inflation
+    inflations : tuple of Enlargement
         Settings to be enlarged for it.
     by_channel : mapping of str to mapping
         Parameters of every channel.
@@ -98,7 +99,7 @@ class Finding:
     extension: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     gain: Gain | None = None
     alternatives: tuple[Alternative, ...] = ()
-    inflations: tuple[Inflation, ...] = ()
+    inflations: tuple[Enlargement, ...] = ()
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
     replicates: FloatArray | None = None
 
@@ -154,7 +155,7 @@ class Diagnosis:
         return not self.findings and not self.unexplained
 
     @property
-    def inflations(self) -> tuple[Inflation, ...]:
+    def inflations(self) -> tuple[Enlargement, ...]:
         """Settings of a filter to be enlarged."""
         return tuple(inflation for finding in self.findings for inflation in finding.inflations)
 
@@ -168,12 +169,12 @@ class Inseparable:
 
 
 @dataclass(frozen=True)
-class Demand:
-    """What a drive asks of one setting of the filter, before and after its causes are named.
+class NoiseScaleEstimate:
+    """True ÷ stated size of one noise setting as a drive shows it, without and with the findings in the filter.
 
     Attributes
     ----------
-    quantity : str
+    setting : str
         ``gyro_white``, ``accel_white``, ``gyro_bias``, ``accel_bias``, ``position`` or ``velocity``.
     stated : float or None
         What the static identification (or the receiver) says, root mean square over the axes, SI; None where the
@@ -181,18 +182,18 @@ class Demand:
     unit : str
         Of `stated`.
     plain : Coefficient
-        Factor on it that the drive asks for with nothing named.
+        Factor on it with nothing named.
     named : Coefficient
         The same with all findings in the filter.
     causes : tuple of str
-        Codes of what accounts for the factor, ``unknown`` for what nothing does; empty where nothing is asked.
+        Codes of what accounts for the factor, ``unknown`` for what nothing does; empty where the factor may be 1.
     identifiable : bool
-        Whether the drive tells the factor at all.
+        Whether the drive determines the factor at all.
     text : str
         All that in words.
     """
 
-    quantity: str
+    setting: str
     stated: float | None
     unit: str
     plain: Coefficient
@@ -221,8 +222,8 @@ class DriveDiagnosis:
         What was done, and what is worth knowing.
     gain : Gain or None
         All findings together on the last 40 % of the drive, parameters from the first 60 %.
-    demands : tuple of Demand
-        Inflation of each noise setting, explained.
+    noise_scales : tuple of NoiseScaleEstimate
+        Factor on each noise setting, with its causes.
     """
 
     findings: tuple[Finding, ...]
@@ -232,7 +233,7 @@ class DriveDiagnosis:
     inseparable: tuple[Inseparable, ...] = ()
     notes: tuple[str, ...] = ()
     gain: Gain | None = None
-    demands: tuple[Demand, ...] = ()
+    noise_scales: tuple[NoiseScaleEstimate, ...] = ()
 
     @property
     def quiet(self) -> bool:

@@ -182,7 +182,7 @@ def test_gauss_markov_entries_are_terms() -> None:
     entry = "  gauss_markov:\n    - {sd: {value: 3, unit: deg/h}, time_constant: {value: 2, unit: min}}\n"
     grade = parse_sheet(SHEET.replace("accel:\n", entry + "accel:\n"), source="mine.yaml")
     (state,) = grade.gyro.gauss_markov
-    assert (state.sd, state.time_constant) == pytest.approx((3.0 * DEG_PER_HOUR, 120.0))
+    assert (state.value.sd, state.value.time_constant) == pytest.approx((3.0 * DEG_PER_HOUR, 120.0))
     config = synthesize(grade_identification(grade))
     assert config.channels["gyro_x"].markov[-1].time_constant == pytest.approx(120.0)
 

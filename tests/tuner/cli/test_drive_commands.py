@@ -21,7 +21,7 @@ from tuner.formats.logs import write_drive
 from tuner.report.drive_tables import drive_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
-from tuner.types import Coefficient, Demand, DriveDiagnosis, Gain, Inflation
+from tuner.types import AppliedNoiseScale, Coefficient, DriveDiagnosis, Gain, NoiseScaleEstimate, Quantity
 
 DELAY = 0.15
 SETTINGS = ["gyro_white", "accel_white", "gyro_bias", "accel_bias", "position", "velocity"]
@@ -102,7 +102,7 @@ def test_every_setting_has_its_inflation_explained(found):
 def test_tune_writes_one_configuration_with_reasons(tuned):
     config = native.load(tuned / "noise.yaml")
     assert config.compensation["time_offset.delay"] == pytest.approx(DELAY, abs=0.03)
-    told = [i for i in config.inflations if i.quantity in ("gnss.position_sd", "gnss.velocity_sd")]
+    told = [i for i in config.inflations if i.quantity.owner == "gnss" and isinstance(i, AppliedNoiseScale)]
     assert len(told) == 2
     assert all(i.reason for i in told)
     assert native.loads(native.dumps(config)) == config
@@ -198,17 +198,17 @@ def test_a_coarse_lattice_sets_the_least_noise(drive):
     assert standing(coarse).white["gyro"] >= 0.99 * rounding
 
 
-def test_demands_are_said_in_words():
+def test_noise_scales_are_put_in_words():
     one, three = Coefficient.known(1.0, 0.9, 1.1, "1"), Coefficient.known(3.0, 2.5, 3.6, "1")
     bound = Coefficient.bounded(2.0, "1", "indistinguishable")
     assert may_be_one(one)
     assert may_be_one(bound)
     assert not may_be_one(three)
-    demand = Demand("gyro_white", 1e-3, "rad/s/√Hz", three, one, ("time_offset",), True, "")
-    assert "once time offset is named" in words(demand)
-    assert "no known cause" in words(replace(demand, named=three, causes=("unknown",)))
-    assert "not identifiable" in words(replace(demand, identifiable=False, causes=()))
-    assert "times as noisy moving" in words(replace(demand, named=three, causes=("vibration",)), 3.2)
+    estimate = NoiseScaleEstimate("gyro_white", 1e-3, "rad/s/√Hz", three, one, ("time_offset",), True, "")
+    assert "once time offset is named" in words(estimate)
+    assert "no known cause" in words(replace(estimate, named=three, causes=("unknown",)))
+    assert "not identifiable" in words(replace(estimate, identifiable=False, causes=()))
+    assert "times as noisy moving" in words(replace(estimate, named=three, causes=("vibration",)), 3.2)
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
@@ -250,6 +250,8 @@ def test_a_measured_cart_with_the_clock_of_a_pc(tmp_path, capsys):
 
 def test_an_explained_inflation_survives_the_file(tuned):
     config = native.load(tuned / "noise.yaml")
-    more = Inflation("gyro.white_density", 2.0, "because", (1.5, 2.5), ("vibration", "unknown"))
+    more = AppliedNoiseScale(
+        Quantity("gyro", "white_density"), 2.0, "because", (1.5, 2.5), ("vibration", "unknown")
+    )
     whole = replace(config, inflations=(*config.inflations, more))
     assert native.loads(native.dumps(whole)) == whole

@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from models.noise import BiasInstability
+from models.noise import BiasInstability, GaussMarkov
 from models.noise.bias_instability import flicker_ladder
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
@@ -27,7 +27,6 @@ from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import Runs, resolution, scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.types import MarkovState
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 TRUTH = sensor_of_config(CONFIG)
@@ -40,7 +39,7 @@ def belief(*, q=1.0, r=1.0, memory=1.0, rungs=None, sensors=("gyro", "accel"), w
             c,
             white_density=c.white_density * np.sqrt(q * white),
             random_walk_density=c.random_walk_density * np.sqrt(q),
-            markov=tuple(MarkovState(m.sd * np.sqrt(q), m.time_constant * memory) for m in c.markov[:rungs]),
+            markov=tuple(GaussMarkov(m.sd * np.sqrt(q), m.time_constant * memory) for m in c.markov[:rungs]),
         )
         if axis.startswith(sensors)
         else c

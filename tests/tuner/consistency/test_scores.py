@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.noise import GaussMarkov
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
@@ -20,7 +21,6 @@ from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config, sensor_of_grade
 from tuner.simulation.monte_carlo import outage_windows, scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.types import MarkovState
 
 
 def test_few_groups_do_not_pretend():
@@ -51,7 +51,7 @@ def scaled(config, *, q=1.0, r=1.0, memory=1.0, rungs=None):
             c,
             white_density=c.white_density * np.sqrt(q),
             random_walk_density=c.random_walk_density * np.sqrt(q),
-            markov=tuple(MarkovState(m.sd * np.sqrt(q), m.time_constant * memory) for m in c.markov[:rungs]),
+            markov=tuple(GaussMarkov(m.sd * np.sqrt(q), m.time_constant * memory) for m in c.markov[:rungs]),
         )
         for axis, c in config.channels.items()
     }

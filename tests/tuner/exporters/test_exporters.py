@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 import yaml
 
+from models.noise import GaussMarkov
 from models.units import DEG
 from tuner.exporters import DIALECTS, export
 from tuner.synthesis import equivalent_random_walk
-from tuner.types import ChannelNoise, FilterConfig, GnssNoise, Inflation, InitialUncertainty, MarkovState
+from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, InitialUncertainty, Quantity
 from tuner.types.records import DataError
 
 DT = 0.01
@@ -30,7 +31,7 @@ N_ACCEL, S_ACCEL, B_ACCEL = 3e-3, 4e-4, 0.05
 
 
 def channel(axis: str, white: float, sd: float, constant: float, unit: str) -> ChannelNoise:
-    return ChannelNoise(axis, unit, white, (MarkovState(sd, TIME),), 0.0, constant)
+    return ChannelNoise(axis, unit, white, (GaussMarkov(sd, TIME),), 0.0, constant)
 
 
 def make(*, spread: float = 0.0) -> FilterConfig:
@@ -43,7 +44,7 @@ def make(*, spread: float = 0.0) -> FilterConfig:
         {c.axis: c for c in (*gyro, *accel)},
         InitialUncertainty(1.0, 0.1, 0.005, 0.1),
         GnssNoise((1.0, 1.0, 2.0), None, 1.0, 5.0),
-        inflations=(Inflation("gyro_x.white.density", 1.5, "vibration"),),
+        inflations=(Enlargement(Quantity("gyro_x", "white.density"), 1.5, "vibration"),),
     )
 
 
@@ -155,7 +156,7 @@ def test_kf_gins_gets_the_sds_of_the_start() -> None:
 
 def test_kf_gins_refits_at_its_time_constant() -> None:
     mixed = dict(CONFIG.channels)
-    mixed["gyro_x"] = replace(mixed["gyro_x"], markov=(MarkovState(S_GYRO, 100.0),))
+    mixed["gyro_x"] = replace(mixed["gyro_x"], markov=(GaussMarkov(S_GYRO, 100.0),))
     noise = entries("kf-gins", replace(CONFIG, channels=mixed))["imunoise"]
     sd = noise["gbstd"][0] * DEG / 3600.0
     assert sd**2 * -math.expm1(-MEMORY / TIME) == near(S_GYRO**2 * -math.expm1(-MEMORY / 100.0))

@@ -10,18 +10,21 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from models.noise import GaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.formats import native
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis import synthesize
 from tuner.types import (
+    AppliedNoiseScale,
+    BoundUsed,
     ChannelNoise,
     Coefficient,
+    Enlargement,
     FilterConfig,
     GnssNoise,
-    Inflation,
     InitialUncertainty,
-    MarkovState,
+    Quantity,
     TermEstimate,
 )
 from tuner.types.records import DataError
@@ -35,7 +38,7 @@ plain = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
     max_leaves=8,
 )
-markov = st.lists(st.builds(MarkovState, sizes, positive), max_size=3).map(tuple)
+markov = st.lists(st.builds(GaussMarkov, positive, positive), max_size=3).map(tuple)
 coefficients = st.builds(
     Coefficient,
     st.none() | numbers,
@@ -71,6 +74,17 @@ def channels(draw: st.DrawFn) -> dict[str, ChannelNoise]:
     }
 
 
+quantities = st.builds(
+    Quantity,
+    st.sampled_from(["gyro_x", "accel", "gnss"]),
+    st.sampled_from(["white_density", "white.density", "position_sd"]),
+)
+codes = st.lists(texts, max_size=2).map(tuple)
+inflations = (
+    st.builds(BoundUsed, quantities, numbers, texts)
+    | st.builds(Enlargement, quantities, numbers, texts, codes)
+    | st.builds(AppliedNoiseScale, quantities, numbers, texts, st.none() | st.tuples(numbers, numbers), codes)
+)
 triples = st.tuples(sizes, sizes, sizes)
 configs = st.builds(
     FilterConfig,
@@ -79,7 +93,7 @@ configs = st.builds(
     channels(),
     st.builds(InitialUncertainty, sizes, sizes, sizes, sizes, reasons),
     st.none() | st.builds(GnssNoise, triples, st.none() | triples, positive, positive, markov, texts),
-    st.lists(st.builds(Inflation, texts, numbers, texts), max_size=2).map(tuple),
+    st.lists(inflations, max_size=3).map(tuple),
     mappings,
     st.lists(texts, max_size=2).map(tuple),
     st.lists(mappings, max_size=2).map(tuple),
@@ -103,6 +117,33 @@ def test_an_interval_without_an_upper_end_is_read_back() -> None:
     channel = replace(config.channels["gyro_z"], identified=(term,))
     config = replace(config, channels={**config.channels, "gyro_z": channel})
     assert native.loads(native.dumps(config)).channels["gyro_z"] == channel
+
+
+OLD_INFLATIONS = """inflations:
+  - {quantity: gyro_x.white.density, factor: 0.5, reason: "bounded: half of the 95 % upper limit (x)"}
+  - {quantity: gyro_x.white_density, factor: 2.5, reason: "burst: the noise while it lasts"}
+  - {quantity: gyro.markov, factor: 1.0, interval: [1.2, 1.6], causes: [unknown], reason: as the drive says}
+  - {quantity: gnss.position_sd, factor: 1.0, reason: not identifiable}
+"""
+
+
+def test_inflations_of_files_without_their_kind_are_told_apart() -> None:
+    text = native.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
+    bound, larger, drive, unknown = native.loads(text).inflations
+    assert bound == BoundUsed(Quantity("gyro_x", "white.density"), 0.5, bound.reason)
+    assert larger == Enlargement(Quantity("gyro_x", "white_density"), 2.5, larger.reason)
+    assert drive == AppliedNoiseScale(Quantity("gyro", "markov"), 1.0, drive.reason, (1.2, 1.6), ("unknown",))
+    assert unknown == AppliedNoiseScale(Quantity("gnss", "position_sd"), 1.0, "not identifiable")
+
+
+def test_an_inflation_that_names_no_quantity_is_refused() -> None:
+    text = native.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
+    with pytest.raises(DataError, match=r"inflations\[2\]\.quantity: expected .*OWNER\.FIELD"):
+        native.loads(text.replace("gyro.markov", "gyro"))
+    with pytest.raises(DataError, match=r"inflations\[0\]\.kind: expected one of bound_used"):
+        native.loads(
+            text.replace("{quantity: gyro_x.white.density,", "{quantity: gyro_x.white.density, kind: x,")
+        )
 
 
 def test_text_speaks_customary_units_and_names_its_format() -> None:

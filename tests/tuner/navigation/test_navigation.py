@@ -10,6 +10,7 @@ import pytest
 from models import rotation
 from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
+from models.noise import GaussMarkov
 from models.state_layout import OPTIONAL
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
@@ -21,7 +22,6 @@ from tuner.navigation.settings import chi2_gate, filter_settings, total_bias
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
-from tuner.types import MarkovState
 from tuner.types.records import DataError
 
 LEVER = (0.3, -0.2, -1.0)
@@ -41,7 +41,7 @@ def plain(config):
 
 def ramped(config):
     channels = {
-        axis: replace(c, ramp_sd=1e-3 * c.constant_sd, markov=(MarkovState(c.constant_sd, 0.05),))
+        axis: replace(c, ramp_sd=1e-3 * c.constant_sd, markov=(GaussMarkov(c.constant_sd, 0.05),))
         for axis, c in config.channels.items()
     }
     return replace(config, channels=channels)

@@ -15,13 +15,13 @@ import pytest
 import yaml
 
 from models import rotation
+from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import kf_gins
 from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
 from tuner.readers.drive import read_drive
-from tuner.types import MarkovState
 from tuner.types.records import DataError
 
 REQUIRED = (
@@ -218,7 +218,7 @@ def test_increments_carry_the_start_along_the_truth(written):
 
 def test_correlated_errors_that_the_settings_cannot_say_are_told(configuration, file, tmp_path):
     config = configuration()
-    correlated = replace(config.gnss, correlated=(MarkovState(1.0, 100.0),))
+    correlated = replace(config.gnss, correlated=(GaussMarkov(1.0, 100.0),))
     notes = write_drive(read_drive(file), replace(config, gnss=correlated), tmp_path / "k.yaml")
     assert any("correlated" in note for note in notes)
     assert not any(

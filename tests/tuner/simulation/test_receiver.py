@@ -13,6 +13,7 @@ import pytest
 
 from models.earth import ned_between
 from models.measurements import perfect_fixes
+from models.noise import GaussMarkov
 from models.trajectory.catalogue import city
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.consistency.check import check
@@ -22,10 +23,10 @@ from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.simulation.receiver import draw_fix_errors, reported_sd
 from tuner.synthesis import synthesize
-from tuner.types import GnssNoise, MarkovState
+from tuner.types import GnssNoise
 
 DOWN = 2.0
-SHORT = MarkovState(3.0, 4.0)
+SHORT = GaussMarkov(3.0, 4.0)
 """A process that forgets within some fixes, so that 600 of them tell its sd."""
 RECEIVER = GnssNoise((0.2, 0.2, 0.3), (0.05, 0.05, 0.1), 1.0, 5.0, (SHORT,), correlated_down=DOWN)
 

@@ -19,7 +19,7 @@ from tuner.synthesis import (
     structure_function,
 )
 from tuner.synthesis.bias_states import FlickerView
-from tuner.types import ChannelNoise, MarkovState
+from tuner.types import ChannelNoise
 
 VIEW = FlickerView(
     level=2.4e-5, density=4.4e-5, minimum=1.6e-5, minimum_tau=600.0, horizon=1000.0, interval=0.01
@@ -75,9 +75,9 @@ def test_peak_rule_matches_height_and_place_of_the_allan_minimum() -> None:
 
 
 def test_single_state_rules_are_what_they_say() -> None:
-    assert RULES["level"].states(VIEW) == (MarkovState(VIEW.level, 600.0),)
-    assert RULES["minimum"].states(VIEW) == (MarkovState(VIEW.minimum, 600.0),)
-    assert RULES["wide"].states(VIEW) == (MarkovState(1.5 * VIEW.level, 300.0),)
+    assert RULES["level"].states(VIEW) == (GaussMarkov(VIEW.level, 600.0),)
+    assert RULES["minimum"].states(VIEW) == (GaussMarkov(VIEW.minimum, 600.0),)
+    assert RULES["wide"].states(VIEW) == (GaussMarkov(1.5 * VIEW.level, 300.0),)
     worst = [rule.worst_ratio for rule in RULES.values()]
     assert worst == sorted(worst)
 
@@ -89,20 +89,20 @@ BOX_SD = (0.7, 1.3)
 BOX_TIME = (40.0, 250.0)
 
 
-def box() -> list[MarkovState]:
-    return [MarkovState(s, t) for s in np.linspace(*BOX_SD, 4) for t in np.geomspace(*BOX_TIME, 9)]
+def box() -> list[GaussMarkov]:
+    return [GaussMarkov(s, t) for s in np.linspace(*BOX_SD, 4) for t in np.geomspace(*BOX_TIME, 9)]
 
 
-def spectrum(state: MarkovState, f: np.ndarray) -> np.ndarray:
+def spectrum(state: GaussMarkov, f: np.ndarray) -> np.ndarray:
     return 2.0 * state.sd**2 * state.time_constant / (1.0 + (2.0 * np.pi * f * state.time_constant) ** 2)
 
 
-def integral_variance(state: MarkovState, t: np.ndarray) -> np.ndarray:
+def integral_variance(state: GaussMarkov, t: np.ndarray) -> np.ndarray:
     x = t / state.time_constant
     return 2.0 * state.sd**2 * state.time_constant**2 * (x + np.expm1(-x))
 
 
-def growth(state: MarkovState, t: np.ndarray) -> np.ndarray:
+def growth(state: GaussMarkov, t: np.ndarray) -> np.ndarray:
     return -2.0 * state.sd**2 * np.expm1(-t / state.time_constant)
 
 
@@ -121,7 +121,7 @@ def test_bounding_state_dominates_as_a_covariance() -> None:
     t = np.linspace(0.0, 1000.0, 120)
     lag = np.abs(t[:, None] - t[None, :])
 
-    def covariance(state: MarkovState) -> np.ndarray:
+    def covariance(state: GaussMarkov) -> np.ndarray:
         return state.sd**2 * np.exp(-lag / state.time_constant)
 
     for state in box():
@@ -132,13 +132,13 @@ def test_no_smaller_single_state_bounds_the_box() -> None:
     bound = bounding_state(BOX_SD, BOX_TIME)
     f = np.geomspace(1e-6, 10.0, 400)
     for time in np.geomspace(5.0, 2000.0, 60):
-        candidate = MarkovState(0.99 * bound.sd, time)
+        candidate = GaussMarkov(0.99 * bound.sd, time)
         assert any(np.any(spectrum(candidate, f) < spectrum(state, f)) for state in box())
 
 
 def test_each_corner_of_the_box_alone_fails() -> None:
     """(sd_hi, T_lo) bounds the growth of the bias at every lag, but not its integral."""
-    short, long = MarkovState(BOX_SD[1], BOX_TIME[0]), MarkovState(BOX_SD[1], BOX_TIME[1])
+    short, long = GaussMarkov(BOX_SD[1], BOX_TIME[0]), GaussMarkov(BOX_SD[1], BOX_TIME[1])
     lag = np.geomspace(1e-2, 1000.0, 400)
     assert all(np.all(growth(short, lag) >= growth(state, lag) * (1.0 - 1e-12)) for state in box())
     assert np.any(integral_variance(short, lag) < integral_variance(long, lag))
@@ -146,24 +146,24 @@ def test_each_corner_of_the_box_alone_fails() -> None:
 
 
 def test_bounding_state_of_a_point_is_the_point() -> None:
-    assert bounding_state((1.0, 2.0), (50.0, 50.0)) == MarkovState(2.0, 50.0)
+    assert bounding_state((1.0, 2.0), (50.0, 50.0)) == GaussMarkov(2.0, 50.0)
     with pytest.raises(ValueError, match="time_constant"):
         bounding_state((1.0, 2.0), (0.0, 50.0))
 
 
 def test_equivalents_wander_as_far_over_the_memory() -> None:
-    rich = channel(markov=(MarkovState(2e-5, 10.0), MarkovState(1e-5, 1000.0)), random_walk_density=1e-7)
+    rich = channel(markov=(GaussMarkov(2e-5, 10.0), GaussMarkov(1e-5, 1000.0)), random_walk_density=1e-7)
     for memory in (10.0, 100.0, 1000.0):
         wander = structure_function(rich, memory)
         walk = channel(random_walk_density=equivalent_random_walk(rich, memory=memory))
-        single = channel(markov=(MarkovState(equivalent_markov_sd(rich, 300.0, memory=memory), 300.0),))
+        single = channel(markov=(GaussMarkov(equivalent_markov_sd(rich, 300.0, memory=memory), 300.0),))
         assert structure_function(walk, memory) == pytest.approx(wander, rel=1e-12)
         assert structure_function(single, memory) == pytest.approx(wander, rel=1e-12)
 
 
 def test_equivalents_keep_what_needs_no_conversion() -> None:
     assert equivalent_random_walk(channel(random_walk_density=3e-7), memory=50.0) == pytest.approx(3e-7)
-    one = channel(markov=(MarkovState(2e-5, 300.0),))
+    one = channel(markov=(GaussMarkov(2e-5, 300.0),))
     assert equivalent_markov_sd(one, 300.0) == pytest.approx(2e-5)
     # τ ≪ T: K² = 2σ²/T
     assert equivalent_random_walk(one, memory=0.01) == pytest.approx(one.markov[0].driving_density, rel=1e-4)
@@ -178,7 +178,7 @@ def test_equivalent_walk_of_a_still_bias_is_small_and_positive() -> None:
 
 def test_step_noise_has_the_closed_forms() -> None:
     sd, time, walk, white = 2e-3, 50.0, 3e-5, 1e-2
-    noise = channel(white_density=white, markov=(MarkovState(sd, time),), random_walk_density=walk)
+    noise = channel(white_density=white, markov=(GaussMarkov(sd, time),), random_walk_density=walk)
     assert axis_states(noise) == ("integral", "markov_1", "bias")
     for step in (0.01, 1.0, 100.0, 1000.0 * time):
         phi = math.exp(-step / time)
@@ -199,7 +199,7 @@ def test_step_noise_has_the_closed_forms() -> None:
 
 def test_axis_system_has_the_densities_on_its_diagonal() -> None:
     noise = channel(
-        markov=(MarkovState(2e-3, 50.0), MarkovState(1e-3, 5.0)), random_walk_density=3e-5, ramp_sd=1e-7
+        markov=(GaussMarkov(2e-3, 50.0), GaussMarkov(1e-3, 5.0)), random_walk_density=3e-5, ramp_sd=1e-7
     )
     system = axis_system(noise)
     assert axis_states(noise) == ("integral", "markov_1", "markov_2", "bias", "bias_rate")

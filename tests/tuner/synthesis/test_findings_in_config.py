@@ -13,7 +13,7 @@ from tuner.identification import identify
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.findings import agreed, findings_for_config, judge_hidden, settled_inflations
-from tuner.types import Coefficient, Diagnosis, Finding, Inflation
+from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
 
@@ -88,7 +88,7 @@ def test_an_inflation_is_measured_by_what_the_filter_believes_already():
     _, base = identified()
     config = synthesize(base)
     believed = config.channels["gyro_x"].white_density
-    inflation = Inflation("gyro_x.white_density", 1.5, "lowpass: white density at the plateau")
+    inflation = Enlargement(Quantity("gyro_x", "white_density"), 1.5, "lowpass: white density at the plateau")
     for first, wanted in ((NoiseModel([White(believed)]), 1.5), (NoiseModel([White(believed / 1.5)]), None)):
         found = Diagnosis((finding("lowpass", (inflation,), cutoff=25.0),), base={"gyro_x": first})
         settled = settled_inflations(found, config)
@@ -102,7 +102,9 @@ def test_bursts_one_after_another_do_not_multiply():
     config = synthesize(base)
     believed = config.channels["gyro_x"].white_density
     why = "burst: the noise while it lasts"
-    bursts = tuple(Inflation("gyro_x.white_density", factor, why) for factor in (2.0, 3.0, 2.5))
+    bursts = tuple(
+        Enlargement(Quantity("gyro_x", "white_density"), factor, why) for factor in (2.0, 3.0, 2.5)
+    )
     found = Diagnosis(tuple(finding("burst", (one,), duration=10.0) for one in bursts))
     after = inflate(config, settled_inflations(found, config))
     assert after.channels["gyro_x"].white_density == pytest.approx(3.0 * believed)

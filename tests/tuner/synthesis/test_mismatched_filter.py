@@ -16,13 +16,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from models.noise import GaussMarkov
 from models.noise.arma import Arma
 from models.noise.bias_instability import flicker_ladder
 from models.units import DEG, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, MICRO_G
 from tuner.synthesis import RULES
 from tuner.synthesis.bias_states import FlickerView
 from tuner.synthesis.mismatched_filter import axis, outage_errors, shaped
-from tuner.types import ChannelNoise, MarkovState
+from tuner.types import ChannelNoise
 
 MINIMUM_TAU = 600.0
 OUTAGES = (10.0, 60.0, 300.0, 1000.0)
@@ -37,7 +38,7 @@ class Case(NamedTuple):
     measured: float
     integrals: int
 
-    def noise(self, markov: tuple[MarkovState, ...]) -> ChannelNoise:
+    def noise(self, markov: tuple[GaussMarkov, ...]) -> ChannelNoise:
         walk = math.sqrt(3.0) * self.white / MINIMUM_TAU
         return ChannelNoise("gyro_x", "rad/s", self.white, markov, walk, constant_sd=self.constant)
 
@@ -59,7 +60,7 @@ def errors(case: str, rule: str) -> tuple[NDArray[np.float64], NDArray[np.float6
     """Return true rms and predicted sd after each outage, of a rule, of no states, or of the truth itself."""
     own = CASES[case]
     fine = tuple(
-        MarkovState(g.sd, g.time_constant) for g in flicker_ladder(own.level, 0.3, 1e7, per_decade=3)
+        GaussMarkov(g.sd, g.time_constant) for g in flicker_ladder(own.level, 0.3, 1e7, per_decade=3)
     )
     states = fine if rule == "truth" else () if rule == "none" else RULES[rule].states(own.view())
     truth, believed = (axis(own.noise(s), integrals=own.integrals) for s in (fine, states))

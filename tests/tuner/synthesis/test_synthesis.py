@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from models.earth import EARTH_RATE
-from models.noise import NoiseModel, White
+from models.noise import GaussMarkov, NoiseModel, White
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
 from tuner.synthesis.initial_covariance import GRAVITY_SPREAD
 from tuner.types import (
     AllanCurve,
     ArmaFit,
+    BoundUsed,
     ChannelIdentification,
     Coefficient,
+    Enlargement,
     Identification,
-    Inflation,
-    MarkovState,
+    Quantity,
     TermEstimate,
 )
 from tuner.types.records import DataError
@@ -106,12 +107,13 @@ def test_bounded_terms_enter_with_half_their_limit_and_say_so() -> None:
     assert noise.white_density == pytest.approx(1e-4)
     assert noise.random_walk_density == pytest.approx(3e-7)
     assert noise.markov[0].sd == pytest.approx(math.sqrt(math.log(10.0) / math.pi) * 2e-5)
-    assert {i.quantity for i in config.inflations} == {
+    assert {str(i.quantity) for i in config.inflations} == {
         "gyro_x.white.density",
         "gyro_x.bias_instability.level",
         "gyro_x.random_walk.density",
     }
-    assert all(i.factor == 0.5 and i.reason.startswith("bounded") for i in config.inflations)
+    assert all(isinstance(i, BoundUsed) and i.factor == 0.5 for i in config.inflations)
+    assert all(i.reason.startswith("bounded") for i in config.inflations)
 
 
 def test_white_density_comes_from_the_curve_where_no_term_tells_it() -> None:
@@ -140,7 +142,7 @@ def test_rule_bound_takes_upper_ends_and_the_bounding_state() -> None:
     assert noise.white_density == pytest.approx(1.1e-4)
     assert noise.random_walk_density == pytest.approx(1.1e-7)
     assert noise.markov == (bounding_state((1.6e-5, 2.4e-5), (40.0, 160.0)),)
-    assert all(i.factor >= 1.0 for i in config.inflations)
+    assert all(isinstance(i, Enlargement) and i.factor >= 1.0 for i in config.inflations)
 
 
 def test_ramp_is_a_state_where_present_and_a_bound_where_harmless() -> None:
@@ -254,7 +256,7 @@ def test_initial_position_sd_is_that_of_the_worst_axis_of_a_fix():
     receiver = replace(
         load_gnss("spp"),
         position_sd=(2.0, 2.0, 1.5),
-        correlated=(MarkovState(1.0, 100.0),),
+        correlated=(GaussMarkov(1.0, 100.0),),
         correlated_down=3.0,
     )
     config = synthesize(grade_identification(load_grade("stim300")), gnss=receiver)
@@ -274,9 +276,9 @@ def test_tilt_and_heading_follow_from_the_sensors() -> None:
 def test_inflation_scales_and_is_recorded() -> None:
     config = synthesize(grade_identification(load_grade("stim300")), gnss=load_gnss("rtk"))
     wanted = (
-        Inflation("gyro.white_density", 3.0, "vibration"),
-        Inflation("accel_z.markov", 2.0, "temperature"),
-        Inflation("gnss.position_sd", 4.0, "reported too small"),
+        Enlargement(Quantity("gyro", "white_density"), 3.0, "vibration"),
+        Enlargement(Quantity("accel_z", "markov"), 2.0, "temperature"),
+        Enlargement(Quantity("gnss", "position_sd"), 4.0, "reported too small"),
     )
     changed = inflate(config, wanted)
     assert changed.channels["gyro_y"].white_density == 3.0 * config.channels["gyro_y"].white_density
@@ -285,7 +287,7 @@ def test_inflation_scales_and_is_recorded() -> None:
     assert changed.gnss.position_sd == pytest.approx((0.08, 0.08, 0.12))
     assert changed.inflations == (*config.inflations, *wanted)
     with pytest.raises(DataError, match="expected an axis"):
-        inflate(config, [Inflation("gyro.colour", 2.0, "")])
+        inflate(config, [Enlargement(Quantity("gyro", "colour"), 2.0, "")])
 
 
 def test_provenance_is_plain_and_complete() -> None:

@@ -156,4 +156,4 @@ def examined_drive(
     examined = examine_drive(drive, config, wheels=wheels, progress=messages.say)
     messages.say("explaining what the drive asks of each noise setting")
     asked = estimate_noise_scales(examined, standing(drive).vibration)
-    return replace(examined, diagnosis=replace(examined.diagnosis, demands=asked))
+    return replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=asked))

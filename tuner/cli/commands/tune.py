@@ -19,6 +19,7 @@ from tuner.cli.commands.inputs import (
 )
 from tuner.cli.commands.options import Finite, Output, Reading, common, reading, term_list
 from tuner.cli.progress import Messages
+from tuner.types import BoundUsed, Enlargement
 from tuner.types.records import DataError
 
 if TYPE_CHECKING:
@@ -266,14 +267,13 @@ def _summary(
     directory: Path, config: FilterConfig, found: Identification, absent: Mapping[str, str]
 ) -> list[str]:
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
-    bounded = [i.quantity for i in config.inflations if i.reason.startswith("bounded")]
-    drawn = {i.quantity for i in config.inflations if i.interval is not None or i.factor == 1.0}
+    bounded = [str(i.quantity) for i in config.inflations if isinstance(i, BoundUsed)]
     if bounded:
         lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")
     lines += [
         f"  {i.quantity} × {i.factor:.4g}: {i.reason}"
         for i in config.inflations
-        if i.quantity not in {*bounded, *drawn}
+        if isinstance(i, Enlargement)
     ]
     lines += [f"  {note}" for note in config.notes if note not in found.notes]
     return lines + [f"  no {part}: {reason}" for part, reason in absent.items()]

@@ -12,21 +12,21 @@ from dataclasses import replace
 
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.noise_scale_estimates import assumed_over_stated, stated_value
-from tuner.types import Demand, FilterConfig, Inflation
+from tuner.types import AppliedNoiseScale, FilterConfig, NoiseScaleEstimate, Quantity
 
 NO_GAIN_NOTE = (
     "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
 )
 """Note of a configuration that takes nothing over."""
-QUANTITIES: Mapping[str, str] = {
-    "gyro_white": "gyro.white_density",
-    "accel_white": "accel.white_density",
-    "gyro_bias": "gyro.markov",
-    "accel_bias": "accel.markov",
-    "position": "gnss.position_sd",
-    "velocity": "gnss.velocity_sd",
+QUANTITIES: Mapping[str, Quantity] = {
+    "gyro_white": Quantity("gyro", "white_density"),
+    "accel_white": Quantity("accel", "white_density"),
+    "gyro_bias": Quantity("gyro", "markov"),
+    "accel_bias": Quantity("accel", "markov"),
+    "position": Quantity("gnss", "position_sd"),
+    "velocity": Quantity("gnss", "velocity_sd"),
 }
-"""Settings as an inflation names them."""
+"""Noise settings of the drive's fit as quantities of a configuration."""
 
 
 def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
@@ -34,10 +34,10 @@ def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
     found = examined.diagnosis
     chosen = found.after if found.credited else found.before
     told = tuple(
-        Inflation(
-            QUANTITIES[one.quantity], applied_factor(examined, one), one.text, one.plain.interval, one.causes
+        AppliedNoiseScale(
+            QUANTITIES[one.setting], applied_factor(examined, one), one.text, one.plain.interval, one.causes
         )
-        for one in found.demands
+        for one in found.noise_scales
     )
     return replace(
         chosen,
@@ -54,14 +54,14 @@ def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
     )
 
 
-def applied_factor(examined: ExaminedDrive, one: Demand) -> float:
+def applied_factor(examined: ExaminedDrive, one: NoiseScaleEstimate) -> float:
     """Return the factor that the configuration after the drive has on a setting."""
     if not examined.diagnosis.credited:
         return 1.0
-    if one.quantity in ("position", "velocity"):
-        return assumed_over_stated(examined.search.final, one.quantity)
+    if one.setting in ("position", "velocity"):
+        return assumed_over_stated(examined.search.final, one.setting)
     before, after = (
-        stated_value(config, examined.search.base, one.quantity)
+        stated_value(config, examined.search.base, one.setting)
         for config in (examined.diagnosis.before, examined.diagnosis.after)
     )
     return after / before if before and after else 1.0

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.noise import GaussMarkov
 from tuner.diagnosis.drive.cause_test import CauseTest
 from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
 from tuner.diagnosis.drive.causes.bias_jump import bias_jump, jump_sensor
@@ -30,7 +31,7 @@ from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
 from tuner.diagnosis.static.outcome import Alarm
-from tuner.types import ChannelNoise, Coefficient, FilterConfig, MarkovState
+from tuner.types import ChannelNoise, Coefficient, FilterConfig
 
 FloatArray = NDArray[np.float64]
 
@@ -184,7 +185,7 @@ def hypothesis_with(found: FilterRun, claim: CauseTest) -> Hypothesis:
     )
     if np.any(noise.markov_sd > 0.0) and config.gnss is not None:
         level, down = float(np.sqrt(np.mean(noise.markov_sd[:2] ** 2))), float(noise.markov_sd[2])
-        state = MarkovState(level or down, float(noise.markov_time))
+        state = GaussMarkov(level or down, float(noise.markov_time))
         gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
         config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
     position, velocity = was.position_out.copy(), was.velocity_out.copy()

@@ -24,7 +24,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, noise_parameters, present
-from tuner.types import ChannelNoise, Coefficient, Demand, FilterConfig
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, NoiseScaleEstimate
 from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
@@ -70,7 +70,7 @@ def estimate_noise_scales(
     vibration: Mapping[str, float] | None = None,
     *,
     prior_sd: Mapping[str, float] = NO_PRIOR,
-) -> tuple[Demand, ...]:
+) -> tuple[NoiseScaleEstimate, ...]:
     """Return what a drive asks of each noise setting, and why.
 
     None where the likelihood has no maximum that could be found.
@@ -116,9 +116,11 @@ def estimate_noise_scales(
         if held and not may_be_one(factor[name][1]):
             causes = (*causes, _remaining_cause(name, factor[name][1], known, vibration or {}))
         answer.append(
-            Demand(name, stated, SETTINGS[name][1], *factor[name], causes if held else (), held, "")
+            NoiseScaleEstimate(
+                name, stated, SETTINGS[name][1], *factor[name], causes if held else (), held, ""
+            )
         )
-    return tuple(replace(one, text=words(one, (vibration or {}).get(one.quantity[:-6]))) for one in answer)
+    return tuple(replace(one, text=words(one, (vibration or {}).get(one.setting[:-6]))) for one in answer)
 
 
 def may_be_one(factor: Coefficient) -> bool:
@@ -246,9 +248,9 @@ def _remaining_cause(
     return "vibration" if kind == "white" and ratio > MIN_VIBRATION_RATIO and 1.0 < low < ratio else UNKNOWN
 
 
-def words(one: Demand, vibration: float | None = None) -> str:
-    """Say a demand in words."""
-    title = SETTINGS[one.quantity][0]
+def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
+    """Put the estimate of a noise scale in words."""
+    title = SETTINGS[one.setting][0]
     if not one.identifiable:
         return f"{title}: not identifiable on this drive; the stated value stays"
     if may_be_one(one.plain) and may_be_one(one.named):

@@ -16,7 +16,7 @@ from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.search import Accepted, Criticism
-from tuner.types import Alternative, Coefficient, Finding, Inflation
+from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
 WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
@@ -39,7 +39,7 @@ class _Single:
     unit: str
     accepted: Accepted
     parameters: Mapping[str, Coefficient]
-    inflation: Inflation | None
+    inflation: Enlargement | None
 
 
 def model_of(found: Residual) -> NoiseModel:
@@ -90,22 +90,24 @@ def _bounded(cause: str, name: str, value: Value) -> Value:
     return value.positive if name in SIZES or (cause, name) in SIZES_OF else value
 
 
-def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Inflation | None:
+def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Enlargement | None:
     """Return what to enlarge in a filter that is set from the base model."""
     values, cause = accepted.extension.values, accepted.extension.cause
     if isinstance(accepted.extension, VarianceDrift):
         factor = accepted.extension.inflation
-        return Inflation(f"{axis}.white_density", factor, "variance_drift: the noise at its louder end")
+        return Enlargement(
+            Quantity(axis, "white_density"), factor, "variance_drift: the noise at its louder end"
+        )
     if cause == "burst" and values["variance_ratio"].value > 1.0:
         factor = float(np.sqrt(values["variance_ratio"].value))
-        return Inflation(f"{axis}.white_density", factor, "burst: the noise while it lasts")
+        return Enlargement(Quantity(axis, "white_density"), factor, "burst: the noise while it lasts")
     shape = accepted.extension
     if isinstance(shape, LowPass | Colour):
         before, after = outcome.base.model.white_density(), outcome.final.model.white_density()
         after *= float(np.sqrt(shape.gain(np.zeros(1), outcome.final.channel.interval)[0]))
         if after > 1.02 * before > 0:
-            return Inflation(
-                f"{axis}.white_density", after / before, f"{cause}: white density at the plateau"
+            return Enlargement(
+                Quantity(axis, "white_density"), after / before, f"{cause}: white density at the plateau"
             )
     return None
 

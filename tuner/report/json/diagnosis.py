@@ -6,7 +6,7 @@ from typing import Any
 
 from tuner.formats.files import plain
 from tuner.formats.findings import coefficient_json, finding_json, gain_json
-from tuner.types import Demand, Diagnosis, DriveDiagnosis, Unexplained
+from tuner.types import Diagnosis, DriveDiagnosis, NoiseScaleEstimate, Unexplained
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -32,20 +32,20 @@ def drive_diagnosis_json(diagnosis: DriveDiagnosis) -> dict[str, Any]:
         "notes": list(diagnosis.notes),
         "gain": None if diagnosis.gain is None else gain_json(diagnosis.gain),
         "credited": diagnosis.credited,
-        "demands": [demand_json(one) for one in diagnosis.demands],
+        "demands": [noise_scale_json(one) for one in diagnosis.noise_scales],
         "compensation": plain(dict(diagnosis.compensation)),
     }
 
 
-def demand_json(one: Demand) -> dict[str, Any]:
-    """Return what a drive asks of one noise setting."""
+def noise_scale_json(one: NoiseScaleEstimate) -> dict[str, Any]:
+    """Return the estimate of one noise setting from a drive."""
     stated, factor = one.stated, one.plain
     asked: dict[str, Any] | None = None
     if stated is not None and factor.value is not None:
         interval = None if factor.interval is None else [stated * end for end in factor.interval]
         asked = {"value": stated * factor.value, "interval": interval}
     return {
-        "quantity": one.quantity,
+        "quantity": one.setting,
         "stated": {"value": plain(one.stated), "unit": one.unit},
         "asked": plain(asked),
         "factor": coefficient_json(one.plain),

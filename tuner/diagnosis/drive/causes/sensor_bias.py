@@ -20,7 +20,7 @@ from tuner.diagnosis.drive.linear_model.linearize import columns
 from tuner.diagnosis.drive.score_tests import fit_constants
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
-from tuner.types import Alternative, Coefficient, FilterConfig, Finding, Inflation
+from tuner.types import Alternative, Coefficient, Enlargement, FilterConfig, Finding, Quantity
 
 CAUSE = "sensor_bias"
 MEANING = "a constant bias far beyond its prior"
@@ -70,7 +70,9 @@ def biases_beyond_prior(
             told[axis] = Coefficient.known(value, low, high, noise.unit)
             if noise.constant_sd > 0.0:
                 reason = f"{CAUSE}: on this drive"
-                inflations.append(Inflation(f"{axis}.constant_sd", abs(value) / noise.constant_sd, reason))
+                inflations.append(
+                    Enlargement(Quantity(axis, "constant_sd"), abs(value) / noise.constant_sd, reason)
+                )
         if told:
             channels = tuple(told)
             values = {"cause": CAUSE, "joins": "states", "parameters": {a: c.value for a, c in told.items()}}
