@@ -174,13 +174,13 @@ def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
         for first, kind, style in ((0, "position", "-"), (3, "velocity", ":")):
             z = normalised(found)[:, first : first + 3]
-            step = float(np.median(np.diff(found.record.t)))
+            step = float(np.median(np.diff(found.linearized.t)))
             lags = np.unique(np.geomspace(1, max(2.0, min(LONGEST_LAG / step, len(z) / 4)), 40).astype(int))
             if np.count_nonzero(np.isfinite(z)) < 100:
                 continue
             values = [float(np.nanmean(z[lag:] * z[:-lag]) / np.nanmean(z * z)) for lag in lags]
             panel.plot(lags * step, values, style, color=colour, lw=1.3, label=f"{kind}, {title}")
-    band = 1.96 / np.sqrt(3.0 * max(1, len(passes[1].record)))
+    band = 1.96 / np.sqrt(3.0 * max(1, len(passes[1].linearized)))
     panel.axhspan(-band, band, color="0.85", lw=0, zorder=0)
     panel.set(xscale="log", xlabel="lag, s", ylabel="autocorrelation", title="memory of the innovations")
 
@@ -188,7 +188,7 @@ def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
 def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
     for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
         z2 = normalised(found) ** 2
-        t = found.record.t
+        t = found.linearized.t
         block = ((t - t[0]) // WINDOW).astype(int)
         count = np.bincount(block, weights=np.isfinite(z2).sum(axis=1))
         total = np.bincount(block, weights=np.nansum(z2, axis=1))

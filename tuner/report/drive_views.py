@@ -30,7 +30,7 @@ GROUPS = 15
 def normalised(found: FilterRun) -> FloatArray:
     """Return innovations by their predicted sds, shape (k, 6), NaN where the filter used none."""
     z, sd = _innovations(found)
-    return np.asarray(np.where(found.record.counted, z / sd, np.nan))
+    return np.asarray(np.where(found.linearized.counted, z / sd, np.nan))
 
 
 def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
@@ -48,7 +48,7 @@ def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[str, 
     Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
     """
     w = found.whitened
-    own = [found.record.parameters.index(name) for name in values]
+    own = [found.linearized.parameters.index(name) for name in values]
     effect = w.slope[:, own] @ np.array(list(values.values()))
     order = np.argsort(effect)
     x, y = effect[order], w.residual[order]
@@ -79,9 +79,9 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
     z, sd = _innovations(found)
     part = slice(first, first + 3)
     size = np.sqrt(np.mean((z[:, part] / sd[:, part]) ** 2, axis=1))
-    there = found.record.available[:, first] & np.isfinite(size)
-    used = found.record.used[:, first]
-    t = found.record.t
+    there = found.linearized.available[:, first] & np.isfinite(size)
+    used = found.linearized.used[:, first]
+    t = found.linearized.t
     panel.plot(
         t[there & used], size[there & used], ".", ms=2.5, mew=0, color=AFTER, label="used", rasterized=True
     )
@@ -121,7 +121,7 @@ def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
 
 def draw_memory(panel: Axes, found: FilterRun, title: str) -> None:
     """Draw normalised innovations of the position, smoothed over 10 s: what stays for a while."""
-    z, t = normalised(found), found.record.t
+    z, t = normalised(found), found.linearized.t
     for row, colour in ((0, AFTER), (1, CAUSE), (2, BEFORE)):
         block = ((t - t[0]) // 10.0).astype(int)
         good = np.isfinite(z[:, row])

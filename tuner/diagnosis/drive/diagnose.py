@@ -104,8 +104,8 @@ def _diagnosis(
     gain: Gain | None,
 ) -> DriveDiagnosis:
     """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
-    n = max(1, int(np.count_nonzero(outcome.base.record.counted.any(axis=1))))
-    before = evaluate(as_configured(outcome.base.record)).value / n
+    n = max(1, int(np.count_nonzero(outcome.base.linearized.counted.any(axis=1))))
+    before = evaluate(as_configured(outcome.base.linearized)).value / n
     own = [
         gain
         if gain is not None and len(outcome.accepted) == 1

@@ -44,32 +44,32 @@ MAX_CHANGE = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
 
 
-def errors_in_variables_bias(drive: Drive, found: FilterRun) -> FloatArray:
+def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
     """Return what noise makes of the constants of a pass, (p,); zeros where the noisier drive cannot be aligned.
 
     Parameters
     ----------
     drive : Drive
         In sensor axes.
-    found : FilterRun
+    run : FilterRun
         Of the drive.
     """
     try:
-        other = run_filter(with_more_noise(drive, found, np.random.default_rng(SEED)), found.hypothesis)
+        other = run_filter(with_more_noise(drive, run, np.random.default_rng(SEED)), run.hypothesis)
     except DataError:
-        return np.zeros(len(found.record.parameters))
-    white, slope, rows = _whitened(found)
+        return np.zeros(len(run.linearized.parameters))
+    white, slope, rows = _whitened(run)
     white_1, slope_1, rows_1 = _whitened(other)
     rows &= rows_1
-    prior = np.array([PRIORS[name.partition(".")[0]] for name in found.record.parameters])
+    prior = np.array([PRIORS[name.partition(".")[0]] for name in run.linearized.parameters])
     s = slope[rows] * prior
     pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -MAX_CHANGE, MAX_CHANGE)
     return np.asarray(prior * np.linalg.solve(RIDGE * np.eye(len(prior)) + s.T @ s, pull))
 
 
-def with_more_noise(drive: Drive, found: FilterRun, rng: np.random.Generator) -> Drive:
+def with_more_noise(drive: Drive, run: FilterRun, rng: np.random.Generator) -> Drive:
     """Return a drive with the configured noise of sensors and receiver added once more."""
-    config, rates = found.hypothesis.config, drive.rates.copy()
+    config, rates = run.hypothesis.config, drive.rates.copy()
     step = float(np.median(np.diff(drive.imu_t)))
     for i, axis in enumerate((*GYROS, *ACCELS)):
         channel = config.channels[axis]
@@ -80,8 +80,8 @@ def with_more_noise(drive: Drive, found: FilterRun, rng: np.random.Generator) ->
         for state in channel.markov:
             rates[:, i] += state.sd * _markov((len(rates),), step / state.time_constant, rng)
     gnss = drive.gnss
-    sd = reported_sds(gnss, found.settings)
-    sd[found.index] = found.record.sd
+    sd = reported_sds(gnss, run.settings)
+    sd[run.index] = run.linearized.sd
     errors = sd * rng.standard_normal(sd.shape)
     if config.gnss is not None:
         step = float(np.median(np.diff(gnss.t)))
@@ -99,14 +99,14 @@ def _markov(shape: tuple[int, ...], rate: float, rng: np.random.Generator) -> Fl
     return np.asarray(lfilter([1.0], [1.0, -np.exp(-rate)], drawn, axis=0))
 
 
-def _whitened(found: FilterRun) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _whitened(run: FilterRun) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return whitened innovations and sensitivities of every fix of the drive, and the rows that count."""
-    noise = as_configured(found.record)
-    every = evaluate(replace(noise, columns=tuple(range(len(found.record.parameters)))))
+    noise = as_configured(run.linearized)
+    every = evaluate(replace(noise, columns=tuple(range(len(run.linearized.parameters)))))
     root = np.sqrt(every.variance)
     white = (every.innovation + every.sensitivity @ every.theta) / root
-    k = len(found.hypothesis.position_out)
+    k = len(run.hypothesis.position_out)
     whole = np.zeros((k, 6)), np.zeros((k, 6, len(every.theta))), np.zeros((k, 6), dtype=bool)
     for to, part in zip(whole, (white, every.sensitivity / root[..., None], noise.counted), strict=True):
-        to[found.index] = part
+        to[run.index] = part
     return whole

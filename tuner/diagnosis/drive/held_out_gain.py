@@ -53,7 +53,7 @@ def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
     """
     if not outcome.accepted:
         return None
-    final = outcome.final.record
+    final = outcome.final.linearized
     t = final.t[final.counted.any(axis=1)]
     if not len(t):
         return None
@@ -86,10 +86,10 @@ def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesi
         drive, imu_t=drive.imu_t[inertial], rates=drive.rates[inertial], gnss=drive.gnss.rows(kept)
     )
     own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
-    found = refit_constants(part, run_filter(part, own), outcome.shifts)
-    values = dict(found.hypothesis.values)
+    run = refit_constants(part, run_filter(part, own), outcome.shifts)
+    values = dict(run.hypothesis.values)
     if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
-        noise, said = noise_hypothesis_of(found, outcome.shifts), reported_levels(found.record, values)
+        noise, said = noise_hypothesis_of(run, outcome.shifts), reported_levels(run.linearized, values)
         names = present(noise, sd_model_parameters(values), said)
         if names:
             values |= updated_values(values, maximize_likelihood(noise, noise_parameters(names, said)))
@@ -103,14 +103,14 @@ def _shared_rows(
     both = np.ones((count, 6), dtype=bool)
     for each in (before, after):
         mine = np.zeros((count, 6), dtype=bool)
-        mine[each.index] = each.record.counted & (each.record.t > cut)[:, None]
+        mine[each.index] = each.linearized.counted & (each.linearized.t > cut)[:, None]
         both &= mine
     return both[before.index], both[after.index]
 
 
-def _scores(found: FilterRun, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
+def _scores(run: FilterRun, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Return log likelihood, mean square and lag-1 correlation of whitened innovations in rows."""
-    told = evaluate(as_configured(found.record))
+    told = evaluate(as_configured(run.linearized))
     white = np.where(rows, told.white, 0.0)
     value = -0.5 * float(np.sum(white[rows] ** 2 + np.log(2.0 * np.pi * told.variance[rows])))
     square = float(np.sum(white**2))
@@ -121,7 +121,7 @@ def _outage_figures(
     before: FilterRun, after: FilterRun, cut: float, horizon: float
 ) -> dict[str, tuple[float, float]]:
     """Return the rms horizontal error at the end of outages, and the 95 % interval of its change."""
-    last = float(before.record.t[-1])
+    last = float(before.linearized.t[-1])
     begins = np.arange(cut, last - horizon, horizon + RECOVERY_TIME)
     if len(begins) < 2:
         return {}
@@ -149,11 +149,11 @@ def change_interval(pairs: FloatArray) -> tuple[float, float]:
     return (middle - half) / whole, (middle + half) / whole
 
 
-def _outage_errors(found: FilterRun, windows: FloatArray) -> FloatArray:
+def _outage_errors(run: FilterRun, windows: FloatArray) -> FloatArray:
     """Return the squared horizontal error at the last withheld fix of every window, NaN where there is none."""
-    shift = found.hypothesis.values.get("time_offset.delay", 0.0)
+    shift = run.hypothesis.values.get("time_offset.delay", 0.0)
     out = np.full(len(windows), np.nan)
-    for solution in navigate(found.stretches, found.settings, windows - shift):
+    for solution in navigate(run.stretches, run.settings, windows - shift):
         for i, (begin, end) in enumerate(windows - shift):
             inside = (solution.t > begin) & (solution.t <= end) & (solution.use[:, 0] == WITHHELD)
             inside = np.flatnonzero(inside)

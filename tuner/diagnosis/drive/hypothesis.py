@@ -116,7 +116,7 @@ class FilterRun:
         The filter.
     stretches, solutions : tuples
         What was filtered, and the outcome.
-    record : LinearizedRun
+    linearized : LinearizedRun
         The same made linear.
     index : ndarray of int, shape (k,)
         Fix of the drive behind every fix of the record.
@@ -128,14 +128,14 @@ class FilterRun:
     settings: FilterSettings
     stretches: tuple[Stretch, ...]
     solutions: tuple[Solution, ...]
-    record: LinearizedRun
+    linearized: LinearizedRun
     index: NDArray[np.intp]
     notes: tuple[str, ...]
 
     @cached_property
     def whitened(self) -> WhitenedInnovations:
         """Innovations and sensitivities by the sds the filter predicts, less what noise makes of constants."""
-        w, bias = whiten(as_configured(self.record)), self.hypothesis.errors_in_variables_bias
+        w, bias = whiten(as_configured(self.linearized)), self.hypothesis.errors_in_variables_bias
         return w if bias is None else replace(w, residual=w.residual - w.slope @ bias)
 
 
@@ -199,7 +199,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
     indices = [_nearest(stamps, solution.t) for solution in solutions]
     told = reported_sds(drive.gnss, settings)
-    record = linearize(
+    linearized = linearize(
         settings,
         stretches,
         solutions,
@@ -207,7 +207,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
         [x for x, _ in starts],
         [told[index] for index in indices],
     )
-    return FilterRun(hypothesis, settings, stretches, solutions, record, np.concatenate(indices), notes)
+    return FilterRun(hypothesis, settings, stretches, solutions, linearized, np.concatenate(indices), notes)
 
 
 def _nearest(stamps: FloatArray, t: FloatArray) -> NDArray[np.intp]:

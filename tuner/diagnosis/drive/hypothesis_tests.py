@@ -82,15 +82,15 @@ class Candidate:
         return self.alarm.p_value < threshold and self.alarm.gain > MIN_GAIN
 
 
-def noise_hypothesis_of(found: FilterRun, accepted: tuple[str, ...]) -> NoiseHypothesis:
+def noise_hypothesis_of(run: FilterRun, accepted: tuple[str, ...]) -> NoiseHypothesis:
     """Return the noise for which the filter of a pass was configured, with accepted shifts free."""
-    names = found.record.parameters
+    names = run.linearized.parameters
     columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
-    return replace(as_configured(found.record), columns=columns)
+    return replace(as_configured(run.linearized), columns=columns)
 
 
 def candidates(
-    found: FilterRun, w: WhitenedInnovations, accepted: tuple[str, ...], threshold: float
+    run: FilterRun, w: WhitenedInnovations, accepted: tuple[str, ...], threshold: float
 ) -> tuple[Candidate, ...]:
     """Return what families say of a pass; accepted shifts are fitted beside every test.
 
@@ -99,16 +99,16 @@ def candidates(
     shift; then strong shifts. Where none is, noise and jumps come first, both beside single fixes; weak shifts are
     listened to last. A family that comes later is not asked, or taken for silent, while an earlier one alarms.
     """
-    record = found.record
-    noise = noise_hypothesis_of(found, accepted)
-    shifts = [score_candidate(one) for one in score_tests(w, record.parameters, accepted)]
+    linearized = run.linearized
+    noise = noise_hypothesis_of(run, accepted)
+    shifts = [score_candidate(one) for one in score_tests(w, linearized.parameters, accepted)]
     if any(one.is_significant(STRONG_P_VALUE) for one in shifts):
-        free = replace(noise, columns=tuple(range(len(record.parameters))))
-        fixes, others = _test_fixes_and_noise(found, free, threshold)
+        free = replace(noise, columns=tuple(range(len(linearized.parameters))))
+        fixes, others = _test_fixes_and_noise(run, free, threshold)
         if any(one.is_significant(STRONG_P_VALUE) for one in others):
             return (*fixes, *others)
         return (*shifts, *_test_fixes(noise, threshold))
-    fixes, others = _test_fixes_and_noise(found, noise, threshold)
+    fixes, others = _test_fixes_and_noise(run, noise, threshold)
     if any(one.is_significant(threshold) for one in (*fixes, *others)):
         return (*fixes, *others)
     return (*shifts, *fixes, *others)
@@ -116,8 +116,8 @@ def candidates(
 
 def _test_fixes(noise: NoiseHypothesis, threshold: float) -> tuple[Candidate, ...]:
     """Return what single fixes say; where positions and velocities both alarm they have one hypothesis."""
-    record = noise.record
-    every = replace(noise, rows=noise.rows | (record.available & record.scored[:, None]))
+    linearized = noise.linearized
+    every = replace(noise, rows=noise.rows | (linearized.available & linearized.scored[:, None]))
     masked = mask(every)
     told = [_candidate(outliers(every, masked, cause)) for cause in ROWS_OF_CAUSE]
     if all(one.is_significant(threshold) for one in told):
@@ -127,7 +127,7 @@ def _test_fixes(noise: NoiseHypothesis, threshold: float) -> tuple[Candidate, ..
 
 
 def _test_fixes_and_noise(
-    found: FilterRun, noise: NoiseHypothesis, threshold: float
+    run: FilterRun, noise: NoiseHypothesis, threshold: float
 ) -> tuple[tuple[Candidate, ...], ...]:
     """Return what single fixes say, and what the noise and jumps of biases say; two families at a time.
 
@@ -137,20 +137,20 @@ def _test_fixes_and_noise(
     with warnings.catch_warnings(), ThreadPoolExecutor(max_workers=2) as pool:
         warnings.filterwarnings("ignore", "The line search|Rounding errors", RuntimeWarning)
         correlated = pool.submit(lambda: correlated_gnss(noise, evaluate(noise)))
-        factors = pool.submit(_test_noise_scales, found, noise)
+        factors = pool.submit(_test_noise_scales, run, noise)
         fixes = pool.submit(_test_fixes, noise, threshold)
-        jumps = [pool.submit(bias_jump, noise)] if len(found.hypothesis.jumps) < MAX_JUMPS else []
+        jumps = [pool.submit(bias_jump, noise)] if len(run.hypothesis.jumps) < MAX_JUMPS else []
         claims = (*factors.result(), correlated.result(), *(jump.result() for jump in jumps))
         return fixes.result(), tuple(_candidate(claim) for claim in claims)
 
 
-def _test_noise_scales(found: FilterRun, noise: NoiseHypothesis) -> tuple[CauseTest, ...]:
+def _test_noise_scales(run: FilterRun, noise: NoiseHypothesis) -> tuple[CauseTest, ...]:
     """Return what is said of factors on the noise, and of laws of the reported sds."""
-    told, prior = noise_scores(noise), static_prior(found.hypothesis.config.channels)
+    told, prior = noise_scores(noise), static_prior(run.hypothesis.config.channels)
     factors = joint_noise(noise, told, prior_sd=prior)
     if factors is None:
         factors = gnss_noise(noise, told), imu_noise(noise, told, prior_sd=prior)
-    asked = [block for block in BLOCKS if not has_sd_model(found.hypothesis.values, block)]
+    asked = [block for block in BLOCKS if not has_sd_model(run.hypothesis.values, block)]
     laws = [claim for block in asked if (claim := reported_sd_test(noise, block)) is not None]
     return (*factors, *laws)
 
@@ -165,15 +165,15 @@ def score_candidate(scored: ScoreTest) -> Candidate:
     return Candidate(alarm, scored=scored)
 
 
-def hypothesis_with(found: FilterRun, claim: CauseTest) -> Hypothesis:
+def hypothesis_with(run: FilterRun, claim: CauseTest) -> Hypothesis:
     """Return the hypothesis of a pass with what a claim holds true besides."""
-    was, record, noise = found.hypothesis, found.record, claim.noise
+    was, linearized, noise = run.hypothesis, run.linearized, claim.noise
     if claim.alarm.cause == JUMP:
         theta = evaluate(noise).theta[-3:]
         time = claim.describe()["time"].value
         assert time is not None
         return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(noise), theta)))
-    ratio = noise.sd / record.sd
+    ratio = noise.sd / linearized.sd
     told = claim.law or {
         f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)]))
         for name, rows in ROW_GROUPS.items()
@@ -190,9 +190,9 @@ def hypothesis_with(found: FilterRun, claim: CauseTest) -> Hypothesis:
         config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
     position, velocity = was.position_out.copy(), was.velocity_out.copy()
     if claim.alarm.cause in ROWS_OF_CAUSE:
-        dropped = record.available & record.scored[:, None] & ~noise.rows
-        position[found.index[dropped[:, :3].any(axis=1)]] = True
-        velocity[found.index[dropped[:, 3:].any(axis=1)]] = True
+        dropped = linearized.available & linearized.scored[:, None] & ~noise.rows
+        position[run.index[dropped[:, :3].any(axis=1)]] = True
+        velocity[run.index[dropped[:, 3:].any(axis=1)]] = True
     changed = {name: value for name, value in values.items() if value != 1.0}
     return replace(
         was,

@@ -133,8 +133,8 @@ def may_be_one(factor: Coefficient) -> bool:
 def stated_value(config: FilterConfig, base: FilterRun, name: str) -> float | None:
     """Return what is stated of a setting, root mean square over axes (and fixes), SI."""
     if name in BLOCKS:
-        rows = base.record.counted[:, BLOCKS[name]]
-        return float(np.sqrt(np.mean(base.record.sd[:, BLOCKS[name]][rows] ** 2))) if rows.any() else None
+        rows = base.linearized.counted[:, BLOCKS[name]]
+        return float(np.sqrt(np.mean(base.linearized.sd[:, BLOCKS[name]][rows] ** 2))) if rows.any() else None
     sensor, _, kind = name.partition("_")
     channels = [c for axis, c in config.channels.items() if axis.startswith(sensor)]
     density = [c.white_density if kind == "white" else bias_driving_density(c) for c in channels]
@@ -148,14 +148,14 @@ def bias_driving_density(channel: ChannelNoise) -> float:
 
 def _fit_factors(
     base: FilterRun,
-    found: FilterRun,
+    run: FilterRun,
     known: Sequence[str],
     prior_sd: Mapping[str, float],
     free: Sequence[str] = tuple(SETTINGS),
     others: NoiseFit | None = None,
 ) -> _Factors:
     """Fit the free settings of a pass, the others as a fit has them."""
-    noise = noise_hypothesis_of(found, tuple(known))
+    noise = noise_hypothesis_of(run, tuple(known))
     names = present(noise, tuple(free))
     if others is not None:
         fixed = tuple(name for name in others.parameters.names if name not in names)
@@ -165,20 +165,20 @@ def _fit_factors(
     with np.errstate(invalid="ignore"):
         fit = maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd)
     return _Factors(
-        fit, {name: assumed_over_stated(found, name) / assumed_over_stated(base, name) for name in names}
+        fit, {name: assumed_over_stated(run, name) / assumed_over_stated(base, name) for name in names}
     )
 
 
-def assumed_over_stated(found: FilterRun, name: str) -> float:
+def assumed_over_stated(run: FilterRun, name: str) -> float:
     """Return the configured value of a setting of a pass, in proportion to what was stated."""
     if name in BLOCKS:
-        record, rows = found.record, found.record.counted[:, BLOCKS[name]]
-        now, factor_text = (sd[:, BLOCKS[name]][rows] for sd in (record.sd, record.reported_sd))
+        linearized, rows = run.linearized, run.linearized.counted[:, BLOCKS[name]]
+        now, factor_text = (sd[:, BLOCKS[name]][rows] for sd in (linearized.sd, linearized.reported_sd))
         known = np.isfinite(factor_text)
         return (
             float(np.sqrt(np.sum(now[known] ** 2) / np.sum(factor_text[known] ** 2))) if known.any() else 1.0
         )
-    value = stated_value(found.hypothesis.config, found, name)
+    value = stated_value(run.hypothesis.config, run, name)
     return value or 1.0
 
 

@@ -36,33 +36,33 @@ MIN_STATISTIC_RATIO = 100.0
 """Ratio of two z² from which one cause may leave the other behind: it differs by a tenth of itself."""
 
 
-def with_piecewise_constants(record: LinearizedRun, causes: Sequence[str]) -> LinearizedRun:
+def with_piecewise_constants(linearized: LinearizedRun, causes: Sequence[str]) -> LinearizedRun:
     """Return a record with a column more for each constant of causes and each part of the drive but the first."""
-    span = max(float(record.t[-1] - record.t[0]), 1e-9)
-    part = np.minimum((N_PARTS * (record.t - record.t[0]) / span).astype(int), N_PARTS - 1)
-    own = [i for cause in causes for i in columns_of(cause, record.parameters)]
-    names, drive, seen = list(record.parameters), [record.drive], [record.seen]
+    span = max(float(linearized.t[-1] - linearized.t[0]), 1e-9)
+    part = np.minimum((N_PARTS * (linearized.t - linearized.t[0]) / span).astype(int), N_PARTS - 1)
+    own = [i for cause in causes for i in columns_of(cause, linearized.parameters)]
+    names, B, D = list(linearized.parameters), [linearized.B], [linearized.D]
     for p in range(1, N_PARTS):
         inside = (part == p)[:, None, None]
-        names += [f"{record.parameters[i]}_{p}" for i in own]
-        drive.append(np.where(inside, record.drive[:, :, own], 0.0))
-        seen.append(np.where(inside, record.seen[:, :, own], 0.0))
+        names += [f"{linearized.parameters[i]}_{p}" for i in own]
+        B.append(np.where(inside, linearized.B[:, :, own], 0.0))
+        D.append(np.where(inside, linearized.D[:, :, own], 0.0))
     return replace(
-        record,
+        linearized,
         parameters=tuple(names),
-        drive=np.concatenate(drive, axis=2),
-        seen=np.concatenate(seen, axis=2),
+        B=np.concatenate(B, axis=2),
+        D=np.concatenate(D, axis=2),
     )
 
 
 def explained_by_stronger(
-    found: FilterRun, known: Sequence[str], alarm: ScoreTest, threshold: float
+    run: FilterRun, known: Sequence[str], alarm: ScoreTest, threshold: float
 ) -> tuple[str, ...]:
     """Return the strong causes that may leave a weak shift behind; empty where it stands by itself.
 
     Parameters
     ----------
-    found : FilterRun
+    run : FilterRun
         Compensated.
     known : sequence of str
         Accepted shifts, the weak one among them.
@@ -71,23 +71,23 @@ def explained_by_stronger(
     threshold : float
         Chance below which it alarms.
     """
-    strong = _stronger(found, known, alarm.cause, alarm.gain, alarm.statistic)
+    strong = _stronger(run, known, alarm.cause, alarm.gain, alarm.statistic)
     if not strong:
         return ()
-    loose = with_piecewise_constants(found.record, strong)
-    values = _values(found, alarm.cause)
+    loose = with_piecewise_constants(run.linearized, strong)
+    values = _values(run, alarm.cause)
     again = retest(whiten(as_configured(loose)), loose.parameters, known, alarm.cause, values)
     return strong if again.p_value >= threshold else ()
 
 
-def causes_stronger_than_jump(found: FilterRun, known: Sequence[str], alarm: Alarm) -> tuple[str, ...]:
-    """Return the strong causes that may leave a weak jump of a bias behind; `found` is compensated."""
-    return _stronger(found, known, alarm.cause, alarm.gain, alarm.statistic)
+def causes_stronger_than_jump(run: FilterRun, known: Sequence[str], alarm: Alarm) -> tuple[str, ...]:
+    """Return the strong causes that may leave a weak jump of a bias behind; `run` is compensated."""
+    return _stronger(run, known, alarm.cause, alarm.gain, alarm.statistic)
 
 
-def jump_remains(found: FilterRun, known: Sequence[str], strong: Sequence[str], threshold: float) -> bool:
+def jump_remains(run: FilterRun, known: Sequence[str], strong: Sequence[str], threshold: float) -> bool:
     """Whether a bias jumps in a pass without jumps where strong causes may differ between parts of the drive."""
-    loose = with_piecewise_constants(found.record, strong)
+    loose = with_piecewise_constants(run.linearized, strong)
     columns = tuple(i for cause in known for i in columns_of(cause, loose.parameters))
     noise: NoiseHypothesis = replace(as_configured(loose), columns=columns)
     return bias_jump(noise).alarm.p_value < threshold
@@ -102,18 +102,18 @@ def rejection_note(cause: str, gain: float, strong: Sequence[str]) -> str:
 
 
 def _stronger(
-    found: FilterRun, known: Sequence[str], cause: str, gain: float, statistic: float
+    run: FilterRun, known: Sequence[str], cause: str, gain: float, statistic: float
 ) -> tuple[str, ...]:
     """Return the accepted shifts beside which a cause is weak."""
     if gain >= MAX_WEAK_GAIN:
         return ()
-    w, names = found.whitened, found.record.parameters
+    w, names = run.whitened, run.linearized.parameters
     others = [other for other in known if other != cause]
-    z2 = {other: retest(w, names, known, other, _values(found, other)).statistic for other in others}
+    z2 = {other: retest(w, names, known, other, _values(run, other)).statistic for other in others}
     return tuple(other for other in others if z2[other] > MIN_STATISTIC_RATIO * statistic)
 
 
-def _values(found: FilterRun, cause: str) -> FloatArray:
+def _values(run: FilterRun, cause: str) -> FloatArray:
     """Return what a pass compensates of a cause."""
-    own = columns_of(cause, found.record.parameters)
-    return np.array([found.hypothesis.values.get(found.record.parameters[i], 0.0) for i in own])
+    own = columns_of(cause, run.linearized.parameters)
+    return np.array([run.hypothesis.values.get(run.linearized.parameters[i], 0.0) for i in own])

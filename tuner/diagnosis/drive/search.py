@@ -134,21 +134,21 @@ def search_causes(
         Called with what is being done.
     """
     say = progress or (lambda _: None)
-    found = base
+    run = base
     accepted: list[Accepted] = []
     known = tuple(dict.fromkeys(name.partition(".")[0] for name in coarse))
     if known:
         say("the clocks of receiver and inertial unit differ")
-        found = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), known)
+        run = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), known)
     alarms: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
     spent: set[str] = set()
     for _ in range(MAX_ITERATIONS):
-        alarms = candidates(found, found.whitened, known, THRESHOLD)
+        alarms = candidates(run, run.whitened, known, THRESHOLD)
         shifts = [a for a in alarms if a.scored is not None and a.is_significant(THRESHOLD)]
-        if shifts and found.hypothesis.errors_in_variables_bias is None:
-            found = _with_errors_in_variables_bias(drive, found)
-            alarms = candidates(found, found.whitened, known, THRESHOLD)
+        if shifts and run.hypothesis.errors_in_variables_bias is None:
+            run = _with_errors_in_variables_bias(drive, run)
+            alarms = candidates(run, run.whitened, known, THRESHOLD)
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
@@ -158,25 +158,25 @@ def search_causes(
         chosen = max(raised, key=lambda a: a.alarm.gain)
         say(f"{chosen.cause}: {chosen.alarm.gain:.0f} nats")
         if chosen.scored is not None:
-            alike = inseparable(found.whitened, found.record.parameters, chosen.cause, (*known, chosen.cause))
+            alike = inseparable(run.whitened, run.linearized.parameters, chosen.cause, (*known, chosen.cause))
             known = (*known, chosen.cause)
             # Fixes that a shift made look wrong are asked again.
             accepted = [a for a in accepted if a.cause not in ROWS_OF_CAUSE]
             accepted.append(Accepted(chosen, {}, inseparable=alike))
-            if found.hypothesis.position_out.any() or found.hypothesis.velocity_out.any():
-                found = run_filter(drive, found.hypothesis.with_all_fixes())
+            if run.hypothesis.position_out.any() or run.hypothesis.velocity_out.any():
+                run = run_filter(drive, run.hypothesis.with_all_fixes())
             # What noise leans on is another thing where the shift is taken out.
-            found = refit_constants(
+            run = refit_constants(
                 drive,
-                replace(found, hypothesis=replace(found.hypothesis, errors_in_variables_bias=None)),
+                replace(run, hypothesis=replace(run.hypothesis, errors_in_variables_bias=None)),
                 known,
             )
         else:
             assert chosen.claim is not None
             # Factors on R and Q that were fitted together have one noise.
             together = [a for a in raised if a.claim is not None and a.claim.noise is chosen.claim.noise]
-            then = hypothesis_with(found, chosen.claim)
-            if then.is_equivalent_to(found.hypothesis):
+            then = hypothesis_with(run, chosen.claim)
+            if then.is_equivalent_to(run.hypothesis):
                 # What is asked for is at its bound: the filter can have no more of it.
                 spent |= {a.cause for a in together}
                 continue
@@ -187,78 +187,78 @@ def search_causes(
                 accepted.append(
                     Accepted(one, {} if one.cause in NOISE_SCALE_CAUSES else dict(one.claim.describe()))
                 )
-            found = refit_constants(
+            run = refit_constants(
                 drive, run_filter(drive, replace(then, errors_in_variables_bias=None)), known
             )
     if known:
-        found = _with_errors_in_variables_bias(drive, found)
-    found, accepted, known, notes = _without_unsupported_causes(drive, found, accepted, known)
-    found, accepted, more = _without_weak_jumps(drive, found, accepted, known)
-    accepted = _with_noise_scales(_with_estimates(found, accepted, known), base, found, known)
+        run = _with_errors_in_variables_bias(drive, run)
+    run, accepted, known, notes = _without_unsupported_causes(drive, run, accepted, known)
+    run, accepted, more = _without_weak_jumps(drive, run, accepted, known)
+    accepted = _with_noise_scales(_with_estimates(run, accepted, known), base, run, known)
     accepted = [
         a for a in accepted if a.cause not in NOISE_SCALE_CAUSES or not _consistent_with_one(a.parameters)
     ]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
     left = tuple(a for a in alarms if a.is_significant(THRESHOLD))
-    return SearchResult(base, found, tuple(accepted), left, known, (*notes, *more))
+    return SearchResult(base, run, tuple(accepted), left, known, (*notes, *more))
 
 
-def _fit_constants(found: FilterRun, known: tuple[str, ...]) -> ConstantsFit:
-    names = found.record.parameters
-    at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-    return fit_constants(found.whitened, names, known, at)
+def _fit_constants(run: FilterRun, known: tuple[str, ...]) -> ConstantsFit:
+    names = run.linearized.parameters
+    at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+    return fit_constants(run.whitened, names, known, at)
 
 
-def refit_constants(drive: Drive, found: FilterRun, known: tuple[str, ...]) -> FilterRun:
+def refit_constants(drive: Drive, run: FilterRun, known: tuple[str, ...]) -> FilterRun:
     """Compensate accepted shifts as estimated and filter again until they stay, or the drive likes it no better.
 
     Parameters
     ----------
     drive : Drive
         In sensor axes.
-    found : FilterRun
+    run : FilterRun
         To begin with.
     known : tuple of str
         The shifts.
     """
     if not known:
-        return found
+        return run
     for _ in range(MAX_GAUSS_NEWTON_STEPS):
-        now = _fit_constants(found, known)
-        names = [found.record.parameters[i] for i in now.columns]
-        at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
+        now = _fit_constants(run, known)
+        names = [run.linearized.parameters[i] for i in now.columns]
+        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
         if np.all(np.abs(now.shrunk - at) < MIN_CHANGE * np.sqrt(np.diag(now.covariance))):
             break
         values = dict(zip(names, now.shrunk.tolist(), strict=True))
         try:
-            then = run_filter(drive, found.hypothesis.with_values(values))
+            then = run_filter(drive, run.hypothesis.with_values(values))
         except DataError:  # so shifted, the drive cannot even be aligned
             break
-        if _robust_log_likelihood(then) < _robust_log_likelihood(found) - MAX_STEP_LOSS:
+        if _robust_log_likelihood(then) < _robust_log_likelihood(run) - MAX_STEP_LOSS:
             break
-        found = then
-    return found
+        run = then
+    return run
 
 
-def _with_errors_in_variables_bias(drive: Drive, found: FilterRun) -> FilterRun:
+def _with_errors_in_variables_bias(drive: Drive, run: FilterRun) -> FilterRun:
     """Return a pass with what noise makes of constants taken out."""
-    if found.hypothesis.errors_in_variables_bias is not None:
-        return found
+    if run.hypothesis.errors_in_variables_bias is not None:
+        return run
     return replace(
-        found,
-        hypothesis=replace(found.hypothesis, errors_in_variables_bias=errors_in_variables_bias(drive, found)),
+        run,
+        hypothesis=replace(run.hypothesis, errors_in_variables_bias=errors_in_variables_bias(drive, run)),
     )
 
 
-def _robust_log_likelihood(found: FilterRun) -> float:
+def _robust_log_likelihood(run: FilterRun) -> float:
     """Return the log likelihood of a row, outliers limited, times the rows of a drive."""
-    noise = as_configured(found.record)
-    every = replace(noise, rows=found.record.available & (noise.rows | found.record.scored[:, None]))
+    noise = as_configured(run.linearized)
+    every = replace(noise, rows=run.linearized.available & (noise.rows | run.linearized.scored[:, None]))
     told, rows = evaluate(every), every.counted
     if not rows.any():
         return 0.0
     square = np.minimum(told.white[rows] ** 2, MAX_SQUARE)
-    return -0.5 * float(np.mean(square + np.log(told.variance[rows]))) * len(found.index) * 6.0
+    return -0.5 * float(np.mean(square + np.log(told.variance[rows]))) * len(run.index) * 6.0
 
 
 def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
@@ -277,44 +277,44 @@ def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Cand
 
 
 def _without_unsupported_causes(
-    drive: Drive, found: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
+    drive: Drive, run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
 ) -> tuple[FilterRun, list[Accepted], tuple[str, ...], tuple[str, ...]]:
     """Take out shifts whose own test is silent beside all others, or that do harm where they were not fitted.
 
     Also what a strong shift may have left behind, with a note.
     """
-    names, notes = found.record.parameters, []
+    names, notes = run.linearized.parameters, []
     for cause in reversed(known):
         own = [name for name in names if name.partition(".")[0] == cause]
-        at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-        values = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
-        w = found.whitened
+        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+        values = np.array([run.hypothesis.values.get(name, 0.0) for name in own])
+        w = run.whitened
         alarm = retest(w, names, known, cause, values)
         if (
             alarm.p_value < THRESHOLD
             and alarm.credible
             and _gains_late(alarm, late_gain(w, names, known, cause, at))
         ):
-            if not (strong := explained_by_stronger(found, known, alarm, THRESHOLD)):
+            if not (strong := explained_by_stronger(run, known, alarm, THRESHOLD)):
                 continue
             notes.append(rejection_note(cause, alarm.gain, strong))
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
-        kept = {n: v for n, v in found.hypothesis.values.items() if n not in own}
-        found = refit_constants(drive, run_filter(drive, replace(found.hypothesis, values=kept)), known)
-    return found, accepted, known, tuple(notes)
+        kept = {n: v for n, v in run.hypothesis.values.items() if n not in own}
+        run = refit_constants(drive, run_filter(drive, replace(run.hypothesis, values=kept)), known)
+    return run, accepted, known, tuple(notes)
 
 
 def _without_weak_jumps(
-    drive: Drive, found: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
+    drive: Drive, run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
 ) -> tuple[FilterRun, list[Accepted], tuple[str, ...]]:
     """Take out jumps of biases that a strong shift may have left behind, with a note."""
     jumps = [a.candidate.alarm for a in accepted if a.cause == JUMP]
-    if len(jumps) != 1 or not (strong := causes_stronger_than_jump(found, known, jumps[0])):
-        return found, accepted, ()
-    less = run_filter(drive, replace(found.hypothesis, jumps=()))
+    if len(jumps) != 1 or not (strong := causes_stronger_than_jump(run, known, jumps[0])):
+        return run, accepted, ()
+    less = run_filter(drive, replace(run.hypothesis, jumps=()))
     if jump_remains(less, known, strong, THRESHOLD):
-        return found, accepted, ()
+        return run, accepted, ()
     note = rejection_note(JUMP, jumps[0].gain, strong)
     return refit_constants(drive, less, known), [a for a in accepted if a.cause != JUMP], (note,)
 
@@ -324,12 +324,12 @@ def _gains_late(alarm: ScoreTest, late: float) -> bool:
     return late > MIN_LATE_SHARE * alarm.gain - MAX_LATE_LOSS
 
 
-def _with_estimates(found: FilterRun, accepted: list[Accepted], known: tuple[str, ...]) -> list[Accepted]:
+def _with_estimates(run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]) -> list[Accepted]:
     """Return what was accepted with the estimates of the last pass, coarse findings first."""
     if not known:
         return accepted
-    w = found.whitened
-    now, names = _fit_constants(found, known), found.record.parameters
+    w = run.whitened
+    now, names = _fit_constants(run, known), run.linearized.parameters
     by_cause = {a.cause: a for a in accepted}
     done = [a for a in accepted if a.cause not in known]
     for cause in known:
@@ -338,7 +338,7 @@ def _with_estimates(found: FilterRun, accepted: list[Accepted], known: tuple[str
         parameters = coefficients(own, now.value[rows], now.covariance[np.ix_(rows, rows)])
         one = by_cause.get(cause)
         if one is None:
-            at = np.array([found.hypothesis.values.get(name, 0.0) for name in own])
+            at = np.array([run.hypothesis.values.get(name, 0.0) for name in own])
             one = Accepted(score_candidate(retest(w, names, known, cause, at)), {})
         done.append(replace(one, parameters=parameters))
     order = {a.cause: i for i, a in enumerate(accepted)}
@@ -346,14 +346,14 @@ def _with_estimates(found: FilterRun, accepted: list[Accepted], known: tuple[str
 
 
 def _with_noise_scales(
-    accepted: list[Accepted], base: FilterRun, found: FilterRun, known: tuple[str, ...]
+    accepted: list[Accepted], base: FilterRun, run: FilterRun, known: tuple[str, ...]
 ) -> list[Accepted]:
     """Return what was accepted, factors on noise as the last pass has them: all of them and shifts together."""
     causes = [one.cause for one in accepted if one.cause in NOISE_SCALE_CAUSES]
     if not causes:
         return accepted
-    noise, values = noise_hypothesis_of(found, known), found.hypothesis.values
-    said = reported_levels(found.record, values)
+    noise, values = noise_hypothesis_of(run, known), run.hypothesis.values
+    said = reported_levels(run.linearized, values)
     wanted = {"gnss_noise_scale": sd_model_parameters(values), "imu_noise_scale": NOISE_GROUPS}
     names = present(noise, tuple(name for cause in causes for name in wanted[cause]), said)
     fit_constants = maximize_likelihood(noise, noise_parameters(names, said))
@@ -363,9 +363,7 @@ def _with_noise_scales(
             told["gnss_noise_scale"][name] = coefficient(fit_constants, name, sd_model_factor(values, name))
         elif name in FINDING_NAMES:
             sensor = FINDING_NAMES[name]
-            now, then = (
-                each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (found, base)
-            )
+            now, then = (each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (run, base))
             told["imu_noise_scale"][sensor] = fit_constants.coefficient(name, scale=float(now / then))
     if "gnss_noise_scale" in causes:
         told["gnss_noise_scale"] |= edge_coefficients(values)

@@ -48,12 +48,14 @@ class Source:
     @classmethod
     def of(cls, noise: NoiseHypothesis) -> Source:
         """Prepare the replicas of a noise hypothesis."""
-        record = noise.record
+        linearized = noise.linearized
         factors = (noise.process_noise_scale**2).tolist()
-        total = record.noise.get("gnss_position", np.zeros_like(record.transition))
+        total = linearized.noise.get("gnss_position", np.zeros_like(linearized.transition))
         for factor, group in zip(factors, NOISE_GROUPS, strict=True):
-            total = total + factor * record.noise[group]
-        return cls(noise, _root(total), _root(record.initial[None])[0], kalman_gains(as_configured(record)))
+            total = total + factor * linearized.noise[group]
+        return cls(
+            noise, _root(total), _root(linearized.initial[None])[0], kalman_gains(as_configured(linearized))
+        )
 
     def draw(self, rng: np.random.Generator, theta: FloatArray | None = None) -> LinearizedRun:
         """Return a replica.
@@ -65,22 +67,23 @@ class Source:
         theta : ndarray, shape (p,), optional
             Mean parameters, one for each column of the record.
         """
-        h, record = self.noise, self.noise.record
-        k, n = record.transition.shape[:2]
+        h, linearized = self.noise, self.noise.linearized
+        k, n = linearized.transition.shape[:2]
         drive = np.einsum("kij,kj->ki", self.roots, rng.standard_normal((k, n)))
-        noise = h.sd * rng.standard_normal((k, 6)) * record.available
+        noise = h.sd * rng.standard_normal((k, 6)) * linearized.available
         if np.any(h.markov_sd > 0.0):
-            noise[:, :3] += _markov(record.t, h.markov_sd, h.markov_time, rng)
+            noise[:, :3] += _markov(linearized.t, h.markov_sd, h.markov_time, rng)
         if theta is not None:
-            drive += record.drive @ theta
-            noise += record.seen @ theta
-        starts = (self.start @ rng.standard_normal((n, int(record.starts.sum()) + 1))).T
+            drive += linearized.B @ theta
+            noise += linearized.D @ theta
+        starts = (self.start @ rng.standard_normal((n, int(linearized.starts.sum()) + 1))).T
         innovation, correction = np.zeros((k, 6)), np.zeros((k, n))
         _run(
-            record.transition, record.H, drive, noise, record.available, record.used & record.available,
-            record.starts, np.ascontiguousarray(starts), self.gains, innovation, correction,
+            linearized.transition, linearized.H, drive, noise, linearized.available,
+            linearized.used & linearized.available, linearized.starts,
+            np.ascontiguousarray(starts), self.gains, innovation, correction,
         )  # fmt: skip
-        return replace(record, innovation=innovation, correction=correction)
+        return replace(linearized, innovation=innovation, correction=correction)
 
 
 def _root(matrices: FloatArray) -> FloatArray:

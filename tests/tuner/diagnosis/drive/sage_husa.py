@@ -55,29 +55,29 @@ def sage_husa(
     noise : NoiseHypothesis
         With the sds that the filter used at each fix.
     """
-    record, sd = noise.record, noise.sd.copy()
-    n = record.transition.shape[1]
+    linearized, sd = noise.linearized, noise.sd.copy()
+    n = linearized.transition.shape[1]
     group = np.empty(6, dtype=int)
     for j, rows in enumerate(ROW_GROUPS.values()):
         group[list(rows)] = j
     scale, seen = np.ones(len(ROW_GROUPS)), np.zeros(len(ROW_GROUPS))
-    trace = np.empty((len(record.t), len(ROW_GROUPS)))
-    a, P = np.zeros(n), record.initial.copy()
-    taken = noise.rows & record.available
-    for i, F in enumerate(record.transition):
-        if i and record.starts[i]:
+    trace = np.empty((len(linearized.t), len(ROW_GROUPS)))
+    a, P = np.zeros(n), linearized.initial.copy()
+    taken = noise.rows & linearized.available
+    for i, F in enumerate(linearized.transition):
+        if i and linearized.starts[i]:
             a[:9], P[:9], P[:, :9] = 0.0, 0.0, 0.0
-            P[:9, :9] = record.initial[:9, :9]
+            P[:9, :9] = linearized.initial[:9, :9]
         a, P = F @ a, F @ P @ F.T
         for name, factor in zip(NOISE_GROUPS, noise.process_noise_scale**2, strict=True):
-            P += factor * record.noise[name][i]
-        if "gnss_position" in record.noise:
-            P += record.noise["gnss_position"][i]
+            P += factor * linearized.noise[name][i]
+        if "gnss_position" in linearized.noise:
+            P += linearized.noise["gnss_position"][i]
         fresh: list[list[float]] = [[] for _ in ROW_GROUPS]
         for row in np.flatnonzero(taken[i]):
-            h, g = record.H[i, row], group[row]
+            h, g = linearized.H[i, row], group[row]
             Ph = P @ h
-            z, own = float(record.innovation[i, row] - h @ a), float(h @ Ph)
+            z, own = float(linearized.innovation[i, row] - h @ a), float(h @ Ph)
             sd[i, row] = noise.sd[i, row] * np.sqrt(scale[g])
             fresh[g].append((z * z - own) / noise.sd[i, row] ** 2)
             variance = own + sd[i, row] ** 2
@@ -87,6 +87,6 @@ def sage_husa(
                 seen[g] += 1.0
                 d = (1.0 - forgetting) / (1.0 - forgetting ** (seen[g] + 1.0))
                 scale[g] = max((1.0 - d) * scale[g] + d * float(np.mean(values)), LEAST)
-        a = a - record.correction[i]
+        a = a - linearized.correction[i]
         trace[i] = np.sqrt(scale)
     return dict(zip(ROW_GROUPS, trace.T, strict=True)), replace(noise, sd=sd)

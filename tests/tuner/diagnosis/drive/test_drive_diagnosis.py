@@ -30,15 +30,15 @@ def clean(simulated, drive_config):
 def test_record_is_the_filter(clean):
     """Kalman recursion over Φ, Q and H gives the filter's own innovation covariances and corrections."""
     _, found = clean
-    record, solution = found.record, found.solutions[0]
-    noise, p = sum(record.noise.values()), record.initial.copy()
-    for i in range(len(record)):
-        p = record.transition[i] @ p @ record.transition[i].T + noise[i]
-        h, sd = record.H[i], record.sd[i]
+    linearized, solution = found.linearized, found.solutions[0]
+    noise, p = sum(linearized.noise.values()), linearized.initial.copy()
+    for i in range(len(linearized)):
+        p = linearized.transition[i] @ p @ linearized.transition[i].T + noise[i]
+        h, sd = linearized.H[i], linearized.sd[i]
         s = h @ p @ h.T + np.diag(sd**2)
         np.testing.assert_allclose(s, solution.innovation_covariance[i], rtol=1e-9, atol=1e-12)
         gain = p @ h.T @ np.linalg.inv(s)
-        off = (gain @ record.innovation[i] - record.correction[i]) / np.sqrt(np.diag(p))
+        off = (gain @ linearized.innovation[i] - linearized.correction[i]) / np.sqrt(np.diag(p))
         assert np.abs(off[np.isfinite(off)]).max() < 1e-6
         p = p - gain @ h @ p
 
@@ -53,18 +53,18 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
     }
     drive = simulated(1, duration=DURATION)
     first = run_filter(drive, Hypothesis.first(drive, drive_config))
-    base = whiten(as_configured(first.record))
+    base = whiten(as_configured(first.linearized))
     for name, size in small.items():
         changed = run_filter(compensate(drive, {name: -size}), Hypothesis.first(drive, drive_config))
-        moved = whiten(as_configured(changed.record))
+        moved = whiten(as_configured(changed.linearized))
         change = moved.residual - base.residual
-        told = base.slope[:, first.record.parameters.index(name)] * size
+        told = base.slope[:, first.linearized.parameters.index(name)] * size
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
 
 
 def test_clean_drive_is_quiet(clean, drive_config):
     drive, found = clean
-    shifts = score_tests(whiten(as_configured(found.record)), found.record.parameters, ())
+    shifts = score_tests(whiten(as_configured(found.linearized)), found.linearized.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5
     assert diagnose_drive(drive, drive_config).quiet
 
@@ -143,9 +143,9 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
     drive = simulated(5, duration=DURATION, delay=0.04)
     totals = []
     for known in (0.0, 0.03):
-        found = run_filter(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
-        names = found.record.parameters
-        at = np.array([found.hypothesis.values.get(name, 0.0) for name in names])
-        told = fit_constants(whiten(as_configured(found.record)), names, ("time_offset",), at)
+        run = run_filter(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
+        names = run.linearized.parameters
+        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+        told = fit_constants(whiten(as_configured(run.linearized)), names, ("time_offset",), at)
         totals.append((told.value[0], np.sqrt(told.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]

@@ -31,7 +31,7 @@ def hour():
 def test_noise_leans_on_constants_and_is_told(hour):
     """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
     drive, _, found = hour
-    lean, names = errors_in_variables_bias(drive, found), found.record.parameters
+    lean, names = errors_in_variables_bias(drive, found), found.linearized.parameters
     w = found.whitened
     upright = replace(found, hypothesis=replace(found.hypothesis, errors_in_variables_bias=lean)).whitened
     s = w.slope[:, names.index("gravity.offset")]
@@ -76,5 +76,5 @@ def test_what_noise_leans_on_is_told_where_a_shift_is_taken_out():
     found = examine_drive(drive, load_filter("adis16465", receiver))
     final = found.search.final
     assert [finding.cause for finding in found.diagnosis.findings] == ["time_offset"]
-    place = final.record.parameters.index("time_offset.delay")
+    place = final.linearized.parameters.index("time_offset.delay")
     assert abs(final.hypothesis.errors_in_variables_bias[place]) < 5e-4

@@ -24,20 +24,20 @@ NAMES = (
 )  # fmt: skip
 
 
-def cut(record: LinearizedRun, k: int) -> LinearizedRun:
+def cut(linearized: LinearizedRun, k: int) -> LinearizedRun:
     names = ("t", "transition", "H", "innovation", "sd", "reported_sd", "available", "used", "correction",
-             "drive", "seen", "starts", "scored")  # fmt: skip
-    parts = {name: getattr(record, name)[:k] for name in names}
-    return replace(record, **parts, noise={g: q[:k] for g, q in record.noise.items()})
+             "B", "D", "starts", "scored")  # fmt: skip
+    parts = {name: getattr(linearized, name)[:k] for name in names}
+    return replace(linearized, **parts, noise={g: q[:k] for g, q in linearized.noise.items()})
 
 
-def holes(record: LinearizedRun, rng: np.random.Generator) -> LinearizedRun:
+def holes(linearized: LinearizedRun, rng: np.random.Generator) -> LinearizedRun:
     """Take some rows away, let the filter refuse others, and let it settle in both stretches."""
-    k = len(record.t)
+    k = len(linearized.t)
     available = np.repeat(rng.random((k, 2)) > 0.1, 3, axis=1)
     used = available & np.repeat(rng.random((k, 2)) > 0.1, 3, axis=1)
     scored = (np.arange(k) > 20) & (np.abs(np.arange(k) - 125) > 5)
-    return replace(record, available=available, used=used, scored=scored)
+    return replace(linearized, available=available, used=used, scored=scored)
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def drawn(short_drive: LinearizedRun) -> LinearizedRun:
 
 def joint(h: NoiseHypothesis) -> float:
     """ln L from the joint covariance of all rows taken; corrections act on the mean."""
-    r = h.record
+    r = h.linearized
     k, n = r.transition.shape[:2]
     e, total, offset = np.eye(n), [r.initial], np.zeros(n)
     rows, means = [], []
@@ -142,9 +142,9 @@ def test_mean_parameters_are_found(short_drive: LinearizedRun) -> None:
     source, pulls = Source.of(as_configured(short_drive)), []
     for seed in range(20):
         h = replace(as_configured(source.draw(np.random.default_rng(seed), theta)), columns=(0, 1, 2, 6))
-        found = evaluate(h)
-        root = np.linalg.cholesky(np.linalg.inv(found.theta_covariance))
-        pulls.append(root.T @ (found.theta - theta[[0, 1, 2, 6]]))
+        likelihood = evaluate(h)
+        root = np.linalg.cholesky(np.linalg.inv(likelihood.theta_covariance))
+        pulls.append(root.T @ (likelihood.theta - theta[[0, 1, 2, 6]]))
     square = float(np.sum(np.square(pulls)))
     assert 34.0 < square < 152.0, "80 degrees of freedom, 1e-4 on either side"
 
@@ -159,7 +159,7 @@ def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearizedR
     )
     source, total, lagged, count = Source.of(h), 0.0, 0.0, 0
     for seed in range(20):
-        white = evaluate(replace(h, record=source.draw(np.random.default_rng(seed)))).white
+        white = evaluate(replace(h, linearized=source.draw(np.random.default_rng(seed)))).white
         total += float(np.sum(white**2))
         lagged += float(np.sum(white[1:] * white[:-1]))
         count += white.size
@@ -174,24 +174,24 @@ def test_an_impulse_is_scored(drawn: LinearizedRun) -> None:
     )
     _, gradient = evaluate_with_gradient(h)
     at, state = 60, 10
-    column = np.zeros((*drawn.drive.shape[:2], 1))
+    column = np.zeros((*drawn.B.shape[:2], 1))
     column[at + 1] = drawn.transition[at + 1][:, state : state + 1]
-    jump = replace(h.record, drive=column, seen=np.zeros((*drawn.seen.shape[:2], 1)), parameters=("jump",))
-    found = evaluate(replace(h, record=jump, columns=(0,)))
+    jump = replace(h.linearized, B=column, D=np.zeros((*drawn.D.shape[:2], 1)), parameters=("jump",))
+    likelihood = evaluate(replace(h, linearized=jump, columns=(0,)))
     information = gradient.information[at, state - 9, state - 9]
-    assert 1.0 / found.theta_covariance[0, 0] == pytest.approx(information, rel=1e-8)
-    assert found.theta[0] == pytest.approx(gradient.score[at, state - 9] / information, rel=1e-6)
+    assert 1.0 / likelihood.theta_covariance[0, 0] == pytest.approx(information, rel=1e-8)
+    assert likelihood.theta[0] == pytest.approx(gradient.score[at, state - 9] / information, rel=1e-6)
 
 
 def test_rounding_does_not_grow(long_drive: LinearizedRun) -> None:
     """Variances as of Joseph's form in extended precision, with fixes far better than told and noise far stronger."""
     sd, drive = long_drive.sd / 100.0, np.full(4, 100.0)
-    found = evaluate(replace(as_configured(long_drive), sd=sd, process_noise_scale=drive))
+    likelihood = evaluate(replace(as_configured(long_drive), sd=sd, process_noise_scale=drive))
     P, one = long_drive.initial.astype(np.longdouble), np.eye(15, dtype=np.longdouble)
     for i, F in enumerate(long_drive.transition.astype(np.longdouble)):
         P = F @ P @ F.T + sum(drive[j] ** 2 * q[i] for j, q in enumerate(long_drive.noise.values()))
         for row, h in enumerate(long_drive.H[i].astype(np.longdouble)):
             f = h @ P @ h + sd[i, row] ** 2
-            assert found.variance[i, row] == pytest.approx(float(f), rel=1e-7)
+            assert likelihood.variance[i, row] == pytest.approx(float(f), rel=1e-7)
             L = one - np.outer(P @ h, h) / f
             P = L @ P @ L.T + np.outer(P @ h, P @ h) * (sd[i, row] / f) ** 2

@@ -36,8 +36,8 @@ def claims(noise: NoiseHypothesis) -> dict[str, float]:
     return {claim.alarm.cause: claim.alarm.p_value for claim in every}
 
 
-def study(record: LinearizedRun, n: int) -> dict[str, np.ndarray]:
-    source = Source.of(as_configured(record))
+def study(linearized: LinearizedRun, n: int) -> dict[str, np.ndarray]:
+    source = Source.of(as_configured(linearized))
     drawn = [claims(as_configured(source.draw(np.random.default_rng(seed)))) for seed in range(n)]
     return {cause: np.array([one[cause] for one in drawn]) for cause in drawn[0]}
 
@@ -105,10 +105,12 @@ def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearizedRun) 
 def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
     source = Source.of(as_configured(city_drive))
     size = np.array([0.03, 0.02, 0.0])
-    hidden = with_jump(source.noise, 450, "accel").record
-    alone = replace(hidden, drive=hidden.drive[:, :, -3:], seen=hidden.seen[:, :, -3:])
-    drawn = replace(source, noise=replace(source.noise, record=alone)).draw(np.random.default_rng(0), size)
-    noise = as_configured(replace(drawn, drive=city_drive.drive, seen=city_drive.seen))
+    hidden = with_jump(source.noise, 450, "accel").linearized
+    alone = replace(hidden, B=hidden.B[:, :, -3:], D=hidden.D[:, :, -3:])
+    drawn = replace(source, noise=replace(source.noise, linearized=alone)).draw(
+        np.random.default_rng(0), size
+    )
+    noise = as_configured(replace(drawn, B=city_drive.B, D=city_drive.D))
     claim = bias_jump(noise)
     assert claim.alarm.p_value < ALARM
     assert jump_sensor(claim.noise) == "accel"
@@ -122,13 +124,13 @@ def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
     assert claim.alarm.gain > imu_noise(noise, noise_scores(noise)).alarm.gain
 
 
-def with_errors(record: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
+def with_errors(linearized: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose fixes have further errors (k, 6)."""
     hidden = replace(
-        record, seen=errors[:, :, None], drive=np.zeros((*record.drive.shape[:2], 1)), parameters=("error",)
+        linearized, D=errors[:, :, None], B=np.zeros((*linearized.B.shape[:2], 1)), parameters=("error",)
     )
     drawn = Source.of(as_configured(hidden)).draw(np.random.default_rng(seed), np.ones(1))
-    return as_configured(replace(drawn, seen=record.seen, drive=record.drive, parameters=record.parameters))
+    return as_configured(replace(drawn, D=linearized.D, B=linearized.B, parameters=linearized.parameters))
 
 
 @pytest.mark.parametrize("cause", list(ROWS_OF_CAUSE))

@@ -17,11 +17,11 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, nois
 from tuner.navigation.fix_sd_model import fix_sd_model
 
 
-def reporting(record: LinearizedRun, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
+def reporting(linearized: LinearizedRun, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
-    reported = record.sd * level[:, None]
-    told = replace(record, reported_sd=reported, sd=reported)
-    true = replace(as_configured(told), sd=record.sd * truth[:, None])
+    reported = linearized.sd * level[:, None]
+    told = replace(linearized, reported_sd=reported, sd=reported)
+    true = replace(as_configured(told), sd=linearized.sd * truth[:, None])
     return as_configured(Source.of(true).draw(np.random.default_rng(seed)))
 
 
@@ -68,7 +68,7 @@ def test_the_law_is_found(city_drive: LinearizedRun, law: str) -> None:
             assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
     else:
         assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
-    expected = fix_sd_model(claim.law, "position").sds(noise.record.reported_sd[:, :3])
+    expected = fix_sd_model(claim.law, "position").sds(noise.linearized.reported_sd[:, :3])
     np.testing.assert_allclose(claim.noise.sd[:, :3], expected, rtol=1e-9)
 
 
@@ -88,8 +88,8 @@ def test_adaptive_noise_follows_but_is_rough(city_drive: LinearizedRun) -> None:
     error: dict[str, list[float]] = {"likelihood": [], "adaptive": []}
     value: dict[str, float] = {"as configured": 0.0, "likelihood": 0.0, "adaptive": 0.0}
     for seed in range(6):
-        record = source.draw(np.random.default_rng(seed))
-        first, second = (as_configured(replace(record, scored=part)) for part in (learnt, scored))
+        linearized = source.draw(np.random.default_rng(seed))
+        first, second = (as_configured(replace(linearized, scored=part)) for part in (learnt, scored))
         fit = maximize_likelihood(first, noise_parameters(names))
         trace, _ = sage_husa(first)
         logs = np.log([trace[name][449] for name in names])

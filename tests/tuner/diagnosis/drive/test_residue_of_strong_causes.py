@@ -31,21 +31,19 @@ THRESHOLD = 1e-4
 DELAY = 0.5
 
 
-def passed(record: LinearizedRun, theta: dict[str, float], seed: int):
+def passed(linearized: LinearizedRun, theta: dict[str, float], seed: int):
     """Return what `doubt` looks at of a pass over a replica with constants that nothing compensates."""
-    values = np.array([theta.get(name, 0.0) for name in record.parameters])
-    drawn = Source.of(as_configured(record)).draw(np.random.default_rng(seed), values)
-    told = replace(
-        drawn, parameters=drawn.parameters[:7], drive=drawn.drive[:, :, :7], seen=drawn.seen[:, :, :7]
-    )
+    values = np.array([theta.get(name, 0.0) for name in linearized.parameters])
+    drawn = Source.of(as_configured(linearized)).draw(np.random.default_rng(seed), values)
+    told = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
     return SimpleNamespace(
-        record=told, whitened=whiten(as_configured(told)), hypothesis=SimpleNamespace(values={})
+        linearized=told, whitened=whiten(as_configured(told)), hypothesis=SimpleNamespace(values={})
     )
 
 
 def weak(found) -> ScoreTest:
     """Return the test of the lever arm, as if it gained little."""
-    names = found.record.parameters
+    names = found.linearized.parameters
     told = retest(found.whitened, names, KNOWN, "lever_arm", np.zeros(3))
     return replace(told, gain=0.5 * MAX_WEAK_GAIN)
 
@@ -54,11 +52,11 @@ def test_constants_of_all_parts_together_are_the_constant(short_drive: Linearize
     loose = with_piecewise_constants(short_drive, ("time_offset",))
     extra = [loose.parameters.index(f"time_offset.delay_{p}") for p in range(1, N_PARTS)]
     assert len(loose.parameters) == 7 + N_PARTS - 1
-    inside = (loose.seen[:, :, extra] != 0.0).any(axis=1)
+    inside = (loose.D[:, :, extra] != 0.0).any(axis=1)
     assert inside.sum(axis=1).max() == 1  # parts do not overlap
     last = short_drive.t >= short_drive.t[0] + (1.0 - 1.0 / N_PARTS) * np.ptp(short_drive.t)
-    np.testing.assert_array_equal(loose.seen[last][:, :, extra[-1]], short_drive.seen[last][:, :, 0])
-    assert not loose.seen[~last][:, :, extra[-1]].any()
+    np.testing.assert_array_equal(loose.D[last][:, :, extra[-1]], short_drive.D[last][:, :, 0])
+    assert not loose.D[~last][:, :, extra[-1]].any()
 
 
 def test_a_lever_arm_beside_a_steady_delay_stands(city_drive: LinearizedRun) -> None:
@@ -82,24 +80,22 @@ def test_what_a_wandering_delay_leaves_is_doubted(city_drive: LinearizedRun) -> 
 @pytest.mark.parametrize(("size", "still"), [(0.0, False), (0.02, True)])
 def test_a_jump_is_asked_once_more(city_drive: LinearizedRun, size: float, still: bool) -> None:
     plain = as_configured(city_drive)
-    jumped = with_jump(plain, 450, "accel").record
+    jumped = with_jump(plain, 450, "accel").linearized
     theta = {"time_offset.delay": DELAY, "bias_jump.accel_x": size}
     found = passed(jumped, theta, 3)
-    alarm = bias_jump(replace(as_configured(found.record), columns=(0,))).alarm
+    alarm = bias_jump(replace(as_configured(found.linearized), columns=(0,))).alarm
     assert jump_remains(found, ("time_offset",), ("time_offset",), THRESHOLD) == still
     told = replace(alarm, gain=0.5 * MAX_WEAK_GAIN, statistic=30.0)
     assert causes_stronger_than_jump(found, ("time_offset",), told) == ("time_offset",)
 
 
 def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearizedRun) -> None:
-    jumped = with_jump(as_configured(city_drive), 450, "gyro").record
+    jumped = with_jump(as_configured(city_drive), 450, "gyro").linearized
     for size, credible in ((0.1 * MAX_JUMP_SIZE["gyro"], True), (3.0 * MAX_JUMP_SIZE["gyro"], False)):
         values = np.zeros(len(jumped.parameters))
         values[jumped.parameters.index("bias_jump.gyro_z")] = size
         drawn = Source.of(as_configured(jumped)).draw(np.random.default_rng(4), values)
-        record = replace(
-            drawn, parameters=drawn.parameters[:7], drive=drawn.drive[:, :, :7], seen=drawn.seen[:, :, :7]
-        )
-        claim: CauseTest = bias_jump(as_configured(record))
+        linearized = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
+        claim: CauseTest = bias_jump(as_configured(linearized))
         assert abs(evaluate(claim.noise).theta[2]) == pytest.approx(size, rel=0.05)
         assert Candidate(claim.alarm, claim=claim).credible == credible

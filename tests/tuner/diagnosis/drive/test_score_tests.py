@@ -24,15 +24,15 @@ from tuner.diagnosis.drive.score_tests import linear_trend
 DELAY = "time_offset.delay"
 
 
-def drawn(record: LinearizedRun, seed: int) -> LinearizedRun:
-    return Source.of(as_configured(record)).draw(np.random.default_rng(seed))
+def drawn(linearized: LinearizedRun, seed: int) -> LinearizedRun:
+    return Source.of(as_configured(linearized)).draw(np.random.default_rng(seed))
 
 
-def late(record: LinearizedRun, delay: np.ndarray) -> LinearizedRun:
+def late(linearized: LinearizedRun, delay: np.ndarray) -> LinearizedRun:
     """Let fixes come late by a delay (k,) that changes slowly."""
-    seen = record.seen[:, :, :1] * delay[:, None, None]
-    pushed = replace(record, seen=-seen, drive=0.0 * record.drive[:, :, :1], parameters=(DELAY,))
-    return replace(record, innovation=record.innovation - pushed.seen[:, :, 0])
+    seen = linearized.D[:, :, :1] * delay[:, None, None]
+    pushed = replace(linearized, D=-seen, B=0.0 * linearized.B[:, :, :1], parameters=(DELAY,))
+    return replace(linearized, innovation=linearized.innovation - pushed.D[:, :, 0])
 
 
 def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearizedRun) -> None:
@@ -58,19 +58,19 @@ def test_noise_is_fitted_beside_free_means(short_drive: LinearizedRun) -> None:
 
 
 def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearizedRun) -> None:
-    record, rate = drawn(city_drive, 2), 2e-4
+    linearized, rate = drawn(city_drive, 2), 2e-4
     for true in (0.0, rate):
-        moved = late(record, 0.02 + true * (record.t - record.t.mean()))
+        moved = late(linearized, 0.02 + true * (linearized.t - linearized.t.mean()))
         told = linear_trend(whiten(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
         assert abs(told.rate - true) < 5.0 * told.sd
         assert (told.p_value < 1e-6) == (true > 0.0)
 
 
 def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearizedRun) -> None:
-    record = drawn(city_drive, 3)
-    off = np.zeros((len(record.t), 6))
+    linearized = drawn(city_drive, 3)
+    off = np.zeros((len(linearized.t), 6))
     off[300:340, :2] = 60.0 + 5.0 * np.random.default_rng(4).standard_normal((40, 2))
-    noise: NoiseHypothesis = as_configured(replace(record, innovation=record.innovation + off))
+    noise: NoiseHypothesis = as_configured(replace(linearized, innovation=linearized.innovation + off))
     out = mask(noise).out[:, 0]
     assert out[300:340].all()
     assert np.count_nonzero(out) <= 42

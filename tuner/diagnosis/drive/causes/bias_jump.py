@@ -59,20 +59,22 @@ class JumpScan:
 def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     """Test the biases for one jump; see `jump_sensor` for whose it is."""
     title = "likelihood ratio of a jump of a bias"
-    settled = replace(noise, record=replace(noise.record, scored=np.ones(len(noise.record.t), dtype=bool)))
+    settled = replace(
+        noise, linearized=replace(noise.linearized, scored=np.ones(len(noise.linearized.t), dtype=bool))
+    )
     _, gradient = evaluate_with_gradient(settled)
     if gradient.score.shape[1] < 6:
         return not_significant(CAUSE, noise, 1.0, 0.0, title)
-    inside = np.flatnonzero(noise.record.scored)
-    inside = inside[(inside >= N_EDGE_FIXES) & (inside < len(noise.record.t) - N_EDGE_FIXES)]
+    inside = np.flatnonzero(noise.linearized.scored)
+    inside = inside[(inside >= N_EDGE_FIXES) & (inside < len(noise.linearized.t) - N_EDGE_FIXES)]
     if not len(inside):
         return not_significant(CAUSE, noise, 1.0, 0.0, title)
-    found = {
+    scans = {
         sensor: scan(gradient.score[:, at], gradient.information[:, at, at])
         for sensor, (at, _) in SENSORS.items()
     }
-    sensor = max(found, key=lambda name: float(found[name].statistic[inside].max()))
-    jumps = found[sensor]
+    sensor = max(scans, key=lambda name: float(scans[name].statistic[inside].max()))
+    jumps = scans[sensor]
     k = int(inside[np.argmax(jumps.statistic[inside])])
     ratio = float(jumps.statistic[k])
     p_value = min(1.0, len(SENSORS) * davies_bound(ratio, np.sqrt(jumps.statistic[inside])))
@@ -80,7 +82,7 @@ def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     alarm = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
     likely = inside[jumps.statistic[inside] > ratio - CHI2_1_QUANTILE_95]
     return CauseTest(
-        alarm, with_jump(noise, k, sensor), lambda: _coefficients(noise.record, jumps, k, likely, sensor)
+        alarm, with_jump(noise, k, sensor), lambda: _coefficients(noise.linearized, jumps, k, likely, sensor)
     )
 
 
@@ -105,31 +107,33 @@ def davies_bound(ratio: float, root: FloatArray) -> float:
 
 def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
     """Return the hypothesis with a jump after fix k: three more columns ``bias_jump.SENSOR_x`` …, free."""
-    record = noise.record
-    n, p = record.transition.shape[1], record.drive.shape[2]
+    linearized = noise.linearized
+    n, p = linearized.transition.shape[1], linearized.B.shape[2]
     at = SENSORS[sensor][0]
-    drive = np.zeros((len(record.t), n, 3))
-    drive[k + 1] = record.transition[k + 1][:, NAVIGATION + at.start : NAVIGATION + at.stop]
+    impulse = np.zeros((len(linearized.t), n, 3))
+    impulse[k + 1] = linearized.transition[k + 1][:, NAVIGATION + at.start : NAVIGATION + at.stop]
     more = replace(
-        record,
-        parameters=(*record.parameters, *(f"{CAUSE}.{sensor}_{axis}" for axis in "xyz")),
-        drive=np.concatenate([record.drive, drive], axis=2),
-        seen=np.concatenate([record.seen, np.zeros((len(record.t), 6, 3))], axis=2),
+        linearized,
+        parameters=(*linearized.parameters, *(f"{CAUSE}.{sensor}_{axis}" for axis in "xyz")),
+        B=np.concatenate([linearized.B, impulse], axis=2),
+        D=np.concatenate([linearized.D, np.zeros((len(linearized.t), 6, 3))], axis=2),
     )
-    return replace(noise, record=more, columns=(*noise.columns, p, p + 1, p + 2))
+    return replace(noise, linearized=more, columns=(*noise.columns, p, p + 1, p + 2))
 
 
 def jump_sensor(noise: NoiseHypothesis) -> str:
     """Return the sensor of the last jump of a noise hypothesis."""
-    return noise.record.parameters[noise.columns[-1]].partition(".")[2].partition("_")[0]
+    return noise.linearized.parameters[noise.columns[-1]].partition(".")[2].partition("_")[0]
 
 
 def _coefficients(
-    record: LinearizedRun, jumps: JumpScan, k: int, likely: NDArray[np.intp], sensor: str
+    linearized: LinearizedRun, jumps: JumpScan, k: int, likely: NDArray[np.intp], sensor: str
 ) -> Mapping[str, Coefficient]:
-    last = min(int(likely.max()) + 1, len(record.t) - 1)
-    middle = 0.5 * float(record.t[k] + record.t[k + 1])
-    out = {"time": Coefficient.known(middle, float(record.t[likely.min()]), float(record.t[last]), "s")}
+    last = min(int(likely.max()) + 1, len(linearized.t) - 1)
+    middle = 0.5 * float(linearized.t[k] + linearized.t[k + 1])
+    out = {
+        "time": Coefficient.known(middle, float(linearized.t[likely.min()]), float(linearized.t[last]), "s")
+    }
     sd = np.sqrt(np.diag(jumps.covariance[k]))
     for axis, value, spread in zip("xyz", jumps.size[k].tolist(), sd.tolist(), strict=True):
         low, high = value - 1.96 * spread, value + 1.96 * spread

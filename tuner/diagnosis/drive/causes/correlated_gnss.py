@@ -44,12 +44,12 @@ N_TRIAL_TIMES = 7
 """Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
 
 
-def correlated_gnss(noise: NoiseHypothesis, found: Likelihood) -> CauseTest:
-    """Test position fixes for a correlated error; `found` is the likelihood of the noise."""
+def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest:
+    """Test position fixes for a correlated error; `likelihood` is the likelihood of the noise."""
     title = "likelihood ratio of correlated position errors"
     if not noise.counted[:, :3].any():
         return not_significant(CAUSE, noise, 1.0, 0.0, title)
-    chance = pretest(np.where(noise.counted, found.white, 0.0)[:, :3])
+    chance = pretest(np.where(noise.counted, likelihood.white, 0.0)[:, :3])
     if chance > PRETEST_P_VALUE:
         return not_significant(CAUSE, noise, chance, 0.0, title)
     white = maximize_likelihood(
@@ -61,7 +61,9 @@ def correlated_gnss(noise: NoiseHypothesis, found: Likelihood) -> CauseTest:
         # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
         return not_significant(CAUSE, noise, 1.0, ratio, title)
     price = 1.5 * float(np.log(np.count_nonzero(noise.counted[:, :3])))
-    alarm = Alarm(CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - found.value - price, ratio, title)
+    alarm = Alarm(
+        CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - likelihood.value - price, ratio, title
+    )
     return CauseTest(alarm, fit.noise, lambda: _coefficients(fit))
 
 
@@ -85,13 +87,13 @@ def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
     noise : NoiseHypothesis
         Its sds of the fixes are the scale of what is tried.
     """
-    record = noise.record
+    linearized = noise.linearized
     rows = noise.counted[:, :3]
     sd = np.array(
         [np.sqrt(np.mean(noise.sd[rows[:, a], a] ** 2)) if rows[:, a].any() else 1.0 for a in range(3)]
     )
     sd[:2] = np.sqrt(np.mean(sd[:2] ** 2))
-    span = float(record.t[-1] - record.t[0])
+    span = float(linearized.t[-1] - linearized.t[0])
     interval = _interval(noise)
     fixed = with_constants_fixed(noise)
 
@@ -105,7 +107,7 @@ def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
     times = np.geomspace(2.0 * interval, max(0.25 * span, 4.0 * interval), N_TRIAL_TIMES).tolist()
     time = best(trial(time, TRIAL_SHARES[1]) for time in times).markov_time
     chosen = best(trial(time, share) for share in TRIAL_SHARES)
-    start = replace(chosen, record=noise.record, columns=noise.columns)
+    start = replace(chosen, linearized=noise.linearized, columns=noise.columns)
     white = present(noise, ("position_horizontal", "position_vertical"))
     markov = tuple(name.replace("position", "markov") for name in white)
     return maximize_likelihood(start, noise_parameters((*markov, MARKOV_TIME, *white)))
@@ -113,7 +115,7 @@ def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
 
 def _interval(noise: NoiseHypothesis) -> float:
     """Return the time between fixes, s."""
-    return float(np.median(np.diff(noise.record.t)))
+    return float(np.median(np.diff(noise.linearized.t)))
 
 
 def _coefficients(fit: NoiseFit) -> Mapping[str, Coefficient]:

@@ -73,10 +73,10 @@ class Mask:
 
 def mask(noise: NoiseHypothesis) -> Mask:
     """Leave outliers out, see the module."""
-    record = noise.record
+    linearized = noise.linearized
     tried = _testable_rows(noise)
-    whole = replace(noise, rows=noise.rows | tried, record=_all_fixes_scored(record))
-    out = np.zeros((len(record.t), 2), dtype=bool)
+    whole = replace(noise, rows=noise.rows | tried, linearized=_all_fixes_scored(linearized))
+    out = np.zeros((len(linearized.t), 2), dtype=bool)
     limit = np.log(EXPECTED_FALSE_OUTLIERS / max(int(np.count_nonzero(tried[:, ::3])), 1))
     alone = whole.rows.copy()
     alone[:, 3:] = False
@@ -107,14 +107,14 @@ def _deleted_residuals(noise: NoiseHypothesis) -> FloatArray:
     return evaluate_with_gradient(noise)[1].deleted
 
 
-def _all_fixes_scored(record: LinearizedRun) -> LinearizedRun:
-    return replace(record, scored=np.ones(len(record.t), dtype=bool))
+def _all_fixes_scored(linearized: LinearizedRun) -> LinearizedRun:
+    return replace(linearized, scored=np.ones(len(linearized.t), dtype=bool))
 
 
 def _testable_rows(noise: NoiseHypothesis) -> BoolArray:
     """Return the rows that may be outliers: all that count, and those that the filter itself refused."""
-    record = noise.record
-    return record.available & record.scored[:, None] & (noise.rows | ~record.used)
+    linearized = noise.linearized
+    return linearized.available & linearized.scored[:, None] & (noise.rows | ~linearized.used)
 
 
 def log_p_values(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
@@ -163,7 +163,7 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     if masked.out[:, block].any():
         others = masked.out.copy()
         others[:, block] = False
-        whole = replace(noise, rows=noise.rows | tried, record=_all_fixes_scored(noise.record))
+        whole = replace(noise, rows=noise.rows | tried, linearized=_all_fixes_scored(noise.linearized))
         off = _deleted_residuals(_without(whole, others))
     chance = np.exp(log_p_values(off, tried, block))
     least = float(chance.min())
@@ -193,13 +193,13 @@ def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, off: BoolArra
     off : ndarray of bool, shape (k, 6)
         Rows of the outliers.
     """
-    found = evaluate(others)
+    likelihood = evaluate(others)
     n, m = int(np.count_nonzero(noise.counted)) / 3.0, int(np.count_nonzero(off)) / 3.0
-    square = float(np.sum(found.white[off] ** 2))
+    square = float(np.sum(likelihood.white[off] ** 2))
     spread = square / (3.0 * m)
-    outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * found.variance[off]))) - 1.5 * m
+    outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * likelihood.variance[off]))) - 1.5 * m
     share = m * np.log(m / n) + (n - m) * np.log1p(-m / n) if m < n else 0.0
-    return found.value + outside + float(share) - evaluate(noise).value - float(np.log(n))
+    return likelihood.value + outside + float(share) - evaluate(noise).value - float(np.log(n))
 
 
 def _coefficients(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]:

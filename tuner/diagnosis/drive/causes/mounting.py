@@ -37,20 +37,20 @@ DETECTABLE_SDS = 4.0
 """Sds from which a constant is told from nothing."""
 
 
-def mounting(found: FilterRun, stated: FloatArray, threshold: float) -> Finding | None:
+def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | None:
     """Test the stated mounting of a vehicle whose wheels do not slip; None where it stands, or too little is driven.
 
     Parameters
     ----------
-    found : FilterRun
+    run : FilterRun
         The last pass, in axes of the sensor.
     stated : ndarray, shape (3, 3)
         Turns vehicle axes into those of the sensor.
     threshold : float
         Chance below which it is a finding.
     """
-    t, angles, spread = _directions(found, stated)
-    block = ((t - found.record.t[0]) // BLOCK_DURATION).astype(int)
+    t, angles, spread = _directions(run, stated)
+    block = ((t - run.linearized.t[0]) // BLOCK_DURATION).astype(int)
     present = np.unique(block)
     if len(present) < MIN_BLOCKS:
         return None
@@ -75,19 +75,19 @@ def mounting(found: FilterRun, stated: FloatArray, threshold: float) -> Finding 
     return Finding(CAUSE, ("imu",), title, statistic, p_value, told, text, CONSEQUENCE, values)
 
 
-def _directions(found: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times of straight driving (m,), pitch and yaw of the motion (m, 2), sds of the attitude there (2,)."""
-    vel = np.concatenate([one.state.vel_n for one in found.solutions])
-    mat = rotation.mat_from_quat(np.concatenate([one.state.quat_nb for one in found.solutions]))
+    vel = np.concatenate([one.state.vel_n for one in run.solutions])
+    mat = rotation.mat_from_quat(np.concatenate([one.state.quat_nb for one in run.solutions]))
     variance = np.concatenate(
-        [np.diagonal(one.covariance, axis1=1, axis2=2)[:, 6:9] for one in found.solutions]
+        [np.diagonal(one.covariance, axis1=1, axis2=2)[:, 6:9] for one in run.solutions]
     )
-    t, axes = found.record.t, mat @ stated
+    t, axes = run.linearized.t, mat @ stated
     ahead = np.unwrap(np.arctan2(axes[:, 1, 0], axes[:, 0, 0]))
     rate = np.abs(np.gradient(ahead, t))
     v = np.swapaxes(axes, -1, -2) @ vel[..., None]
     v = v[..., 0]
-    use = found.record.scored & (v[:, 0] > DRIVING) & (rate < STRAIGHT)
+    use = run.linearized.scored & (v[:, 0] > DRIVING) & (rate < STRAIGHT)
     v = v[use]
     angles = np.stack(
         [-np.arcsin(v[:, 2] / np.linalg.norm(v, axis=1)), np.arctan2(v[:, 1], v[:, 0])], axis=-1
@@ -121,7 +121,7 @@ def untestable_causes(
         lines.append(Inseparable((CAUSE,), f"not tested on this drive: {CAUSE} of the unit, {lacking}"))
     if "gravity" not in accepted:
         w = final.whitened
-        column = w.slope[:, columns_of("gravity", final.record.parameters)[0]]
+        column = w.slope[:, columns_of("gravity", final.linearized.parameters)[0]]
         least = DETECTABLE_SDS / max(float(np.linalg.norm(column)), 1e-12)
         if least > PRIORS["gravity"]:
             size = (

@@ -88,7 +88,7 @@ def noise_scores(noise: NoiseHypothesis) -> NoiseScores:
     names = present(noise, (*ROW_GROUPS, *BLOCKS, *NOISE_GROUPS))
     parameters, zero = noise_parameters(names), np.zeros(len(names))
     noise = with_constants_fixed(noise)
-    found, gradient = evaluate_with_gradient(noise)
+    likelihood, gradient = evaluate_with_gradient(noise)
     slope = parameters.slopes(noise, zero, gradient)
     own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
     curvature, tried = np.empty(len(names)), np.zeros(len(names))
@@ -102,8 +102,8 @@ def noise_scores(noise: NoiseHypothesis) -> NoiseScores:
         curvature[j] = (slope[j] - other[j]) / _LOG_STEP
         if curvature[j] < max(MIN_CONVEX_CURVATURE, abs(slope[j])):
             trials = [evaluate(parameters.change(noise, log * unit)).value for log in TRIAL_LOGS]
-            tried[j] = max(0.0, 2.0 * (max(trials) - found.value))
-    return NoiseScores(names, found.value, slope, curvature, tried)
+            tried[j] = max(0.0, 2.0 * (max(trials) - likelihood.value))
+    return NoiseScores(names, likelihood.value, slope, curvature, tried)
 
 
 def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIOR) -> NoiseFit:
@@ -121,21 +121,21 @@ def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIO
     )
 
 
-def gnss_noise(noise: NoiseHypothesis, found: NoiseScores) -> CauseTest:
+def gnss_noise(noise: NoiseHypothesis, scores: NoiseScores) -> CauseTest:
     """Test the factors on the sds of the fixes."""
-    return _test(noise, found, "gnss_noise_scale", ERROR_RATE_SHARE, NO_PRIOR)
+    return _test(noise, scores, "gnss_noise_scale", ERROR_RATE_SHARE, NO_PRIOR)
 
 
 def imu_noise(
-    noise: NoiseHypothesis, found: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+    noise: NoiseHypothesis, scores: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> CauseTest:
     """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
-    told = [name for name in NOISE_GROUPS if name in found.names and found.is_informative(name)]
-    return _test(noise, found, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
+    told = [name for name in NOISE_GROUPS if name in scores.names and scores.is_informative(name)]
+    return _test(noise, scores, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
 
 
 def joint_noise(
-    noise: NoiseHypothesis, found: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
+    noise: NoiseHypothesis, scores: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> tuple[CauseTest, CauseTest] | None:
     """Test factors on R and Q together where both are surely wrong; None where one of them is not.
 
@@ -146,18 +146,18 @@ def joint_noise(
     ----------
     noise : NoiseHypothesis
         Noise assumed so far.
-    found : NoiseScores
+    scores : NoiseScores
         Its scores.
     prior_sd : mapping of str to float
         As of `imu_noise`.
     """
     told = tuple(
         name
-        for name in found.names
-        if name in ROW_GROUPS or (name in NOISE_GROUPS and found.is_informative(name))
+        for name in scores.names
+        if name in ROW_GROUPS or (name in NOISE_GROUPS and scores.is_informative(name))
     )
     sides = [tuple(n for n in told if n in side) for side in (ROW_GROUPS, NOISE_GROUPS)]
-    score = [[found.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
+    score = [[scores.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
     if any(not side or chi2.sf(max(side), 1) > JOINT_P_VALUE for side in score):
         return None
     fit = _fit_identifiable(noise, told)
@@ -169,7 +169,7 @@ def joint_noise(
     chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
     if max(chance) > JOINT_P_VALUE:
         return None
-    gain = fit.log_likelihood - found.value - 0.5 * float(np.log(noise.count)) * len(told)
+    gain = fit.log_likelihood - scores.value - 0.5 * float(np.log(noise.count)) * len(told)
     title = "squares of factors on R and Q fitted together, by their variances"
     fitted = fit.noise
 
@@ -205,28 +205,28 @@ def _wald_statistic(fit: NoiseFit, name: str, prior_sd: float) -> float:
 
 def _test(
     noise: NoiseHypothesis,
-    found: NoiseScores,
+    scores: NoiseScores,
     cause: str,
     share: Mapping[str, float],
     prior_sd: Mapping[str, float],
 ) -> CauseTest:
     title = "likelihood ratio of a factor on the noise"
-    ratio = {name: found.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in found.names}
+    ratio = {name: scores.ratio(name, prior_sd.get(name, 0.0)) for name in share if name in scores.names}
     chance = {name: min(1.0, float(chi2.sf(value, 1)) / share[name]) for name, value in ratio.items()}
     best = min(chance, key=lambda name: chance[name], default="")
     if not best or ratio[best] < MIN_SCORE_STATISTIC:
         return not_significant(cause, noise, chance.get(best, 1.0), ratio.get(best, 0.0), title)
     alone = maximize_likelihood(noise, noise_parameters((best,)))
-    exact = _likelihood_ratio(alone, found.value, prior_sd.get(best, 0.0))
+    exact = _likelihood_ratio(alone, scores.value, prior_sd.get(best, 0.0))
     p_value = min(1.0, float(chi2.sf(exact, 1)) / share[best])
     price = 0.5 * float(np.log(noise.count))
     parts = tuple(
-        name for name in found.names if name in (ROW_GROUPS if best in ERROR_RATE_SHARE else NOISE_GROUPS)
+        name for name in scores.names if name in (ROW_GROUPS if best in ERROR_RATE_SHARE else NOISE_GROUPS)
     )
     wrong = tuple(name for name in parts if ratio.get(name, 0.0) > MIN_SCORE_STATISTIC)
     fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
-    gain = fit.log_likelihood - found.value - price * len(fit.estimate)
+    gain = fit.log_likelihood - scores.value - price * len(fit.estimate)
     alarm = Alarm(cause, p_value, gain, exact, title)
     others = {name: sd for name, sd in prior_sd.items() if name not in fit.parameters.names}
     return CauseTest(alarm, fit.noise, lambda: _coefficients(noise, parts, others))

@@ -119,13 +119,13 @@ def class_edges(level: FloatArray) -> tuple[float, ...]:
     return tuple(edges)
 
 
-def reported_levels(record: LinearizedRun, values: Mapping[str, float]) -> ReportedLevels:
+def reported_levels(linearized: LinearizedRun, values: Mapping[str, float]) -> ReportedLevels:
     """Return classes and levels of the fixes of a record, edges and typical levels as in a compensation."""
     classes: dict[str, IntArray] = {}
     logs: dict[str, FloatArray] = {}
     typical = {}
     for block, columns in BLOCKS.items():
-        level = sd_levels(record.reported_sd[:, list(columns)])
+        level = sd_levels(linearized.reported_sd[:, list(columns)])
         classes[block] = np.searchsorted(np.array(class_edges_of(values, block)), level).astype(np.int64)
         logs[block] = np.log(level)
         typical[block] = float(np.log(values.get(f"{CAUSE}{block}_typical", 1.0)))
@@ -195,7 +195,7 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     counted = noise.counted[:, columns].all(axis=1)
     if np.count_nonzero(counted) < 2 * MIN_CLASS_FIXES:
         return None
-    level = sd_levels(noise.record.reported_sd[:, columns])
+    level = sd_levels(noise.linearized.reported_sd[:, columns])
     low, high = np.quantile(level[counted], (0.05, 0.95))
     if high < MIN_SD_RATIO * low:
         return None

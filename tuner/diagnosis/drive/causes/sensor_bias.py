@@ -31,13 +31,13 @@ ALTERNATIVES = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
 
 
 def biases_beyond_prior(
-    found: FilterRun, config: FilterConfig, shifts: tuple[str, ...], threshold: float
+    run: FilterRun, config: FilterConfig, shifts: tuple[str, ...], threshold: float
 ) -> tuple[Finding, ...]:
     """Return the biases that their priors do not explain, one finding for each sensor.
 
     Parameters
     ----------
-    found : FilterRun
+    run : FilterRun
         The last pass.
     config : FilterConfig
         The priors.
@@ -46,11 +46,11 @@ def biases_beyond_prior(
     threshold : float
         Chance below which one is a finding, all axes together.
     """
-    longest = max(range(len(found.solutions)), key=lambda i: len(found.solutions[i].t))
-    solution, at = found.solutions[longest], found.settings.model.layout
-    span = float(solution.t[-1] - found.solutions[0].t[0])
+    longest = max(range(len(run.solutions)), key=lambda i: len(run.solutions[i].t))
+    solution, at = run.solutions[longest], run.settings.model.layout
+    span = float(solution.t[-1] - run.solutions[0].t[0])
     sd = np.sqrt(np.diag(solution.final_covariance))
-    passed = _sd_from_constants(found, shifts)
+    passed = _sd_from_constants(run, shifts)
     findings = []
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
         told, inflations, least, most = {}, [], 1.0, 0.0
@@ -95,12 +95,12 @@ def biases_beyond_prior(
     return tuple(findings)
 
 
-def _sd_from_constants(found: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.float64]:
+def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.float64]:
     """Return the sds of what compensated constants leave to the biases under the force at the start, (6,)."""
     if not shifts:
         return np.zeros(6)
-    start, names = found.solutions[0].state, found.record.parameters
-    now = fit_constants(found.whitened, names, shifts, np.zeros(len(names)))
+    start, names = run.solutions[0].state, run.linearized.parameters
+    now = fit_constants(run.whitened, names, shifts, np.zeros(len(names)))
     size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
     force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
     felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]

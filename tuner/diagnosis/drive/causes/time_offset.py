@@ -30,27 +30,27 @@ MIN_COARSE_DELAY = 0.1
 """Delay that the sensitivities find by themselves, s."""
 
 
-def clocks_are_suspicious(found: FilterRun) -> bool:
+def clocks_are_suspicious(run: FilterRun) -> bool:
     """Whether the innovations of a pass are so large that the fixes may come at another time."""
-    record = found.record
-    rows = record.available & record.scored[:, None]
+    linearized = run.linearized
+    rows = linearized.available & linearized.scored[:, None]
     if not rows.any():
         return True
-    spread = np.concatenate([np.diagonal(s.innovation_covariance, axis1=1, axis2=2) for s in found.solutions])
-    ratio = record.innovation[rows] ** 2 / spread[rows]
-    refused = float(np.mean(~record.used[rows]))
+    spread = np.concatenate([np.diagonal(s.innovation_covariance, axis1=1, axis2=2) for s in run.solutions])
+    ratio = linearized.innovation[rows] ** 2 / spread[rows]
+    refused = float(np.mean(~linearized.used[rows]))
     return (
         refused > SUSPICIOUS_REFUSED_SHARE
         or float(np.median(ratio)) > SUSPICIOUS_SQUARE_RATIO * MEDIAN_CHI2_1
     )
 
 
-def clock_drift(found: FilterRun, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
+def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
     """Return what is said of a delay that does not stay: no number compensates it, a common clock is missing.
 
     Parameters
     ----------
-    found : FilterRun
+    run : FilterRun
         The last pass.
     accepted : tuple of str
         Shifts that it compensates.
@@ -59,8 +59,8 @@ def clock_drift(found: FilterRun, accepted: tuple[str, ...], threshold: float) -
     """
     if DELAY.partition(".")[0] not in accepted:
         return ()
-    names = found.record.parameters
-    told = linear_trend(found.whitened, names, accepted, DELAY)
+    names = run.linearized.parameters
+    told = linear_trend(run.whitened, names, accepted, DELAY)
     if told.p_value >= threshold:
         return ()
     low, high = (1e3 * (told.rate + side * 1.96 * told.sd) for side in (-1.0, 1.0))

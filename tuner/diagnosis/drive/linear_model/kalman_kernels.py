@@ -158,8 +158,8 @@ def forward(
     correction: FloatArray,
     initial: FloatArray,
     starts: BoolArray,
-    drive: FloatArray,
-    seen: FloatArray,
+    B: FloatArray,
+    D: FloatArray,
     decay: FloatArray,
     markov_sd: FloatArray,
     z: FloatArray,
@@ -173,7 +173,7 @@ def forward(
     half is given. `decay` (k,) is e^{−Δt/T} of the Gauss–Markov error to each fix; N = n without it. Rows
     that are available and not taken get z, f, s and K as predicted.
     """
-    k, n, p = H.shape[0], H.shape[2], drive.shape[2]
+    k, n, p = H.shape[0], H.shape[2], B.shape[2]
     start, column, transition = phi
     size = gains.shape[2]
     P, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
@@ -202,7 +202,7 @@ def forward(
             _product(start, column, F, V, W)
             for m in range(n):
                 for q in range(p):
-                    W[m, q] += drive[i, m, q]
+                    W[m, q] += B[i, m, q]
             for m in range(n, size):
                 for q in range(p):
                     W[m, q] = decay[i] * V[m, q]
@@ -252,7 +252,7 @@ def forward(
             variance = max(variance, 0.0) + sd[i, row] ** 2
             z[i, row], f[i, row] = residual, variance
             slope = s[i, row]
-            slope[:] = seen[i, row]
+            slope[:] = D[i, row]
             for m in range(count):
                 c, of = H[i, row, at[m]], V[at[m]]
                 for q in range(p):

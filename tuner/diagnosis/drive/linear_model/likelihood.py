@@ -1,13 +1,13 @@
-"""Likelihood of a linear record under other noise: what every judgement of a drive stands on.
+"""Likelihood of a linearised run under other noise, and its gradient: the basis of every test of a drive.
 
-A `NoiseHypothesis` is an assumption on a run's noise: sds of fixes, factors on the densities of the process noise, a
-Gauss–Markov error of the position fixes, rows that are taken, columns of mean parameters θ that are free. With the
-innovations z of the filter it describes, their variances f and their sensitivities s (`passes`)::
+A `NoiseHypothesis` states sds of the fixes, factors on the process noise, a Gauss–Markov error of the position fixes,
+rows that are taken, and columns of constants θ that are free. With the innovations z of the filter it describes, their
+variances f and their sensitivities s (`kalman_kernels`)::
 
     ln L = −½ Σ [(z − s θ)²/f + ln 2πf],    θ = I⁻¹ Σ s z/f,    I = Σ s sᵀ/f
 
-over the rows that are taken and count: θ is profiled out. The gradient by all noise at once costs one pass
-backwards. As the filter was configured (`as_configured`), z and f are exactly its own.
+over the rows that are taken and count: θ is profiled out. The gradient by all noise parameters at once costs one
+backward recursion. For the filter as configured (`as_configured`), z and f are exactly its own.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class NoiseHypothesis:
 
     Attributes
     ----------
-    record : LinearizedRun
+    linearized : LinearizedRun
         The pass of the filter.
     sd : ndarray, shape (k, 6)
         Of the fixes.
@@ -49,7 +49,7 @@ class NoiseHypothesis:
         Its time constant, s.
     """
 
-    record: LinearizedRun
+    linearized: LinearizedRun
     sd: FloatArray
     process_noise_scale: FloatArray
     rows: BoolArray
@@ -60,7 +60,7 @@ class NoiseHypothesis:
     @property
     def counted(self) -> BoolArray:
         """Rows that enter ln L: taken, after the filter has settled; shape (k, 6)."""
-        return self.rows & self.record.available & self.record.scored[:, None]
+        return self.rows & self.linearized.available & self.linearized.scored[:, None]
 
     @property
     def count(self) -> int:
@@ -131,9 +131,11 @@ class Gradient:
     information: FloatArray
 
 
-def as_configured(record: LinearizedRun) -> NoiseHypothesis:
+def as_configured(linearized: LinearizedRun) -> NoiseHypothesis:
     """Return the noise for which the filter was configured."""
-    return NoiseHypothesis(record, record.sd, np.ones(len(NOISE_GROUPS)), record.used & record.available)
+    return NoiseHypothesis(
+        linearized, linearized.sd, np.ones(len(NOISE_GROUPS)), linearized.used & linearized.available
+    )
 
 
 def evaluate(noise: NoiseHypothesis) -> Likelihood:
@@ -143,11 +145,11 @@ def evaluate(noise: NoiseHypothesis) -> Likelihood:
 
 def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient]:
     """Return the likelihood and its gradient."""
-    found, gains = _forward(noise)
-    record = noise.record
-    k, b = len(record.t), min(N_IMPULSE_STATES, record.transition.shape[1] - 9)
+    likelihood, gains = _forward(noise)
+    linearized = noise.linearized
+    k, b = len(linearized.t), min(N_IMPULSE_STATES, linearized.transition.shape[1] - 9)
     gradient = Gradient(
-        found.value,
+        likelihood.value,
         np.zeros((k, 6)),
         np.zeros(4),
         np.zeros(3),
@@ -157,18 +159,18 @@ def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient
         np.zeros((k, max(b, 0), max(b, 0))),
     )
     backward(
-        *_packed(record),
+        *_packed(linearized),
         noise.process_noise_scale**2,
-        record.H,
+        linearized.H,
         noise.sd,
-        record.available,
-        noise.rows & record.available,
+        linearized.available,
+        noise.rows & linearized.available,
         noise.counted,
-        record.starts,
+        linearized.starts,
         _decay(noise),
         noise.markov_sd,
-        found.innovation,
-        found.variance,
+        likelihood.innovation,
+        likelihood.variance,
         gains,
         gradient.by_sd,
         gradient.by_process_noise_scale,
@@ -179,24 +181,26 @@ def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient
         gradient.information,
     )
     gradient.by_process_noise_scale[:] *= 2.0
-    return found, gradient
+    return likelihood, gradient
 
 
 def with_constants_fixed(noise: NoiseHypothesis) -> NoiseHypothesis:
-    """Return the hypothesis with its free mean parameters held where they are now, which costs no column any more.
+    """Return a noise hypothesis with its free constants fixed at their present estimates.
 
-    What they do to the record is taken out of its innovations. Estimates of mean and noise of normal laws are
-    independent to first order: noise may be fitted with the mean held.
+    Their effect is taken out of the innovations, so that no column is left to carry along. Estimates of mean and
+    noise of normal distributions are independent to first order: noise may be fitted with the constants fixed.
     """
     if not noise.columns:
         return noise
-    record, columns = noise.record, list(noise.columns)
+    linearized, columns = noise.linearized, list(noise.columns)
     theta = evaluate(noise).theta
-    push, offset = record.drive[:, :, columns] @ theta, record.seen[:, :, columns] @ theta
+    push, offset = linearized.B[:, :, columns] @ theta, linearized.D[:, :, columns] @ theta
     error = np.empty_like(push)
-    unaided(_packed(record)[0], push, record.starts, error)
-    seen = (record.H @ error[:, :, None])[:, :, 0] + offset
-    return replace(noise, record=replace(record, innovation=record.innovation - seen), columns=())
+    unaided(_packed(linearized)[0], push, linearized.starts, error)
+    shift = (linearized.H @ error[:, :, None])[:, :, 0] + offset
+    return replace(
+        noise, linearized=replace(linearized, innovation=linearized.innovation - shift), columns=()
+    )
 
 
 def kalman_gains(noise: NoiseHypothesis) -> FloatArray:
@@ -204,15 +208,15 @@ def kalman_gains(noise: NoiseHypothesis) -> FloatArray:
     return _forward(noise)[1]
 
 
-def _packed(record: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
+def _packed(linearized: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
     """Return the transition and the noise of `NOISE_GROUPS` as the passes take them."""
-    phi = record.sparse("transition")
-    gyro, accel, gyro_bias, accel_bias = (_places(record, group) for group in NOISE_GROUPS)
+    phi = linearized.sparse("transition")
+    gyro, accel, gyro_bias, accel_bias = (_places(linearized, group) for group in NOISE_GROUPS)
     return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias
 
 
-def _places(record: LinearizedRun, name: str) -> Places:
-    kept = record.sparse(name)
+def _places(linearized: LinearizedRun, name: str) -> Places:
+    kept = linearized.sparse(name)
     return kept.row, kept.column, kept.values
 
 
@@ -223,30 +227,30 @@ def _chosen(of: FloatArray, columns: list[int]) -> FloatArray:
 
 
 def _decay(noise: NoiseHypothesis) -> FloatArray:
-    t = noise.record.t
+    t = noise.linearized.t
     return np.asarray(np.exp(-np.diff(t, prepend=t[:1]) / noise.markov_time))
 
 
 def _forward(noise: NoiseHypothesis) -> tuple[Likelihood, FloatArray]:
-    record, columns = noise.record, list(noise.columns)
-    k, n, p = len(record.t), record.transition.shape[1], len(columns)
+    linearized, columns = noise.linearized, list(noise.columns)
+    k, n, p = len(linearized.t), linearized.transition.shape[1], len(columns)
     size = n + 3 if np.any(noise.markov_sd > 0.0) else n
     z, f = np.full((k, 6), np.nan), np.full((k, 6), np.nan)
     s, gains = np.zeros((k, 6, p)), np.zeros((k, 6, size))
     forward(
-        *_packed(record),
-        _places(record, "gnss_position"),
+        *_packed(linearized),
+        _places(linearized, "gnss_position"),
         noise.process_noise_scale**2,
-        record.H,
-        record.innovation,
+        linearized.H,
+        linearized.innovation,
         noise.sd,
-        record.available,
-        noise.rows & record.available,
-        record.correction,
-        record.initial,
-        record.starts,
-        _chosen(record.drive, columns),
-        _chosen(record.seen, columns),
+        linearized.available,
+        noise.rows & linearized.available,
+        linearized.correction,
+        linearized.initial,
+        linearized.starts,
+        _chosen(linearized.B, columns),
+        _chosen(linearized.D, columns),
         _decay(noise),
         noise.markov_sd,
         z,

@@ -1,6 +1,6 @@
-"""From a filter's pass over a drive to its linear record.
+"""Linearisation of a filter run over a drive: Φ, Q and B between fixes, H and D at the fixes.
 
-The filter runs as it is; `tracing` follows it a second time and leaves Φ, Q and B, the fixes give H and D::
+The filter runs as it is; `error_propagation` follows it a second time and leaves Φ, Q and B, the fixes give H and D::
 
     position = llh ⊕ C l             velocity = v + ω_eb × C l          H: their derivatives by the states
     D: time_offset  −v, −a           velocity_lag  0, −a                lever_arm  C, [ω_eb ×] C
@@ -107,8 +107,8 @@ def linearize(
         joined("correction"),
         covariance,
         PARAMETERS,
-        joined("drive"),
-        joined("seen"),
+        joined("B"),
+        joined("D"),
         joined("starts").astype(bool),
         joined("scored").astype(bool),
     )
@@ -165,10 +165,10 @@ def _part(
     }
     if "gnss_position" in settings.model.layout:
         noise["gnss_position"] = out.slow[2]
-    drive = np.zeros((k, n, p))
-    drive[:, :9] = out.pull
+    b = np.zeros((k, n, p))
+    b[:, :9] = out.pull
     if first:
-        drive[0] += out.phi[0] @ _start(settings, stretch, own)
+        b[0] += out.phi[0] @ _start(settings, stretch, own)
     before = NavigationState(out.prior[:, :3], out.prior[:, 3:6], out.prior[:, 6:])
     correction = solution.parameters - out.x
     correction[:, :9] = navigation_error(solution.state, before)
@@ -187,7 +187,7 @@ def _part(
         correction,
         np.zeros((0, 0)),
         PARAMETERS,
-        drive,
+        b,
         d,
         np.arange(k) == 0,
         solution.t >= stretch.settled,

@@ -1,10 +1,10 @@
-"""One pass of a filter as a linear record: all that a criticism of the drive needs, and no trajectory any more.
+"""A filter run over a drive as a linear model around its estimates: all that the tests of causes need.
 
 Between the updates of fixes i − 1 and i the error state obeys e⁻ᵢ = Φᵢ e⁺ᵢ₋₁ + Bᵢ θ + w, e⁺ᵢ = e⁻ᵢ − cᵢ, and the
 innovation of fix i is νᵢ = Hᵢ e⁻ᵢ + Dᵢ θ + v. Here cᵢ is the correction that the filter applied, θ the parameters
-of causes that the filter does not know, var w = Σ_g s_g Q_gᵢ over groups of process noise, each as configured
+of causes that the filter does not model, var w = Σ_g s_g Q_gᵢ over groups of process noise, each as configured
 (s_g = 1), and var v the square of the assumed sds. Errors are truth minus estimate, attitude the φ-angle in n, as
-in `models.error_state`. All causes, other Q, R and further states are judged on this record alone.
+in `models.error_state`. All causes, other Q, R and further states are evaluated on this linear model alone.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 NOISE_GROUPS = ("gyro_white", "accel_white", "gyro_bias", "accel_bias")
-"""Groups of process noise: white noise of the sensors, and the drives of all their bias states."""
+"""Groups of process noise: white noise of the sensors, and the noise that drives all their bias states."""
 
 
 @dataclass(frozen=True)
 class LinearizedRun:
-    """A filter's pass over k fixes, n states, p candidate parameters.
+    """A filter run over k fixes with n states, and the effect of p candidate parameters on it.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class LinearizedRun:
     sd : ndarray, shape (k, 6)
         Assumed sds.
     reported_sd : ndarray, shape (k, 6)
-        What the receiver says of each fix, NaN where it says nothing.
+        Sds reported by the receiver, NaN where it reports none.
     available, used : ndarray of bool, shape (k, 6)
         Rows that the fix has; rows that the filter took (neither gated nor withheld).
     correction : ndarray, shape (k, n)
@@ -52,16 +52,16 @@ class LinearizedRun:
         P at the start.
     parameters : tuple of str
         Names of the columns of B and D: ``time_offset.delay``, ``lever_arm.x``, …: cause, dot, parameter.
-    drive : ndarray, shape (k, n, p)
-        B.
-    seen : ndarray, shape (k, 6, p)
-        D.
+    B : ndarray, shape (k, n, p)
+        Effect of one unit of each parameter on the errors between two fixes.
+    D : ndarray, shape (k, 6, p)
+        Effect of one unit of each parameter on the innovations.
     starts : ndarray of bool, shape (k,)
         True at the first fix of every stretch: P begins anew there (`initial` once more for the first nine states).
     scored : ndarray of bool, shape (k,)
-        Fixes that count in sums over the record; false while the filter settles, all by default.
+        Fixes that count in sums over the run; false while the filter settles, all by default.
     sparse_cache : dict of str to SparseStack
-        Transition and noise without their zeros as far as they were asked for, handed on to copies.
+        Transition and noise without their zeros, filled on demand and shared with copies.
     """
 
     t: FloatArray
@@ -76,8 +76,8 @@ class LinearizedRun:
     correction: FloatArray
     initial: FloatArray
     parameters: tuple[str, ...]
-    drive: FloatArray
-    seen: FloatArray
+    B: FloatArray
+    D: FloatArray
     starts: BoolArray
     scored: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     sparse_cache: dict[str, SparseStack] = field(default_factory=dict, repr=False, compare=False)
@@ -95,7 +95,7 @@ class LinearizedRun:
         return self.used & self.scored[:, None]
 
     def sparse(self, name: str) -> SparseStack:
-        """Return ``transition``, or the lower half of a noise, without its zeros."""
+        """Return ``transition``, or the lower half of a process noise, without its zeros."""
         dense = self.transition if name == "transition" else self.noise.get(name, self.transition[:, :0, :0])
         kept = self.sparse_cache.get(name)
         if kept is None or kept.of is not dense:
@@ -105,18 +105,18 @@ class LinearizedRun:
 
 @dataclass(frozen=True)
 class SparseStack:
-    """The m places of (k, n, n) matrices that are not 0 throughout, row by row.
+    """The m entries of a stack of matrices (k, n, n) that are not 0 throughout, row by row.
 
     Attributes
     ----------
     of : ndarray, shape (k, n, n)
         The matrices.
     start : ndarray of int, shape (n + 1,)
-        First place of every row.
+        First entry of every row.
     row, column : ndarray of int, shape (m,)
-        Of every place.
+        Position of every entry.
     values : ndarray, shape (k, m)
-        What stands there.
+        Its values.
     """
 
     of: FloatArray
@@ -127,7 +127,7 @@ class SparseStack:
 
 
 def sparse_stack(matrices: FloatArray, *, lower: bool = False) -> SparseStack:
-    """Return matrices (k, n, n) without their zeros; of symmetric ones, if wished, the lower half only."""
+    """Return matrices (k, n, n) without their zeros; of symmetric ones, where `lower`, the lower half only."""
     n = matrices.shape[-1]
     place = np.any(matrices != 0.0, axis=0) if len(matrices) else np.zeros((n, n), dtype=bool)
     row, column = np.nonzero(np.tril(place | place.T) if lower else place)

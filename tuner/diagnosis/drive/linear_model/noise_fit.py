@@ -143,9 +143,9 @@ class NoiseFit:
         def fallen(distance: float) -> bool:
             x = np.clip(self.estimate + side * distance * ridge, -MAX_LOG, MAX_LOG)
             noise = self.parameters.change(self.start, x)
-            found, gradient = evaluate_with_gradient(noise)
+            likelihood, gradient = evaluate_with_gradient(noise)
             slopes = self.parameters.slopes(self.start, x, gradient) - x / self.prior_sd**2
-            value = found.value + 0.5 * float(slopes @ others @ slopes)
+            value = likelihood.value + 0.5 * float(slopes @ others @ slopes)
             return top - value + 0.5 * float(np.sum((x / known) ** 2)) > drop
 
         most = MAX_LOG - side * float(self.estimate[j])
@@ -200,7 +200,9 @@ def _cost_at_fixed_constants(
     noise: NoiseHypothesis, parameters: NoiseParameters, x: FloatArray, sd: FloatArray
 ) -> tuple[NoiseHypothesis, Cost]:
     """Return the hypothesis with mean parameters held at their best for some noise, and the cost of other noise."""
-    fixed = replace(noise, record=with_constants_fixed(parameters.change(noise, x)).record, columns=())
+    fixed = replace(
+        noise, linearized=with_constants_fixed(parameters.change(noise, x)).linearized, columns=()
+    )
     return fixed, _cost(fixed, parameters, sd)
 
 
@@ -210,11 +212,11 @@ def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
         x = np.clip(x, -MAX_LOG, MAX_LOG)
         with np.errstate(invalid="ignore", divide="ignore"):
-            found, gradient = evaluate_with_gradient(parameters.change(noise, x))
+            likelihood, gradient = evaluate_with_gradient(parameters.change(noise, x))
             slopes = parameters.slopes(noise, x, gradient)
-        if not (np.isfinite(found.value) and np.isfinite(slopes).all()):
+        if not (np.isfinite(likelihood.value) and np.isfinite(slopes).all()):
             return LOST_IN_ROUNDING_COST, x / sd**2
-        return 0.5 * float(np.sum((x / sd) ** 2)) - found.value, x / sd**2 - slopes
+        return 0.5 * float(np.sum((x / sd) ** 2)) - likelihood.value, x / sd**2 - slopes
 
     return cost
 

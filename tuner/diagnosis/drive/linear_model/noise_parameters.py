@@ -144,6 +144,6 @@ def present(
     def there(name: str) -> bool:
         if _of_rows(name):
             return bool(np.any(weights(name, len(counted), said)[counted]))
-        return bool(noise.record.noise[name].any())
+        return bool(noise.linearized.noise[name].any())
 
     return tuple(name for name in names if there(name))

@@ -1,4 +1,4 @@
-"""WhitenedInnovations innovations and what unknown constants do to them.
+"""Whitened innovations of a linearised run, and their sensitivities to unknown constants.
 
 The separate-bias form of Friedland [1]_: with the filter's own gains K, the error that constants θ cause is V θ,
 
@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WhitenedInnovations:
-    """The m rows of a record that count, made white.
+    """The m rows of a run that count, divided by their predicted sds.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class WhitenedInnovations:
     residual : ndarray, shape (m,)
         W.
     slope : ndarray, shape (m, p)
-        s/√f, of all constants of the record.
+        s/√f, of all candidate constants.
     """
 
     t: FloatArray
@@ -43,13 +43,13 @@ class WhitenedInnovations:
 
 
 def whiten(noise: NoiseHypothesis) -> WhitenedInnovations:
-    """Return the innovations of a record made white, and their sensitivities to all its constants."""
-    record = noise.record
-    every = evaluate(replace(noise, columns=tuple(range(len(record.parameters)))))
+    """Return the whitened innovations of a run, and their sensitivities to all candidate constants."""
+    linearized = noise.linearized
+    every = evaluate(replace(noise, columns=tuple(range(len(linearized.parameters)))))
     rows = noise.counted
     root = np.sqrt(every.variance[rows])
     slope = every.sensitivity[rows]
-    t = np.broadcast_to(record.t[:, None], rows.shape)[rows]
+    t = np.broadcast_to(linearized.t[:, None], rows.shape)[rows]
     return WhitenedInnovations(
         t, (every.innovation[rows] + slope @ every.theta) / root, slope / root[:, None]
     )
