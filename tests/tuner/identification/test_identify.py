@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, RandomWalk, White
+from tuner.formats.identification import identification_json
 from tuner.identification import identify, identify_channel
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.valid_band import find_band
-from tuner.report.json.identification import identification_json
 from tuner.types.records import DataError, Record
 
 INTERVAL = 0.01

@@ -46,7 +46,7 @@ def command(
 ) -> None:
     """Compute one curve of a log, without preprocessing, refusal or bias correction."""
     from tuner.curves import empirical
-    from tuner.report.json.identification import curves_json
+    from tuner.formats.curves import curves_json
     from tuner.report.tables import show, statistic_tables
 
     wanted = None if tau is None else _seconds(tau)

@@ -69,9 +69,9 @@ def command(
     with their spread. A CSV of satellite fixes of an antenna at rest (t,lat,lon,height,…) gives the errors
     of the receiver.
     """
+    from tuner.formats.identification import identification_json
     from tuner.identification.several_logs import pool
     from tuner.readers.gnss_log import is_fixes
-    from tuner.report.json.identification import identification_json
     from tuner.report.json.views import pooled_json, receiver_json
     from tuner.report.tables import identification_tables, pooled_tables, receiver_words, show
 

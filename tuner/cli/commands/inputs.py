@@ -32,10 +32,10 @@ def is_log(source: str) -> bool:
     """Tell a log from a grade, a datasheet, an identification on file and a measured curve."""
     from tuner.catalogue.datasheet import is_datasheet
     from tuner.readers import is_curve
-    from tuner.readers.stored import is_written
+    from tuner.readers.stored import is_stored
 
     path = Path(source)
-    return is_file(source) and not (is_datasheet(path) or is_written(path) or is_curve(path))
+    return is_file(source) and not (is_datasheet(path) or is_stored(path) or is_curve(path))
 
 
 def load_at_rest(log: str, messages: Messages) -> ReceiverErrors:
@@ -96,7 +96,7 @@ def load_identification(
     from tuner.identification import identify
     from tuner.identification.from_curve import identify_curve
     from tuner.readers import is_curve, read_curve
-    from tuner.readers.stored import is_written, read_written
+    from tuner.readers.stored import is_stored, read_stored
     from tuner.segments.conditions import at_rest
     from tuner.segments.multi_position import calibrate
 
@@ -107,8 +107,8 @@ def load_identification(
         return grade_identification(load_grade(source))
     if is_datasheet(Path(source)):
         return read_datasheet(Path(source))
-    if is_written(Path(source)):
-        return read_written(Path(source))
+    if is_stored(Path(source)):
+        return read_stored(Path(source))
     if is_curve(Path(source)):
         return identify_curve(read_curve(Path(source)), source=source_name(source), terms=terms)
     whole = load_records(source, reading, messages)

@@ -105,6 +105,7 @@ def command(
     from tuner.exporters import export
     from tuner.formats import native
     from tuner.formats.files import json_text, write_text
+    from tuner.formats.identification import identification_json
     from tuner.identification import identify
     from tuner.report.allan_figure import draw_allan
     from tuner.report.consistency_tables import consistency_tables
@@ -114,7 +115,6 @@ def command(
     from tuner.report.drive_tables import drive_tables
     from tuner.report.json.consistency import consistency_json
     from tuner.report.json.diagnosis import diagnosis_json, drive_diagnosis_json
-    from tuner.report.json.identification import identification_json
     from tuner.report.json.views import config_json
     from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show

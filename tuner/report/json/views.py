@@ -10,10 +10,10 @@ import yaml
 from models.sensors import SensorGrade
 from tuner.formats import native
 from tuner.formats.findings import coefficient_json
+from tuner.formats.identification import identification_json
 from tuner.identification.comparison import Comparison
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.identification.record_length import Plan
-from tuner.report.json.identification import identification_json
 from tuner.types import FilterConfig, Identification, PooledChannel, PooledCoefficient
 
 

@@ -1,0 +1,255 @@
+"""Every stored result is read back equal: load(dump(x)) == x, through JSON text without NaN or infinity."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from models.noise import TERMS, NoiseModel, Term
+from tuner.formats.curves import curves_json, load_curves
+from tuner.formats.files import json_text
+from tuner.formats.identification import identification_json, load_identification
+from tuner.types import (
+    AllanCurve,
+    ArmaFit,
+    Candidate,
+    ChannelIdentification,
+    Coefficient,
+    Correlogram,
+    Identification,
+    Spectrum,
+    TermEstimate,
+)
+from tuner.types.records import DataError
+
+thorough = settings(max_examples=60, deadline=None, derandomize=True)
+
+texts = st.text(max_size=12)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+perhaps_undefined = st.floats(allow_infinity=False)
+positive = st.floats(min_value=1e-300, max_value=1e300)
+deviations = st.floats(min_value=1e-150, max_value=1e150)
+intervals = st.tuples(numbers | st.just(-math.inf), numbers | st.just(math.inf))
+coefficients = st.builds(
+    Coefficient, st.none() | numbers, st.none() | intervals, st.none() | numbers, texts, st.none() | texts
+)
+known = coefficients.filter(lambda c: c.value is not None)
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | numbers | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=6,
+)
+plain_mappings = st.dictionaries(texts, plain, max_size=3)
+
+
+def same(left: Any, right: Any) -> bool:
+    """Return whether two values are equal, NaN equal to itself; a variance within one rounding of its root."""
+    if dataclasses.is_dataclass(left) and not isinstance(left, NoiseModel):
+        names = [field.name for field in dataclasses.fields(left)]
+        return type(left) is type(right) and all(same(getattr(left, n), getattr(right, n)) for n in names)
+    if isinstance(left, np.ndarray):
+        return left.shape == right.shape and np.allclose(left, right, rtol=4e-16, atol=0.0, equal_nan=True)
+    if isinstance(left, Mapping):
+        return list(left) == list(right) and all(same(left[key], right[key]) for key in left)
+    if isinstance(left, tuple):
+        return len(left) == len(right) and all(map(same, left, right))
+    if isinstance(left, float) and math.isnan(left):
+        return isinstance(right, float) and math.isnan(right)
+    return bool(left == right)
+
+
+def stored(content: Mapping[str, Any]) -> Any:
+    """Return what is read from the JSON text of a document."""
+    return json.loads(json_text(content))
+
+
+def columns(m: int, values: st.SearchStrategy[float], k: int = 1) -> st.SearchStrategy[Any]:
+    return hnp.arrays(np.float64, (m, k), elements=values)
+
+
+@st.composite
+def noise_terms(draw: st.DrawFn) -> Term:
+    kind = TERMS[draw(st.sampled_from(["quantization", "white", "bias_instability", "gauss_markov"]))]
+    return kind(**{name: draw(positive) for name in kind.PARAMETERS})
+
+
+models = st.lists(noise_terms(), max_size=4).map(NoiseModel)
+
+
+@st.composite
+def estimates(draw: st.DrawFn) -> tuple[TermEstimate, ...]:
+    names = draw(st.lists(st.sampled_from(["white", "ramp", "random_walk"]), unique=True))
+    names += ["gauss_markov"] * draw(st.integers(0, 2))
+    return tuple(TermEstimate(n, {p: draw(known) for p in TERMS[n].PARAMETERS}) for n in names)
+
+
+@st.composite
+def allan_curves(draw: st.DrawFn, axes: tuple[str, ...] = ("gyro_x",)) -> AllanCurve:
+    m = draw(st.integers(0, 3))
+    tau = draw(hnp.arrays(np.float64, m, elements=positive))
+    variance = draw(columns(m, deviations, len(axes))) ** 2
+    dof = draw(columns(m, st.floats(0.5, 1e6), len(axes)))
+    notes = tuple(draw(st.lists(texts, max_size=2)))
+    return AllanCurve(draw(texts), tau, variance, dof, "rad/s", axes, notes)
+
+
+@st.composite
+def dimensionless(draw: st.DrawFn) -> tuple[Coefficient, ...]:
+    some = st.builds(Coefficient, st.none() | numbers, st.none() | intervals, st.none(), st.just("1"))
+    return tuple(draw(st.lists(some, max_size=2)))
+
+
+armas = st.builds(
+    ArmaFit,
+    ar=dimensionless(),
+    ma=dimensionless(),
+    variance=positive,
+    interval=positive,
+    unit=texts,
+    criterion=texts,
+    scores=st.dictionaries(st.tuples(st.integers(0, 3), st.integers(0, 3)), perhaps_undefined, max_size=2),
+    white=st.booleans(),
+    steps=st.lists(texts, max_size=2).map(tuple),
+)
+
+
+@st.composite
+def channels(draw: st.DrawFn, axis: str) -> ChannelIdentification:
+    names = tuple(draw(st.lists(texts, max_size=2)))
+    curve = dataclasses.replace(draw(allan_curves()), axes=(axis,))
+    return ChannelIdentification(
+        axis=axis,
+        unit="rad/s",
+        interval=draw(positive | st.just(0.0)),
+        span=draw(numbers),
+        method=draw(texts),
+        model=draw(models),
+        terms=draw(estimates()),
+        parameters=names,
+        covariance=draw(columns(len(names), numbers, len(names))),
+        mean=draw(coefficients),
+        sigma_10s=draw(coefficients),
+        minimum=draw(coefficients),
+        floor=draw(coefficients),
+        minimum_tau=draw(perhaps_undefined),
+        allan=curve,
+        candidates=tuple(
+            draw(st.lists(st.builds(Candidate, st.lists(texts).map(tuple), numbers, texts), max_size=2))
+        ),
+        arma=draw(st.none() | armas),
+        warnings=tuple(draw(st.lists(texts, max_size=2))),
+    )
+
+
+@st.composite
+def identifications(draw: st.DrawFn) -> Identification:
+    axes = sorted(draw(st.sets(st.sampled_from(["gyro_x", "accel_y", "wheel"]), max_size=2)))
+    found = {axis: draw(channels(axis)) for axis in axes}
+    return Identification(draw(plain_mappings), found, tuple(draw(st.lists(texts, max_size=2))))
+
+
+@thorough
+@given(identifications())
+def test_identification(found: Identification) -> None:
+    assert same(load_identification(stored(identification_json(found)), source="a.json"), found)
+
+
+@st.composite
+def curves(draw: st.DrawFn) -> AllanCurve | Spectrum | Correlogram:
+    axes = ("gyro_x", "gyro_y")
+    m = draw(st.integers(0, 3))
+    x = draw(hnp.arrays(np.float64, m, elements=positive))
+    kind = draw(st.sampled_from(["allan", "psd", "acf"]))
+    if kind == "psd":
+        dof = draw(hnp.arrays(np.float64, m, elements=st.floats(0.5, 1e6)))
+        return Spectrum(x, draw(columns(m, deviations, 2)), dof, "rad/s", axes)
+    if kind == "acf":
+        return Correlogram("acf", x, draw(columns(m, st.floats(-1.0, 1.0), 2)), draw(positive), axes)
+    return dataclasses.replace(draw(allan_curves(axes)), estimator="oadev")
+
+
+def axis_of(curve: AllanCurve | Spectrum | Correlogram, j: int) -> AllanCurve | Spectrum | Correlogram:
+    axes, only = (curve.axes[j],), slice(j, j + 1)
+    if isinstance(curve, Spectrum):
+        return dataclasses.replace(curve, density=curve.density[:, only], axes=axes)
+    if isinstance(curve, Correlogram):
+        return dataclasses.replace(curve, value=curve.value[:, only], axes=axes)
+    return curve.axis(axes[0])
+
+
+@thorough
+@given(curves())
+def test_curves(curve: AllanCurve | Spectrum | Correlogram) -> None:
+    found = load_curves(stored(curves_json([curve])), source="a.json")
+    assert same(found, {axis: axis_of(curve, j) for j, axis in enumerate(curve.axes)})
+
+
+def example() -> Identification:
+    coefficient = Coefficient(1e-3, (1e-4, math.inf), None, "rad/s^0.5")
+    unknown = Coefficient(None, None, None, "rad/s")
+    white = TERMS["white"](1e-3)
+    channel = ChannelIdentification(
+        axis="gyro_x",
+        unit="rad/s",
+        interval=0.01,
+        span=10.0,
+        method="likelihood",
+        model=NoiseModel((white,)),
+        terms=(TermEstimate("white", {"density": coefficient}),),
+        parameters=(),
+        covariance=np.zeros((0, 0)),
+        mean=unknown,
+        sigma_10s=unknown,
+        minimum=unknown,
+        floor=unknown,
+        minimum_tau=math.nan,
+        allan=AllanCurve(
+            "oadev", np.array([1.0]), np.array([[1e-6]]), np.array([[9.0]]), "rad/s", ("gyro_x",)
+        ),
+    )
+    return Identification({}, {"gyro_x": channel})
+
+
+def test_what_an_older_document_lacks_follows_from_the_rest() -> None:
+    content = stored(identification_json(example()))
+    for later in ("interval_s", "model"):
+        del content["channels"]["gyro_x"][later]
+    del content["notes"]
+    assert same(load_identification(content, source="a.json"), example())
+
+
+@pytest.mark.parametrize(
+    ("break_it", "message"),
+    [
+        (lambda c: c.update(schema="tuner.curve/1"), "a.json: schema: expected 'tuner.identification/1'"),
+        (lambda c: c["channels"]["gyro_x"].pop("mean"), "a.json: channels.gyro_x: expected a key 'mean'"),
+        (
+            lambda c: c["channels"]["gyro_x"]["terms"].update(whte={}),
+            "a.json: channels.gyro_x.terms: expected terms among quantization, white",
+        ),
+        (
+            lambda c: c["channels"]["gyro_x"]["model"].update(white={"density": -1.0}),
+            "a.json: channels.gyro_x.model: 'density' must be positive, got -1.0",
+        ),
+        (
+            lambda c: c["channels"]["gyro_x"]["parameters"].append("white.density"),
+            "a.json: channels.gyro_x.log_covariance: expected 1 × 1 numbers, got 0",
+        ),
+    ],
+)
+def test_a_bad_identification_is_refused_with_the_place(break_it: Any, message: str) -> None:
+    content = stored(identification_json(example()))
+    break_it(content)
+    with pytest.raises(DataError) as caught:
+        load_identification(content, source="a.json")
+    assert message in str(caught.value)
+    assert str(caught.value).endswith("; write the file anew with 'tuner identify LOG --json FILE'")

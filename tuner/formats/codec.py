@@ -1,0 +1,359 @@
+"""Dataclasses to plain values and back: one codec for every JSON and YAML document of the project.
+
+`dump` turns a dataclass into mappings, lists, numbers and text; `load` makes the dataclass again, or says in one line
+which file, which place in it, what was expected and what was found. The keys of a document are the fields of a
+dataclass. Where a document differs from the dataclass it stands for, `stored_form` names another dataclass with the
+keys of the document.
+
+Rules for numbers:
+
+====================  ==============================================================================================
+NaN                   null; a null number is read as NaN, where the field does not refuse it
+interval (lo, hi)     an infinite end is null; YAML's ``.inf`` is read too
+other infinities      null
+array                 nested lists
+number as text        ``1e-5``, which YAML 1.1 takes for text, is read as a number
+====================  ==============================================================================================
+
+An entry that is null or absent takes the default of its field; where there is no default and None is allowed, None.
+Unknown keys are ignored, as later versions add some, except in documents written by hand (`refuse_unknown_keys`).
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NoReturn,
+    Protocol,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import cattrs
+import numpy as np
+from cattrs.cols import is_mapping, mapping_structure_factory
+from cattrs.gen import make_dict_structure_fn, override
+
+from tuner.formats.files import plain
+from tuner.types.numbers import Limits
+from tuner.types.records import DataError
+
+T = TypeVar("T")
+K = TypeVar("K", contravariant=True)
+
+
+class Mismatch(ValueError):
+    """An entry that is not what the document must have there; `path` leads to it from the entry being read."""
+
+    def __init__(self, expected: str, found: str, path: tuple[str | int, ...] = ()) -> None:
+        super().__init__(f"expected {expected}, got {found}")
+        self.path = path
+
+    def within(self, *path: str | int) -> Self:
+        """Return the error with the keys that lead to the entry being read in front of its place."""
+        self.path = (*path, *self.path)
+        return self
+
+
+class Form(Protocol):
+    """A dataclass with the keys of a document, standing for another one."""
+
+    @classmethod
+    def of(cls, value: Any, /) -> Self:
+        """Return the form of a value."""
+
+    def restored(self) -> Any:
+        """Return the value of a form."""
+
+
+F = TypeVar("F", bound=Form)
+
+
+def dump(value: Any) -> Any:
+    """Return a dataclass as plain values: mappings, lists, text, finite numbers, true, false and null."""
+    return plain(_CONVERTER.unstructure(value))
+
+
+def load(content: object, kind: type[T], *, source: str, advice: str = "") -> T:
+    """Return the dataclass that plain values stand for.
+
+    Parameters
+    ----------
+    content : object
+        Plain values, as `tuner.formats.documents` returns them.
+    kind : type
+        The dataclass.
+    source : str
+        File name for messages.
+    advice : str, optional
+        What to do about a bad document, for messages.
+
+    Raises
+    ------
+    DataError
+        One line: file, place, expected, found and the advice.
+    """
+    try:
+        return _CONVERTER.structure(content, kind)
+    except (cattrs.BaseValidationError, ValueError) as error:
+        raise DataError(_explained(error, content, source) + (f"; {advice}" if advice else "")) from None
+
+
+def structured(content: object, kind: Any) -> Any:
+    """Return the value of a part of a document, for hooks and forms: errors carry their place upwards."""
+    return _CONVERTER.structure(content, kind)
+
+
+def stored_form(kind: type[Any]) -> Callable[[type[F]], type[F]]:
+    """Declare the decorated dataclass as the form in which documents have `kind`."""
+
+    def declare(form: type[F]) -> type[F]:
+        store(
+            kind,
+            dump=lambda value: _CONVERTER.unstructure(form.of(value)),
+            load=lambda content: _CONVERTER.structure(content, form).restored(),
+        )
+        return form
+
+    return declare
+
+
+def store(
+    kind: type[T],
+    *,
+    dump: Callable[[T], Any] | None = None,
+    load: Callable[[object], T] | None = None,
+) -> None:
+    """Declare how documents have `kind` where its fields do not say it."""
+    if dump is not None:
+        _CONVERTER.register_unstructure_hook(kind, dump)
+    if load is not None:
+        _CONVERTER.register_structure_hook(kind, lambda content, _: load(content))
+
+
+def refuse_unknown_keys(kind: type[T]) -> type[T]:
+    """Declare that a misspelt key of `kind` is refused; for documents that people write."""
+    _CLOSED.add(kind)
+    return kind
+
+
+def shown(value: object) -> str:
+    """Return a value as a document has it."""
+    words = {None: "null", True: "true", False: "false"}
+    return words[value] if value is None or isinstance(value, bool) else repr(value)
+
+
+def place(source: str, path: Sequence[str | int]) -> str:
+    """Return a place in a document as messages name it: ``mine.yaml: gnss.correlated[0].sd``."""
+    steps = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return f"{source}: {steps.removeprefix('.')}" if steps else source
+
+
+def refuse(expected: str, found: str, *path: str | int) -> NoReturn:
+    """Raise the error of an entry that is not what it must be; `path` leads to it from the entry being read."""
+    raise Mismatch(expected, found, path)
+
+
+def _explained(error: Exception, content: object, source: str) -> str:
+    """Return the first mistake of a document in one line."""
+    leaf, path = _first(error)
+    if isinstance(leaf, KeyError) and path:
+        *parent, key = path
+        found = _at(content, parent)
+        keys = ", ".join(map(str, found)) if isinstance(found, Mapping) and found else "none"
+        return f"{place(source, parent)}: expected a key '{key}', got keys {keys}"
+    if isinstance(leaf, cattrs.ForbiddenExtraKeysError):
+        allowed = ", ".join(field.name for field in fields(leaf.cl))
+        return f"{place(source, path)}: expected keys among {allowed}, got {min(leaf.extra_fields)!r}"
+    if isinstance(leaf, Mismatch):
+        path = (*path, *leaf.path)
+    return f"{place(source, path)}: {' '.join(str(leaf).split())}"
+
+
+def _first(
+    error: BaseException, path: tuple[str | int, ...] = ()
+) -> tuple[BaseException, tuple[str | int, ...]]:
+    """Return the first error within nested ones, and the keys that lead to it."""
+    for note in getattr(error, "__notes__", ()):
+        if isinstance(note, cattrs.AttributeValidationNote):
+            path = (*path, note.name)
+        elif isinstance(note, cattrs.IterableValidationNote):
+            path = (*path, note.index)
+    if isinstance(error, cattrs.BaseValidationError):
+        return _first(error.exceptions[0], path)
+    return error, path
+
+
+def _at(content: object, path: Sequence[str | int]) -> object:
+    found: Any = content
+    for step in path:
+        found = found[step]
+    return found
+
+
+def _load_number(content: object, _: Any = None) -> float:
+    if content is None:
+        return math.nan
+    return _number(content, "a number")
+
+
+def _number(content: object, expected: str) -> float:
+    if isinstance(content, bool) or not isinstance(content, int | float | str):
+        refuse(expected, shown(content))
+    try:
+        number = float(content)
+    except (ValueError, OverflowError):
+        refuse(expected, shown(content))
+    if not math.isfinite(number):
+        refuse(expected, shown(content))
+    return number
+
+
+def _load_limited(content: object, kind: Any) -> float:
+    limits: Limits = kind.__metadata__[0]
+    number = _number(content, limits.words)
+    if not limits.allow(number):
+        refuse(limits.words, shown(content))
+    return number
+
+
+def _load_interval(content: object, _: Any) -> tuple[float, float]:
+    """Return both ends of an interval; null is an end without a limit."""
+    if not isinstance(content, list | tuple) or len(content) != 2:
+        refuse("2 numbers", shown(content))
+    low, high = content
+    return (
+        -math.inf if low in (None, -math.inf) else _number(low, "a number or null"),
+        math.inf if high in (None, math.inf) else _number(high, "a number or null"),
+    )
+
+
+def _load_exactly(kind: type[Any], words: str) -> Callable[[object, Any], Any]:
+    def load(content: object, _: Any) -> Any:
+        if not isinstance(content, kind) or (kind is int and isinstance(content, bool)):
+            refuse(words, shown(content))
+        return content
+
+    return load
+
+
+def _load_array(content: object, _: Any) -> Any:
+    if not isinstance(content, list | tuple):
+        refuse("a list of numbers", shown(content))
+    try:
+        return np.array(content, dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse("numbers in lists of equal length", shown(content))
+
+
+def _load_literal(content: object, kind: Any) -> Any:
+    """Return a text that must be one of those a type names, such as the schema of a document."""
+    if content not in get_args(kind):
+        refuse(" or ".join(map(repr, get_args(kind))), shown(content))
+    return content
+
+
+def _is_literal(kind: Any) -> bool:
+    return get_origin(kind) is Literal
+
+
+def _is_array(kind: Any) -> bool:
+    return kind is np.ndarray or get_origin(kind) is np.ndarray
+
+
+def _is_tuple(kind: Any) -> bool:
+    return get_origin(kind) is tuple
+
+
+def _is_limited(kind: Any) -> bool:
+    return get_origin(kind) is Annotated and isinstance(kind.__metadata__[0], Limits)
+
+
+def _tuple_factory(kind: Any) -> Callable[[object, Any], Any]:
+    """Return the reader of a tuple: a list, of the stated length where there is one."""
+    kinds = get_args(kind)
+    endless = len(kinds) == 2 and kinds[1] is Ellipsis
+    words = "a list" if endless else f"{len(kinds)} numbers"
+
+    def load(content: object, _: Any) -> Any:
+        if not isinstance(content, list | tuple) or (not endless and len(content) != len(kinds)):
+            refuse(words, shown(content))
+        members: list[Any] = []
+        errors: list[Exception] = []
+        for index, member in enumerate(content):
+            of = kinds[0] if endless else kinds[index]
+            try:
+                members.append(_CONVERTER.structure(member, of))
+            except Exception as error:
+                error.add_note(cattrs.IterableValidationNote(f"member {index}", index, of))
+                errors.append(error)
+        if errors:
+            msg = "members of a list"
+            raise cattrs.errors.IterableValidationError(msg, errors, kind)
+        return tuple(members)
+
+    return load
+
+
+def _mapping_factory(kind: Any) -> Callable[[object, Any], Any]:
+    """Return the reader of a mapping, which refuses what is none."""
+    inner = mapping_structure_factory(kind, _CONVERTER)
+
+    def load(content: object, _: Any) -> Any:
+        if not isinstance(content, Mapping):
+            refuse("a mapping", shown(content))
+        return inner(content, kind)
+
+    return load
+
+
+def _dataclass_factory(kind: Any) -> Callable[[object, Any], Any]:
+    """Return the reader of a dataclass: null entries take the default, or None where that is allowed."""
+    hints = get_type_hints(kind, include_extras=True)
+    hooks: dict[str, Any] = {f.name: override(struct_hook=_field_hook(hints[f.name])) for f in fields(kind)}
+    inner = make_dict_structure_fn(kind, _CONVERTER, _cattrs_forbid_extra_keys=kind in _CLOSED, **hooks)
+    optional = {field.name for field in fields(kind) if _allows_none(hints[field.name])}
+    default = {f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING}
+
+    def load(content: object, _: Any) -> Any:
+        if not isinstance(content, Mapping):
+            refuse("a mapping", shown(content))
+        given = {k: v for k, v in content.items() if v is not None or k not in default}
+        return inner(dict.fromkeys(optional - default) | given, kind)
+
+    return load
+
+
+def _field_hook(kind: Any) -> Callable[[object, Any], Any]:
+    """Return the reader of a field; cattrs by itself leaves out what `Annotated` adds to a type."""
+    return lambda content, _: _CONVERTER.structure(content, kind)
+
+
+def _allows_none(kind: Any) -> bool:
+    return get_origin(kind) in (Union, types.UnionType) and type(None) in get_args(kind)
+
+
+_CLOSED: set[type[Any]] = set()
+_CONVERTER = cattrs.Converter()
+_CONVERTER.register_structure_hook_factory(is_dataclass, _dataclass_factory)
+_CONVERTER.register_structure_hook_factory(is_mapping, _mapping_factory)
+_CONVERTER.register_structure_hook_factory(_is_tuple, _tuple_factory)
+_CONVERTER.register_structure_hook_func(lambda kind: kind == tuple[float, float], _load_interval)
+_CONVERTER.register_structure_hook_func(_is_literal, _load_literal)
+_CONVERTER.register_structure_hook_func(_is_array, _load_array)
+_CONVERTER.register_structure_hook_func(_is_limited, _load_limited)
+_CONVERTER.register_structure_hook(float, _load_number)
+_CONVERTER.register_structure_hook(str, _load_exactly(str, "text"))
+_CONVERTER.register_structure_hook(bool, _load_exactly(bool, "true or false"))
+_CONVERTER.register_structure_hook(int, _load_exactly(int, "a whole number"))
+_CONVERTER.register_unstructure_hook(np.ndarray, np.ndarray.tolist)

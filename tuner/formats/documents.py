@@ -1,0 +1,43 @@
+"""Text of JSON and YAML documents to plain values, refused in one line where it cannot be parsed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tuner.types.records import DataError
+
+
+def parse_json(text: str, *, source: str) -> Any:
+    """Return the content of a JSON text, or refuse it with the place of the mistake."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        msg = f"{source}: expected JSON, got {error.msg} in line {error.lineno}, column {error.colno}"
+        raise DataError(msg) from None
+
+
+def parse_yaml(text: str, *, source: str, expected: str) -> Any:
+    """Return the content of a YAML text, or refuse it with what was expected and the place of the mistake."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
+        found = f"{error.problem}{place}"
+    except (yaml.YAMLError, ValueError) as error:
+        found = " ".join(str(error).split())
+    msg = f"{source}: expected {expected}, got {found}"
+    raise DataError(msg)
+
+
+def read_text(path: Path, *, expected: str) -> str:
+    """Return the text of a file, or refuse what is no readable UTF-8."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"{path}: expected {expected}, got {error}"
+        raise DataError(msg) from None

@@ -1,0 +1,58 @@
+"""Coefficients and noise models as documents have them.
+
+A coefficient is ``{"value", "interval", "upper", "unit"}`` in SI, with the ``reason`` where there is one; a null value
+with ``upper`` is only bounded. A noise model is its terms by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from models.noise import TERMS, NoiseModel
+from tuner.formats.codec import dump, refuse, shown, store, structured
+from tuner.types import Coefficient, TermEstimate
+
+
+def coefficient_json(coefficient: Coefficient) -> dict[str, Any]:
+    """Return a number with its interval or bound as plain values."""
+    content: dict[str, Any] = dump(coefficient)
+    return content
+
+
+def noise_model(terms: tuple[TermEstimate, ...]) -> NoiseModel:
+    """Return the sum of the terms that have values."""
+    return NoiseModel(
+        tuple(
+            TERMS[term.name](**{name: c.value for name, c in term.coefficients.items()})
+            for term in terms
+            if term.present and term.name in TERMS
+        )
+    )
+
+
+def _dump_coefficient(coefficient: Coefficient) -> dict[str, Any]:
+    content = dict(vars(coefficient))
+    if coefficient.reason is None:
+        del content["reason"]
+    return content
+
+
+def _load_model(content: object) -> NoiseModel:
+    return NoiseModel.from_dict(structured(content, Mapping[str, Any]))
+
+
+def _dump_term(term: TermEstimate) -> dict[str, Any]:
+    return {"term": term.name, **{name: dump(value) for name, value in term.coefficients.items()}}
+
+
+def _load_term(content: object) -> TermEstimate:
+    entries = dict(structured(content, Mapping[str, Any]))
+    if not isinstance(name := entries.pop("term", None), str):
+        refuse("a key 'term' with the name of a noise term", shown(content))
+    return TermEstimate(name, structured(entries, Mapping[str, Coefficient]))
+
+
+store(Coefficient, dump=_dump_coefficient)
+store(NoiseModel, dump=NoiseModel.as_dict, load=_load_model)
+store(TermEstimate, dump=_dump_term, load=_load_term)

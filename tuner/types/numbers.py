@@ -1,0 +1,26 @@
+"""Numbers with a range: what a document may state in a field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+
+@dataclass(frozen=True)
+class Limits:
+    """A range of numbers, and the words in which a message names it; `open_low` leaves out the lower limit."""
+
+    words: str
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+
+    def allow(self, number: float) -> bool:
+        """Return whether a number lies in the range."""
+        return (self.low < number if self.open_low else self.low <= number) and number <= self.high
+
+
+Finite = Annotated[float, Limits("a number")]
+Positive = Annotated[float, Limits("a positive number", 0.0, open_low=True)]
+NonNegative = Annotated[float, Limits("a number not below 0", 0.0)]
