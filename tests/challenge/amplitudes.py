@@ -1,4 +1,4 @@
-"""How small an effect may be and still be found: stated amplitudes, hidden again and again.
+"""How small an effect may be and still be found: stated amplitudes, each hidden many times.
 
 ``python tests/challenge/amplitudes.py [--sets 20] [--seed 1]``
 

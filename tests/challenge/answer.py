@@ -1,4 +1,4 @@
-"""Step 2, analyse: the public diagnosis on every log of a folder, without the key.
+"""Step 2: run the public diagnosis on every log of a folder, without the ground truth.
 
 ``python answer.py LOGS ANSWERS`` writes one ``NAME.json`` a log, or a drive where the sheet of a sensor lies
 beside it; nothing of the generator is imported.

@@ -1,4 +1,4 @@
-"""The challenge is a package of its own, found from the folder of the tests."""
+"""Makes the package `challenge` importable from the folder of the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Known effects hidden in real recordings, and the same recordings as they are.
+"""Known effects hidden in real recordings, and the same recordings unchanged.
 
 ``TUNER_DATA=FOLDER python tests/challenge/measured.py`` prints the table. The noise that sizes the effects is
 read from the recording: white sd from the Allan deviation of 16 samples, floor from the smallest one. Codes are

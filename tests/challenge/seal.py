@@ -1,4 +1,4 @@
-"""Step 1, generate: logs without a hint, the key elsewhere, and the hash of the key published beforehand."""
+"""Step 1: generate logs without hints; the ground truth lies elsewhere, its hash is published beforehand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From verdicts to the tables that are published: counts with Wilson's 95 % intervals."""
+"""Published tables from scores: counts with Wilson's 95 % intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The generator of drives: independent of the project, right about its truth, its effects and their detectability."""
+"""The generator of drives is independent of the project, and right about truth, effects and detectability."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def likelihood(o: Oracle, z: np.ndarray, ratio: np.ndarray) -> float:
     return float(total)
 
 
-def test_an_effect_has_the_detectability_that_was_asked_for():
+def test_an_effect_has_the_requested_detectability():
     rng = np.random.default_rng(8)
     for cause in CATALOGUE:
         found = reached(cause, rng)
@@ -163,7 +163,7 @@ def reached(cause: str, rng: np.random.Generator) -> Hidden:
     raise AssertionError(cause)
 
 
-def test_half_the_twins_of_a_straight_road_cannot_be_told_apart():
+def test_half_the_twins_of_a_straight_road_cannot_be_distinguished():
     o = Oracle(scene(np.random.default_rng(2), road="straight", reference=True))
     found = hide(o, "time_offset", 50.0, np.random.default_rng(1))
     _, left = o.rival(o.mean("time_offset", np.array([found.truth["delay"]])), "time_offset")

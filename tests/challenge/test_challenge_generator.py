@@ -1,4 +1,4 @@
-"""The generator of the challenge: independent of the project, and right about what it hides."""
+"""The generator of the challenge is independent of the project, and right about what it hides."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def test_points_reward_the_name_and_punish_invention():
     assert judge(truth, answer("warmup")).parameters[0].inside
 
 
-def test_what_stands_beside_a_coarse_lattice_is_sized_in_its_noise():
+def test_effects_beside_a_coarse_quantizer_are_sized_in_its_noise():
     """A line of amplitude a in white noise and rounding errors: d = n a²/(4 (1 + D²/12)), but for the slow noise."""
     rng = np.random.default_rng(5)
     where, hidden = _hide(rng, 5, (Line, Lattice), lambda: 100.0, 100_000, 1)

@@ -1,4 +1,4 @@
-"""Intervals hold the truth as often as they say: one effect in the generator's noise, its own fit alone, no loop.
+"""Coverage of the 95 % intervals of one effect in the generator's noise, fitted alone.
 
 Of n figures the number outside a 95 % interval is binomial.
 """

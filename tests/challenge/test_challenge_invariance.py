@@ -1,4 +1,4 @@
-"""What a cause is called must not hang on the clock, the unit, the sign, the order of axes, the rate."""
+"""The name of a cause does not depend on clock, unit, sign, order of axes or sampling rate."""
 
 from __future__ import annotations
 

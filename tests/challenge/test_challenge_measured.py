@@ -1,4 +1,4 @@
-"""Known effects hidden in real recordings come back by name; what the recordings hold by themselves stays."""
+"""Known effects hidden in real recordings are named; what the recordings contain by themselves is still found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fixed small challenge: generated, analysed and scored in processes of their own.
+"""A small challenge with fixed seeds: generated, analysed and scored in separate processes.
 
 Seeds are fixed, so a change of the outcome is a change of the code. The thresholds leave room for what chance did
 to these seeds and no more; were they drawn afresh, the clean sets would fail them once in 10⁴ (two alarms or more
@@ -34,7 +34,7 @@ def test_nothing_breaks(verdicts):
     assert [v.error for v in verdicts if v.error] == []
 
 
-def test_clean_sets_are_quiet(verdicts):
+def test_clean_sets_have_no_finding(verdicts):
     clean = [v for v in verdicts if not v.causes]
     assert len(clean) >= 5
     assert sum(v.alarm for v in clean) <= 1

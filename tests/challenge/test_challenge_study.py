@@ -1,4 +1,4 @@
-"""The full challenge, hours of two cores; its table is committed in docs/challenge.md.
+"""The full challenge, hours on two cores; its tables are in docs/challenge.md.
 
 The build fails on what chance cannot excuse: a rate of false findings whose lower 95 % bound exceeds 1 %, or a rate
 of finding or naming whose upper bound falls short of its aim.

@@ -1,4 +1,4 @@
-"""Step 3, score: one answer held against its key."""
+"""Step 3: score one answer against its ground truth."""
 
 from __future__ import annotations
 

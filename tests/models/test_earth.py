@@ -1,4 +1,4 @@
-"""The Earth: round trips, derivatives and an independent closed form of gravity."""
+"""The Earth model: round trips, derivatives, and gravity against an independent closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error dynamics: every Jacobian against the mechanisation, the discretisation against its stated error."""
+"""Error dynamics: F and G equal finite differences of the mechanisation; discretisation meets its stated error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurements: zero at the truth, and every H against a finite difference of the measurement itself."""
+"""Measurement models: zero at the truth, and every H equals the finite difference of its measurement."""
 
 from __future__ import annotations
 

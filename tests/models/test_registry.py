@@ -1,4 +1,4 @@
-"""Registries: one declaration a name, those of other packages included, one line for what is not declared."""
+"""Registries: names are unique, other packages can add theirs, unknown names are refused in one line."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_an_incomplete_declaration_is_refused_and_not_kept() -> None:
     assert "Round" not in registry
 
 
-def test_a_declaration_can_be_held_for_a_while() -> None:
+def test_a_declaration_can_be_temporary() -> None:
     registry = shapes()
     with registry.added(Square):
         assert "Square" in registry

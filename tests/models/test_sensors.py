@@ -1,4 +1,4 @@
-"""A grade names its sources and becomes the noise of an axis."""
+"""Sensor grades name their sources and give the noise of an axis."""
 
 from __future__ import annotations
 

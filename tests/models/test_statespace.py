@@ -1,4 +1,4 @@
-"""Laws of state spaces: discretisation, sums, agreement with the terms they stand for."""
+"""State spaces: discretisation, sums, and agreement with the noise terms that they represent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The mechanisation returns to the truth it was fed, and its corrections do what the theory says."""
+"""Strapdown mechanisation: returns to the trajectory that made its samples; corrections do what theory says."""
 
 from __future__ import annotations
 

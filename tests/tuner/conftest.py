@@ -1,4 +1,4 @@
-"""Simulated drives: a car in a city after standing still; as a drive, and as the arrays of a file."""
+"""Simulated drives for the tests: a car in a city after standing still; as a drive, and as the arrays of a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ellipsoid of WGS 84 in Earth-fixed coordinates: places, axes, gravity; written anew for the challenge."""
+"""The ellipsoid of WGS 84 in Earth-fixed coordinates: positions, axes, gravity; independent of the project."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be wrong with a drive: one set of numbers, all zero (or one) for a perfect sensor and receiver."""
+"""Errors of a drive as one set of numbers: all zero (or one) for a perfect sensor and receiver."""
 
 from __future__ import annotations
 

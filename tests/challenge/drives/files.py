@@ -1,4 +1,4 @@
-"""From an item to the files of a drive: samples and fixes as NPZ, sheets of the sensor and of the receiver.
+"""Files of a drive from a challenge item: samples and fixes as NPZ, data sheets of sensor and receiver.
 
 The truth is written apart, to be sealed with the key.
 """

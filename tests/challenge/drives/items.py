@@ -1,4 +1,4 @@
-"""What is hidden in which drive: one item a number.
+"""Which effects are hidden in which drive.
 
 Clean drives 30 % (half of them hard), single effects 50 %, pairs 15 %, near misses 5 %. Singles are log-uniform
 in d from 3 to 1000 nats. From 35 nats on an effect is kept only if `APART_NATS` of them remain unexplained by the

@@ -1,4 +1,4 @@
-"""What a filter that knows the noise would see of an effect: expected gain in log likelihood, nats.
+"""Detectability of an effect on a drive: expected likelihood gain of a filter that knows the noise, nats.
 
 The error of an estimate (position, velocity, φ-angle, biases) in north, east, down::
 

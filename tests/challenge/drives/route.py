@@ -1,4 +1,4 @@
-"""Where a vehicle goes: speed, heading, slope and roll as sums of smooth steps.
+"""The route of a vehicle: speed, heading, slope and roll as sums of smooth steps.
 
 A step rises along x⁴ (35 − 84 x + 70 x² − 20 x³), three times differentiable at both ends.
 """

@@ -1,4 +1,4 @@
-"""A drive without effects: route, unit, receiver; the reference profile, and random ones about it."""
+"""A drive without effects: route, inertial unit, receiver; one reference profile, and random variations."""
 
 from __future__ import annotations
 

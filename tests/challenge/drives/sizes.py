@@ -1,4 +1,4 @@
-"""How large an effect must be to be found: sizes in SI on drives of one profile.
+"""Sizes of effects on drives from which 95 % are found, SI.
 
 The size of an effect is the length of its vector of parameters (the ratio less one for noise). Detectability grows
 with its square for effects of the mean kind, so the size at which 95 % are found is the median of size · √(d95/d).

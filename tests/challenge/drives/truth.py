@@ -1,4 +1,4 @@
-"""The true motion: splines through Earth-fixed places and angles, and what a unit and an antenna see of it.
+"""The true motion of a drive: splines through Earth-fixed positions and angles, seen by the unit and the antenna.
 
 Position is a quintic spline by definition, so that velocity and acceleration belong to it exactly::
 

@@ -1,4 +1,4 @@
-"""What every effect can do; and how its size is chosen for a wanted detectability.
+"""What every effect of the generator provides, and how its size is chosen for a wanted detectability.
 
 A record is made in this order: ``white`` noise is changed, the ``signal`` is added, ``codes`` are written,
 ``rows`` are held or lost, ``stamps`` are given. An effect acts where it overrides the step.

@@ -1,4 +1,4 @@
-"""From an item to the arrays of a log, record A to be analysed and B of the same unit to hold out."""
+"""Arrays of a log from a challenge item: record A to be analysed, record B of the same unit held out."""
 
 from __future__ import annotations
 

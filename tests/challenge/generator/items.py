@@ -1,4 +1,4 @@
-"""What is hidden where: the composition of a release, one item a number.
+"""Which effects are hidden in which log: the composition of a challenge.
 
 Nulls 30 % (half of them hard), single effects 40 %, pairs 15 %, triples 5 %, near misses with a stated twin
 5 %, effects outside the catalogue 5 %. The detectability of singles is log-uniform from 3 to 1000 nats.

@@ -1,4 +1,4 @@
-"""Effects on the law of the white noise: heavy tails, spikes, burst, drifting variance, shared noise."""
+"""Effects on the distribution of the white noise: heavy tails, spikes, burst, drifting variance, common noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effects on the mean: line, temperature, lag, warm-up, step, yielding mount, motion; three foreign."""
+"""Effects on the mean: sinusoid, temperature, thermal lag, warm-up, step, mount tilt, motion; three foreign ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise of one axis, made by other means than those of the project: a spectrum filled with random phases.
+"""Noise of one axis by an independent method: a spectrum filled with random phases.
 
 ::
 

@@ -1,4 +1,4 @@
-"""Detectability: what the true model gains over the best-fitting base, in nats, where the noise is known.
+"""Detectability of an effect: likelihood gain of the true model over the best-fitting base model, nats, noise known.
 
 With m_k the orthonormal cosine coefficients of a hidden mean and S_k the true power of the noise::
 

@@ -1,4 +1,4 @@
-"""Effects of the way to the file: held readings, rails, coarse lattice, stamps; and telegraph noise."""
+"""Effects on how samples are stored: repeated samples, saturation, quantizer, time stamps; and telegraph noise."""
 
 from __future__ import annotations
 

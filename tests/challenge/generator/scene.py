@@ -1,4 +1,4 @@
-"""Where an effect is hidden: a sensor of some grade, its clock, its temperature, the noise of its axes.
+"""The sensor in which an effect is hidden: its grade, clock, temperature and the noise of its axes.
 
 Ranges are those of common sensors: consumer, industrial and tactical MEMS; an hour or so of 50 … 400 Hz.
 """

@@ -1,4 +1,4 @@
-"""Effects on drives: each leaves exactly its signature in perfect samples and fixes; laws, not frozen numbers."""
+"""Each effect on a drive changes perfect samples and fixes exactly as its formula says."""
 
 from __future__ import annotations
 
@@ -343,7 +343,7 @@ def test_a_bias_jumps_once(sensor, first):
 # ---- the course
 
 
-def test_course_of_fixes_passes_through_them_and_looks_along_the_velocity():
+def test_trajectory_of_fixes_runs_through_them_and_heads_along_the_velocity():
     course = course_of_fixes(CLEAN.fix_t, CLEAN.llh, CLEAN.vel_n)
     llh, vel = course.antenna(CLEAN.fix_t, (0.0, 0.0, 0.0))
     np.testing.assert_allclose(ned_between(llh, CLEAN.llh), 0.0, atol=1e-8)

@@ -1,4 +1,4 @@
-"""The law of every effect. Statistical tests use 5-sigma bands: below 1e-5 false failures each."""
+"""Each static effect follows its stated distribution. Bands are of 5 sigma: below 1e-5 false failures each."""
 
 from __future__ import annotations
 
@@ -309,7 +309,7 @@ def test_clipping_is_never_exceeded_and_leaves_the_rest():
     assert Clipping(high=1.0).apply(clean, rng()).y.min() == clean.y.min()
 
 
-def test_lattice_gives_multiples_and_adds_step_squared_over_12():
+def test_quantizer_gives_multiples_and_adds_step_squared_over_12():
     """Sheppard: variance 1 + step²/12 for step ≤ 2 sd (to 1e-2·step², 5 sd of a variance of 4e5 samples)."""
     n = 400_000
     for step in (0.1, 1.0, 2.0):
@@ -320,7 +320,7 @@ def test_lattice_gives_multiples_and_adds_step_squared_over_12():
         assert y.var() == pytest.approx(expected, abs=SIGMAS * expected * np.sqrt(2 / n) + 0.01 * step**2)
 
 
-def test_lattice_dead_band_reads_zero():
+def test_quantizer_dead_band_reads_zero():
     clean = noisy(5000)
     y = Lattice(0.1, 0.35).apply(clean, rng()).y
     np.testing.assert_array_equal(y == 0.0, np.abs(clean.y) < 0.35)

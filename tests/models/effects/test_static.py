@@ -1,4 +1,4 @@
-"""The contract of all effects: text and back, validation, draws, identity, channels."""
+"""What all static effects have in common: text form, validation, random draws, identity, channels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temperature curves and the thermometer that reads them."""
+"""Temperature profiles, and the thermometer that reads them."""
 
 from __future__ import annotations
 

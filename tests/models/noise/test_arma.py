@@ -1,4 +1,4 @@
-"""Laws of ARMA noise."""
+"""ARMA noise: spectrum, autocovariance, samples and state space agree."""
 
 from __future__ import annotations
 

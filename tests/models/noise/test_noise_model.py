@@ -1,4 +1,4 @@
-"""Laws of the noise terms: spectrum, variances, autocovariance and gradients tell one story."""
+"""Noise terms: spectrum, variances, autocovariance and gradients agree with one another."""
 
 from __future__ import annotations
 

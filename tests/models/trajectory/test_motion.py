@@ -1,4 +1,4 @@
-"""Motions: the state is consistent with its own derivatives, and with the geometry a pupil would check."""
+"""Closed-form motions: states agree with their own derivatives and with simple geometry."""
 
 from __future__ import annotations
 

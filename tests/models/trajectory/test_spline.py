@@ -1,4 +1,4 @@
-"""Motions through given points."""
+"""Splines through given positions."""
 
 from __future__ import annotations
 

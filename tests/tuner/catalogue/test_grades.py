@@ -1,4 +1,4 @@
-"""Every built-in grade loads, is positive and names its sources; bad datasheets are refused in one line."""
+"""Every built-in grade loads, is positive and names its sources; bad data sheets are refused in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line from end to end: files written, JSON contracts, exit status, one line for bad input."""
+"""The command line from end to end: files, JSON schemas, exit status, one line for bad input."""
 
 import json
 

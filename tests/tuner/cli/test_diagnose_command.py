@@ -1,4 +1,4 @@
-"""`tuner diagnose` end to end: the hidden effect is named, the contract holds, strictness has a status."""
+"""`tuner diagnose` from end to end: the hidden effect is named, JSON has its schema, `--strict` sets the status."""
 
 import json
 
@@ -76,7 +76,7 @@ def test_the_gain_is_measured_on_the_second_record(lined):
     assert set(gain["coverage"]) == {"allan", "psd"}
 
 
-def test_a_clean_log_is_quiet(tmp_path, capsys):
+def test_a_clean_log_has_no_finding(tmp_path, capsys):
     assert run(["diagnose", str(log(tmp_path / "clean.npz", seed=4)), "--json", "-", "--quiet"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["quiet"]

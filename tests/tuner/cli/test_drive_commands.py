@@ -1,4 +1,4 @@
-"""`tuner diagnose DRIVE` and `tuner tune --drive` end to end, and what a drive says of its own unit."""
+"""`tuner diagnose DRIVE` and `tuner tune --drive` from end to end."""
 
 import json
 import os
@@ -136,7 +136,7 @@ def test_bad_input_is_one_line(tmp_path, file, capsys):
         assert said.count("\n") == 1
 
 
-def test_a_drive_is_told_from_a_log(tmp_path, file):
+def test_a_drive_is_distinguished_from_a_log(tmp_path, file):
     np.savez(tmp_path / "log.npz", gyro=np.zeros((3, 3)))
     (tmp_path / "kf.yaml").write_text("imupath: a\ngnsspath: b\n")
     (tmp_path / "noise.yaml").write_text("format: tuner-noise/1\n")
@@ -191,7 +191,7 @@ def test_a_unit_that_never_stands_is_taken_for_a_noisy_one(drive):
     assert CONSERVATIVE in config.notes[0]
 
 
-def test_a_coarse_lattice_sets_the_least_noise(drive):
+def test_a_coarse_quantizer_sets_the_least_noise(drive):
     step = 0.05
     coarse = replace(drive, rates=np.hstack([np.round(drive.rates[:, :3] / step) * step, drive.rates[:, 3:]]))
     rounding = step / np.sqrt(12.0) * np.sqrt(1.0 / 25.0)

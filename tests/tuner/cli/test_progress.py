@@ -1,4 +1,4 @@
-"""Messages for a person, silent where nobody wants them."""
+"""Progress messages appear on a terminal and nowhere else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tuner.navigation.engine.numba_pipeline import _Announcer
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_compilation_is_told_unless_quiet(quiet, caplog):
+def test_compilation_is_announced_unless_quiet(quiet, caplog):
     announcer, kernel, level = _Announcer(), object(), logging.getLogger("tuner").level
     announcer.kernels.add(kernel)
     event = SimpleNamespace(data={"dispatcher": kernel})

@@ -90,7 +90,7 @@ CASES = {  # what is believed, the reason, true ÷ believed
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_belief_is_named(town, name):
+def test_a_wrong_setting_is_named(town, name):
     wrong, reason, size = CASES[name]
     settings = filter_settings(belief(**wrong))
     [(found, flown)] = studies(settings, town, 4, 1)
@@ -106,7 +106,7 @@ def test_wrong_belief_is_named(town, name):
 
 
 @pytest.mark.parametrize("factor", [1.0 / 9.0, 9.0])
-def test_wrong_gyros_are_told_from_wrong_accelerometers(town, factor):
+def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(town, factor):
     settings = filter_settings(belief(q=factor, white=1.0 / factor, sensors=("gyro",)))
     [(found, flown)] = studies(settings, town, 4, 1, runs=16)
     causes = attribute(found, flown, answers(settings, town))
@@ -138,7 +138,7 @@ def test_nothing_is_named_where_nothing_fits():
     assert best(scores[:1], measured, explanations(drop(own), {}, {})[:1])[0].source == "gyro white noise"
 
 
-def test_least_misfit_is_named_where_several_beliefs_are_far_off():
+def test_least_misfit_is_named_where_several_settings_are_far_off():
     """The likelihood alone would take what makes everything large enough, however much too large."""
     y = np.random.default_rng(2).standard_normal((40, 50, 2)) * [30.0, 40.0**0.5]
     scores = [score("x", list(y[..., i] ** 2), 1) for i in (0, 1)]
@@ -192,7 +192,7 @@ def test_mean_over_a_window_hides_fast_flicker():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_belief_is_flagged_for_the_right_reason_in_fifty_studies(town, name):
+def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(town, name):
     wrong, reason, size = CASES[name]
     settings = filter_settings(belief(**wrong))
     response = answers(settings, town)

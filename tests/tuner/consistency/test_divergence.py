@@ -1,4 +1,4 @@
-"""Why a simulated filter diverged: seeds are fixed, and a verdict is asked, not a number."""
+"""Why a simulated filter diverged. Seeds are fixed; verdicts are tested, not numbers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def with_gyro_constants(config, sd):
 
 
 @pytest.mark.parametrize("name", grade_names())
-def test_every_built_in_grade_is_honest(name):
+def test_every_built_in_grade_gives_a_consistent_filter(name):
     """At a false alarm in a hundred each."""
     found = check(grade(name), TOWN, runs=12, seed=1)
     assert found.consistency.consistent, found.consistency.verdicts
@@ -47,7 +47,7 @@ def test_gyros_whose_constants_are_too_large_for_a_linear_start_are_named(consta
     assert "of 40 runs" in verdicts[0]
 
 
-def test_a_truth_far_from_what_is_believed_is_named():
+def test_a_truth_far_from_the_configuration_is_named():
     verdicts = check(
         grade("fog"), TOWN, sensor=sensor_of_config(grade("mpu9250")), runs=8
     ).consistency.verdicts
@@ -55,7 +55,7 @@ def test_a_truth_far_from_what_is_believed_is_named():
     assert "position fixes" not in verdicts[1]
 
 
-def test_errors_smaller_than_believed_are_no_reason_to_diverge():
+def test_errors_smaller_than_configured_are_no_reason_to_diverge():
     config = grade("mpu9250")
     few = {a: replace(c, constant_sd=0.0, markov=()) for a, c in config.channels.items()}
     wrong = replace(

@@ -1,4 +1,4 @@
-"""Measured drives: aligned, filtered, scored; simulated ones have a truth."""
+"""Scores of filters on measured drives; simulated ones have a truth."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_constraints_help_through_outages_and_are_counted(configuration, file, r
     assert accounts(result.solutions) == {}
 
 
-def test_sensors_louder_than_believed_are_told(configuration, file):
+def test_sensors_noisier_than_configured_are_reported(configuration, file):
     quiet = replace(
         configuration(),
         channels={

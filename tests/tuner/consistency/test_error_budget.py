@@ -1,4 +1,4 @@
-"""The error budget: shares that add up to the filter's own covariance; what a trajectory shows of the states."""
+"""The error budget: shares add up to the filter's own covariance; what a trajectory shows of the states."""
 
 from __future__ import annotations
 

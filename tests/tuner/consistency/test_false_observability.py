@@ -1,4 +1,4 @@
-"""Information out of nothing: circles show too little of a heading; city drives show all. Seeds are fixed."""
+"""Information that linearisation invents: circles do not show heading, city drives do. Seeds are fixed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_nothing_is_spurious_where_motion_shows_all(noise):
     assert spurious("city", with_channels(white_density=noise), CONFIG) is None
 
 
-def test_a_heading_that_standing_never_shows_is_told():
+def test_a_heading_that_standing_never_shows_is_reported():
     found = spurious("static", CONFIG, CONFIG)
     assert found.state == "heading"
     assert found.believed < 0.8 * found.linear

@@ -1,4 +1,4 @@
-"""A linear-Gaussian oracle: the best filter of a linear system, on trial for what it believes.
+"""Consistency scores against a linear Gaussian system whose optimal filter is known.
 
 Its mean NEES is n and its mean NIS m exactly; every wrong belief must show, and for the right reason. The
 reasons compete as in `tuner check`, with linear covariances of the oracle's own. A study is 30 runs of 400
@@ -184,7 +184,7 @@ def test_sources_add_up_to_what_the_filter_predicts():
         np.testing.assert_allclose(part, [1] * 5 + [1, 0, 0, 1] + [1] + [1, 0, 0, 1] * 3, atol=1e-9)
 
 
-def test_right_belief_passes_in_a_hundred_studies():
+def test_right_configuration_passes_in_a_hundred_studies():
     passed = 0
     for data in studies(np.random.default_rng(2), 100, belief()):
         scores = judged(data, belief())
@@ -225,7 +225,7 @@ def counted(name, count, seed):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_belief_is_flagged_for_the_right_reason(name):
+def test_wrong_settings_are_flagged_for_the_right_reason(name):
     flagged, named, _ = counted(name, 12, 3)
     assert flagged >= 9
     assert named >= 9
@@ -233,7 +233,7 @@ def test_wrong_belief_is_flagged_for_the_right_reason(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_wrong_belief_is_flagged_for_the_right_reason_in_fifty_studies(name):
+def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(name):
     flagged, named, held = counted(name, 50, 1)
     told = (
         f"{name}: flagged {flagged}, for the right reason {named}, true size inside the interval {held} of 50"

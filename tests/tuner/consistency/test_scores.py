@@ -1,4 +1,4 @@
-"""Scores of filters: the error-state filter on sensors it believes or does not (the oracle is in test_oracle).
+"""Consistency scores of the error-state filter on sensors with and without the configured noise.
 
 Chance of a false failure below 1e-4 where statistics decide.
 """
@@ -69,7 +69,7 @@ def flown(believed, town, *, runs=12, seed=11):
     return evaluate(simulate(filter_settings(believed), truth, town, runs=runs, seed=seed), town.outages)
 
 
-def test_honest_filter_on_its_own_sensor(town):
+def test_a_filter_is_consistent_on_its_own_sensor(town):
     found = flown(configuration(), town)
     assert found.consistent, [s for s in found.scores if not s.consistent]
     assert 0.9 < found.nees.ratio < 1.1
@@ -139,7 +139,7 @@ def test_check_from_the_command_line(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("runs", [2, 3, 5, 16, 40])
-def test_few_runs_seldom_speak_against_an_honest_filter(runs):
+def test_few_runs_seldom_reject_a_consistent_filter(runs):
     """4000 honest scores whose 60 squares go together in time: 0.07 % each side wanted, at most 0.35 % here."""
     rng = np.random.default_rng(runs)
     slow = rng.standard_normal((4000, runs, 1, 3))

@@ -1,3 +1,5 @@
+"""Allan and Hadamard variances: textbook sums, exact inputs, gaps, scaling."""
+
 import warnings
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Curves of a record: every estimator on white noise, gaps pooled, cluster times."""
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,7 @@ def test_white_noise_falls_with_tau_inside_its_interval(estimator):
 
 
 @pytest.mark.parametrize("estimator", EVERY)
-def test_one_value_for_each_tau_asked(estimator):
+def test_one_value_for_each_requested_tau(estimator):
     y = record(white(5000))
     asked = [3.0, 0.3, 12.0, 3.0]
     found = curve(y, estimator, tau=asked)

@@ -1,4 +1,4 @@
-"""Degrees of freedom against tr(QS)²/tr(QSQS) of the quadratic form, against Monte Carlo, and in use."""
+"""Degrees of freedom: the trace formula of a quadratic form, Monte Carlo, and their use."""
 
 import numpy as np
 import pytest

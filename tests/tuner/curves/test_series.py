@@ -1,3 +1,5 @@
+"""Averages over N seconds, correlograms, and the noise type at a cluster time."""
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_toeplitz

@@ -1,3 +1,5 @@
+"""Multitaper spectrum: definition, level and distribution for white noise, lines."""
+
 import numpy as np
 import pytest
 from scipy.stats import binom

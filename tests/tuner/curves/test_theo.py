@@ -1,3 +1,5 @@
+"""Thêo1, ThêoBR and ThêoH: definition, recursion, bias, continuation of the Allan variance."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""Every dialect has its own units and hidden step; figures here are computed by hand from its formulas.
+"""Every dialect in its own units and time step, against figures computed by hand from its formulas.
 
 N = 2e-4 rad/s/√Hz and 3e-3 m/s²/√Hz, one Gauss–Markov state each, 100 Hz. With the memory much shorter than
 T the equivalent random walk is K = σ √(2/T), and with T the same the equivalent σ is σ.

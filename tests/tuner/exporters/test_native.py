@@ -1,4 +1,4 @@
-"""The native YAML loads back to an equal configuration, and refuses what it cannot read in one line."""
+"""The native YAML loads back to an equal configuration; unreadable ones are refused in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files are whole or absent; JSON has no NaN."""
+"""Result files are whole or absent; JSON has no NaN."""
 
 import json
 

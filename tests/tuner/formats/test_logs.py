@@ -1,4 +1,4 @@
-"""What is written is what is read, to the last bit."""
+"""A log that is written and read again is equal to the last bit."""
 
 from __future__ import annotations
 

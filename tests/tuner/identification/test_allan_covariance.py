@@ -1,3 +1,5 @@
+"""Covariance between points of an Allan curve: quadratic forms and Monte Carlo."""
+
 import numpy as np
 import pytest
 

@@ -1,3 +1,5 @@
+"""Weighted least squares of an Allan curve: exact curves, coverage, constraints."""
+
 import numpy as np
 import pytest
 

@@ -1,3 +1,5 @@
+"""ARMA models: order and coefficients come back; white noise stays white."""
+
 import json
 
 import numpy as np
@@ -101,7 +103,7 @@ def test_steps_tell_the_whole_story():
     assert found.interval == 0.01
 
 
-def test_aic_can_be_asked_for():
+def test_aic_can_be_chosen():
     found = fit_arma(series(6, (0.8,)), 0.01, "rad/s", criterion="aic")
     assert found.criterion == "aic"
     assert found.order[0] >= 1

@@ -1,3 +1,5 @@
+"""Preparation of a record for ARMA: outliers, trends, seasonal parts, tests of stationarity."""
+
 import numpy as np
 import pytest
 
@@ -112,7 +114,7 @@ def test_steps_say_what_was_done():
         assert word in text
 
 
-def test_rule_of_the_paper_can_be_asked_for():
+def test_rule_of_the_paper_can_be_chosen():
     y = white(9)
     paper = prepare(y, rule="3sigma")
     assert paper.outliers == int(sigma_outliers(y).sum()) > prepare(y).outliers

@@ -1,4 +1,4 @@
-"""Comparing coefficients: what differs and what does not."""
+"""Comparison of coefficients: which differ significantly and which do not."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def row_of(comparison, name):
     return next(row for row in comparison.axes["gyro_x"] if row.name == name)
 
 
-def test_a_real_difference_is_told():
+def test_a_real_difference_is_reported():
     row = row_of(compare(["a", "b"], [white_log(1.0, 1), white_log(2.0, 2)]), "white.density")
     assert row.differs
     assert row.ratio_interval[0] < row.ratio < row.ratio_interval[1]

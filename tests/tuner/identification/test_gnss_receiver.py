@@ -1,4 +1,4 @@
-"""A receiver at rest: what was put into its fixes comes back, from arrays and from the command line."""
+"""A receiver at rest: the noise put into its fixes comes back, from arrays and from the command line."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_white_and_correlated_parts_come_back() -> None:
     assert found.noise.velocity_sd == pytest.approx((0.05, 0.05, 0.05), rel=0.05)
 
 
-def test_white_fixes_ask_for_no_state() -> None:
+def test_white_fixes_need_no_state() -> None:
     found = identify_receiver(at_rest(3000, correlated=False))
     assert found.noise.correlated == ()
     assert found.noise.position_sd == pytest.approx(WHITE, rel=0.08)

@@ -1,3 +1,5 @@
+"""Identification of all axes of a log: terms come back with intervals, by every method."""
+
 import json
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Measured sensors at rest: terms are physical, and what a record is too short for is only bounded."""
+"""Measured sensors at rest: terms are physical, and only bounded where a record is too short."""
 
 import os
 from pathlib import Path

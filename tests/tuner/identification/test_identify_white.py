@@ -1,4 +1,4 @@
-"""White noise alone: no other term is invented."""
+"""White noise alone: no other term is found."""
 
 import numpy as np
 import pytest

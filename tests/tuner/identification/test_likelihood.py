@@ -1,4 +1,4 @@
-"""Cosine periodogram, its expectation, and the maximum-likelihood fit on it."""
+"""The cosine periodogram, its expectation, and the maximum-likelihood fit to it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Coverage of the intervals, also where a term is hardly there."""
+"""Coverage of intervals, also of terms that are hardly present."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Planning a static test: Cramér–Rao bounds, scaling laws and the cluster rule."""
+"""Length of a static test: Cramér–Rao bounds, scaling laws, the cluster rule."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_bounds_do_not_depend_on_units():
     )
 
 
-def test_hours_asked_for_reach_the_accuracy():
+def test_the_planned_hours_reach_the_accuracy():
     model = NoiseModel((White(1.0), RandomWalk(0.05)))
     hours = plan(model, interval=0.1, hours=1.0, accuracy=0.2).parameters[1].hours
     assert relative_sd(model, interval=0.1, span=hours * HOUR)[1] == pytest.approx(0.2, rel=0.02)

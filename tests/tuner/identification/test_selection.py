@@ -1,4 +1,4 @@
-"""Which terms a record contains: found when there, bounded with a reason when not, seldom invented."""
+"""Which terms a record contains: found when there, bounded with a reason when not, rarely invented."""
 
 import numpy as np
 import pytest

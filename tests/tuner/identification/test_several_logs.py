@@ -1,4 +1,4 @@
-"""Pooling several records: coverage, size and limits of the random-effects estimates."""
+"""Several logs of one sensor: coverage and size of the random-effects estimates."""
 
 import numpy as np
 import pytest

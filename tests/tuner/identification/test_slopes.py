@@ -1,3 +1,5 @@
+"""Coefficients from the slopes of the Allan deviation."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,4 @@
-"""The filter: its compiled twin says the same on every configuration; perfect data leave no error."""
+"""The compiled filter equals the reference filter in every configuration; perfect data give no error."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_engine_equals_filter_with_constraints(trajectory, constants):
     assert np.all(np.diag(b.final_covariance)[:9] <= 1.05 * np.diag(without.final_covariance)[:9])
 
 
-def test_moving_vehicle_is_not_believed_to_stand():
+def test_a_moving_vehicle_is_not_taken_to_stand():
     settings = filter_settings(plain(configuration()))
     motion, start, steps, fixes = flight(settings, "straight", 20.0)
     own = constrained(steps, 20.0)
@@ -207,7 +207,7 @@ def test_far_fixes_are_gated():
     assert np.all(np.delete(solution.use[:, 0], 9) == USED)
 
 
-def test_lost_filter_believes_fixes_again():
+def test_a_lost_filter_accepts_fixes_again():
     settings = replace(filter_settings(plain(configuration())), patience=4.0)
     _, start, steps, fixes = flight(settings, "straight", 30.0)
     lost = corrected(start, np.array([40.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""The smoother: the answer of least squares over all fixes, better than the filter, honest about it."""
+"""The smoother equals least squares over all fixes, is better than the filter, and consistent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Normal numbers of compiled code: the published generator, the transform of Box and Muller, lanes as numbers."""
+"""Random normal numbers of compiled code: the published generator and the Box–Muller transform."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_numbers_are_those_of_the_published_generator():
             np.testing.assert_allclose(pair, [radius * np.cos(turn), radius * np.sin(turn)], atol=1e-9)
 
 
-def test_lanes_draw_what_numbers_draw_each():
+def test_vectors_draw_what_their_streams_draw_one_by_one():
     seeds = range(WIDTH)
     together = drawn(1000, seeds)
     for w, seed in enumerate(seeds):

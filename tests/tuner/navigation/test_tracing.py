@@ -56,7 +56,7 @@ def test_every_outcome_of_conditions_is_there():
     np.testing.assert_allclose(out[:, 0], [_summed(x, 2.0) for x in X], rtol=1e-14)
 
 
-def test_lanes_do_what_numbers_do_each():
+def test_vectors_give_what_their_numbers_give_one_by_one():
     spread = np.linspace(1.0, 1.1, WIDTH)
     x, out = X[:, None] * spread, aligned(len(X) + 2, WIDTH)
     _of_lanes(x, out)

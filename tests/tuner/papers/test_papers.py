@@ -1,4 +1,4 @@
-"""A small version of every item of the papers: it runs, its verdicts follow from numbers, its figure is drawn."""
+"""A small version of every figure and table of the papers: it runs, is judged and drawn."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_command_lists_items_and_refuses_others(capsys: pytest.CaptureFixture[st
     assert "rlg: expected an item of the papers" in capsys.readouterr().err
 
 
-def test_a_directory_that_cannot_be_made_is_told_before_the_work(
+def test_a_directory_that_cannot_be_made_is_refused_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "papers").write_text("a file", encoding="utf-8")

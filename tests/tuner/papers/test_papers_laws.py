@@ -1,4 +1,4 @@
-"""The rule of the verdicts, the intervals behind it, and the expected values that corrections rest on."""
+"""Rules of the verdicts on papers, their intervals, and the expected values of corrections."""
 
 from __future__ import annotations
 

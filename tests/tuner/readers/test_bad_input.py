@@ -1,4 +1,4 @@
-"""Bad input is repaired and counted, or refused in one line: place, expected, found and what to do."""
+"""Bad input is repaired and counted, or refused in one line: place, expected, found, remedy."""
 
 from __future__ import annotations
 
@@ -286,7 +286,7 @@ def test_temperature_in_kelvin(tmp_path: Path) -> None:
     np.testing.assert_allclose(record.covariates["temperature"], 20.0 + np.arange(COUNT) / 1000, atol=1e-9)
 
 
-def test_first_of_two_clocks_is_told(tmp_path: Path) -> None:
+def test_the_choice_of_the_first_of_two_clocks_is_reported(tmp_path: Path) -> None:
     lines = [f"{row},{2.0 * i}" for i, row in enumerate(rows())]
     record, _ = read(write(tmp_path / "log.csv", lines, HEADER + ",timestamp"))
     assert record.rate == pytest.approx(100.0)
@@ -298,7 +298,7 @@ def test_noise_without_gravity_is_not_refused(tmp_path: Path) -> None:
     assert "unit could not be checked" in notes(write(tmp_path / "log.csv", rows(accel=accel)))
 
 
-def test_probable_g_is_told(tmp_path: Path) -> None:
+def test_probable_unit_g_is_reported(tmp_path: Path) -> None:
     assert "pass --accel-unit g" in notes(write(tmp_path / "log.csv", rows(accel=ACCEL / 9.80665)))
 
 

@@ -1,4 +1,4 @@
-"""What cannot be a drive is refused in one line with its place; what is only odd is said."""
+"""Impossible drives are refused in one line with the place; unusual ones get a note."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def streams() -> tuple[np.ndarray, np.ndarray]:
     return imu, fixes
 
 
-def test_a_drive_passes_without_a_word():
+def test_a_correct_drive_is_read_without_a_note():
     said: list[str] = []
     check_drive(Path("d"), *streams(), said)
     assert said == []

@@ -171,7 +171,7 @@ def test_what_is_no_drive_is_refused(tmp_path, name):
         read_drive(tmp_path / name)
 
 
-def test_a_constant_axis_is_kept_and_told(data, tmp_path):
+def test_a_constant_axis_is_kept_and_reported(data, tmp_path):
     still = {**data, "gyro": data["gyro"] * [1.0, 0.0, 1.0]}
     drive = read_drive(write_folder(tmp_path / "drive", still, truth=False))
     assert not drive.rates[:, 1].any()

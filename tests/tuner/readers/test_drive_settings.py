@@ -1,4 +1,4 @@
-"""Settings and arrays of a drive that are none are refused in one line: file, place, what was expected, what came."""
+"""Wrong settings and arrays of a drive are refused in one line: file, place, expected, found."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _folder(path, data, header):
     return path
 
 
-def test_units_in_brackets_are_believed(data, tmp_path):
+def test_units_in_brackets_are_used(data, tmp_path):
     from tuner.readers.drive import read_drive
 
     factor = np.array([1e-3, np.degrees(1.0), 1.0, 0.3048, 1.0 / 3.6, 1852.0 / 3600.0, 0.44704])

@@ -1,4 +1,4 @@
-"""Every format gives back what was written, in SI, whatever its names and units."""
+"""Every file format gives back what was written, in SI, whatever its names and units."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ def test_too_many_columns_for_a_role(tmp_path: Path) -> None:
         read(tmp_path / "log.npz", columns={"gyro": "imu0[4:7]"})
 
 
-def test_choice_between_arrays_is_told(tmp_path: Path) -> None:
+def test_choice_between_arrays_is_reported(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", gyro_filtered=2 * GYRO, gyro_raw=GYRO, t=T)
     (gyro,) = read(tmp_path / "log.npz")
     np.testing.assert_array_equal(gyro.y, GYRO)

@@ -1,4 +1,4 @@
-"""Drives in the text layout of KF-GINS: what its README and sources publish, and what we write for it.
+"""Drives in the text format of KF-GINS: as its README and sources publish it, and as we write it.
 
 README.md 2.1 (frames), 2.2 (columns and units), dataset/kf-gins.yaml (entries), src/fileio/imufileloader.h (intervals),
 src/fileio/gnssfileloader.h (13 columns), src/kf_gins.cpp (what must be there, and in which unit) of
@@ -216,7 +216,7 @@ def test_increments_carry_the_start_along_the_truth(written):
     assert np.linalg.norm(error) < 0.1 * np.linalg.norm(moved)
 
 
-def test_correlated_errors_that_the_settings_cannot_say_are_told(configuration, file, tmp_path):
+def test_correlated_errors_that_the_settings_cannot_state_are_reported(configuration, file, tmp_path):
     config = configuration()
     correlated = replace(config.gnss, correlated=(GaussMarkov(1.0, 100.0),))
     notes = write_drive(read_drive(file), replace(config, gnss=correlated), tmp_path / "k.yaml")
@@ -237,7 +237,7 @@ def test_the_program_reads_what_it_wrote(written, tmp_path):
     assert result.consistency.gated < 0.02
 
 
-def test_gaps_are_filled_with_held_rates(data, saved, configuration, tmp_path):
+def test_gaps_are_filled_with_constant_rates(data, saved, configuration, tmp_path):
     lost = {**data}
     away = (np.arange(len(data["imu_t"])) > 8000) & (np.arange(len(data["imu_t"])) <= 8015)
     for name in ("imu_t", "gyro", "accel"):
@@ -259,6 +259,6 @@ def test_gaps_are_filled_with_held_rates(data, saved, configuration, tmp_path):
 
 
 @pytest.mark.parametrize("args", [["--to", "kalibr", "-o", "x.yaml"], ["--to", "kf-gins"]])
-def test_a_drive_asks_for_this_dialect_and_a_file(file, capsys, args):
+def test_a_drive_needs_this_dialect_and_a_file(file, capsys, args):
     assert run(["export", "mpu9250", "--drive", str(file), *args]) == 2
     assert "--drive: expected --to kf-gins and -o FILE" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Measured logs are read as found; units and rates agree with what is known of the sensors."""
+"""Measured logs: units and rates agree with what is known of the sensors."""
 
 from __future__ import annotations
 

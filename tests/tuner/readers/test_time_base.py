@@ -1,4 +1,4 @@
-"""Laws of the time base: the right interval from rounded stamps; jitter is no gap; every loss is found."""
+"""Time base of a log: the interval from rounded stamps; jitter is no gap; every lost sample is found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of findings and the page: complete in itself, one picture a cause, the cause plain in the file."""
+"""Figures of findings and the HTML page: self-contained, one figure for each cause."""
 
 from dataclasses import replace
 
@@ -114,7 +114,7 @@ def test_what_was_hidden_is_judged_in_words():
     assert words[2].endswith("not found")
 
 
-def test_what_channels_do_not_share_is_told_of_each():
+def test_what_channels_do_not_share_is_reported_of_each():
     hidden = ("line@gyro_x:frequency=12.5,amplitude=3e-4", "line@gyro_y:frequency=12.5,amplitude=1e-4")
     records, _ = simulate(
         {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, hidden=hidden

@@ -1,4 +1,4 @@
-"""Parts of a log under one condition: cut where it changes, compared with ratios; refused where there are none."""
+"""Parts of a log under one condition: cut where it changes, and compared."""
 
 import json
 from dataclasses import replace

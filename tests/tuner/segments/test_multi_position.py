@@ -1,4 +1,4 @@
-"""Poses: scale, misalignment and bias come back with intervals that cover them; too few poses are said to be so."""
+"""Calibration from several positions: scale, misalignment and bias come back; too few positions are refused."""
 
 import json
 import os

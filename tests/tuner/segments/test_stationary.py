@@ -1,4 +1,4 @@
-"""Noise of any colour is not motion (stated error rate); a turn, a push and a change of pose are."""
+"""Stationary parts: coloured noise is not motion (stated error rate); a turn, a push, a new position are."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_keep_still_cuts_the_segments() -> None:
     assert any("the sensor moved" in note for note in kept.notes)
 
 
-def test_lattice_coarser_than_noise() -> None:
+def test_quantizer_coarser_than_noise() -> None:
     rng = np.random.default_rng(28)
     y = 0.01 * np.rint(0.12 * rng.standard_normal((20_000, 3)))
     assert still_segments(gyro_of(y)) == ((0, 20_000),)

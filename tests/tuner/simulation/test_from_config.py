@@ -1,4 +1,4 @@
-"""A configuration is a simulation: the noise and the findings in it are made again."""
+"""Simulation of a configuration: its noise and its findings are reproduced."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_telegraph_noise_is_made_again_with_its_levels():
     assert "telegraph" in [f.cause for f in diagnose(again).findings]  # hundreds of nats
 
 
-def test_readings_held_in_all_axes_are_held_together_again():
+def test_samples_repeated_in_all_axes_are_simulated_together():
     axes = dict.fromkeys(("gyro_x", "gyro_y"), Channel(NOISE))
     told = "duplicates@gyro_x+gyro_y:fraction=0.5"
     records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=8, hidden=[told])
@@ -100,7 +100,7 @@ def test_readings_held_in_all_axes_are_held_together_again():
     assert np.array_equal(held[:, 0], held[:, 1])
 
 
-def test_what_cannot_be_hidden_is_left_out_and_told(config):
+def test_what_cannot_be_simulated_is_left_out_and_reported(config):
     told = {"value": 1.0, "interval": [1.0, 1.0], "upper": None, "unit": "1"}
     more = [
         {"cause": "cross_axis", "channels": ["gyro_x", "gyro_y"], "parameters": {"correlation": told}},
@@ -193,7 +193,7 @@ def test_a_grade_and_its_configuration_make_like_drives(six):
         simulate_drive({a: c for a, c in ours.items() if a != "accel_z"}, motion, receiver, rate=50.0, seed=1)
 
 
-def test_findings_of_a_drive_are_told_where_they_cannot_be_made(six):
+def test_findings_of_a_drive_that_cannot_be_simulated_are_reported(six):
     effects, notes = remade_drive(six, receiver=False)
     assert [e.name for e in effects] == ["time_offset", "bias_jump", "correlated_gnss"]
     assert notes == ()

@@ -1,4 +1,4 @@
-"""Simulated drives: what is written is read, effects are in, the noise stays; measured drives take effects too."""
+"""Simulated drives: read as written, effects included, noise unchanged; effects in measured drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated logs: reproducible, additive, with everything that was hidden in the key; seeds are fixed."""
+"""Simulated logs: reproducible, additive, with all hidden effects in the ground truth. Seeds are fixed."""
 
 from __future__ import annotations
 

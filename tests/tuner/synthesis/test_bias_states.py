@@ -1,4 +1,4 @@
-"""Laws of the bias states: ladder, single states, the bounding state, equivalents, process noise."""
+"""Bias states: flicker ladder, single states, the bounding state, equivalent models, process noise."""
 
 from __future__ import annotations
 

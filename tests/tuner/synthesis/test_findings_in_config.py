@@ -1,4 +1,4 @@
-"""Identification and diagnosis say the same: found terms are identified, the rest is said, nothing inflated twice."""
+"""Identification and diagnosis of one log agree in the configuration; nothing is enlarged twice."""
 
 import json
 
@@ -84,7 +84,7 @@ def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     assert "random_walk density 1e-06 rad/s^1.5" in after.notes[-1]
 
 
-def test_an_inflation_is_measured_by_what_the_filter_believes_already():
+def test_an_enlargement_is_relative_to_the_configuration():
     _, base = identified()
     config = synthesize(base)
     believed = config.channels["gyro_x"].white_density
@@ -110,7 +110,7 @@ def test_bursts_one_after_another_do_not_multiply():
     assert after.channels["gyro_x"].white_density == pytest.approx(3.0 * believed)
 
 
-def test_an_extension_of_the_noise_is_told_with_all_its_terms():
+def test_an_extension_of_the_noise_is_reported_with_all_its_terms():
     found = Diagnosis((finding("vibration", frequency=20.0),), models={"gyro_x": MODEL})
     (told,) = findings_for_config(found)
     assert NoiseModel.from_dict(told["extension"]["models"]["gyro_x"]) == MODEL

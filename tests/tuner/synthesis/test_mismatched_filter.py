@@ -1,4 +1,4 @@
-"""How honest the bias rules are in outages: exact covariance of the true error against the filter's own.
+"""Bias rules in outages: exact covariance of the true error against the filter's own.
 
 Truth: white noise, flicker (a fine ladder from 0.3 s to 1e7 s) and random walk, Allan minimum at about 600 s.
 The filter sees the integral once a second for an hour (a heading; of accelerometers, a position), then
@@ -74,12 +74,12 @@ def ratios(case: str, rule: str) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_filter_that_knows_the_truth_is_honest(case: str) -> None:
+def test_a_filter_with_the_true_noise_is_consistent(case: str) -> None:
     np.testing.assert_allclose(ratios(case, "truth"), 1.0, rtol=1e-5)
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_ladder_is_honest_and_as_accurate_as_can_be_at_every_horizon(case: str) -> None:
+def test_ladder_is_consistent_and_nearly_optimal_at_every_horizon(case: str) -> None:
     found = ratios(case, "ladder")
     assert np.all(found < 1.10)
     assert np.all(found > 0.95)

@@ -1,4 +1,4 @@
-"""Laws of the synthesis: every term has a fate, no figure is zero, every guess has its reason."""
+"""Synthesis: the handling of every term is stated, no setting is zero, every assumption has its reason."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ BASE = (
 )
 
 
-def test_every_term_has_a_fate() -> None:
+def test_the_handling_of_every_term_is_stated() -> None:
     _, noise = only(found(channel(*BASE)))
     assert set(noise.fates) == {t.name for t in BASE}
 
@@ -122,7 +122,7 @@ def test_white_density_comes_from_the_curve_where_no_term_tells_it() -> None:
     assert config.inflations[0].reason.startswith("bounded")
 
 
-def test_a_term_without_figures_is_left_out_with_that_fate() -> None:
+def test_a_term_without_figures_is_left_out_and_listed_so() -> None:
     nothing = Coefficient(None, None, None, "SI", "the fit failed")
     _, noise = only(found(channel(BASE[1], term("bias_instability", level=nothing))))
     assert noise.markov == ()

@@ -1,4 +1,4 @@
-"""From a measured log to every dialect: a STIM300 at rest (needs TUNER_DATA)."""
+"""A measured log of a STIM300 at rest through synthesis to every dialect (needs TUNER_DATA)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hygiene tests: quiet on clean data of every kind, loud on what was hidden, right about its size.
+"""Tests of data quality: no finding in clean data, hidden faults found with their size.
 
 Seeds are fixed and are the first that were tried. Clean sets: about 600 tests at p < 1e-4 each.
 """
@@ -70,14 +70,14 @@ def alarms(tests: tuple[HygieneTest, ...]) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_clean_data_are_quiet_whatever_the_noise_and_the_lattice(kind):
+def test_clean_data_have_no_finding_for_any_noise_and_quantizer(kind):
     for seed, step in enumerate((0.0, 0.003, 0.05, 0.3, 0.7, 1.0, 1.4, 1.8)):
         tests = hygiene(hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000))
         assert alarms(tests) == []
         assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")
 
 
-def test_clean_simulated_sensors_are_quiet_and_the_p_values_honest():
+def test_clean_simulated_sensors_have_no_finding_and_uniform_p_values():
     """40 sets: P(p < 0.05) of the duplicate and clipping tests below 0.22 (5 sd above nominal)."""
     model = NoiseModel([White(1e-3), BiasInstability(1e-4), RandomWalk(1e-6)])
     found: dict[str, list[float]] = {"duplicates": [], "clipping": []}
@@ -105,7 +105,7 @@ def test_chance_equality_is_the_integral():
 
 @pytest.mark.parametrize("step", [0.0, 0.03, 0.3, 1.0])
 @pytest.mark.parametrize("fraction", [0.03, 0.3, 0.9])
-def test_held_readings_are_found_and_counted(step, fraction):
+def test_repeated_samples_are_found_and_counted(step, fraction):
     effects = [Duplicates(fraction)] + ([Lattice(step)] if step else [])
     tests = hygiene(hidden(*effects, n=200_000, seed=int(100 * fraction)))
     assert alarms(tests) == ["duplicates"]
@@ -128,7 +128,7 @@ def test_intervals_of_the_fraction_cover_it():
     assert inside >= 66
 
 
-def test_readings_held_by_a_slow_register_are_found():
+def test_samples_repeated_by_a_slow_register_are_found():
     """Every reading four times over: three quarters are held, though lag 2 is equal half of the time."""
     y = np.repeat(noise("low-pass", 30_000, 1, np.random.default_rng(1)), 4, axis=0)
     held = held_readings([y], [0.0])
@@ -136,14 +136,14 @@ def test_readings_held_by_a_slow_register_are_found():
     assert held.fraction == pytest.approx(0.75, abs=0.01)
 
 
-def test_a_few_held_readings_stand_out_where_chance_makes_none():
+def test_a_few_repeated_samples_are_found_where_chance_makes_none():
     """Five in 100 000: each as likely at one of nine lags, 9⁻⁵; against one lag alone it were 2⁻⁵."""
     y = np.random.default_rng(8).standard_normal((100_000, 1))
     y[[900, 20_000, 44_444, 71_000, 99_000]] = y[[899, 19_999, 44_443, 70_999, 98_999]]
     assert held_readings([y], [0.0]).p_value == pytest.approx(9.0**-5, rel=0.2)
 
 
-def test_half_a_percent_held_on_a_lattice_of_half_a_sd_is_beyond_chance():
+def test_half_a_percent_of_repeats_on_a_quantizer_of_half_a_sd_is_beyond_chance():
     """f n (1 − g) over the sd √(g n) of what chance does, and little more: 7.4 less the cost of not knowing g.
 
     Over five records the mean deviate is known to 0.5; 4.6 asks for four fifths of 7.4 within three of these.
@@ -160,7 +160,7 @@ def test_half_a_percent_held_on_a_lattice_of_half_a_sd_is_beyond_chance():
 
 @pytest.mark.parametrize("pole", [0.0, 0.3])
 @pytest.mark.parametrize("freedom", [5.0, np.inf])
-def test_chances_of_held_readings_are_honest_on_a_fine_lattice(pole, freedom):
+def test_p_values_of_repeated_samples_are_uniform_on_a_fine_quantizer(pole, freedom):
     """Whatever the tails and the colour: below 1e-2 in at most 8 of 120 records (4e-6 by the binomial)."""
     rng, few = np.random.default_rng(6), 0
     for _ in range(120):
@@ -170,7 +170,7 @@ def test_chances_of_held_readings_are_honest_on_a_fine_lattice(pole, freedom):
     assert few <= 8
 
 
-def test_axes_held_together_make_one_finding_and_one_axis_alone_is_named():
+def test_axes_that_repeat_together_make_one_finding_and_one_axis_alone_is_named():
     together = hygiene(hidden(Duplicates(0.002), Lattice(0.3), k=3, n=300_000))
     (only,) = [t for t in together if t.cause == "duplicates"]
     assert only.channels == ("gyro_x", "gyro_y", "gyro_z")
@@ -181,7 +181,7 @@ def test_axes_held_together_make_one_finding_and_one_axis_alone_is_named():
     assert [t.channels for t in hygiene(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
 
 
-def test_a_low_pass_on_a_coarse_lattice_is_not_held():
+def test_a_low_pass_on_a_coarse_quantizer_is_no_repetition():
     """The trap: neighbours of low-pass noise are equal more often than samples two apart."""
     y = np.round(noise("low-pass", 300_000, 1, np.random.default_rng(3)))
     same1, same2 = (np.mean(y[lag:] == y[:-lag]) for lag in (1, 2))
@@ -215,7 +215,7 @@ def test_expected_crossings_are_those_of_a_gaussian():
     assert high.count == pytest.approx(400_000 * stats.norm.sf(3.0), rel=0.2)
 
 
-def test_a_sd_inflated_by_a_coarse_lattice_is_no_rail():
+def test_a_sd_inflated_by_a_coarse_quantizer_is_no_saturation():
     """The trap: on a lattice of 1.5 sd the rounding makes the sd look 10 % larger than it is."""
     for seed in range(10):
         y = 1.5 * np.round(np.random.default_rng(seed).standard_normal(300_000) / 1.5)
@@ -274,7 +274,7 @@ def test_the_step_is_found_through_scale_decimals_and_sparse_codes(step):
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.5, -9.80665 / 0.0024])
-def test_bridged_samples_and_an_offset_do_not_hide_the_lattice(offset):
+def test_bridged_samples_and_an_offset_do_not_hide_the_quantizer(offset):
     """A lattice on an offset of broken steps, with 1 % of interpolated samples: a note, no more."""
     rng = np.random.default_rng(13)
     y = 0.0024 * (np.round(4.0 * rng.standard_normal((100_000, 1))) + offset)
@@ -331,7 +331,7 @@ def test_holes_that_are_narrow_against_the_noise_do_no_harm():
 # ---- order, edges
 
 
-def test_held_readings_do_not_make_other_findings():
+def test_repeated_samples_do_not_make_other_findings():
     for seed in range(5):
         assert alarms(hygiene(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]
 

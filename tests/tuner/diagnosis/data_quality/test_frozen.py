@@ -1,4 +1,4 @@
-"""Frozen readings: found where a register was stuck, whatever its value; no coarse lattice is taken for one.
+"""Frozen readings are found whatever their value; a coarse quantizer is not taken for one.
 
 Seeds are fixed and are the first that were tried. A clean record is called frozen with a chance below 1e-9.
 """
@@ -45,14 +45,14 @@ def record(y: np.ndarray, **options) -> Record:
 
 @pytest.mark.parametrize("kind", COLOURS)
 @pytest.mark.parametrize("walk", [0.0, 1e-3, 1e-2])
-def test_no_lattice_is_frozen_however_coarse(kind, walk):
+def test_no_quantizer_is_frozen_however_coarse(kind, walk):
     """Up to 40 sd, where a record has a handful of codes and runs of half an hour."""
     y = noise(kind, 1, 1, walk)
     for step in (0.0, 0.1, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0):
         assert frozen(record(rounded(y, step)), "gyro_x") is None
 
 
-def test_dead_bands_rails_and_readings_held_one_by_one_are_not_frozen():
+def test_dead_bands_saturation_and_single_repeats_are_not_frozen():
     rng = np.random.default_rng(2)
     for walk in (1e-4, 1e-2):
         y = noise("white", 1, 3, walk)
@@ -130,7 +130,7 @@ def test_a_sensor_that_died_early_is_judged_by_what_it_said():
     assert only.parameters["fraction"].value == pytest.approx(0.75, abs=1e-3)
 
 
-def test_axes_that_freeze_together_are_told_once_and_others_apart():
+def test_axes_that_freeze_together_are_reported_once_and_others_apart():
     y = rounded(noise("white", 3, 22), 0.5)
     y[30_000:31_000, :2] = y[30_000, :2]
     y[90_000:90_500, 2] = 0.0
@@ -141,7 +141,7 @@ def test_axes_that_freeze_together_are_told_once_and_others_apart():
     }
 
 
-def test_many_stretches_are_counted_and_held_readings_told_besides():
+def test_many_stretches_are_counted_and_repeated_samples_reported_besides():
     """A hundred stretches of half a second, and 5 % of the others held: two findings."""
     rng = np.random.default_rng(23)
     block = Samples(INTERVAL * np.arange(N), noise("white", 1, 24), INTERVAL)

@@ -1,4 +1,4 @@
-"""Hygiene of time stamps: gaps, scatter, a clock that runs at another rate, rounding. Seeds are fixed."""
+"""Quality of time stamps: gaps, jitter, wrong clock rate, rounding. Seeds are fixed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
 
 
 @pytest.mark.parametrize("rate", [130.0, 400.0, 100.0 / 1.00003])
-def test_rounded_stamps_are_told_with_their_unit_and_are_no_jitter(rate):
+def test_rounded_stamps_are_reported_with_their_unit_and_are_no_jitter(rate):
     clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
     (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=1e-3"])
     test = hygiene(gyro)[0]
@@ -50,7 +50,7 @@ def test_rounded_stamps_are_told_with_their_unit_and_are_no_jitter(rate):
 
 @pytest.mark.parametrize("start", [0.0, 86_400.0, 1.7e9])
 @pytest.mark.parametrize("decimals", [None, 6, 9])
-def test_scatter_below_the_resolution_of_the_stamps_is_not_told(start, decimals):
+def test_scatter_below_the_resolution_of_the_stamps_is_not_reported(start, decimals):
     """Beside gaps, which are told: the last places of a number, or a decimal of the text, are no jitter."""
     grid = np.delete(np.arange(20_000), [5000, 5001, 5002, 9000, 9001, 9002, 9003])
     stamps = start + grid / 130.0

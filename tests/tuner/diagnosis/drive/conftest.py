@@ -1,4 +1,4 @@
-"""A linear record to draw replicas from: a car in a city, an error-state filter of 15 states, fixes at 1 Hz."""
+"""A linear model of a drive to draw replicas from: a car in a city, a filter of 15 states, fixes at 1 Hz."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Replicas of a linear record: the same filter on the same way, errors drawn from a noise hypothesis.
+"""Replicas of a linear model: the same filter and trajectory, errors drawn from a noise hypothesis.
 
 ::
 

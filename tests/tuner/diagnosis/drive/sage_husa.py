@@ -1,4 +1,4 @@
-"""Adaptive R after Sage and Husa: the baseline that maximum likelihood has to beat.
+"""Adaptive measurement noise by Sage and Husa, as a baseline for maximum likelihood.
 
 The filter corrects the variance of every row by its own innovations, with a forgetting factor b [1]_::
 

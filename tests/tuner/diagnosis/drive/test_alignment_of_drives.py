@@ -1,4 +1,4 @@
-"""Where a drive begins: what the first fix does not tell stays unknown."""
+"""Start of a drive: what the first fix does not show stays uncertain."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
     assert np.abs(found.gyro_bias - true[:3]).max() < np.radians(0.2)
 
 
-def test_a_clean_drive_that_stood_three_seconds_is_quiet(coarse):
+def test_a_clean_drive_that_stood_three_seconds_has_no_finding(coarse):
     """Where the start was 40° off, a jump of a bias was found with a chance of 1e-33."""
     grade, receiver, config = coarse
     driven, _ = simulate_drive(grade, TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=5)
@@ -141,7 +141,7 @@ def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("grade", ["adis16405", "mpu9250", "icm20602"])
-def test_clean_drives_of_our_own_are_quiet(grade):
+def test_clean_simulated_drives_have_no_finding(grade):
     """Eight ways to begin; with 1 % of false findings more than two of eight come once in 18 000 studies."""
     found = []
     for seed, (trajectory, receiver, duration) in enumerate(

@@ -1,4 +1,4 @@
-"""Coarse lattices are told, fine ones and none are not."""
+"""A quantizer coarser than the noise of a drive is reported; a finer one is not."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def rounded(step: float) -> Drive:
     return Drive("bench", t, rates, gnss)
 
 
-def test_a_lattice_above_the_noise_is_told() -> None:
+def test_a_quantizer_coarser_than_the_noise_is_reported() -> None:
     (told,) = coarse_quantizer_notes(rounded(0.01))
     assert told.startswith("gyro")
     assert "0.01 rad/s" in told
 
 
-def test_a_fine_lattice_is_not() -> None:
+def test_a_fine_quantizer_is_not_reported() -> None:
     assert not coarse_quantizer_notes(rounded(1e-3))
     assert not coarse_quantizer_notes(rounded(0.0))

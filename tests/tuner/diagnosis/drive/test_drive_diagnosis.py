@@ -1,4 +1,4 @@
-"""Criticism of a drive: the pass made linear, causes named with their figures, clean drives left alone."""
+"""Diagnosis of a drive: linearised filter run, causes named with their parameters, no finding in clean drives."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
 
 
-def test_clean_drive_is_quiet(clean, drive_config):
+def test_a_clean_drive_has_no_finding(clean, drive_config):
     drive, found = clean
     shifts = score_tests(whiten(as_configured(found.linearized)), found.linearized.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5

@@ -1,4 +1,4 @@
-"""Errors in variables: what noise makes of constants by itself, told by adding it once more."""
+"""Errors-in-variables bias of fitted constants, by simulation–extrapolation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def hour():
     return drive, config, run_filter(drive, Hypothesis.first(drive, config))
 
 
-def test_noise_leans_on_constants_and_is_told(hour):
+def test_errors_in_variables_bias_of_constants_is_reported(hour):
     """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
     drive, _, found = hour
     lean, names = errors_in_variables_bias(drive, found), found.linearized.parameters
@@ -40,7 +40,7 @@ def test_noise_leans_on_constants_and_is_told(hour):
     assert abs(after) < 5.0
 
 
-def test_a_clean_hour_is_quiet(hour):
+def test_a_clean_hour_has_no_finding(hour):
     """Where sensitivities were taken for exact, scale factors of the gyros were found with a chance of 8e-5."""
     drive, config, _ = hour
     assert diagnose_drive(drive, config).quiet
@@ -62,7 +62,7 @@ def test_the_noise_that_is_added_is_the_one_configured(hour):
     )
 
 
-def test_what_noise_leans_on_is_told_where_a_shift_is_taken_out():
+def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
     """With a delay of 60 ms in the way noise seems to lean on it by 3 ms; the interval would miss the truth by half."""
     receiver = load_gnss("dgnss")
     drive, _ = simulate_drive(

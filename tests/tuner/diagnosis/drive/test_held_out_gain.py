@@ -1,4 +1,4 @@
-"""What findings are worth on the last part of a drive: outages compared in pairs."""
+"""Gain of the findings on the last part of a drive: outages compared in pairs."""
 
 from __future__ import annotations
 

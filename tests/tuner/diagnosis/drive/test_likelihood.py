@@ -1,4 +1,4 @@
-"""The likelihood of a linear record against brute force: joint density, differences, generalised least squares."""
+"""Likelihood of a linear model against the joint density, finite differences and generalised least squares."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_mean_parameters_are_found(short_drive: LinearizedRun) -> None:
     assert 34.0 < square < 152.0, "80 degrees of freedom, 1e-4 on either side"
 
 
-def test_innovations_are_white_where_the_belief_is_true(short_drive: LinearizedRun) -> None:
+def test_innovations_are_white_under_the_true_noise(short_drive: LinearizedRun) -> None:
     h = replace(
         noise_parameters(("position_horizontal", "gyro_white")).change(
             as_configured(short_drive), np.array([0.5, 0.7])

@@ -1,4 +1,4 @@
-"""How a unit sits in its vehicle: told where wheels do not slip, else said to be untold."""
+"""Mounting of a unit in its vehicle: estimated where wheels do not slip, else reported as unknown."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_right_mounting_is_left_alone(simulated, drive_config):
     assert diagnosis.quiet
 
 
-def test_without_wheels_the_mounting_is_said_to_be_untold(turned, drive_config):
+def test_without_wheels_the_mounting_is_reported_as_unknown(turned, drive_config):
     diagnosis = diagnose_drive(turned, drive_config)
     assert diagnosis.quiet
     untold = {one.causes: one.text for one in diagnosis.inseparable}

@@ -1,4 +1,4 @@
-"""Noise of unit and receiver on simulated drives: wrong together, told by class of fix."""
+"""Wrong noise of unit and receiver together, and receiver noise by class of fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a static identification knows, as sds of logs."""
+"""Uncertainty of a static identification as standard deviations of logarithms."""
 
 from __future__ import annotations
 

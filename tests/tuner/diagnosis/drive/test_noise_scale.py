@@ -1,4 +1,4 @@
-"""R and Q that a drive asks for: quiet where they are right, loud and honest where they are not.
+"""Scale of R and Q from a drive: one where they are right, the true factor where they are not.
 
 Seeds are the first that were tried. Bounds on counts are binomial at 1e-5 for a test that keeps its level exactly.
 """

@@ -1,4 +1,4 @@
-"""Reported sds and their law; adaptive R against maximum likelihood."""
+"""Standard deviations reported by a receiver: their relation to the truth; adaptive R against maximum likelihood."""
 
 from __future__ import annotations
 

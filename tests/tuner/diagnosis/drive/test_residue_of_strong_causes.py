@@ -1,4 +1,4 @@
-"""Weak causes beside strong ones: what a delay that comes and goes leaves behind is none."""
+"""What a strong, time-varying cause leaves behind is not named as a weak one."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_lever_arm_beside_a_steady_delay_stands(city_drive: LinearizedRun) -> 
     assert explained_by_stronger(found, KNOWN, alarm, THRESHOLD) == ()
 
 
-def test_what_a_wandering_delay_leaves_is_doubted(city_drive: LinearizedRun) -> None:
+def test_what_a_wandering_delay_leaves_is_reported_as_uncertain(city_drive: LinearizedRun) -> None:
     wandering = {f"time_offset.delay_{p}": 0.1 * DELAY * (-1.0) ** p for p in range(1, N_PARTS)}
     found = passed(
         with_piecewise_constants(city_drive, ("time_offset",)), {"time_offset.delay": DELAY, **wandering}, 2
@@ -78,7 +78,7 @@ def test_what_a_wandering_delay_leaves_is_doubted(city_drive: LinearizedRun) -> 
 
 
 @pytest.mark.parametrize(("size", "still"), [(0.0, False), (0.02, True)])
-def test_a_jump_is_asked_once_more(city_drive: LinearizedRun, size: float, still: bool) -> None:
+def test_a_jump_is_tested_a_second_time(city_drive: LinearizedRun, size: float, still: bool) -> None:
     plain = as_configured(city_drive)
     jumped = with_jump(plain, 450, "accel").linearized
     theta = {"time_offset.delay": DELAY, "bias_jump.accel_x": size}

@@ -1,4 +1,4 @@
-"""Mean parameters of a record: held while noise is fitted, drifting with time; runs of wrong fixes beside them."""
+"""Score tests of constants in a linear model: fixed noise, drift with time, runs of wrong fixes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def late(linearized: LinearizedRun, delay: np.ndarray) -> LinearizedRun:
     return replace(linearized, innovation=linearized.innovation - pushed.D[:, :, 0])
 
 
-def test_held_means_change_nothing_at_the_same_noise(short_drive: LinearizedRun) -> None:
+def test_fixed_means_change_nothing_at_the_same_noise(short_drive: LinearizedRun) -> None:
     free = replace(as_configured(drawn(short_drive, 0)), columns=tuple(range(7)))
     assert evaluate(with_constants_fixed(free)).value == pytest.approx(evaluate(free).value, abs=1e-6)
     assert with_constants_fixed(free).columns == ()
@@ -57,7 +57,7 @@ def test_noise_is_fitted_beside_free_means(short_drive: LinearizedRun) -> None:
         assert profile(fit.estimate + step) < top + 0.02
 
 
-def test_a_delay_that_drifts_is_told_from_one_that_stays(city_drive: LinearizedRun) -> None:
+def test_a_drifting_delay_is_distinguished_from_a_constant_one(city_drive: LinearizedRun) -> None:
     linearized, rate = drawn(city_drive, 2), 2e-4
     for true in (0.0, rate):
         moved = late(linearized, 0.02 + true * (linearized.t - linearized.t.mean()))

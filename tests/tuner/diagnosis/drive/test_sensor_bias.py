@@ -1,4 +1,4 @@
-"""Biases beyond their priors: named where they are, not where a compensation left them."""
+"""Biases beyond their priors are named where they are, not where a compensation removed them."""
 
 from __future__ import annotations
 

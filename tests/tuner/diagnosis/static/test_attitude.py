@@ -1,4 +1,4 @@
-"""A mount that tilts during a part of a record: seen, named, and told from what stretches the specific force."""
+"""A mount that tilts during a part of a record: found, named, distinguished from a change of scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where nothing was measured, templates run as the samples do that were put there."""
+"""Templates across missing samples are continued in the same way as the samples."""
 
 from __future__ import annotations
 

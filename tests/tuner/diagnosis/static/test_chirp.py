@@ -1,4 +1,4 @@
-"""A tone that sweeps is told; white noise, lines and bursts are not."""
+"""A sinusoid whose frequency sweeps is reported; white noise, lines and bursts are not taken for one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def tone(low: float, high: float, nats: float) -> np.ndarray:
 
 # 400 nats: the sum over 512 parts exceeds its expectation by more than 12 deviations, 7 suffice; the others need fewer
 @pytest.mark.parametrize("ends", [(0.05, 0.3), (0.3, 0.05), (0.2, 0.25), (0.1, 0.11)])
-def test_a_sweep_is_told_with_its_ends(ends):
+def test_a_sweep_is_reported_with_its_first_and_last_frequency(ends):
     y = np.random.default_rng(1).standard_normal(N) + tone(*ends, 400.0)
     diagnosis = diagnose(record(y))
     assert not diagnosis.findings

@@ -1,4 +1,4 @@
-"""Causes hidden in simulated records are found, named and measured; clean records stay quiet."""
+"""Causes hidden in simulated records are found, named and measured; clean records have no finding."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_temperature_is_named_or_shortlisted():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_clean_record_is_quiet(seed):  # budget 0.3 % a record: 2e-2 for one of six, seeds fixed
+def test_a_clean_record_has_no_finding(seed):  # budget 0.3 % a record: 2e-2 for one of six, seeds fixed
     diagnosis = found(seed=seed)
     assert diagnosis.quiet
     assert np.isclose(diagnosis.models["gyro_x"].white_density(), 1e-3, rtol=6 / np.sqrt(2 * SPAN * RATE))
@@ -113,7 +113,7 @@ def test_scale_and_sign_do_not_matter():
     assert np.isclose(other.parameters["time"].value, one.parameters["time"].value + 100.0)
 
 
-def test_shared_line_is_told_once():
+def test_a_shared_line_is_reported_once():
     axes = ("gyro_x", "gyro_y")
     diagnosis = diagnose(records("line@gyro:frequency=7.3,amplitude=1e-3", axes=axes))
     assert [(f.cause, f.channels) for f in diagnosis.findings] == [("line", axes)]

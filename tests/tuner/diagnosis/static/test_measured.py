@@ -1,4 +1,4 @@
-"""What real recordings are known to hide is found in them, named, and has the figures that others measured."""
+"""Known causes in real recordings are found, named, and have the values that others measured."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def named(findings: tuple[Finding, ...], *causes: str) -> list[Finding]:
     return [finding for finding in findings if finding.cause in causes]
 
 
-def test_the_hump_of_a_gyro_is_no_line() -> None:
+def test_the_resonance_of_a_gyro_is_no_line() -> None:
     """ADIS16405 gyro z: 19.3 … 20.3 Hz, about 1 Hz wide (recordings' index)."""
     gyro, _ = read(DATA / "adis16405_run1.npz")
     near = [

@@ -1,4 +1,4 @@
-"""The loudness of the noise against a period, the bias and the temperature."""
+"""Variance of the noise as a function of a period, of the bias and of the temperature."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def without_temperature(made: Record) -> Record:
     return Record("gyro", made.t, made.y, made.axes, made.unit, made.interval)
 
 
-def test_variance_with_a_period_is_told_with_its_period():
+def test_variance_with_a_period_is_reported_with_its_period():
     swell = 0.15 * np.sin(2.0 * np.pi * np.arange(60_000) / 3000.0)  # 170 nats
     diagnosis = diagnose(without_temperature(louder(swell)))
     assert diagnosis.findings == ()
@@ -43,7 +43,7 @@ def test_variance_with_a_period_is_told_with_its_period():
     assert "period of 60" in told.statistic
 
 
-def test_variance_along_the_bias_is_told():
+def test_variance_along_the_bias_is_reported():
     wander = np.cumsum(np.random.default_rng(5).standard_normal(60_000))
     wander = 0.3 * (wander - wander.mean()) / wander.std()
     _, by_bias, _ = modulation(residual(channel(without_temperature(louder(wander, slow=2.0)), "gyro_x")))

@@ -1,4 +1,4 @@
-"""What several tests ask of a residual is made once; what is told holds no residual."""
+"""What several tests need of a residual is computed once, and results keep no residual."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tuner.diagnosis.static.variance.quantized_noise import moments
 from tuner.simulation.static import Channel, simulate
 
 
-def test_loudness_is_made_once_for_a_residual():
+def test_local_variance_is_computed_once_for_a_residual():
     record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
         0
     ]
@@ -44,11 +44,11 @@ def test_tails_are_mapped_evenly_and_in_order():
     np.testing.assert_allclose(np.abs(mapped), exact, atol=1e-5)
 
 
-def test_what_is_told_holds_no_residual():
+def test_a_result_keeps_no_residual():
     assert Alarm("line", 0.1, 1.0, 2.0, "peak", tuple).told.propose is None
 
 
-def test_shapes_are_kept_from_pass_to_pass():
+def test_shapes_are_kept_from_step_to_step():
     record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
         0
     ]

@@ -1,4 +1,4 @@
-"""What searches of the spectrum pay for their width, and what they must not lose besides."""
+"""False-alarm rate and power of searches of the spectrum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""On a coarse lattice the loudness of samples depends on their place in a cell: the model of it is exact."""
+"""Variance of quantized samples as a function of their place within a quantizer step."""
 
 from __future__ import annotations
 
@@ -51,21 +51,21 @@ def test_fine_steps_do_not_matter():
 
 
 @pytest.mark.parametrize(("step", "deadband"), [(1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (0.8, 1.5)])
-def test_a_slow_track_on_a_coarse_lattice_makes_no_burst(step, deadband):  # five families at 1.2e-4 each
+def test_a_slow_track_on_a_coarse_quantizer_makes_no_burst(step, deadband):  # five families at 1.2e-4 each
     found = fitted(step, deadband)
     alarms = {alarm.cause: alarm for alarm in panel(found)}
     for family in ("burst", "variance_drift", "periodic variance", "variance by bias", "irregular variance"):
         assert alarms[family].p_value > threshold(1), family
 
 
-def test_loudness_beside_a_lattice_is_even_in_every_place():
+def test_local_variance_beside_a_quantizer_is_even_in_every_place():
     found = fitted(3.0)
     square, weight, kappa = block_loudness(found)
     deviate = (square - 1.0) * np.sqrt(weight / kappa)
     assert np.mean(deviate**2) < 1.0 + 6.0 * np.sqrt(2.0 / len(deviate))
 
 
-def test_a_burst_on_a_coarse_lattice_is_still_found():  # 30 % of the record, variance × 2: hundreds of nats
+def test_a_burst_on_a_coarse_quantizer_is_still_found():  # 30 % of the record, variance × 2: hundreds of nats
     record = simulate({"gyro_x": Channel(NOISE)}, duration=2400.0, rate=RATE, seed=2,
                       hidden=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
     size = 2.5 * WHITE

@@ -1,4 +1,4 @@
-"""Intervals of sizes stay positive, and signals that have no noise are refused in one line.
+"""Intervals of sizes stay positive; signals without noise are refused in one line.
 
 Seeds are fixed and are the first that were tried.
 """
@@ -57,7 +57,7 @@ def test_numbers_of_either_sign_are_pooled_as_they_are_and_bounds_at_zero_are_ke
 
 
 @pytest.mark.parametrize("drift", [1e-3, 0.5, 3.0, 1e4])
-def test_what_is_owed_keeps_a_size_positive(drift):
+def test_a_widened_interval_keeps_a_size_positive(drift):
     wide = Value.log(1.5, 0.2).owing(drift)
     assert 0.0 < wide.lower < 1.5 < wide.upper
     near = Value.log(1.5, 0.002).owing(0.01)

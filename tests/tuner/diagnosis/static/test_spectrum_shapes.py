@@ -1,4 +1,4 @@
-"""Shapes of the fast spectrum: filters that fold, their cutoffs, humps, rounding; each quiet on clean noise.
+"""Filters, resonances and rounding in the spectrum: found, and not found in white noise.
 
 Seeds are fixed and are the first that were tried.
 """
@@ -106,7 +106,7 @@ def test_rounding_after_the_filter_does_not_move_the_cutoff():
     assert low / 1.03 < 8.0 < high * 1.03
 
 
-def test_wide_and_narrow_humps_are_found():
+def test_wide_and_narrow_resonances_are_found():
     """Humps of 40 … 60 nats at both ends of the range of qualities: the chance to miss one is below 1e-4."""
     for frequency, quality, sd in ((11.4, 24.0, 0.12), (30.0, 90.0, 0.11), (8.0, 8.0, 0.15)):
         rng = np.random.default_rng(int(frequency))
@@ -128,7 +128,7 @@ def test_burst_of_five_per_cent_of_a_record_is_found():
     assert alarm.gain > 0.0
 
 
-def test_humps_and_bursts_are_quiet_on_white_noise():
+def test_white_noise_has_no_resonance_and_no_burst():
     """Forty records: the chance of a p-value below 1e-4 among them is 1 %, of one below 1e-6 1e-4."""
     for seed in range(20):
         found = fitted(np.random.default_rng([seed, 3]).standard_normal(20_000))
@@ -136,7 +136,7 @@ def test_humps_and_bursts_are_quiet_on_white_noise():
         assert burst.test(found).p_value > 1e-6
 
 
-def test_held_readings_on_a_fine_lattice_do_not_depend_on_the_colour():
+def test_repeated_samples_on_a_fine_quantizer_do_not_depend_on_the_colour():
     """A filtered sensor with 0.5 % held readings, and without: 10 sd apart."""
     rng = np.random.default_rng(2)
     codes = np.round(8.0 * filtered(1, 25.0, rng))
@@ -158,14 +158,14 @@ def test_bandwidth_of_a_filter_is_that_of_its_order():
     assert "50 Hz or more, rate ÷ bandwidth 2 or less" in note
 
 
-def test_digits_of_arithmetic_are_no_lattice():
+def test_digits_of_arithmetic_are_no_quantizer():
     codes = np.round(5.0 * np.random.default_rng(0).standard_normal(100_001))
     between = np.interp(np.arange(100_000) + 0.3, np.arange(100_001), codes)
     assert lattice_step([between]) == 0.0
     assert lattice_step([1.234e-4 * codes]) == pytest.approx(1.234e-4)
 
 
-def test_filter_is_named_beside_a_resonance_and_held_readings():
+def test_filter_is_named_beside_a_resonance_and_repeated_samples():
     """On a lattice where a tenth of the neighbours are equal by chance, the excess alone is bridged."""
     rng = np.random.default_rng(1)
     y = lfilter([1.0], [1.0, -np.exp(-2.0 * np.pi * 0.2)], rng.standard_normal(N + 200))[200:]

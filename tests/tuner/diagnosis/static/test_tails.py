@@ -1,4 +1,4 @@
-"""Heavy tails are one cause where one law makes them, and spikes beside them are told as well.
+"""Heavy tails are one cause where one distribution makes them; spikes beside them are found as well.
 
 Seeds are fixed and are the first that were tried; every effect has a hundred nats and more.
 """

@@ -1,4 +1,4 @@
-"""Telegraph noise has two levels; what hops between three is told, and has no name."""
+"""Telegraph noise has two levels; switching between three is reported without a name."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def record(levels: tuple[float, ...], seed: int) -> Record:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_three_levels_are_told_without_a_name(seed):
+def test_three_levels_are_reported_without_a_name(seed):
     # hundreds of nats between the two hypotheses
     diagnosis = diagnose(record((-3e-3, 0.0, 3e-3), seed))
     assert not diagnosis.findings

@@ -58,7 +58,7 @@ def test_two_ways_of_a_temperature():
         assert abs(finding.parameters[name].value - true) < 1.5 * (high - low)  # 6 sd
 
 
-def test_a_slope_that_changes_is_told_without_a_name():
+def test_a_changing_slope_is_reported_without_a_name():
     diagnosis = diagnose(record(2e-3 * (CELSIUS - 25.0) * (TIME / SPAN - 0.5), celsius=CELSIUS))
     assert diagnosis.findings == ()
     assert any("temperature × time" in u.statistic for u in diagnosis.unexplained)

@@ -1,4 +1,4 @@
-"""Axes of a drive that are not those stated: named, turned or refused, and left alone where they are right."""
+"""Axes of a drive in another order or sign are named, turned or refused; right ones are left alone."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_axes_are_named_where_cheap_gyros_hardly_stand(read):
     assert told is None if read == "(x, y, z)" else f"the gyros read as {read}" in told
 
 
-def test_a_frame_without_a_name_is_unknown_and_told(saved, data, tmp_path):
+def test_a_frame_without_a_name_is_unknown_and_reported(saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "odd.npz", data, imu_frame="unknown, z up"))
     assert drive.mounting is None
     assert any("'unknown, z up'" in note for note in drive.notes)
@@ -95,7 +95,7 @@ def test_exchanged_latitude_and_longitude_are_refused(saved, data, tmp_path):
         named_axes(read_drive(saved(tmp_path / "wrong.npz", wrong)).gnss)
 
 
-def test_a_stated_frame_that_the_motion_contradicts_is_told(saved, data, tmp_path, configuration):
+def test_a_stated_frame_that_the_motion_contradicts_is_reported(saved, data, tmp_path, configuration):
     """The unit stands on its head in the frame that is said to be forward-right-down."""
     upside = rotation.mat_from_rpy(np.radians((180.0, 0.0, 0.0)))
     turned = rotation.mat_from_rpy(np.radians(MOUNTING_RPY)).T @ upside  # vehicle axes, then on its head

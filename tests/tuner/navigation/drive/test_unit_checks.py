@@ -1,4 +1,4 @@
-"""Units of a drive that are not those expected are refused with their name; those that are right are left alone."""
+"""Wrong units of a drive are refused with their name; right ones are left alone."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_unit_is_named_in_another_order_of_axes(saved, data, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("size", [1.5, 0.5])
-def test_a_factor_without_a_name_is_doubted_only(saved, data, tmp_path, size):
+def test_a_weak_factor_without_a_cause_is_reported_as_uncertain_only(saved, data, tmp_path, size):
     """A gyroscope of another range, say: it is for the filter to try."""
     drive = read_drive(saved(tmp_path / "wrong.npz", {**data, "gyro": size * data["gyro"]}))
     (doubt,) = refuse_wrong_units(drive, drive.gnss)
@@ -152,7 +152,7 @@ def test_a_factor_lies_between_its_regressions():
 
 
 @pytest.mark.parametrize("motion", ["straight", "circle"])
-def test_a_mean_that_is_no_bias_is_told_where_a_filter_fails(motion):
+def test_a_mean_that_is_no_bias_is_reported_where_a_filter_fails(motion):
     drive, _ = simulate_drive(
         load_grade("mpu9250"), TRAJECTORIES[motion](120.0), load_gnss("rtk"), rate=25.0, seed=1
     )
@@ -161,7 +161,7 @@ def test_a_mean_that_is_no_bias_is_told_where_a_filter_fails(motion):
     assert "more than any bias of theirs" in likely_unit(replace(drive, rates=fast), drive.gnss)
 
 
-def test_a_receiver_that_stands_is_not_asked():
+def test_a_receiver_at_rest_is_not_tested():
     """Its positions may follow a tenth of what its velocities say."""
     drive, _ = simulate_drive(
         load_grade("mpu9250"), TRAJECTORIES["static"](300.0), load_gnss("rtk"), rate=25.0, seed=1
