@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from models.effects.drive import EFFECTS as DRIVE_EFFECTS
 from models.noise import GaussMarkov
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty
 from tuner.formats.files import write_text
@@ -26,11 +27,13 @@ from tuner.types import (
     BoundUsed,
     ChannelNoise,
     Coefficient,
+    Compensation,
     Enlargement,
     FilterConfig,
     GnssNoise,
     Inflation,
     InitialUncertainty,
+    Parameter,
     Quantity,
     TermEstimate,
 )
@@ -70,7 +73,7 @@ def dumps(config: FilterConfig) -> str:
         "sensors": sensors,
         "initial": _initial(config.initial),
         "gnss": None if config.gnss is None else _gnss(config.gnss),
-        **({"compensation": dict(config.compensation)} if config.compensation else {}),
+        **({"compensation": config.compensation.as_text()} if config.compensation else {}),
         **({"constants": dict(config.constants)} if config.constants else {}),
         "findings": [dict(finding) for finding in config.findings],
         "inflations": [_inflation(inflation) for inflation in config.inflations],
@@ -117,7 +120,7 @@ def loads(text: str, *, source: str = "configuration") -> FilterConfig:
         provenance=_mapping(root, "provenance"),
         notes=_list(root, "notes", Node.text),
         findings=_list(root, "findings", Node.mapping),
-        compensation=_numbers(root, "compensation"),
+        compensation=_compensation(root),
         constants=_numbers(root, "constants"),
     )
 
@@ -328,3 +331,21 @@ def _mapping(node: Node, key: str) -> Mapping[str, Any]:
 def _numbers(node: Node, key: str) -> Mapping[str, float]:
     entry = node.get(key)
     return {} if entry is None else {name: value.number() for name, value in entry.items()}
+
+
+def _compensation(root: Node) -> Compensation:
+    """Return the compensation of a drive; refuse a cause or a parameter that is not declared."""
+    entry = root.get("compensation")
+    if entry is None:
+        return Compensation()
+    values = {}
+    for name, value in entry.items():
+        cause, _, part = name.partition(".")
+        effect = DRIVE_EFFECTS.get(cause)
+        if effect is None or not part:
+            constant = ", ".join(DRIVE_EFFECTS)
+            value.refuse(f"CAUSE.NAME, with a cause of a drive ({constant})", repr(name))
+        if not effect.is_parameter_of_compensation(part):
+            value.refuse(f"a parameter of '{cause}' that can be taken out of a drive", repr(name))
+        values[Parameter(cause, part)] = value.number()
+    return Compensation(values)

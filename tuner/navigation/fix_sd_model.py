@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-CAUSE = "gnss_noise_scale."
+CAUSE = "gnss_noise_scale"
 AXES = ("horizontal", "vertical")
 BLOCKS: Mapping[str, slice] = {"position": slice(0, 3), "velocity": slice(3, 6)}
 """Rows of a fix by block."""
@@ -69,13 +69,13 @@ def sd_levels(reported: FloatArray) -> FloatArray:
 
 def class_edges_of(values: Mapping[str, float], block: str) -> tuple[float, ...]:
     """Return the levels at which classes of a block begin in a compensation."""
-    names = itertools.takewhile(values.__contains__, (f"{CAUSE}{block}_edge_{c}" for c in itertools.count(1)))
+    names = itertools.takewhile(values.__contains__, (f"{block}_edge_{c}" for c in itertools.count(1)))
     return tuple(values[name] for name in names)
 
 
 def fix_sd_model(values: Mapping[str, float], block: str) -> FixSdModel:
     """Return the law of a block in a compensation."""
-    own = f"{CAUSE}{block}_"
+    own = f"{block}_"
     edges = class_edges_of(values, block)
     horizontal, vertical = (
         tuple(

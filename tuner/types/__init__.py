@@ -7,6 +7,7 @@ with the reason why there is no more. Results import none of the code that makes
 from __future__ import annotations
 
 from tuner.types.coefficient import LEVEL, Coefficient
+from tuner.types.compensation import Compensation, Parameter
 from tuner.types.config import (
     ChannelNoise,
     FilterConfig,
@@ -47,6 +48,7 @@ __all__ = [
     "ChannelIdentification",
     "ChannelNoise",
     "Coefficient",
+    "Compensation",
     "Correlogram",
     "Diagnosis",
     "DriveDiagnosis",
@@ -60,6 +62,7 @@ __all__ = [
     "InitialUncertainty",
     "Inseparable",
     "NoiseScaleEstimate",
+    "Parameter",
     "PooledChannel",
     "PooledCoefficient",
     "Quantity",

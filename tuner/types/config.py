@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from models.noise import GaussMarkov
+from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Inflation
 
@@ -81,7 +82,7 @@ class FilterConfig:
 
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
     `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
-    a drive before it is filtered (names and axes: `tuner.navigation.compensation`), `constants` further states of the
+    a drive before it is filtered, `constants` further states of the
     filter, names of `models.state_layout.OPTIONAL`, with the sds of their priors; SI.
     """
 
@@ -94,5 +95,5 @@ class FilterConfig:
     provenance: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
     findings: tuple[Mapping[str, Any], ...] = ()
-    compensation: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    compensation: Compensation = field(default_factory=Compensation)
     constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))

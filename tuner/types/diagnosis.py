@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from models.noise import NoiseModel
 from tuner.types.coefficient import Coefficient
+from tuner.types.compensation import Compensation
 from tuner.types.config import FilterConfig
 from tuner.types.inflation import Enlargement
 
@@ -252,6 +253,6 @@ class DriveDiagnosis:
         return self.gain.nats >= 0.0 and not any(worse)
 
     @property
-    def compensation(self) -> Mapping[str, float]:
+    def compensation(self) -> Compensation:
         """What is to be taken out of such drives, see `tuner.navigation.compensation`."""
         return self.after.compensation

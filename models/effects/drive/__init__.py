@@ -27,8 +27,8 @@ Some have one further parameter that no finding reports: the size of outliers, t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
+from inspect import isabstract
 
 import numpy as np
 
@@ -55,20 +55,29 @@ from models.effects.drive.imu import (
     Misalignment,
     Mounting,
 )
+from models.registry import Registry
 
 __all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]
 
-EFFECTS: Mapping[str, type[DriveEffect]] = MappingProxyType(
-    {
-        effect.name: effect
-        for effect in (
-            TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
-            GnssFrame, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
-            BiasJump,
-        )
-    }
+
+def _complete(effect: type[DriveEffect]) -> None:
+    """Refuse what is not an effect that can be applied and drawn."""
+    if not (isinstance(effect, type) and issubclass(effect, DriveEffect)) or isabstract(effect):
+        msg = f"expected a class of effects (models.effects.drive.base.DriveEffect) with apply and draw, got {effect!r}"
+        raise TypeError(msg)
+
+
+EFFECTS: Registry[type[DriveEffect]] = Registry(
+    "cause of a drive", "tuner.drive_causes", name_of=lambda effect: effect.name, check=_complete
+)
+"""Class of every effect on a drive, by the code of its cause, in the order in which sensor errors are composed."""
+EFFECTS.extend(
+    (
+        TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
+        GnssFrame, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
+        BiasJump,
+    )
 )  # fmt: skip
-"""Class of every cause of a drive, by its code."""
 
 
 def parse(written: str) -> DriveEffect:

@@ -10,7 +10,8 @@ measured, and noise can only be added.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -104,10 +105,66 @@ class DriveSamples:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """What has to be changed in a drive, and in its filter, to take known causes out of it.
+
+    Attributes
+    ----------
+    sensor_matrix : ndarray, shape (6, 6)
+        A with measured (ω, f) = A true, in the axes of the sensor.
+    fix_delay : float
+        Fixes of stamp t are those of t − fix_delay, s.
+    velocity_lag : float
+        Velocities are so much later than the positions beside them, s.
+    velocity_rotation : ndarray, shape (3, 3)
+        R with v_reported = R v.
+    lever_arm : ndarray, shape (3,)
+        True lever arm less the stated one, in the axes of the sensor, m.
+    mounting : ndarray, shape (3, 3)
+        R with true mounting = stated mounting R.
+    """
+
+    sensor_matrix: FloatArray = field(default_factory=lambda: np.eye(6))
+    fix_delay: float = 0.0
+    velocity_lag: float = 0.0
+    velocity_rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    lever_arm: FloatArray = field(default_factory=lambda: np.zeros(3))
+    mounting: FloatArray = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True)
 class DriveEffect(Written, ABC):
     """One cause with its parameters (the fields), in SI units."""
 
     stage: ClassVar[int]
+    is_constant: ClassVar[bool] = False
+    """Whether constants describe the cause, so that it can be taken out of a drive."""
+
+    @classmethod
+    def is_parameter_of_compensation(cls, name: str) -> bool:
+        """Whether a compensation may have a value of this name: of a constant cause, its fields."""
+        return cls.is_constant and name in {f.name for f in fields(cls)}
+
+    @classmethod
+    def sensor_error(cls, name: str) -> FloatArray:
+        """Return E (6, 6): one unit of a parameter changes measured rates and forces by E (ω, f), to first order."""
+        return np.zeros((6, 6))
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that takes out the cause, too; by default only its errors of the sensors.
+
+        Parameters
+        ----------
+        correction : Correction
+            Of the causes declared before this one.
+        values : mapping of str to float
+            Parameters of the cause, those that are not 0.
+        """
+        matrix = correction.sensor_matrix + sum(
+            value * cls.sensor_error(name) for name, value in values.items()
+        )
+        return replace(correction, sensor_matrix=np.asarray(matrix))
 
     @abstractmethod
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:

@@ -14,6 +14,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Self
 
@@ -27,6 +29,7 @@ from models.effects.drive.base import (
     LAG,
     NOISE,
     STAMP,
+    Correction,
     DriveEffect,
     DriveSamples,
     FloatArray,
@@ -44,6 +47,10 @@ from models.effects.static.base import (
 
 LARGEST = 0.95
 """Largest share of fixes that may be wrong."""
+SD_MODEL_PARAMETER = re.compile(
+    r"(position|velocity)_((horizontal|vertical)(_class_\d+)?|edge_[1-9]\d*|exponent|typical)"
+)
+"""Names of the numbers by which true sds follow from reported ones (`tuner.navigation.fix_sd_model`)."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +65,18 @@ class LeverArm(DriveEffect):
 
     name: ClassVar[str] = "lever_arm"
     stage: ClassVar[int] = ANTENNA
+    is_constant: ClassVar[bool] = True
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
     def __post_init__(self) -> None:
         require_finite(x=self.x, y=self.y, z=self.z)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that moves the antenna, too."""
+        return replace(correction, lever_arm=np.array([values.get(axis, 0.0) for axis in "xyz"]))
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Move the antenna; the errors of the fixes stay."""
@@ -91,10 +104,16 @@ class VelocityLag(DriveEffect):
 
     name: ClassVar[str] = "velocity_lag"
     stage: ClassVar[int] = LAG
+    is_constant: ClassVar[bool] = True
     delay: float
 
     def __post_init__(self) -> None:
         require_finite(delay=self.delay)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that brings velocities to the time of their positions, too."""
+        return replace(correction, velocity_lag=values.get("delay", 0.0))
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Give each fix the velocity of an earlier time."""
@@ -124,6 +143,11 @@ class GnssNoiseScale(DriveEffect):
     position_vertical: float = 1.0
     velocity_horizontal: float = 1.0
     velocity_vertical: float = 1.0
+
+    @classmethod
+    def is_parameter_of_compensation(cls, name: str) -> bool:
+        """Whether a compensation may have a value of this name: a factor, or a number of a model of the sds."""
+        return bool(SD_MODEL_PARAMETER.fullmatch(name))
 
     def __post_init__(self) -> None:
         require_positive(**{f.name: getattr(self, f.name) for f in fields(self)})
@@ -277,6 +301,11 @@ class GnssFrame(Turn):
     name: ClassVar[str] = "gnss_frame"
     stage: ClassVar[int] = FRAME
 
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that turns the velocities back, too."""
+        return replace(correction, velocity_rotation=cls(**values).matrix)
+
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Turn the velocities."""
         return replace(drive, vel_n=drive.vel_n @ self.matrix.T)
@@ -299,10 +328,16 @@ class TimeOffset(DriveEffect):
 
     name: ClassVar[str] = "time_offset"
     stage: ClassVar[int] = STAMP
+    is_constant: ClassVar[bool] = True
     delay: float
 
     def __post_init__(self) -> None:
         require_finite(delay=self.delay)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that shifts the stamps of the fixes, too."""
+        return replace(correction, fix_delay=values.get("delay", 0.0))
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Stamp every fix later; those outside the inertial record are lost."""

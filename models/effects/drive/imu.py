@@ -15,7 +15,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -27,6 +28,7 @@ from models.effects.drive.base import (
     FORCE,
     MOUNT,
     NOISE,
+    Correction,
     DriveEffect,
     DriveSamples,
     FloatArray,
@@ -35,6 +37,7 @@ from models.effects.drive.base import (
 from models.effects.static.base import log_uniform, require_finite, require_positive, sign
 
 SENSORS = ("gyro", "accel")
+ANGLES = ("roll", "pitch", "yaw")
 NORMAL_MAD = 0.6745
 """Median absolute value of a standard normal number."""
 
@@ -51,6 +54,7 @@ class Gravity(DriveEffect):
 
     name: ClassVar[str] = "gravity"
     stage: ClassVar[int] = FORCE
+    is_constant: ClassVar[bool] = True
     offset: float
 
     def __post_init__(self) -> None:
@@ -80,6 +84,7 @@ class Turn(DriveEffect):
         rad.
     """
 
+    is_constant: ClassVar[bool] = True
     roll: float = 0.0
     pitch: float = 0.0
     yaw: float = 0.0
@@ -100,6 +105,11 @@ class Mounting(Turn):
     name: ClassVar[str] = "mounting"
     stage: ClassVar[int] = MOUNT
 
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that takes out the mounting error, too."""
+        return replace(correction, mounting=cls(**values).matrix)
+
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Turn both triads."""
         true = drive.truth
@@ -118,6 +128,20 @@ class Misalignment(Turn):
 
     name: ClassVar[str] = "misalignment"
     stage: ClassVar[int] = AXES
+
+    @classmethod
+    def sensor_error(cls, name: str) -> FloatArray:
+        """Return E (6, 6) of a small rotation of the gyros."""
+        error = np.zeros((6, 6))
+        error[:3, :3] = rotation.skew(np.eye(3)[ANGLES.index(name)])
+        return error
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that takes out the misalignment, too, a rotation of any size."""
+        matrix = correction.sensor_matrix.copy()
+        matrix[:3, :3] = cls(**values).matrix @ matrix[:3, :3]
+        return replace(correction, sensor_matrix=matrix)
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Turn the gyros."""
@@ -142,12 +166,20 @@ class _Scale(DriveEffect):
 
     first: ClassVar[int]
     stage: ClassVar[int] = AXES
+    is_constant: ClassVar[bool] = True
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
     def __post_init__(self) -> None:
         require_finite(x=self.x, y=self.y, z=self.z)
+
+    @classmethod
+    def sensor_error(cls, name: str) -> FloatArray:
+        """Return E (6, 6) of one axis."""
+        error, i = np.zeros((6, 6)), cls.first + "xyz".index(name)
+        error[i, i] = 1.0
+        return error
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Scale the triad."""
@@ -189,6 +221,7 @@ class GSensitivity(DriveEffect):
 
     name: ClassVar[str] = "g_sensitivity"
     stage: ClassVar[int] = AXES
+    is_constant: ClassVar[bool] = True
     xx: float = 0.0
     xy: float = 0.0
     xz: float = 0.0
@@ -201,6 +234,13 @@ class GSensitivity(DriveEffect):
 
     def __post_init__(self) -> None:
         require_finite(**{f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def sensor_error(cls, name: str) -> FloatArray:
+        """Return E (6, 6) of one element of G."""
+        error = np.zeros((6, 6))
+        error["xyz".index(name[0]), 3 + "xyz".index(name[1])] = 1.0
+        return error
 
     @property
     def matrix(self) -> FloatArray:

@@ -21,7 +21,15 @@ from tuner.formats.logs import write_drive
 from tuner.report.drive_tables import drive_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
-from tuner.types import AppliedNoiseScale, Coefficient, DriveDiagnosis, Gain, NoiseScaleEstimate, Quantity
+from tuner.types import (
+    AppliedNoiseScale,
+    Coefficient,
+    Compensation,
+    DriveDiagnosis,
+    Gain,
+    NoiseScaleEstimate,
+    Quantity,
+)
 
 DELAY = 0.15
 SETTINGS = ["gyro_white", "accel_white", "gyro_bias", "accel_bias", "position", "velocity"]
@@ -101,7 +109,7 @@ def test_every_setting_has_its_inflation_explained(found):
 
 def test_tune_writes_one_configuration_with_reasons(tuned):
     config = native.load(tuned / "noise.yaml")
-    assert config.compensation["time_offset.delay"] == pytest.approx(DELAY, abs=0.03)
+    assert config.compensation.value("time_offset", "delay") == pytest.approx(DELAY, abs=0.03)
     told = [i for i in config.inflations if i.quantity.owner == "gnss" and isinstance(i, AppliedNoiseScale)]
     assert len(told) == 2
     assert all(i.reason for i in told)
@@ -213,7 +221,7 @@ def test_noise_scales_are_put_in_words():
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
     config = native.load(tuned / "noise.yaml")
-    before = replace(config, compensation={})
+    before = replace(config, compensation=Compensation())
     gain = Gain("60/40", -1.0, -2.0, -50.0, user={"nis": (1.0, 9.0)})
     found = DriveDiagnosis((), before, config, gain=gain)
     assert not found.credited

@@ -18,7 +18,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluat
 from tuner.diagnosis.drive.search import THRESHOLD, SearchResult, search_causes
 from tuner.formats.findings import carried
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
-from tuner.types import DriveDiagnosis, FilterConfig, Gain, Unexplained
+from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
 from tuner.types.records import DataError, Drive
 
 
@@ -126,11 +126,10 @@ def _diagnosis(
         axis: replace(noise, constant_sd=max(noise.constant_sd, wider.get(axis, 0.0)))
         for axis, noise in final.config.channels.items()
     }
-    taken_out = {name: value for name, value in final.values.items() if value != 0.0}
+    taken_out = Compensation({p: value for p, value in final.compensation.items() if value != 0.0})
     if turned is not None:
-        for name, c in turned.parameters.items():
-            key = f"{turned.cause}.{name}"
-            taken_out[key] = taken_out.get(key, 0.0) + (c.value or 0.0)
+        angles = {Parameter(turned.cause, name): c.value or 0.0 for name, c in turned.parameters.items()}
+        taken_out = taken_out.with_values({p: taken_out.get(p, 0.0) + value for p, value in angles.items()})
     after = replace(
         final.config,
         channels=channels,

@@ -61,7 +61,7 @@ def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
     white, slope, rows = _whitened(run)
     white_1, slope_1, rows_1 = _whitened(other)
     rows &= rows_1
-    prior = np.array([PRIORS[name.partition(".")[0]] for name in run.linearized.parameters])
+    prior = np.array([PRIORS[parameter.cause] for parameter in run.linearized.parameters])
     s = slope[rows] * prior
     pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -MAX_CHANGE, MAX_CHANGE)
     return np.asarray(prior * np.linalg.solve(RIDGE * np.eye(len(prior)) + s.T @ s, pull))

@@ -29,7 +29,8 @@ from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.diagnosis.drive.search import SearchResult, refit_constants
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
-from tuner.types import Gain
+from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
+from tuner.types import Gain, Parameter
 from tuner.types.records import DataError, Drive
 
 FloatArray = NDArray[np.float64]
@@ -87,13 +88,17 @@ def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesi
     )
     own = replace(final, position_out=final.position_out[kept], velocity_out=final.velocity_out[kept])
     run = refit_constants(part, run_filter(part, own), outcome.shifts)
-    values = dict(run.hypothesis.values)
-    if any(one.cause == "gnss_noise_scale" for one in outcome.accepted):
+    compensation = run.hypothesis.compensation
+    values = compensation.of(GNSS_NOISE_SCALE)
+    if any(one.cause == GNSS_NOISE_SCALE for one in outcome.accepted):
         noise, said = noise_hypothesis_of(run, outcome.shifts), reported_levels(run.linearized, values)
         names = present(noise, sd_model_parameters(values), said)
         if names:
-            values |= updated_values(values, maximize_likelihood(noise, noise_parameters(names, said)))
-    return replace(final, values=values)
+            fitted = updated_values(values, maximize_likelihood(noise, noise_parameters(names, said)))
+            compensation = compensation.with_values(
+                {Parameter(GNSS_NOISE_SCALE, name): value for name, value in fitted.items()}
+            )
+    return replace(final, compensation=compensation)
 
 
 def _shared_rows(
@@ -151,7 +156,7 @@ def change_interval(pairs: FloatArray) -> tuple[float, float]:
 
 def _outage_errors(run: FilterRun, windows: FloatArray) -> FloatArray:
     """Return the squared horizontal error at the last withheld fix of every window, NaN where there is none."""
-    shift = run.hypothesis.values.get("time_offset.delay", 0.0)
+    shift = run.hypothesis.compensation.value("time_offset", "delay")
     out = np.full(len(windows), np.nan)
     for solution in navigate(run.stretches, run.settings, windows - shift):
         for i, (begin, end) in enumerate(windows - shift):

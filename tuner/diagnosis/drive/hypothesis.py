@@ -22,7 +22,7 @@ from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
 from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
-from tuner.types import FilterConfig
+from tuner.types import Compensation, FilterConfig, Parameter
 from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
@@ -53,8 +53,8 @@ class Hypothesis:
     ----------
     config : FilterConfig
         Noise of the sensor and of the receiver.
-    values : mapping of str to float
-        Compensation, see `tuner.navigation.compensation`.
+    compensation : Compensation
+        What is taken out of the drive.
     position_out, velocity_out : ndarray of bool, shape (k,)
         Fixes of the drive whose position (and velocity), or velocity alone, is left out.
     jumps : tuple of Jump
@@ -64,7 +64,7 @@ class Hypothesis:
     """
 
     config: FilterConfig
-    values: Mapping[str, float]
+    compensation: Compensation
     position_out: BoolArray
     velocity_out: BoolArray
     jumps: tuple[Jump, ...] = ()
@@ -72,29 +72,29 @@ class Hypothesis:
 
     @classmethod
     def first(
-        cls, drive: Drive, config: FilterConfig, values: Mapping[str, float] | None = None
+        cls, drive: Drive, config: FilterConfig, compensation: Compensation | None = None
     ) -> Hypothesis:
         """Return the hypothesis that a drive is as a configuration says."""
         none = np.zeros(len(drive.gnss), dtype=bool)
-        return cls(config, dict(values or {}), none, none)
+        return cls(config, compensation or Compensation(), none, none)
 
-    def with_values(self, values: Mapping[str, float]) -> Hypothesis:
+    def with_values(self, values: Mapping[Parameter, float]) -> Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
-        return replace(self, values={**self.values, **values})
+        return replace(self, compensation=self.compensation.with_values(values))
 
     def is_equivalent_to(self, other: Hypothesis) -> bool:
         """Whether a filter would hardly notice the difference."""
-        names = self.values.keys() | other.values.keys()
+        parameters = tuple(self.compensation.keys() | other.compensation.keys())
         return (
             self.config is other.config
             and {(j.time, j.sensor) for j in self.jumps} == {(j.time, j.sensor) for j in other.jumps}
             and np.array_equal(self.position_out, other.position_out)
             and np.array_equal(self.velocity_out, other.velocity_out)
-            and all(
-                np.isclose(
-                    self.values.get(n, 0.0), other.values.get(n, 0.0), rtol=NEGLIGIBLE_CHANGE, atol=0.0
-                )
-                for n in names
+            and np.allclose(
+                self.compensation.vector(parameters),
+                other.compensation.vector(parameters),
+                rtol=NEGLIGIBLE_CHANGE,
+                atol=0.0,
             )
         )
 
@@ -161,12 +161,12 @@ def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
     settings = filter_settings(hypothesis.config, lever_arm=arm)
     settings = replace(settings, fix_sd_models=(FixSdModel(), FixSdModel()))
-    return compensate_settings(settings, hypothesis.values)
+    return compensate_settings(settings, hypothesis.compensation)
 
 
 def corrected_drive(drive: Drive, hypothesis: Hypothesis) -> Drive:
     """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
-    drive = compensate(drive, hypothesis.values)
+    drive = compensate(drive, hypothesis.compensation)
     gnss = drive.gnss
     for jump in hypothesis.jumps:
         first = 0 if jump.sensor == "gyro" else 3
@@ -196,7 +196,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
         initial_estimates(settings, stretch, solutions[i - 1] if i else None)
         for i, stretch in enumerate(stretches)
     ]
-    stamps = drive.gnss.t - hypothesis.values.get("time_offset.delay", 0.0)
+    stamps = drive.gnss.t - hypothesis.compensation.value("time_offset", "delay")
     indices = [_nearest(stamps, solution.t) for solution in solutions]
     told = reported_sds(drive.gnss, settings)
     linearized = linearize(

@@ -31,7 +31,8 @@ from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
 from tuner.diagnosis.static.outcome import Alarm
-from tuner.types import ChannelNoise, Coefficient, FilterConfig
+from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
+from tuner.types import ChannelNoise, Coefficient, FilterConfig, Parameter
 
 FloatArray = NDArray[np.float64]
 
@@ -85,7 +86,7 @@ class Candidate:
 def noise_hypothesis_of(run: FilterRun, accepted: tuple[str, ...]) -> NoiseHypothesis:
     """Return the noise for which the filter of a pass was configured, with accepted shifts free."""
     names = run.linearized.parameters
-    columns = tuple(i for i, name in enumerate(names) if name.partition(".")[0] in accepted)
+    columns = tuple(i for i, parameter in enumerate(names) if parameter.cause in accepted)
     return replace(as_configured(run.linearized), columns=columns)
 
 
@@ -150,7 +151,9 @@ def _test_noise_scales(run: FilterRun, noise: NoiseHypothesis) -> tuple[CauseTes
     factors = joint_noise(noise, told, prior_sd=prior)
     if factors is None:
         factors = gnss_noise(noise, told), imu_noise(noise, told, prior_sd=prior)
-    asked = [block for block in BLOCKS if not has_sd_model(run.hypothesis.values, block)]
+    asked = [
+        block for block in BLOCKS if not has_sd_model(run.hypothesis.compensation.of(GNSS_NOISE_SCALE), block)
+    ]
     laws = [claim for block in asked if (claim := reported_sd_test(noise, block)) is not None]
     return (*factors, *laws)
 
@@ -174,12 +177,12 @@ def hypothesis_with(run: FilterRun, claim: CauseTest) -> Hypothesis:
         assert time is not None
         return replace(was, jumps=(*was.jumps, Jump(time, jump_sensor(noise), theta)))
     ratio = noise.sd / linearized.sd
-    told = claim.law or {
-        f"gnss_noise_scale.{name}": float(np.median(ratio[:, list(rows)]))
-        for name, rows in ROW_GROUPS.items()
+    factors = claim.law or {name: float(np.median(ratio[:, list(rows)])) for name, rows in ROW_GROUPS.items()}
+    before = was.compensation.of(GNSS_NOISE_SCALE)
+    values = {
+        name: scaled_factor(before, name, factor) if name in ROW_GROUPS else factor
+        for name, factor in factors.items()
     }
-    factor = tuple(f"gnss_noise_scale.{name}" for name in ROW_GROUPS)
-    values = {name: scaled_factor(was.values, name, v) if name in factor else v for name, v in told.items()}
     config = _scaled_densities(
         was.config, dict(zip(NOISE_GROUPS, noise.process_noise_scale.tolist(), strict=True))
     )
@@ -193,11 +196,11 @@ def hypothesis_with(run: FilterRun, claim: CauseTest) -> Hypothesis:
         dropped = linearized.available & linearized.scored[:, None] & ~noise.rows
         position[run.index[dropped[:, :3].any(axis=1)]] = True
         velocity[run.index[dropped[:, 3:].any(axis=1)]] = True
-    changed = {name: value for name, value in values.items() if value != 1.0}
+    changed = {Parameter(GNSS_NOISE_SCALE, name): value for name, value in values.items() if value != 1.0}
     return replace(
         was,
         config=config,
-        values={**was.values, **changed},
+        compensation=was.compensation.with_values(changed),
         position_out=position,
         velocity_out=velocity,
     )
@@ -220,14 +223,16 @@ def _scaled_densities(config: FilterConfig, factor: Mapping[str, float]) -> Filt
     return replace(config, channels={axis: channel(axis, noise) for axis, noise in config.channels.items()})
 
 
-def coefficients(names: tuple[str, ...], value: FloatArray, covariance: FloatArray) -> dict[str, Coefficient]:
+def coefficients(
+    parameters: tuple[Parameter, ...], value: FloatArray, covariance: FloatArray
+) -> dict[str, Coefficient]:
     """Return estimates with their normal intervals, by parameter name."""
     sd = np.sqrt(np.diag(covariance))
     return {
-        name.partition(".")[2]: Coefficient.known(
-            float(v), float(v - 1.96 * s), float(v + 1.96 * s), UNITS[name.partition(".")[0]]
+        parameter.name: Coefficient.known(
+            float(v), float(v - 1.96 * s), float(v + 1.96 * s), UNITS[parameter.cause]
         )
-        for name, v, s in zip(names, value, sd, strict=True)
+        for parameter, v, s in zip(parameters, value, sd, strict=True)
     }
 
 

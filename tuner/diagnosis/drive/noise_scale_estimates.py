@@ -220,9 +220,8 @@ def _responsible_causes(
 
 def without_cause(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
     """Return a hypothesis without one of its causes."""
-    values = {name: value for name, value in final.values.items() if name.partition(".")[0] != cause}
-    values |= {name: value for name, value in base.values.items() if name.partition(".")[0] == cause}
-    less = replace(final, values=values)
+    configured = {p: value for p, value in base.compensation.items() if p.cause == cause}
+    less = replace(final, compensation=final.compensation.without((cause,)).with_values(configured))
     if cause == "bias_jump":
         return replace(less, jumps=base.jumps)
     if cause == "gnss_outliers":

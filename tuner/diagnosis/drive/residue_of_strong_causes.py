@@ -44,7 +44,7 @@ def with_piecewise_constants(linearized: LinearizedRun, causes: Sequence[str]) -
     names, B, D = list(linearized.parameters), [linearized.B], [linearized.D]
     for p in range(1, N_PARTS):
         inside = (part == p)[:, None, None]
-        names += [f"{linearized.parameters[i]}_{p}" for i in own]
+        names += [replace(linearized.parameters[i], name=f"{linearized.parameters[i].name}_{p}") for i in own]
         B.append(np.where(inside, linearized.B[:, :, own], 0.0))
         D.append(np.where(inside, linearized.D[:, :, own], 0.0))
     return replace(
@@ -116,4 +116,4 @@ def _stronger(
 def _values(run: FilterRun, cause: str) -> FloatArray:
     """Return what a pass compensates of a cause."""
     own = columns_of(cause, run.linearized.parameters)
-    return np.array([run.hypothesis.values.get(run.linearized.parameters[i], 0.0) for i in own])
+    return run.hypothesis.compensation.vector(run.linearized.parameters[i] for i in own)

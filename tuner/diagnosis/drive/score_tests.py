@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
+from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
@@ -119,13 +120,13 @@ class LinearTrend:
     p_value: float
 
 
-def columns_of(cause: str, parameters: Sequence[str]) -> tuple[int, ...]:
+def columns_of(cause: str, parameters: Sequence[Parameter]) -> tuple[int, ...]:
     """Return the columns of a cause."""
-    return tuple(i for i, name in enumerate(parameters) if name.partition(".")[0] == cause)
+    return tuple(i for i, parameter in enumerate(parameters) if parameter.cause == cause)
 
 
 def score_tests(
-    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str]
+    w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str]
 ) -> tuple[ScoreTest, ...]:
     """Test every cause that is not accepted yet, those that are fitted beside it."""
     known = _columns(accepted, parameters)
@@ -138,7 +139,11 @@ def score_tests(
 
 
 def retest(
-    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], cause: str, values: FloatArray
+    w: WhitenedInnovations,
+    parameters: Sequence[Parameter],
+    accepted: Sequence[str],
+    cause: str,
+    values: FloatArray,
 ) -> ScoreTest:
     """Test a cause whose values are compensated already, as if they were not; the others fitted beside it."""
     own = columns_of(cause, parameters)
@@ -149,7 +154,11 @@ def retest(
 
 
 def late_gain(
-    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], cause: str, at: FloatArray
+    w: WhitenedInnovations,
+    parameters: Sequence[Parameter],
+    accepted: Sequence[str],
+    cause: str,
+    at: FloatArray,
 ) -> float:
     """Return the log likelihood that a cause gains in the last part of a drive with constants from the first.
 
@@ -157,8 +166,10 @@ def late_gain(
     ----------
     w : WhitenedInnovations
         The rows, compensated.
-    parameters, accepted : sequences of str
-        Constants of the record; causes that are accepted, this one among them.
+    parameters : sequence of Parameter
+        Constants of the run.
+    accepted : sequence of str
+        Causes that are accepted, this one among them.
     cause : str
         The cause.
     at : ndarray, shape (p,)
@@ -170,7 +181,7 @@ def late_gain(
 
     def left(causes: Sequence[str]) -> FloatArray:
         own = list(_columns(causes, parameters))
-        prior = np.array([PRIORS[parameters[i].partition(".")[0]] for i in own])
+        prior = np.array([PRIORS[parameters[i].cause] for i in own])
         s = w.slope[:, own]
         theta = np.linalg.solve(s[early].T @ s[early] + np.diag(prior**-2), s[early].T @ raw[early])
         return np.asarray((raw - s @ theta)[~early], dtype=float)
@@ -181,13 +192,13 @@ def late_gain(
 
 
 def fit_constants(
-    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], at: FloatArray
+    w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], at: FloatArray
 ) -> ConstantsFit:
     """Fit the constants of accepted causes; `at` (p,) is what is compensated already: the answer is the total."""
     known = _columns(accepted, parameters)
     own = list(known)
     s = w.slope[:, own]
-    prior = np.array([PRIORS[parameters[i].partition(".")[0]] for i in own])
+    prior = np.array([PRIORS[parameters[i].cause] for i in own])
     information = s.T @ s
     inverse = np.linalg.pinv(information * np.outer(prior, prior), rcond=1e-10, hermitian=True)
     inverse *= np.outer(prior, prior)
@@ -201,7 +212,7 @@ def fit_constants(
 
 
 def inseparable(
-    w: WhitenedInnovations, parameters: Sequence[str], cause: str, accepted: Sequence[str]
+    w: WhitenedInnovations, parameters: Sequence[Parameter], cause: str, accepted: Sequence[str]
 ) -> tuple[str, ...]:
     """Return causes whose pull on the innovations is nearly that of an accepted one, on this drive."""
     others = _columns([a for a in accepted if a != cause], parameters)
@@ -221,7 +232,7 @@ def inseparable(
 
 
 def linear_trend(
-    w: WhitenedInnovations, parameters: Sequence[str], accepted: Sequence[str], name: str
+    w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], parameter: Parameter
 ) -> LinearTrend:
     """Test whether a constant that is compensated changes steadily with time, accepted ones fitted beside it.
 
@@ -229,13 +240,15 @@ def linear_trend(
     ----------
     w : WhitenedInnovations
         The rows.
-    parameters, accepted : sequences of str
-        Constants of the record; causes that are accepted.
-    name : str
+    parameters : sequence of Parameter
+        Constants of the run.
+    accepted : sequence of str
+        Causes that are accepted.
+    parameter : Parameter
         The constant.
     """
     residual, _ = _projected_out(w, _columns(accepted, parameters))
-    column = w.slope[:, parameters.index(name)] * (w.t - w.t.mean())
+    column = w.slope[:, parameters.index(parameter)] * (w.t - w.t.mean())
     known = w.slope[:, list(_columns(accepted, parameters))]
     s = (column - known @ np.linalg.lstsq(known, column, rcond=None)[0])[:, None]
     information = float(s[:, 0] @ s[:, 0])
@@ -246,7 +259,7 @@ def linear_trend(
     return LinearTrend(rate, sd, float(chi2.sf((rate / sd) ** 2, 1)))
 
 
-def _columns(causes: Sequence[str], parameters: Sequence[str]) -> tuple[int, ...]:
+def _columns(causes: Sequence[str], parameters: Sequence[Parameter]) -> tuple[int, ...]:
     return tuple(i for cause in causes for i in columns_of(cause, parameters))
 
 

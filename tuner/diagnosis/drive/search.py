@@ -52,7 +52,8 @@ from tuner.diagnosis.drive.score_tests import (
     late_gain,
     retest,
 )
-from tuner.types import Alternative, Coefficient
+from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
+from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
 FALSE_ALARM_PROBABILITY = 3e-3
@@ -60,7 +61,7 @@ FALSE_ALARM_PROBABILITY = 3e-3
 N_FAMILIES = len(PRIORS) + 8
 THRESHOLD = FALSE_ALARM_PROBABILITY / N_FAMILIES
 """Chance below which a family alarms."""
-NOISE_SCALE_CAUSES = ("gnss_noise_scale", "imu_noise_scale")
+NOISE_SCALE_CAUSES = (GNSS_NOISE_SCALE, "imu_noise_scale")
 """Causes that are factors on groups of noise: estimated once, at the end."""
 MAX_ITERATIONS = 12
 RIVAL_NATS = 3.0
@@ -118,7 +119,10 @@ class SearchResult:
 
 
 def search_causes(
-    drive: Drive, base: FilterRun, coarse: Mapping[str, float], progress: Callable[[str], None] | None = None
+    drive: Drive,
+    base: FilterRun,
+    coarse: Mapping[Parameter, float],
+    progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
     """Find the causes in a drive.
 
@@ -128,7 +132,7 @@ def search_causes(
         In sensor axes.
     base : FilterRun
         To begin with.
-    coarse : mapping of str to float
+    coarse : mapping of Parameter to float
         What a coarse search found: compensated and fitted from the next pass on.
     progress : callable, optional
         Called with what is being done.
@@ -136,7 +140,7 @@ def search_causes(
     say = progress or (lambda _: None)
     run = base
     accepted: list[Accepted] = []
-    known = tuple(dict.fromkeys(name.partition(".")[0] for name in coarse))
+    known = tuple(dict.fromkeys(parameter.cause for parameter in coarse))
     if known:
         say("the clocks of receiver and inertial unit differ")
         run = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), known)
@@ -205,7 +209,7 @@ def search_causes(
 
 def _fit_constants(run: FilterRun, known: tuple[str, ...]) -> ConstantsFit:
     names = run.linearized.parameters
-    at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+    at = run.hypothesis.compensation.vector(names)
     return fit_constants(run.whitened, names, known, at)
 
 
@@ -226,7 +230,7 @@ def refit_constants(drive: Drive, run: FilterRun, known: tuple[str, ...]) -> Fil
     for _ in range(MAX_GAUSS_NEWTON_STEPS):
         now = _fit_constants(run, known)
         names = [run.linearized.parameters[i] for i in now.columns]
-        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+        at = run.hypothesis.compensation.vector(names)
         if np.all(np.abs(now.shrunk - at) < MIN_CHANGE * np.sqrt(np.diag(now.covariance))):
             break
         values = dict(zip(names, now.shrunk.tolist(), strict=True))
@@ -285,9 +289,9 @@ def _without_unsupported_causes(
     """
     names, notes = run.linearized.parameters, []
     for cause in reversed(known):
-        own = [name for name in names if name.partition(".")[0] == cause]
-        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
-        values = np.array([run.hypothesis.values.get(name, 0.0) for name in own])
+        own = [parameter for parameter in names if parameter.cause == cause]
+        at = run.hypothesis.compensation.vector(names)
+        values = run.hypothesis.compensation.vector(own)
         w = run.whitened
         alarm = retest(w, names, known, cause, values)
         if (
@@ -300,8 +304,8 @@ def _without_unsupported_causes(
             notes.append(rejection_note(cause, alarm.gain, strong))
         known = tuple(other for other in known if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
-        kept = {n: v for n, v in run.hypothesis.values.items() if n not in own}
-        run = refit_constants(drive, run_filter(drive, replace(run.hypothesis, values=kept)), known)
+        without = replace(run.hypothesis, compensation=run.hypothesis.compensation.without((cause,)))
+        run = refit_constants(drive, run_filter(drive, without), known)
     return run, accepted, known, tuple(notes)
 
 
@@ -333,12 +337,12 @@ def _with_estimates(run: FilterRun, accepted: list[Accepted], known: tuple[str, 
     by_cause = {a.cause: a for a in accepted}
     done = [a for a in accepted if a.cause not in known]
     for cause in known:
-        rows = [k for k, i in enumerate(now.columns) if names[i].partition(".")[0] == cause]
+        rows = [k for k, i in enumerate(now.columns) if names[i].cause == cause]
         own = tuple(names[now.columns[k]] for k in rows)
         parameters = coefficients(own, now.value[rows], now.covariance[np.ix_(rows, rows)])
         one = by_cause.get(cause)
         if one is None:
-            at = np.array([run.hypothesis.values.get(name, 0.0) for name in own])
+            at = run.hypothesis.compensation.vector(own)
             one = Accepted(score_candidate(retest(w, names, known, cause, at)), {})
         done.append(replace(one, parameters=parameters))
     order = {a.cause: i for i, a in enumerate(accepted)}
@@ -352,19 +356,20 @@ def _with_noise_scales(
     causes = [one.cause for one in accepted if one.cause in NOISE_SCALE_CAUSES]
     if not causes:
         return accepted
-    noise, values = noise_hypothesis_of(run, known), run.hypothesis.values
+    noise = noise_hypothesis_of(run, known)
+    values = run.hypothesis.compensation.of(GNSS_NOISE_SCALE)
     said = reported_levels(run.linearized, values)
     wanted = {"gnss_noise_scale": sd_model_parameters(values), "imu_noise_scale": NOISE_GROUPS}
     names = present(noise, tuple(name for cause in causes for name in wanted[cause]), said)
-    fit_constants = maximize_likelihood(noise, noise_parameters(names, said))
+    fit = maximize_likelihood(noise, noise_parameters(names, said))
     told: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
     for name in names:
         if name in wanted["gnss_noise_scale"]:
-            told["gnss_noise_scale"][name] = coefficient(fit_constants, name, sd_model_factor(values, name))
+            told["gnss_noise_scale"][name] = coefficient(fit, name, sd_model_factor(values, name))
         elif name in FINDING_NAMES:
             sensor = FINDING_NAMES[name]
             now, then = (each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (run, base))
-            told["imu_noise_scale"][sensor] = fit_constants.coefficient(name, scale=float(now / then))
+            told["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
     if "gnss_noise_scale" in causes:
         told["gnss_noise_scale"] |= edge_coefficients(values)
     return [replace(one, parameters=told.get(one.cause, one.parameters)) for one in accepted]

@@ -33,7 +33,7 @@ def drive_diagnosis_json(diagnosis: DriveDiagnosis) -> dict[str, Any]:
         "gain": None if diagnosis.gain is None else gain_json(diagnosis.gain),
         "credited": diagnosis.credited,
         "demands": [noise_scale_json(one) for one in diagnosis.noise_scales],
-        "compensation": plain(dict(diagnosis.compensation)),
+        "compensation": plain(diagnosis.compensation.as_text()),
     }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.types import Parameter
 
 GRAVITY = 9.80665
 DEG, HOUR = np.pi / 180.0, 3600.0
@@ -89,13 +90,13 @@ def city(fixes: int, *, interval: float = 1.0, seed: int = 0, break_at: int | No
         starts[break_at] = True
     yes = np.ones((k, 6), dtype=bool)
     names = (
-        "time_offset.delay",
-        "lever_arm.x",
-        "lever_arm.y",
-        "lever_arm.z",
-        "gyro_scale.x",
-        "gyro_scale.y",
-        "gyro_scale.z",
+        Parameter("time_offset", "delay"),
+        Parameter("lever_arm", "x"),
+        Parameter("lever_arm", "y"),
+        Parameter("lever_arm", "z"),
+        Parameter("gyro_scale", "x"),
+        Parameter("gyro_scale", "y"),
+        Parameter("gyro_scale", "z"),
     )
     return LinearizedRun(
         (np.arange(k) + 1.0) * interval, phi, noise, H, np.zeros((k, 6)), sd, sd, yes, yes, np.zeros((k, n)),

@@ -16,7 +16,9 @@ from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_te
 from tuner.diagnosis.drive.search import THRESHOLD
 from tuner.formats import native
 from tuner.navigation.compensation import compensate, sensor_matrix
+from tuner.types import Compensation, Parameter
 
+DELAY = Parameter("time_offset", "delay")
 DURATION = 500.0
 POSITIONS = np.array([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
 
@@ -55,10 +57,12 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
     first = run_filter(drive, Hypothesis.first(drive, drive_config))
     base = whiten(as_configured(first.linearized))
     for name, size in small.items():
-        changed = run_filter(compensate(drive, {name: -size}), Hypothesis.first(drive, drive_config))
+        changed = run_filter(
+            compensate(drive, Compensation.parse({name: -size})), Hypothesis.first(drive, drive_config)
+        )
         moved = whiten(as_configured(changed.linearized))
         change = moved.residual - base.residual
-        told = base.slope[:, first.linearized.parameters.index(name)] * size
+        told = base.slope[:, first.linearized.parameters.index(Parameter.parse(name))] * size
         assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
 
 
@@ -104,7 +108,7 @@ def test_large_delay_and_wrong_sds(simulated, drive_config):
     assert set(told) == {"time_offset", "gnss_noise_scale"}
     assert told["time_offset"]["delay"].value == pytest.approx(-0.6, abs=0.03)
     assert told["gnss_noise_scale"]["position_horizontal"].value == pytest.approx(2.0, rel=0.2)
-    assert found.compensation["time_offset.delay"] == pytest.approx(-0.6, abs=0.03)
+    assert found.compensation.value("time_offset", "delay") == pytest.approx(-0.6, abs=0.03)
 
 
 def test_a_shift_must_carry_to_the_last_part():
@@ -115,25 +119,24 @@ def test_a_shift_must_carry_to_the_last_part():
     passing = WhitenedInnovations(t, noise + np.where(t < 1000.0, 0.4, -0.4) * slope[:, 0], slope)
     at = np.zeros(1)
     # 0.2² 800/2 = 16 nats with a sd of 6; some 40 nats lost with one of 10.
-    assert late_gain(lasting, ("time_offset.delay",), ("time_offset",), "time_offset", at) > -10.0
-    assert late_gain(passing, ("time_offset.delay",), ("time_offset",), "time_offset", at) < -2.0
+    assert late_gain(lasting, (DELAY,), ("time_offset",), "time_offset", at) > -10.0
+    assert late_gain(passing, (DELAY,), ("time_offset",), "time_offset", at) < -2.0
 
 
 def test_compensation_is_undone(simulated):
     """What sensor errors put in, a compensation takes out, in the axes of the sensor."""
-    values = {
-        "gyro_scale.x": 0.01,
-        "accel_scale.z": -0.02,
-        "misalignment.yaw": 0.03,
-        "g_sensitivity.xy": 1e-4,
-    }
+    values = Compensation.parse(
+        {"gyro_scale.x": 0.01, "accel_scale.z": -0.02, "misalignment.yaw": 0.03, "g_sensitivity.xy": 1e-4}
+    )
     drive = simulated(1, duration=DURATION)
     spoiled = replace(drive, rates=drive.rates @ sensor_matrix(values).T)
     np.testing.assert_allclose(compensate(spoiled, values).rates, drive.rates, rtol=1e-9, atol=1e-12)
     turn = rotation.mat_from_rpy((0.01, -0.02, 0.03))
     gnss = replace(drive.gnss, t=drive.gnss.t + 0.3, vel_n=drive.gnss.vel_n @ turn.T)
     angles = {"gnss_frame.roll": 0.01, "gnss_frame.pitch": -0.02, "gnss_frame.yaw": 0.03}
-    back = compensate(replace(drive, gnss=gnss), {"time_offset.delay": 0.3, **angles}).gnss
+    back = compensate(
+        replace(drive, gnss=gnss), Compensation.parse({"time_offset.delay": 0.3, **angles})
+    ).gnss
     np.testing.assert_allclose(back.t, drive.gnss.t)
     np.testing.assert_allclose(back.vel_n, drive.gnss.vel_n, atol=1e-12)
 
@@ -143,9 +146,9 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
     drive = simulated(5, duration=DURATION, delay=0.04)
     totals = []
     for known in (0.0, 0.03):
-        run = run_filter(drive, Hypothesis.first(drive, drive_config, {"time_offset.delay": known}))
+        run = run_filter(drive, Hypothesis.first(drive, drive_config, Compensation({DELAY: known})))
         names = run.linearized.parameters
-        at = np.array([run.hypothesis.values.get(name, 0.0) for name in names])
+        at = run.hypothesis.compensation.vector(names)
         told = fit_constants(whiten(as_configured(run.linearized)), names, ("time_offset",), at)
         totals.append((told.value[0], np.sqrt(told.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]

@@ -14,6 +14,7 @@ from tuner.diagnosis.drive import diagnose_drive, examine_drive
 from tuner.diagnosis.drive.errors_in_variables_bias import errors_in_variables_bias, with_more_noise
 from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter
 from tuner.simulation.drive import simulate_drive
+from tuner.types import Parameter
 
 RECEIVER = replace(load_gnss("spp"), interval=2.4)
 
@@ -34,7 +35,7 @@ def test_errors_in_variables_bias_of_constants_is_reported(hour):
     lean, names = errors_in_variables_bias(drive, found), found.linearized.parameters
     w = found.whitened
     upright = replace(found, hypothesis=replace(found.hypothesis, errors_in_variables_bias=lean)).whitened
-    s = w.slope[:, names.index("gravity.offset")]
+    s = w.slope[:, names.index(Parameter("gravity", "offset"))]
     before, after = (float(s @ each.residual / np.sqrt(s @ s)) for each in (w, upright))
     assert after - before > 2.0
     assert abs(after) < 5.0
@@ -76,5 +77,5 @@ def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
     found = examine_drive(drive, load_filter("adis16465", receiver))
     final = found.search.final
     assert [finding.cause for finding in found.diagnosis.findings] == ["time_offset"]
-    place = final.linearized.parameters.index("time_offset.delay")
+    place = final.linearized.parameters.index(Parameter("time_offset", "delay"))
     assert abs(final.hypothesis.errors_in_variables_bias[place]) < 5e-4

@@ -17,6 +17,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
 )
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
+from tuner.types import Parameter
 
 NAMES = (
     "position_horizontal", "position_vertical", "velocity_horizontal", "velocity_vertical", "gyro_white",
@@ -176,7 +177,9 @@ def test_an_impulse_is_scored(drawn: LinearizedRun) -> None:
     at, state = 60, 10
     column = np.zeros((*drawn.B.shape[:2], 1))
     column[at + 1] = drawn.transition[at + 1][:, state : state + 1]
-    jump = replace(h.linearized, B=column, D=np.zeros((*drawn.D.shape[:2], 1)), parameters=("jump",))
+    jump = replace(
+        h.linearized, B=column, D=np.zeros((*drawn.D.shape[:2], 1)), parameters=(Parameter("bias_jump", "x"),)
+    )
     likelihood = evaluate(replace(h, linearized=jump, columns=(0,)))
     information = gradient.information[at, state - 9, state - 9]
     assert 1.0 / likelihood.theta_covariance[0, 0] == pytest.approx(information, rel=1e-8)

@@ -19,6 +19,7 @@ from tuner.diagnosis.drive.causes.noise_scale import fit_noise, gnss_noise, imu_
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, noise_parameters
+from tuner.types import Parameter
 
 ALARM = 7e-4
 
@@ -127,7 +128,10 @@ def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
 def with_errors(linearized: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
     """Draw a record whose fixes have further errors (k, 6)."""
     hidden = replace(
-        linearized, D=errors[:, :, None], B=np.zeros((*linearized.B.shape[:2], 1)), parameters=("error",)
+        linearized,
+        D=errors[:, :, None],
+        B=np.zeros((*linearized.B.shape[:2], 1)),
+        parameters=(Parameter("error", "x"),),
     )
     drawn = Source.of(as_configured(hidden)).draw(np.random.default_rng(seed), np.ones(1))
     return as_configured(replace(drawn, D=linearized.D, B=linearized.B, parameters=linearized.parameters))

@@ -25,19 +25,22 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
     with_piecewise_constants,
 )
 from tuner.diagnosis.drive.score_tests import ScoreTest, retest
+from tuner.types import Compensation, Parameter
 
 KNOWN = ("time_offset", "lever_arm")
 THRESHOLD = 1e-4
 DELAY = 0.5
 
 
-def passed(linearized: LinearizedRun, theta: dict[str, float], seed: int):
-    """Return what `doubt` looks at of a pass over a replica with constants that nothing compensates."""
+def passed(linearized: LinearizedRun, theta: dict[Parameter, float], seed: int):
+    """Return a run over a replica with constants that nothing compensates."""
     values = np.array([theta.get(name, 0.0) for name in linearized.parameters])
     drawn = Source.of(as_configured(linearized)).draw(np.random.default_rng(seed), values)
     told = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
     return SimpleNamespace(
-        linearized=told, whitened=whiten(as_configured(told)), hypothesis=SimpleNamespace(values={})
+        linearized=told,
+        whitened=whiten(as_configured(told)),
+        hypothesis=SimpleNamespace(compensation=Compensation()),
     )
 
 
@@ -50,7 +53,7 @@ def weak(found) -> ScoreTest:
 
 def test_constants_of_all_parts_together_are_the_constant(short_drive: LinearizedRun) -> None:
     loose = with_piecewise_constants(short_drive, ("time_offset",))
-    extra = [loose.parameters.index(f"time_offset.delay_{p}") for p in range(1, N_PARTS)]
+    extra = [loose.parameters.index(Parameter("time_offset", f"delay_{p}")) for p in range(1, N_PARTS)]
     assert len(loose.parameters) == 7 + N_PARTS - 1
     inside = (loose.D[:, :, extra] != 0.0).any(axis=1)
     assert inside.sum(axis=1).max() == 1  # parts do not overlap
@@ -60,16 +63,26 @@ def test_constants_of_all_parts_together_are_the_constant(short_drive: Linearize
 
 
 def test_a_lever_arm_beside_a_steady_delay_stands(city_drive: LinearizedRun) -> None:
-    found = passed(city_drive, {"time_offset.delay": DELAY, "lever_arm.x": 0.3, "lever_arm.y": 0.3}, 1)
+    found = passed(
+        city_drive,
+        {
+            Parameter("time_offset", "delay"): DELAY,
+            Parameter("lever_arm", "x"): 0.3,
+            Parameter("lever_arm", "y"): 0.3,
+        },
+        1,
+    )
     alarm = weak(found)
     assert alarm.p_value < THRESHOLD
     assert explained_by_stronger(found, KNOWN, alarm, THRESHOLD) == ()
 
 
 def test_what_a_wandering_delay_leaves_is_reported_as_uncertain(city_drive: LinearizedRun) -> None:
-    wandering = {f"time_offset.delay_{p}": 0.1 * DELAY * (-1.0) ** p for p in range(1, N_PARTS)}
+    wandering = {Parameter("time_offset", f"delay_{p}"): 0.1 * DELAY * (-1.0) ** p for p in range(1, N_PARTS)}
     found = passed(
-        with_piecewise_constants(city_drive, ("time_offset",)), {"time_offset.delay": DELAY, **wandering}, 2
+        with_piecewise_constants(city_drive, ("time_offset",)),
+        {Parameter("time_offset", "delay"): DELAY, **wandering},
+        2,
     )
     alarm = weak(found)
     assert explained_by_stronger(found, KNOWN, replace(alarm, statistic=10.0), THRESHOLD) == ("time_offset",)
@@ -81,7 +94,7 @@ def test_what_a_wandering_delay_leaves_is_reported_as_uncertain(city_drive: Line
 def test_a_jump_is_tested_a_second_time(city_drive: LinearizedRun, size: float, still: bool) -> None:
     plain = as_configured(city_drive)
     jumped = with_jump(plain, 450, "accel").linearized
-    theta = {"time_offset.delay": DELAY, "bias_jump.accel_x": size}
+    theta = {Parameter("time_offset", "delay"): DELAY, Parameter("bias_jump", "accel_x"): size}
     found = passed(jumped, theta, 3)
     alarm = bias_jump(replace(as_configured(found.linearized), columns=(0,))).alarm
     assert jump_remains(found, ("time_offset",), ("time_offset",), THRESHOLD) == still
@@ -93,7 +106,7 @@ def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearizedRun) -> N
     jumped = with_jump(as_configured(city_drive), 450, "gyro").linearized
     for size, credible in ((0.1 * MAX_JUMP_SIZE["gyro"], True), (3.0 * MAX_JUMP_SIZE["gyro"], False)):
         values = np.zeros(len(jumped.parameters))
-        values[jumped.parameters.index("bias_jump.gyro_z")] = size
+        values[jumped.parameters.index(Parameter("bias_jump", "gyro_z"))] = size
         drawn = Source.of(as_configured(jumped)).draw(np.random.default_rng(4), values)
         linearized = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
         claim: CauseTest = bias_jump(as_configured(linearized))

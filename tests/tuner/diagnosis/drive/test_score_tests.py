@@ -20,8 +20,9 @@ from tuner.diagnosis.drive.linear_model.noise_fit import maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.score_tests import linear_trend
+from tuner.types import Parameter
 
-DELAY = "time_offset.delay"
+DELAY = Parameter("time_offset", "delay")
 
 
 def drawn(linearized: LinearizedRun, seed: int) -> LinearizedRun:

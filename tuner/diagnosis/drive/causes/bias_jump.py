@@ -33,7 +33,7 @@ from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
-from tuner.types import Coefficient
+from tuner.types import Coefficient, Parameter
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
     impulse[k + 1] = linearized.transition[k + 1][:, NAVIGATION + at.start : NAVIGATION + at.stop]
     more = replace(
         linearized,
-        parameters=(*linearized.parameters, *(f"{CAUSE}.{sensor}_{axis}" for axis in "xyz")),
+        parameters=(*linearized.parameters, *(Parameter(CAUSE, f"{sensor}_{axis}") for axis in "xyz")),
         B=np.concatenate([linearized.B, impulse], axis=2),
         D=np.concatenate([linearized.D, np.zeros((len(linearized.t), 6, 3))], axis=2),
     )
@@ -123,7 +123,7 @@ def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
 
 def jump_sensor(noise: NoiseHypothesis) -> str:
     """Return the sensor of the last jump of a noise hypothesis."""
-    return noise.linearized.parameters[noise.columns[-1]].partition(".")[2].partition("_")[0]
+    return noise.linearized.parameters[noise.columns[-1]].name.partition("_")[0]
 
 
 def _coefficients(

@@ -35,7 +35,7 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import (
     weights,
 )
 from tuner.diagnosis.static.outcome import Alarm
-from tuner.navigation.fix_sd_model import CAUSE, class_edges_of, sd_levels
+from tuner.navigation.fix_sd_model import class_edges_of, sd_levels
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -98,12 +98,12 @@ class ReportedSdModel:
 
     def values(self, fit: NoiseFit) -> dict[str, float]:
         """Return the law as names of a compensation, `fit` being of `names`."""
-        out = {f"{CAUSE}{name}": fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
-        out |= {f"{CAUSE}{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
+        out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
+        out |= {f"{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
         if self.law == "power":
             more = float(fit.estimate[fit.number(f"{self.block}{EXPONENT}")])
-            out[f"{CAUSE}{self.block}{EXPONENT}"] = 1.0 + more
-            out[f"{CAUSE}{self.block}_typical"] = float(np.exp(self.said.typical[self.block]))
+            out[f"{self.block}{EXPONENT}"] = 1.0 + more
+            out[f"{self.block}_typical"] = float(np.exp(self.said.typical[self.block]))
         return out
 
 
@@ -128,7 +128,7 @@ def reported_levels(linearized: LinearizedRun, values: Mapping[str, float]) -> R
         level = sd_levels(linearized.reported_sd[:, list(columns)])
         classes[block] = np.searchsorted(np.array(class_edges_of(values, block)), level).astype(np.int64)
         logs[block] = np.log(level)
-        typical[block] = float(np.log(values.get(f"{CAUSE}{block}_typical", 1.0)))
+        typical[block] = float(np.log(values.get(f"{block}_typical", 1.0)))
     return ReportedLevels(classes, logs, typical)
 
 
@@ -143,7 +143,7 @@ def edge_coefficients(values: Mapping[str, float]) -> dict[str, Coefficient]:
 
 def has_sd_model(values: Mapping[str, float], block: str) -> bool:
     """Whether a compensation has classes or an exponent for a block."""
-    return bool(class_edges_of(values, block)) or f"{CAUSE}{block}{EXPONENT}" in values
+    return bool(class_edges_of(values, block)) or f"{block}{EXPONENT}" in values
 
 
 def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
         rows = names_of_block(ROW_GROUPS, block)
         count = len(class_edges_of(values, block)) + 1
         out += rows if count == 1 else [f"{row}_class_{c}" for c in range(count) for row in rows]
-        if f"{CAUSE}{block}{EXPONENT}" in values:
+        if f"{block}{EXPONENT}" in values:
             out.append(f"{block}{EXPONENT}")
     return tuple(out)
 
@@ -161,15 +161,15 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
 def sd_model_factor(values: Mapping[str, float], name: str) -> float:
     """Return a factor, true ÷ reported, or the exponent that a compensation has by name of `sd_model_parameters`."""
     plain = name.partition("_class_")[0]
-    own = values.get(f"{CAUSE}{name}", 1.0)
-    return own if plain == name else own * values.get(f"{CAUSE}{plain}", 1.0)
+    own = values.get(name, 1.0)
+    return own if plain == name else own * values.get(plain, 1.0)
 
 
 def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, float]:
     """Return what a fit of `sd_model_parameters` makes of the values of a compensation that has them."""
     out = {}
     for name in fit.parameters.names:
-        key, more = f"{CAUSE}{name}", float(fit.estimate[fit.number(name)])
+        key, more = name, float(fit.estimate[fit.number(name)])
         out[key] = (
             values[key] + more if name.endswith(EXPONENT) else scaled_factor(values, key, float(np.exp(more)))
         )

@@ -14,7 +14,7 @@ from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
 from tuner.navigation.drive.alignment import standing_until
 from tuner.navigation.drive.run import prepare
-from tuner.types import Unexplained
+from tuner.types import Parameter, Unexplained
 from tuner.types.records import Drive
 
 MEDIAN_CHI2_1 = 0.455
@@ -25,7 +25,7 @@ SUSPICIOUS_REFUSED_SHARE = 0.03
 """Share of refused fixes from which they are."""
 SEARCHED_MOTION = 300.0
 """Length of the motion that is searched, s."""
-DELAY = "time_offset.delay"
+DELAY, LAG = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
 MIN_COARSE_DELAY = 0.1
 """Delay that the sensitivities find by themselves, s."""
 
@@ -57,7 +57,7 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
     threshold : float
         Chance below which it is said.
     """
-    if DELAY.partition(".")[0] not in accepted:
+    if DELAY.cause not in accepted:
         return ()
     names = run.linearized.parameters
     told = linear_trend(run.whitened, names, accepted, DELAY)
@@ -71,7 +71,7 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
     return (Unexplained(text, ("drive",), told.p_value),)
 
 
-def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[str, float], tuple[str, ...]]:
+def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], tuple[str, ...]]:
     """Return the values of delay and lag that a coarse search finds, and what it says; empty where they are small.
 
     Parameters
@@ -81,7 +81,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[str, floa
     start : Hypothesis
         What is held true already.
     """
-    seen = compensate(drive, start.values)
+    seen = compensate(drive, start.compensation)
     end = standing_until(seen.gnss) + SEARCHED_MOTION
     imu, fixes = seen.imu_t < end, seen.gnss.t < end
     part = replace(seen, imu_t=seen.imu_t[imu], rates=seen.rates[imu], gnss=seen.gnss.rows(fixes))
@@ -89,7 +89,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[str, floa
     delay, lag = stretches[0].alignment.delay, stretches[0].lag
     if abs(delay) < MIN_COARSE_DELAY and lag == 0.0:
         return {}, ()
-    values = {"time_offset.delay": start.values.get("time_offset.delay", 0.0) + delay}
+    values = {DELAY: start.compensation.get(DELAY, 0.0) + delay}
     if lag:
-        values["velocity_lag.delay"] = start.values.get("velocity_lag.delay", 0.0) + lag
+        values[LAG] = start.compensation.get(LAG, 0.0) + lag
     return values, tuple(f"coarsely: {note}" for note in notes)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import earth_rate, gravity, transport_rate
+from models.effects.drive import EFFECTS
 from models.error_state import navigation_error
 from models.strapdown import NavigationState
 from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
@@ -27,38 +28,29 @@ from tuner.navigation import engine
 from tuner.navigation.data import ABSENT, USED, Solution
 from tuner.navigation.drive.run import Stretch
 from tuner.navigation.settings import FilterSettings
+from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
 XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 PARAMETERS = (
-    "time_offset.delay",
-    "velocity_lag.delay",
-    *(f"lever_arm.{a}" for a in XYZ),
-    *(f"gnss_frame.{a}" for a in RPY),
-    *(f"gyro_scale.{a}" for a in XYZ),
-    *(f"accel_scale.{a}" for a in XYZ),
-    *(f"misalignment.{a}" for a in RPY),
-    *(f"g_sensitivity.{a}{b}" for a in XYZ for b in XYZ),
-    "gravity.offset",
+    Parameter("time_offset", "delay"),
+    Parameter("velocity_lag", "delay"),
+    *(Parameter("lever_arm", a) for a in XYZ),
+    *(Parameter("gnss_frame", a) for a in RPY),
+    *(Parameter("gyro_scale", a) for a in XYZ),
+    *(Parameter("accel_scale", a) for a in XYZ),
+    *(Parameter("misalignment", a) for a in RPY),
+    *(Parameter("g_sensitivity", a + b) for a in XYZ for b in XYZ),
+    Parameter("gravity", "offset"),
 )
 """Columns of B and D."""
 
 
-def columns(parameters: Sequence[str] = PARAMETERS) -> Columns:
+def columns(parameters: Sequence[Parameter] = PARAMETERS) -> Columns:
     """Return how candidate constants act on what is felt."""
-    mix, down = np.zeros((len(parameters), 6, 6)), np.zeros(len(parameters))
-    for q, name in enumerate(parameters):
-        cause, _, part = name.partition(".")
-        if cause in ("gyro_scale", "accel_scale"):
-            i = XYZ.index(part) + (3 if cause == "accel_scale" else 0)
-            mix[q, i, i] = 1.0
-        elif cause == "misalignment":
-            mix[q, :3, :3] = rotation.skew(np.eye(3)[RPY.index(part)])
-        elif cause == "g_sensitivity":
-            mix[q, XYZ.index(part[0]), 3 + XYZ.index(part[1])] = 1.0
-        elif cause == "gravity":
-            down[q] = 1.0
+    mix = np.stack([EFFECTS[p.cause].sensor_error(p.name) for p in parameters])
+    down = np.array([float(p.cause == "gravity") for p in parameters])
     return Columns(mix, down)
 
 

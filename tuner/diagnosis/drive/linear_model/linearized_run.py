@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.types import Parameter
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -50,8 +52,8 @@ class LinearizedRun:
         c: what the filter added to its state.
     initial : ndarray, shape (n, n)
         P at the start.
-    parameters : tuple of str
-        Names of the columns of B and D: ``time_offset.delay``, ``lever_arm.x``, …: cause, dot, parameter.
+    parameters : tuple of Parameter
+        Constants behind the columns of B and D, such as ``time_offset.delay``.
     B : ndarray, shape (k, n, p)
         Effect of one unit of each parameter on the errors between two fixes.
     D : ndarray, shape (k, 6, p)
@@ -75,7 +77,7 @@ class LinearizedRun:
     used: BoolArray
     correction: FloatArray
     initial: FloatArray
-    parameters: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
     B: FloatArray
     D: FloatArray
     starts: BoolArray
