@@ -16,9 +16,9 @@ from typing import Any
 from tuner.catalogue.datasheet_format import parse_sheet
 from tuner.catalogue.grades import grade_identification, parse_gnss
 from tuner.diagnosis import diagnose
+from tuner.formats.diagnosis import diagnosis_json
 from tuner.readers import read
 from tuner.readers.drive import read_drive
-from tuner.report.json.diagnosis import diagnosis_json
 from tuner.synthesis import synthesize
 from tuner.types import Diagnosis, FilterConfig
 

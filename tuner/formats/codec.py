@@ -21,10 +21,12 @@ Unknown keys are ignored, as later versions add some, except in documents writte
 
 from __future__ import annotations
 
+import importlib
 import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from typing import (
     Annotated,
     Any,
@@ -81,7 +83,7 @@ F = TypeVar("F", bound=Form)
 
 def dump(value: Any) -> Any:
     """Return a dataclass as plain values: mappings, lists, text, finite numbers, true, false and null."""
-    return plain(_CONVERTER.unstructure(value))
+    return plain(_converter().unstructure(value))
 
 
 def load(content: object, kind: type[T], *, source: str, advice: str = "") -> T:
@@ -104,14 +106,14 @@ def load(content: object, kind: type[T], *, source: str, advice: str = "") -> T:
         One line: file, place, expected, found and the advice.
     """
     try:
-        return _CONVERTER.structure(content, kind)
+        return _converter().structure(content, kind)
     except (cattrs.BaseValidationError, ValueError) as error:
         raise DataError(_explained(error, content, source) + (f"; {advice}" if advice else "")) from None
 
 
 def structured(content: object, kind: Any) -> Any:
     """Return the value of a part of a document, for hooks and forms: errors carry their place upwards."""
-    return _CONVERTER.structure(content, kind)
+    return _converter().structure(content, kind)
 
 
 def stored_form(kind: type[Any]) -> Callable[[type[F]], type[F]]:
@@ -129,12 +131,12 @@ def stored_form(kind: type[Any]) -> Callable[[type[F]], type[F]]:
 
 
 def store(
-    kind: type[T],
+    kind: Any,
     *,
-    dump: Callable[[T], Any] | None = None,
-    load: Callable[[object], T] | None = None,
+    dump: Callable[[Any], Any] | None = None,
+    load: Callable[[object], Any] | None = None,
 ) -> None:
-    """Declare how documents have `kind` where its fields do not say it."""
+    """Declare how documents have `kind`, a class or a union, where its fields do not say it."""
     if dump is not None:
         _CONVERTER.register_unstructure_hook(kind, dump)
     if load is not None:
@@ -162,6 +164,13 @@ def place(source: str, path: Sequence[str | int]) -> str:
 def refuse(expected: str, found: str, *path: str | int) -> NoReturn:
     """Raise the error of an entry that is not what it must be; `path` leads to it from the entry being read."""
     raise Mismatch(expected, found, path)
+
+
+@cache
+def _converter() -> cattrs.Converter:
+    """Return the converter with all kinds declared; they are imported at the first use, as noise models load slowly."""
+    importlib.import_module("tuner.formats.kinds")
+    return _CONVERTER
 
 
 def _explained(error: Exception, content: object, source: str) -> str:
@@ -258,8 +267,9 @@ def _load_array(content: object, _: Any) -> Any:
 
 def _load_literal(content: object, kind: Any) -> Any:
     """Return a text that must be one of those a type names, such as the schema of a document."""
-    if content not in get_args(kind):
-        refuse(" or ".join(map(repr, get_args(kind))), shown(content))
+    names = get_args(kind)
+    if content not in names:
+        refuse(f"one of {', '.join(names)}" if len(names) > 1 else repr(names[0]), shown(content))
     return content
 
 

@@ -41,3 +41,14 @@ def read_text(path: Path, *, expected: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         msg = f"{path}: expected {expected}, got {error}"
         raise DataError(msg) from None
+
+
+def parse_format(text: str, *, source: str, expected_format: str) -> Any:
+    """Return the content of a YAML text whose entry ``format`` must be as expected."""
+    content = parse_yaml(text, source=source, expected=f"YAML of format {expected_format}")
+    stated = content.get("format") if isinstance(content, dict) else None
+    if stated != expected_format:
+        found = "none" if stated is None else repr(stated)
+        msg = f"{source}: expected a line 'format: {expected_format}', got {found}"
+        raise DataError(msg)
+    return content

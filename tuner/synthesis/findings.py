@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from tuner.formats.diagnosis import config_finding
 from tuner.formats.files import plain
-from tuner.formats.findings import carried
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
 from tuner.types import (
@@ -181,7 +181,7 @@ def findings_for_config(diagnosis: Diagnosis) -> tuple[Mapping[str, Any], ...]:
     """Return the findings as plain values, each with the noise of its channels as fitted together with it."""
     findings = []
     for finding in diagnosis.findings:
-        told = carried(finding)
+        told = config_finding(finding)
         models = {a: plain(diagnosis.models[a].as_dict()) for a in finding.channels if a in diagnosis.models}
         if models:
             told["extension"] = {**told["extension"], "models": models}

@@ -11,6 +11,7 @@ from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Inflation
+from tuner.types.numbers import NonNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -56,23 +57,23 @@ class GnssNoise:
     as large.
     """
 
-    position_sd: tuple[float, float, float]
-    velocity_sd: tuple[float, float, float] | None
-    interval: float
-    gate: float
+    position_sd: tuple[NonNegative, NonNegative, NonNegative]
+    velocity_sd: tuple[NonNegative, NonNegative, NonNegative] | None
+    interval: Positive
+    gate: Positive
     correlated: tuple[GaussMarkov, ...] = ()
     reference: str = ""
-    correlated_down: float = 1.0
+    correlated_down: Positive = 1.0
 
 
 @dataclass(frozen=True)
 class InitialUncertainty:
     """P0 apart from the biases: sd of position (m), velocity (m/s), tilt and heading (rad), with the reason of each."""
 
-    position: float
-    velocity: float
-    tilt: float
-    heading: float
+    position: NonNegative
+    velocity: NonNegative
+    tilt: NonNegative
+    heading: NonNegative
     reasons: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 

@@ -14,20 +14,40 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from models.noise import TERMS, NoiseModel, Term
+from models.noise import TERMS, GaussMarkov, NoiseModel, Term
+from tuner.formats import native
+from tuner.formats.configuration import config_json, load_config
 from tuner.formats.curves import curves_json, load_curves
+from tuner.formats.diagnosis import diagnosis_json, load_diagnosis
 from tuner.formats.files import json_text
 from tuner.formats.identification import identification_json, load_identification
 from tuner.types import (
     AllanCurve,
+    Alternative,
+    AppliedNoiseScale,
     ArmaFit,
+    BoundUsed,
     Candidate,
     ChannelIdentification,
+    ChannelNoise,
     Coefficient,
+    Compensation,
     Correlogram,
+    Diagnosis,
+    DriveDiagnosis,
+    Enlargement,
+    FilterConfig,
+    Finding,
+    Gain,
+    GnssNoise,
     Identification,
+    InitialUncertainty,
+    Inseparable,
+    NoiseScaleEstimate,
+    Quantity,
     Spectrum,
     TermEstimate,
+    Unexplained,
 )
 from tuner.types.records import DataError
 
@@ -161,6 +181,160 @@ def identifications(draw: st.DrawFn) -> Identification:
 @given(identifications())
 def test_identification(found: Identification) -> None:
     assert same(load_identification(stored(identification_json(found)), source="a.json"), found)
+
+
+quantities = st.builds(Quantity, st.sampled_from(["gyro_x", "gnss"]), texts.filter(bool))
+codes = st.lists(texts, max_size=2).map(tuple)
+enlargements = st.builds(Enlargement, quantities, numbers, texts, codes)
+inflations = (
+    st.builds(BoundUsed, quantities, numbers, texts)
+    | enlargements
+    | st.builds(AppliedNoiseScale, quantities, numbers, texts, st.none() | intervals, codes)
+)
+states = st.lists(st.builds(GaussMarkov, positive, positive), max_size=3).map(tuple)
+sizes = st.floats(min_value=0.0, allow_nan=False, allow_infinity=False)
+triples = st.tuples(sizes, sizes, sizes)
+reasons = st.dictionaries(texts, texts, max_size=3)
+named_numbers = st.dictionaries(texts, numbers, max_size=2)
+
+
+@st.composite
+def channel_noises(draw: st.DrawFn) -> dict[str, ChannelNoise]:
+    axes = draw(st.sets(st.sampled_from(["gyro_x", "gyro_z", "accel_y", "wheel"]), max_size=3))
+    return {
+        axis: ChannelNoise(
+            axis,
+            "rad/s" if axis.startswith("gyro") else "m/s^2",
+            draw(sizes),
+            draw(states),
+            draw(sizes),
+            draw(sizes),
+            draw(sizes),
+            draw(estimates()),
+            draw(reasons),
+        )
+        for axis in sorted(axes)
+    }
+
+
+configs = st.builds(
+    FilterConfig,
+    texts,
+    positive,
+    channel_noises(),
+    st.builds(InitialUncertainty, sizes, sizes, sizes, sizes, reasons),
+    st.none()
+    | st.builds(GnssNoise, triples, st.none() | triples, positive, positive, states, texts, positive),
+    st.lists(inflations, max_size=3).map(tuple),
+    plain_mappings,
+    codes,
+    st.lists(plain_mappings, max_size=2).map(tuple),
+    st.dictionaries(
+        st.sampled_from(["time_offset.delay", "lever_arm.x", "lever_arm.z"]), numbers, max_size=2
+    ).map(Compensation.parse),
+    named_numbers,
+)
+
+
+@thorough
+@given(configs)
+def test_configuration_as_json(config: FilterConfig) -> None:
+    assert load_config(stored(config_json(config)), source="a.json") == config
+
+
+@thorough
+@given(configs)
+def test_configuration_as_yaml_is_written_again_as_it_was_read(config: FilterConfig) -> None:
+    text = native.dumps(config)
+    assert native.dumps(native.loads(text)) == text
+
+
+@thorough
+@given(configs)
+def test_configuration_as_yaml_has_rounded_numbers_and_all_else(config: FilterConfig) -> None:
+    found = native.loads(native.dumps(config))
+    assert json.dumps(structure(config_json(found))) == json.dumps(structure(config_json(config)))
+
+
+def structure(content: Any) -> Any:
+    """Return plain values with every number that is not whole replaced by its sign."""
+    if isinstance(content, dict):
+        return {key: structure(entry) for key, entry in content.items()}
+    if isinstance(content, list):
+        return [structure(entry) for entry in content]
+    return math.copysign(1.0, content) if isinstance(content, float) else content
+
+
+pairs = st.tuples(perhaps_undefined, perhaps_undefined)
+gains = st.builds(
+    Gain,
+    texts,
+    numbers,
+    numbers,
+    perhaps_undefined,
+    st.dictionaries(texts, pairs, max_size=2),
+    st.dictionaries(texts, pairs, max_size=2),
+)
+by_name = st.dictionaries(texts, coefficients, max_size=2)
+findings = st.builds(
+    Finding,
+    cause=texts,
+    channels=codes,
+    statistic=texts,
+    value=perhaps_undefined,
+    p_value=perhaps_undefined,
+    parameters=by_name,
+    text=texts,
+    consequence=texts,
+    extension=plain_mappings,
+    gain=st.none() | gains,
+    alternatives=st.lists(st.builds(Alternative, texts, numbers), max_size=2).map(tuple),
+    inflations=st.lists(enlargements, max_size=2).map(tuple),
+    by_channel=st.dictionaries(texts, by_name, max_size=2),
+    replicates=st.none() | hnp.arrays(np.float64, st.integers(0, 3), elements=perhaps_undefined),
+)
+some_findings = st.lists(findings, max_size=2).map(tuple)
+unexplained = st.lists(st.builds(Unexplained, texts, codes, perhaps_undefined), max_size=2).map(tuple)
+models_by_axis = st.dictionaries(texts, models, max_size=2)
+
+
+@thorough
+@given(st.builds(Diagnosis, some_findings, unexplained, codes, models_by_axis, models_by_axis))
+def test_diagnosis(found: Diagnosis) -> None:
+    content = stored(diagnosis_json(found))
+    assert content["quiet"] == found.quiet
+    assert same(load_diagnosis(content, source="a.json"), found)
+
+
+noise_scales = st.builds(
+    NoiseScaleEstimate,
+    texts,
+    st.none() | st.floats(-1e100, 1e100),
+    texts,
+    coefficients,
+    coefficients,
+    codes,
+    st.booleans(),
+    texts,
+)
+
+
+@thorough
+@given(
+    st.builds(
+        DriveDiagnosis,
+        some_findings,
+        configs,
+        configs,
+        unexplained,
+        st.lists(st.builds(Inseparable, codes, texts), max_size=2).map(tuple),
+        codes,
+        st.none() | gains,
+        st.lists(noise_scales, max_size=2).map(tuple),
+    )
+)
+def test_diagnosis_of_a_drive(found: DriveDiagnosis) -> None:
+    assert same(load_diagnosis(stored(diagnosis_json(found)), source="a.json"), found)
 
 
 @st.composite

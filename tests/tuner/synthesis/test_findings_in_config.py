@@ -7,7 +7,7 @@ import yaml
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.cli import run
-from tuner.formats import native
+from tuner.formats.configuration import config_json, load_config
 from tuner.formats.logs import write_log
 from tuner.identification import identify
 from tuner.simulation.static import simulate
@@ -45,7 +45,7 @@ def test_a_line_found_is_identified_and_reaches_the_yaml():
     assert line.coefficients["frequency"].value == pytest.approx(12.5, abs=2e-4)
     assert {t.name for t in base.channels["gyro_x"].terms} < {t.name for t in channel.terms}
     noise = synthesize(agreed(records, base, found, arma=None), findings=findings_for_config(found))
-    again = native.loads(native.dumps(noise))
+    again = load_config(config_json(noise), source="again")
     assert again == noise
     assert again.findings[0]["cause"] == "line"
     assert any(t.name == "sinusoid" for t in again.channels["gyro_x"].identified)

@@ -10,6 +10,7 @@ import pytest
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.exporters import DIALECTS, export
 from tuner.formats import native
+from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.readers import read
 from tuner.synthesis import synthesize
@@ -42,6 +43,8 @@ def test_what_160_seconds_cannot_show_is_bounded_and_said(config: FilterConfig) 
 
 
 def test_it_survives_the_yaml_and_reaches_every_dialect(config: FilterConfig) -> None:
-    assert native.loads(native.dumps(config)) == config
+    assert load_config(config_json(config), source="again") == config
+    text = native.dumps(config)
+    assert native.dumps(native.loads(text)) == text
     for dialect in DIALECTS:
         assert "stim300_static" in export(config, dialect)

@@ -57,8 +57,8 @@ def command(
         msg = f"{given}: expected with a drive, but {Path(log).name} has no fixes"
         raise DataError(msg)
     from tuner.diagnosis import diagnose
+    from tuner.formats.diagnosis import diagnosis_json
     from tuner.report.diagnosis_tables import diagnosis_tables
-    from tuner.report.json.diagnosis import diagnosis_json
     from tuner.report.tables import show
 
     records = load_records(log, reading, messages)
@@ -82,8 +82,8 @@ def _drive(
 ) -> int:
     """Criticise the filter of a drive."""
     from tuner.cli.commands.check import load_filter
+    from tuner.formats.diagnosis import diagnosis_json
     from tuner.report.drive_tables import drive_tables
-    from tuner.report.json.diagnosis import drive_diagnosis_json
     from tuner.report.tables import show
     from tuner.synthesis.from_drive import config_of_drive, receiver_of, standing
 
@@ -99,5 +99,5 @@ def _drive(
         found = replace(found, notes=(believed.notes[0], *found.notes))
     if output.tables:
         show(drive_tables(found))
-    output.write(drive_diagnosis_json(found))
+    output.write(diagnosis_json(found))
     return 1 if strict and (found.unexplained or not found.credited) else 0

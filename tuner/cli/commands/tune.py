@@ -104,6 +104,8 @@ def command(
     from tuner.diagnosis.drive.config_after_drive import config_after_drive
     from tuner.exporters import export
     from tuner.formats import native
+    from tuner.formats.configuration import config_json
+    from tuner.formats.diagnosis import diagnosis_json
     from tuner.formats.files import json_text, write_text
     from tuner.formats.identification import identification_json
     from tuner.identification import identify
@@ -114,8 +116,6 @@ def command(
     from tuner.report.drive_figure import draw_drive
     from tuner.report.drive_tables import drive_tables
     from tuner.report.json.consistency import consistency_json
-    from tuner.report.json.diagnosis import diagnosis_json, drive_diagnosis_json
-    from tuner.report.json.views import config_json
     from tuner.report.page import write_page
     from tuner.report.tables import identification_tables, show
     from tuner.segments.conditions import at_rest
@@ -188,7 +188,7 @@ def command(
             judged = judge_hidden(key, diagnosis)
             result["hidden"] = judged
     if examined is not None:
-        result["drive"] = drive_diagnosis_json(examined.diagnosis)
+        result["drive"] = diagnosis_json(examined.diagnosis)
     if calibration is not None:
         result["calibration"] = calibration_json(calibration)
     checked = _checked(config, seed, messages, absent)

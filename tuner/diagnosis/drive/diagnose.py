@@ -16,7 +16,7 @@ from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter, thin_fixes
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.search import THRESHOLD, SearchResult, search_causes
-from tuner.formats.findings import carried
+from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
 from tuner.types.records import DataError, Drive
@@ -134,7 +134,7 @@ def _diagnosis(
         final.config,
         channels=channels,
         compensation=taken_out,
-        findings=(*config.findings, *map(carried, findings)),
+        findings=(*config.findings, *map(config_finding, findings)),
     )
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained

@@ -1,20 +1,17 @@
-"""JSON of what follows from identifications: plans, comparisons, pooled records, configurations."""
+"""JSON of what follows from identifications: plans, comparisons, pooled records."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import yaml
-
 from models.sensors import SensorGrade
-from tuner.formats import native
-from tuner.formats.findings import coefficient_json
 from tuner.formats.identification import identification_json
+from tuner.formats.noise import coefficient_json
 from tuner.identification.comparison import Comparison
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.identification.record_length import Plan
-from tuner.types import FilterConfig, Identification, PooledChannel, PooledCoefficient
+from tuner.types import Identification, PooledChannel, PooledCoefficient
 
 
 def receiver_json(found: ReceiverErrors) -> dict[str, Any]:
@@ -110,13 +107,6 @@ def grades_json(grades: Sequence[SensorGrade]) -> dict[str, Any]:
             for grade in grades
         },
     }
-
-
-def config_json(config: FilterConfig) -> dict[str, Any]:
-    """Return the native configuration as plain values."""
-    content = yaml.safe_load(native.dumps(config))
-    assert isinstance(content, dict)
-    return content
 
 
 def _pooled(row: PooledCoefficient) -> dict[str, Any]:

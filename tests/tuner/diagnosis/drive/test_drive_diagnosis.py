@@ -14,7 +14,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
 from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_tests
 from tuner.diagnosis.drive.search import THRESHOLD
-from tuner.formats import native
+from tuner.formats.configuration import config_json, load_config
 from tuner.navigation.compensation import compensate, sensor_matrix
 from tuner.types import Compensation, Parameter
 
@@ -93,7 +93,7 @@ def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
         half = 0.5 * (told.interval[1] - told.interval[0])
         assert abs(told.value - value) < 2.6 * half
     assert found.gain.nats > 0.0
-    again = native.loads(native.dumps(found.after))
+    again = load_config(config_json(found.after), source="again")
     assert again == found.after
     (late_gain,) = again.findings
     assert late_gain["channels"] == list(finding.channels)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis.drive import diagnose_drive
-from tuner.formats import native
+from tuner.formats.configuration import config_json, load_config
 from tuner.navigation.compensation import compensate_settings
 from tuner.navigation.settings import filter_settings
 
@@ -65,7 +65,7 @@ def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config
     reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
     modelled = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
     np.testing.assert_allclose(modelled, np.tile(SD, (len(modelled), 1)), rtol=0.3)
-    assert native.loads(native.dumps(diagnosis.after)) == diagnosis.after
+    assert load_config(config_json(diagnosis.after), source="again") == diagnosis.after
 
 
 def test_a_receiver_that_tells_the_truth_of_every_fix_is_left_alone(simulated, drive_config):

@@ -10,7 +10,7 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.report.json.diagnosis import diagnosis_json
+from tuner.formats.diagnosis import diagnosis_json
 from tuner.simulation.static import Channel, simulate
 from tuner.types import Diagnosis
 from tuner.types.records import DataError, Record

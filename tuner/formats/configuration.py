@@ -1,0 +1,119 @@
+"""Filter configurations as plain values, format ``tuner-noise/1``: the content of a ``noise.yaml`` and of JSON results.
+
+Layout::
+
+    sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
+    initial: P0 with reasons      gnss: R and gate      findings: […]
+    compensation: {NAME: value}   constants: {STATE: sd of its prior}
+    inflations: [{quantity, kind, factor, reason, …}]   provenance: {…}       notes: […]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Self
+
+from models.noise import GaussMarkov
+from tuner.formats.codec import dump, load, stored_form
+from tuner.types import (
+    ChannelNoise,
+    Compensation,
+    FilterConfig,
+    GnssNoise,
+    Inflation,
+    InitialUncertainty,
+    TermEstimate,
+)
+from tuner.types.numbers import Finite, NonNegative, Positive
+
+FORMAT: Literal["tuner-noise/1"] = "tuner-noise/1"
+
+
+def config_json(config: FilterConfig) -> dict[str, Any]:
+    """Return a configuration as plain values, every number in full."""
+    content: dict[str, Any] = dump(config)
+    return content
+
+
+def load_config(content: object, *, source: str) -> FilterConfig:
+    """Return the configuration of plain values.
+
+    Raises
+    ------
+    DataError
+        One line: file, place, expected, found.
+    """
+    return load(content, FilterConfig, source=source)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FilterForm:
+    """What a filter needs of one axis."""
+
+    white_density: NonNegative
+    markov: tuple[GaussMarkov, ...] = ()
+    random_walk_density: NonNegative
+    constant_sd: NonNegative
+    ramp_sd: NonNegative
+
+
+@dataclass(frozen=True, kw_only=True)
+class _AxisForm:
+    """One axis, whose name is its key."""
+
+    unit: str
+    identified: tuple[TermEstimate, ...] = ()
+    filter: _FilterForm
+    fates: Mapping[str, str] = field(default_factory=dict)
+
+
+@stored_form(FilterConfig)
+@dataclass(frozen=True, kw_only=True)
+class _ConfigForm:
+    """A configuration, its axes sorted by sensor."""
+
+    format: Literal["tuner-noise/1"] = FORMAT
+    name: str
+    interval: Positive
+    sensors: Mapping[str, Mapping[str, _AxisForm]]
+    initial: InitialUncertainty
+    gnss: GnssNoise | None
+    compensation: Compensation = field(default_factory=Compensation)
+    constants: Mapping[str, Finite] = field(default_factory=dict)
+    findings: tuple[Mapping[str, Any], ...] = ()
+    inflations: tuple[Inflation, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, config: FilterConfig, /) -> Self:
+        """Return the form of a configuration."""
+        sensors: dict[str, dict[str, _AxisForm]] = {}
+        for axis, channel in config.channels.items():
+            sensors.setdefault(axis.rpartition("_")[0] or axis, {})[axis] = _AxisForm(
+                unit=channel.unit,
+                identified=channel.identified,
+                filter=_FilterForm(
+                    white_density=channel.white_density,
+                    markov=channel.markov,
+                    random_walk_density=channel.random_walk_density,
+                    constant_sd=channel.constant_sd,
+                    ramp_sd=channel.ramp_sd,
+                ),
+                fates=channel.fates,
+            )
+        same = {key: value for key, value in vars(config).items() if key != "channels"}
+        return cls(sensors=sensors, **same)
+
+    def restored(self) -> FilterConfig:
+        """Return the configuration."""
+        channels = {
+            axis: ChannelNoise(
+                axis, form.unit, **vars(form.filter), identified=form.identified, fates=form.fates
+            )
+            for sensor in self.sensors.values()
+            for axis, form in sensor.items()
+        }
+        same = {key: value for key, value in vars(self).items() if key not in {"sensors", "format"}}
+        return FilterConfig(channels=channels, **same)

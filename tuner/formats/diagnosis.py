@@ -1,0 +1,270 @@
+"""Diagnoses of static logs and of drives as JSON, schema ``tuner.diagnosis/1``, and back.
+
+A diagnosis of a drive also has ``inseparable``, ``gain``, ``credited``, ``demands`` (the estimates of noise scales),
+``compensation``, and the configurations ``before`` and ``after``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.noise import NoiseModel
+from tuner.formats.codec import dump, load, stored_form
+from tuner.types import (
+    Alternative,
+    Coefficient,
+    Compensation,
+    Diagnosis,
+    DriveDiagnosis,
+    Enlargement,
+    FilterConfig,
+    Finding,
+    Gain,
+    Inseparable,
+    NoiseScaleEstimate,
+    Unexplained,
+)
+
+FloatArray = NDArray[np.float64]
+Schema = Literal["tuner.diagnosis/1"]
+
+
+def diagnosis_json(diagnosis: Diagnosis | DriveDiagnosis) -> dict[str, Any]:
+    """Return a diagnosis as plain values."""
+    content: dict[str, Any] = dump(diagnosis)
+    return content
+
+
+def load_diagnosis(content: object, *, source: str) -> Diagnosis | DriveDiagnosis:
+    """Return the diagnosis of plain values, of a drive where it has the configuration ``after``.
+
+    Raises
+    ------
+    DataError
+        One line: file, place, expected, found, what to do.
+    """
+    of_drive = isinstance(content, Mapping) and "after" in content
+    kind: type[Diagnosis | DriveDiagnosis] = DriveDiagnosis if of_drive else Diagnosis
+    advice = "write the file anew with 'tuner diagnose --json FILE'"
+    return load(content, kind, source=source, advice=advice)
+
+
+def config_finding(finding: Finding) -> dict[str, Any]:
+    """Return one finding as a configuration has it: its enlargements stand there by themselves."""
+    content: dict[str, Any] = dump(finding)
+    return {key: entry for key, entry in content.items() if key not in {"inflations", "replicates"}}
+
+
+@dataclass(frozen=True)
+class _BeforeAfter:
+    """A figure before and after."""
+
+    before: float
+    after: float
+
+
+@stored_form(Gain)
+@dataclass(frozen=True)
+class _GainForm:
+    """What an extension of the model is worth."""
+
+    split: str
+    held_out_log_likelihood_per_sample: _BeforeAfter
+    nats: float
+    coverage: Mapping[str, _BeforeAfter] = field(default_factory=dict)
+    user: Mapping[str, _BeforeAfter] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, gain: Gain, /) -> Self:
+        """Return the form of a gain."""
+        return cls(
+            gain.split,
+            _BeforeAfter(gain.before, gain.after),
+            gain.nats,
+            {name: _BeforeAfter(*pair) for name, pair in gain.coverage.items()},
+            {name: _BeforeAfter(*pair) for name, pair in gain.user.items()},
+        )
+
+    def restored(self) -> Gain:
+        """Return the gain."""
+        likelihood = self.held_out_log_likelihood_per_sample
+        return Gain(
+            self.split,
+            likelihood.before,
+            likelihood.after,
+            self.nats,
+            {name: (pair.before, pair.after) for name, pair in self.coverage.items()},
+            {name: (pair.before, pair.after) for name, pair in self.user.items()},
+        )
+
+
+@dataclass(frozen=True)
+class _StatisticForm:
+    """The statistic that gave a cause away, and its value."""
+
+    name: str
+    value: float
+
+
+@stored_form(Finding)
+@dataclass(frozen=True)
+class _FindingForm:
+    """One cause."""
+
+    cause: str
+    channels: tuple[str, ...]
+    statistic: _StatisticForm
+    p_value: float
+    parameters: Mapping[str, Coefficient]
+    by_channel: Mapping[str, Mapping[str, Coefficient]]
+    gain: Gain | None
+    alternatives: tuple[Alternative, ...]
+    text: str
+    consequence: str = ""
+    extension: Mapping[str, Any] = field(default_factory=dict)
+    inflations: tuple[Enlargement, ...] = ()
+    replicates: FloatArray | None = None
+
+    @classmethod
+    def of(cls, finding: Finding, /) -> Self:
+        """Return the form of a finding."""
+        entries = dict(vars(finding))
+        statistic = _StatisticForm(entries.pop("statistic"), entries.pop("value"))
+        return cls(statistic=statistic, **entries)
+
+    def restored(self) -> Finding:
+        """Return the finding."""
+        entries = {**vars(self), "statistic": self.statistic.name, "value": self.statistic.value}
+        return Finding(**entries)
+
+
+@stored_form(Diagnosis)
+@dataclass(frozen=True, kw_only=True)
+class _DiagnosisForm:
+    """The diagnosis of a static log."""
+
+    schema: Schema = "tuner.diagnosis/1"
+    quiet: bool
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...]
+    notes: tuple[str, ...] = ()
+    models: Mapping[str, NoiseModel] = field(default_factory=dict)
+    base: Mapping[str, NoiseModel] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis, /) -> Self:
+        """Return the form of a diagnosis."""
+        return cls(quiet=diagnosis.quiet, **vars(diagnosis))
+
+    def restored(self) -> Diagnosis:
+        """Return the diagnosis."""
+        return Diagnosis(self.findings, self.unexplained, self.notes, self.models, self.base)
+
+
+@dataclass(frozen=True)
+class _StatedForm:
+    """A stated noise, root mean square over the axes."""
+
+    value: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class _SizeForm:
+    """A noise with its interval."""
+
+    value: float
+    interval: tuple[float, float] | None
+
+
+@stored_form(NoiseScaleEstimate)
+@dataclass(frozen=True)
+class _NoiseScaleForm:
+    """The estimate of one noise setting from a drive; `asked` is the stated noise times the factor."""
+
+    quantity: str
+    stated: _StatedForm
+    asked: _SizeForm | None
+    factor: Coefficient
+    factor_with_findings: Coefficient
+    causes: tuple[str, ...]
+    identifiable: bool
+    text: str
+
+    @classmethod
+    def of(cls, one: NoiseScaleEstimate, /) -> Self:
+        """Return the form of an estimate."""
+        stated, factor = one.stated, one.plain
+        size = None
+        if stated is not None and factor.value is not None:
+            ends = (
+                None
+                if factor.interval is None
+                else (stated * factor.interval[0], stated * factor.interval[1])
+            )
+            size = _SizeForm(stated * factor.value, ends)
+        return cls(
+            one.setting,
+            _StatedForm(stated, one.unit),
+            size,
+            factor,
+            one.named,
+            one.causes,
+            one.identifiable,
+            one.text,
+        )
+
+    def restored(self) -> NoiseScaleEstimate:
+        """Return the estimate."""
+        return NoiseScaleEstimate(
+            self.quantity,
+            self.stated.value,
+            self.stated.unit,
+            self.factor,
+            self.factor_with_findings,
+            self.causes,
+            self.identifiable,
+            self.text,
+        )
+
+
+@stored_form(DriveDiagnosis)
+@dataclass(frozen=True, kw_only=True)
+class _DriveDiagnosisForm:
+    """The diagnosis of a drive."""
+
+    schema: Schema = "tuner.diagnosis/1"
+    quiet: bool
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...]
+    inseparable: tuple[Inseparable, ...] = ()
+    notes: tuple[str, ...] = ()
+    gain: Gain | None = None
+    credited: bool
+    demands: tuple[NoiseScaleEstimate, ...] = ()
+    compensation: Compensation
+    before: FilterConfig
+    after: FilterConfig
+
+    @classmethod
+    def of(cls, diagnosis: DriveDiagnosis, /) -> Self:
+        """Return the form of a diagnosis."""
+        entries = dict(vars(diagnosis))
+        return cls(
+            quiet=diagnosis.quiet,
+            credited=diagnosis.credited,
+            demands=entries.pop("noise_scales"),
+            compensation=diagnosis.compensation,
+            **entries,
+        )
+
+    def restored(self) -> DriveDiagnosis:
+        """Return the diagnosis."""
+        derived = {"schema", "quiet", "credited", "demands", "compensation"}
+        entries = {key: value for key, value in vars(self).items() if key not in derived}
+        return DriveDiagnosis(noise_scales=self.demands, **entries)

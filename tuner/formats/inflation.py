@@ -1,0 +1,79 @@
+"""Records of numbers that are not the plain estimate, as documents have them: quantity, kind, factor and reason.
+
+The key ``kind`` tells the three types apart: ``bound_used``, ``enlargement`` and ``noise_scale``. Documents of
+version 0.1 lack it; their kind follows from what only one of the three has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from tuner.formats.codec import dump, refuse, shown, store, structured
+from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
+from tuner.types.numbers import Finite
+
+Kind = Literal["bound_used", "enlargement", "noise_scale"]
+
+
+@dataclass(frozen=True)
+class _InflationForm:
+    """Any of the three types."""
+
+    quantity: Quantity
+    factor: Finite
+    reason: str
+    kind: Kind | None = None
+    interval: tuple[float, float] | None = None
+    causes: tuple[str, ...] = ()
+
+
+def _load_inflation(content: object) -> Inflation:
+    form = structured(content, _InflationForm)
+    kind = form.kind or _kind_of(form)
+    if kind == "bound_used":
+        return BoundUsed(form.quantity, form.factor, form.reason)
+    if kind == "enlargement":
+        return Enlargement(form.quantity, form.factor, form.reason, form.causes)
+    return AppliedNoiseScale(form.quantity, form.factor, form.reason, form.interval, form.causes)
+
+
+def _kind_of(form: _InflationForm) -> Kind:
+    """Return the kind of a record of version 0.1."""
+    if form.reason.startswith("bounded"):
+        return "bound_used"
+    return "noise_scale" if form.interval or form.causes or form.factor == 1.0 else "enlargement"
+
+
+def _load_enlargement(content: object) -> Enlargement:
+    form = structured(content, _InflationForm)
+    return Enlargement(form.quantity, form.factor, form.reason, form.causes)
+
+
+def _dump_as(kind: Kind) -> Any:
+    def dump_inflation(one: Inflation) -> dict[str, Any]:
+        entries = vars(one)
+        return {
+            "quantity": str(one.quantity),
+            "kind": kind,
+            "factor": one.factor,
+            "interval": dump(entries.get("interval")),
+            "causes": dump(entries.get("causes", ())),
+            "reason": one.reason,
+        }
+
+    return dump_inflation
+
+
+def _load_quantity(content: object) -> Quantity:
+    try:
+        return Quantity.parse(structured(content, str))
+    except ValueError:
+        refuse("a quantity named OWNER.FIELD, such as gyro_x.white_density", shown(content))
+
+
+store(Quantity, dump=str, load=_load_quantity)
+store(BoundUsed, dump=_dump_as("bound_used"))
+store(Enlargement, dump=_dump_as("enlargement"), load=_load_enlargement)
+store(AppliedNoiseScale, dump=_dump_as("noise_scale"))
+store(Inflation, load=_load_inflation)

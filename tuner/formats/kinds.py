@@ -1,0 +1,5 @@
+"""All kinds of values that documents hold, each with the file that declares how it is stored."""
+
+from tuner.formats import compensation, configuration, curves, diagnosis, identification, inflation, noise
+
+__all__ = ["compensation", "configuration", "curves", "diagnosis", "identification", "inflation", "noise"]
