@@ -23,11 +23,8 @@ from tuner.consistency.drive_scores import (
     settled,
 )
 from tuner.consistency.scores import (
-    DIVERGED,
-    REJECTED,
-    Consistency,
-    Outage,
-    Whiteness,
+    DIVERGED_RATIO,
+    DIVERGED_REFUSED_SHARE,
     innovation_scores,
     score,
     whiteness,
@@ -51,11 +48,13 @@ from tuner.navigation.drive.vehicle_constraints import (
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.types import FilterConfig
+from tuner.types.consistency import Consistency, Outage, Whiteness
 from tuner.types.records import DataError, Drive, Reference
 
 FloatArray = NDArray[np.float64]
 
-HORIZONS = (10.0, 30.0, 60.0)
+OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
+"""Lengths of outage that are scored on a measured drive, s."""
 RECOVERY = 30.0
 """Time with fixes between two outages, s."""
 STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
@@ -178,7 +177,7 @@ def navigate_drive(
         _whiteness(solutions, scored),
         tuple(
             outage
-            for horizon in HORIZONS
+            for horizon in OUTAGE_LENGTHS
             if (outage := _outage(drive.reference, stretches, settings, horizon)) is not None
         ),
         errors(drive.reference, solutions, scored),
@@ -275,7 +274,9 @@ def _outage(
 def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:
     """Whether the filter lost its way: not finite, most fixes refused, or errors beyond all prediction."""
     finite = all(np.isfinite(s.state.llh).all() and np.isfinite(s.covariance).all() for s in solutions)
-    return not finite or found.gated > REJECTED or any(s.ratio > DIVERGED for s in found.nis)
+    return (
+        not finite or found.gated > DIVERGED_REFUSED_SHARE or any(s.ratio > DIVERGED_RATIO for s in found.nis)
+    )
 
 
 def _estimates(settings: FilterSettings, last: Solution) -> dict[str, tuple[tuple[float, float], ...]]:

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import ned_between
-from tuner.consistency.scores import Score, score, squares
+from tuner.consistency.scores import score, squares
 from tuner.navigation import reference_filter as readable
 from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, initial_state
 from tuner.navigation.settings import FilterSettings
 from tuner.navigation.smoother import separation, smooth
+from tuner.types.consistency import Score
 from tuner.types.records import Reference
 
 FloatArray = NDArray[np.float64]

@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.measurements import perfect_fixes
-from tuner.consistency.scores import HORIZONS as SCORED
-from tuner.consistency.scores import MARGIN, scored_epochs
+from tuner.consistency.scores import MARGIN, OUTAGE_LENGTHS, scored_epochs
 from tuner.navigation.engine import layout
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.monte_carlo import Scenario
+from tuner.types.consistency import ErrorBudget
 
 FloatArray = NDArray[np.float64]
 
-HORIZONS = (10.0, 60.0, 300.0)
+TABLE_LENGTHS = (10.0, 60.0, 300.0)
 """Lengths of outage whose budget is shown, s."""
 NO_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -55,53 +55,13 @@ class Source:
     fix_sd: FloatArray
 
 
-@dataclass(frozen=True)
-class Budget:
-    """Covariance by source, at the e epochs that are scored (SI).
-
-    Attributes
-    ----------
-    sources : tuple of str
-        Names, g of them.
-    t : ndarray, shape (e,)
-        Times of the fixes, s.
-    covariance : ndarray, shape (e, g, 15, 15)
-        Of position, velocity, attitude errors and total biases, by source.
-    total : ndarray, shape (e, 15, 15)
-        The filter's own: for the sources that it knows, their sum.
-    innovation, innovation_total : ndarray, shapes (e, g, 6, 6), (e, 6, 6)
-        The same of innovations.
-    aided, after : NDArray of int, mapping of float to NDArray of int
-        Epochs with fixes; epochs so long, s, after the begin of an outage.
-    prior, final : ndarray, shapes (n,), (n, n)
-        Sds at the start, the filter's own P after its last fix.
-    """
-
-    sources: tuple[str, ...]
-    t: FloatArray
-    covariance: FloatArray
-    total: FloatArray
-    innovation: FloatArray
-    innovation_total: FloatArray
-    aided: NDArray[np.intp]
-    after: dict[float, NDArray[np.intp]]
-    prior: FloatArray
-    final: FloatArray
-
-    def share(self, epochs: NDArray[np.intp], block: slice) -> FloatArray:
-        """Return the share of every source in the variances of a block, mean over epochs; shape (g,), sum 1."""
-        parts = np.einsum("egii->egi", self.covariance[epochs])[:, :, block]
-        whole = np.einsum("eii->ei", self.total[epochs])[:, None, block]
-        return np.asarray((parts / whole).mean(axis=(0, 2)))
-
-
-def table(budget: Budget) -> list[tuple[str, FloatArray]]:
+def table(budget: ErrorBudget) -> list[tuple[str, FloatArray]]:
     """Return the shares by source: aided and after 10, 60 and 300 s; rows of (name, (sources, 3)).
 
     The columns are position, velocity and attitude.
     """
     cases = [("aided", budget.aided)]
-    cases += [(f"{h:g} s without fixes", budget.after[h]) for h in HORIZONS if h in budget.after]
+    cases += [(f"{h:g} s without fixes", budget.after[h]) for h in TABLE_LENGTHS if h in budget.after]
     answer = []
     for name, epochs in cases:
         blocks = [budget.share(epochs, slice(3 * i, 3 * i + 3)) for i in range(3)]
@@ -109,7 +69,7 @@ def table(budget: Budget) -> list[tuple[str, FloatArray]]:
     return answer
 
 
-def blind_spots(budget: Budget) -> dict[str, tuple[float, float]]:
+def blind_spots(budget: ErrorBudget) -> dict[str, tuple[float, float]]:
     """Return how many times too small and too large the sd of each source may be before any score shows it.
 
     A share a of a source in a variance lets an sd f times too small raise the error by √(1 + (f² − 1) a), and
@@ -123,7 +83,7 @@ def blind_spots(budget: Budget) -> dict[str, tuple[float, float]]:
     return {name: (float(a), float(b)) for name, a, b in zip(budget.sources, small, large, strict=True)}
 
 
-def error_budget(settings: FilterSettings, plan: Scenario) -> Budget:
+def error_budget(settings: FilterSettings, plan: Scenario) -> ErrorBudget:
     """Return the covariance of every error by source along a scenario.
 
     Parameters
@@ -205,7 +165,7 @@ def trace(
     sources: Sequence[Source],
     *,
     rows: NDArray[np.int64] = NO_STATES,
-) -> Budget:
+) -> ErrorBudget:
     """Carry the covariance of every source along the noise-free flight, with the gains of the filter.
 
     Parameters
@@ -234,7 +194,7 @@ def trace(
     )
     aided = scored_epochs(plan.times, plan.outages)
     after: dict[float, NDArray[np.intp]] = {}
-    for horizon in SCORED:
+    for horizon in OUTAGE_LENGTHS:
         goals = [begin + horizon for begin, end in plan.outages if end - begin >= horizon]
         if goals:
             after[horizon] = np.array([int(np.argmin(np.abs(plan.times - goal))) for goal in goals])
@@ -279,7 +239,7 @@ def trace(
     with ThreadPoolExecutor(max_workers=threads) as pool:
         done = list(pool.map(carry, chunks))
     out, out_s, final = done[0]
-    return Budget(
+    return ErrorBudget(
         tuple(source.name for source in sources),
         plan.times[epochs],
         np.concatenate([each[:, 1:] for each, _, _ in done], axis=1),

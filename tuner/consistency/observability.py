@@ -12,12 +12,11 @@ and what the fixes see is only another sum of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tuner.navigation.settings import FilterSettings, total_bias
+from tuner.types.consistency import Observability, WeakDirection
 
 FloatArray = NDArray[np.float64]
 
@@ -25,8 +24,8 @@ TOGETHER = 1.7
 """λ from which states are said to move together: two of them correlated by 0.7."""
 MEMBER = 0.35
 """Least part of a state in a weak direction."""
-POOR, BLIND = 0.3, 0.7
-"""Share of the prior sd that is left from which a state is poorly, or hardly, known."""
+POORLY_OBSERVED, HARDLY_OBSERVED = 0.3, 0.7
+"""Final ÷ initial sd from which a state counts as poorly, or hardly, observed: variance down to a tenth, to a half."""
 
 NAMES = (
     *(f"{what} {axis}" for what in ("position", "velocity") for axis in ("north", "east", "down")),
@@ -35,45 +34,6 @@ NAMES = (
     "heading",
     *(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"),
 )
-
-
-@dataclass(frozen=True)
-class WeakDirection:
-    """States that move together.
-
-    Attributes
-    ----------
-    states : tuple of str
-        The states, the largest part first.
-    parts : tuple of float
-        Part of each in the direction, a unit vector of errors in units of their sds.
-    strength : float
-        λ: the number of states, where they cannot be told apart at all.
-    """
-
-    states: tuple[str, ...]
-    parts: tuple[float, ...]
-    strength: float
-
-
-@dataclass(frozen=True)
-class Observability:
-    """What is left of the prior sd of every state, and the weak directions, the strongest first."""
-
-    left: dict[str, float]
-    weak: tuple[WeakDirection, ...]
-
-    def sentences(self) -> tuple[str, ...]:
-        """Return it in words."""
-        said = []
-        for direction in self.weak:
-            names = ", ".join(direction.states[:-1]) + f" and {direction.states[-1]}"
-            left = " and ".join(f"{100.0 * self.left[name]:.2g} %" for name in direction.states)
-            said.append(f"cannot be told apart on this trajectory: {names} ({left} of their prior sd left)")
-        blind = [f"{name} ({100.0 * value:.2g} %)" for name, value in self.left.items() if value > BLIND]
-        if blind:
-            said.append(f"hardly better known than at the start: {', '.join(blind)}")
-        return tuple(said)
 
 
 def observability(settings: FilterSettings, final: FloatArray) -> Observability:
@@ -97,7 +57,7 @@ def observability(settings: FilterSettings, final: FloatArray) -> Observability:
     weak = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         order = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) > MEMBER]
-        if value < TOGETHER or len(order) < 2 or max(left[labels[i]] for i in order) < POOR:
+        if value < TOGETHER or len(order) < 2 or max(left[labels[i]] for i in order) < POORLY_OBSERVED:
             continue
         sign = np.sign(vector[order[0]])
         weak.append(

@@ -9,7 +9,7 @@ of one drive), mean s and variance v,
     ν' = max(ν (z_{α/2}/t_{α/2}(G − 1))², G d)      v is itself an estimate; d the components of one square
 
 A score is against the filter where the whole interval lies beyond 10 % from 1: `MARGIN`. α is 1 % over all
-scores together (Bonferroni): `FAMILY`.
+scores together (Bonferroni): `FALSE_ALARM_RATE`.
 
 ==============  ==========================================================================================
 nees            eᵀ P⁻¹ e of position, velocity, attitude and total biases, while aided; and of each block
@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -39,151 +38,43 @@ from scipy.special import chdtri, gammaincinv, ndtri, stdtrit
 
 from tuner.navigation.data import USED
 from tuner.simulation.monte_carlo import Runs
+from tuner.types.consistency import Consistency, Outage, Score, Severity, Verdict, VerdictCode, Whiteness
 
 FloatArray = NDArray[np.float64]
 Floats = NDArray[np.floating[Any]]
 
-FAMILY = 0.01
-"""Chance that any score of an honest filter is called against it."""
+FALSE_ALARM_RATE = 0.01
+"""Chance that any score of a right filter is called against it."""
 MARGIN = 0.1
-"""A filter within this of honest is called honest."""
-TESTS = 14
-"""Scores that share `FAMILY`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
-HORIZONS = (10.0, 30.0, 60.0, 300.0)
-"""Lengths of outage that are scored, s."""
+"""Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
+TEST_COUNT = 14
+"""Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
+OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
+"""Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING = 120.0
-"""Time after the start and after an outage that is not scored as aided, s."""
-EPOCHS = 60
-"""Aided epochs of each run that are scored: more are not independent."""
-LAGS = 10
+"""Time after the start and after an outage that is not scored as aided, s: until errors of an outage have decayed."""
+MAX_SCORED_EPOCHS = 60
+"""Aided epochs of each run that are scored: more depend on each other and only cost time."""
+MAX_LAG = 10
+"""Largest lag, epochs, of the autocorrelation of innovations."""
+MIN_PAIRS = 100
+"""Products of components behind an autocorrelation below which it is not tested: 0.1 is then its standard error."""
 BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
-DIVERGED = 20.0
-"""Ratio from which a filter is called diverged."""
-STRAYED = 5.0
-"""Ratio of one run beyond chance and belief, where the median run is honest: it lost its way."""
-REJECTED = 0.5
-"""Share of gated fixes from which a filter is called diverged."""
-
-
-@dataclass(frozen=True)
-class Score:
-    """A mean square against its prediction.
-
-    Attributes
-    ----------
-    name : str
-        What is scored.
-    mean : float
-        Mean of the squares, `dof` ideally.
-    dof : int
-        Components of one square.
-    effective : float
-        ν.
-    band : (float, float)
-        Means that speak for the filter.
-    """
-
-    name: str
-    mean: float
-    dof: int
-    effective: float
-    band: tuple[float, float]
-
-    @property
-    def ratio(self) -> float:
-        """True rms ÷ predicted sd."""
-        return math.sqrt(self.mean / self.dof)
-
-    @property
-    def consistent(self) -> bool:
-        """Whether the mean lies in the band."""
-        return self.band[0] <= self.mean <= self.band[1]
-
-
-@dataclass(frozen=True)
-class Outage:
-    """Position after some time without fixes: rms error and prediction, m, over a number of windows."""
-
-    seconds: float
-    rms: float
-    predicted: float
-    score: Score
-    windows: int
-
-
-@dataclass(frozen=True)
-class Whiteness:
-    """Autocorrelation of whitened innovations: the largest over lags and parts, with its lag (epochs)."""
-
-    part: str
-    lag: int
-    correlation: float
-    band: float
-
-    @property
-    def consistent(self) -> bool:
-        """Whether it is inside the band."""
-        return abs(self.correlation) <= self.band
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """Scores of a filter and what they say.
-
-    Attributes
-    ----------
-    nees : Score or None
-        None without a truth.
-    blocks : tuple of Score
-        NEES of position, velocity, attitude, gyro and accelerometer biases.
-    nis : tuple of Score
-        All, position, velocity.
-    whiteness : Whiteness or None
-        None where there are too few innovations in a row.
-    outages : tuple of Outage
-        By length.
-    errors : mapping of str to tuple of floats
-        Rms while aided: ``position_rms_m``, ``velocity_rms_m_s``, ``attitude_rms_rad``.
-    gated : float
-        Share of fixes refused by the gate.
-    diverged : bool
-        Whether the filter lost its way.
-    verdicts : tuple of str
-        Sentences, the gravest first.
-    """
-
-    nees: Score | None
-    blocks: tuple[Score, ...]
-    nis: tuple[Score, ...]
-    whiteness: Whiteness | None
-    outages: tuple[Outage, ...]
-    errors: dict[str, tuple[float, ...]]
-    gated: float
-    diverged: bool
-    verdicts: tuple[str, ...] = field(default=())
-
-    @property
-    def shown(self) -> Consistency:
-        """What may be shown: of a filter that diverged nothing but that, and the share of fixes refused."""
-        if not self.diverged:
-            return self
-        return Consistency(None, (), (), None, (), {}, self.gated, self.diverged, self.verdicts)
-
-    @property
-    def scores(self) -> tuple[Score, ...]:
-        """All scores of mean squares."""
-        first = () if self.nees is None else (self.nees,)
-        return (*first, *self.blocks, *self.nis, *(outage.score for outage in self.outages))
-
-    @property
-    def consistent(self) -> bool:
-        """Whether nothing speaks against the filter."""
-        white = self.whiteness is None or self.whiteness.consistent
-        return white and not self.diverged and all(score.consistent for score in self.scores)
+DIVERGED_RATIO = 20.0
+"""True rms ÷ predicted sd, all runs together, from which a filter diverged: beyond any linear analysis of it."""
+STRAYED_RATIO = 5.0
+"""The same of one run from which that run diverged, where the median run is right: far beyond chance."""
+DIVERGED_REFUSED_SHARE = 0.5
+"""Share of fixes refused by the gate from which a filter diverged."""
 
 
 def score(
-    name: str, groups: Sequence[ArrayLike], dof: int, *, components: int | None = None, tests: int = TESTS
+    name: str,
+    groups: Sequence[ArrayLike],
+    dof: int,
+    *,
+    components: int | None = None,
+    tests: int = TEST_COUNT,
 ) -> Score:
     """Score squares that come in independent groups.
 
@@ -212,7 +103,7 @@ def score(
         share = weights / weights.sum()
         variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
         effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
-    tail = 0.5 * FAMILY / tests
+    tail = 0.5 * FALSE_ALARM_RATE / tests
     sure = effective
     if 1 < len(runs) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
@@ -244,14 +135,15 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
     lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
     if lost:
-        return Consistency(
-            None, (), (), None, (), {}, 1.0, True, ("the filter diverged: its errors are not finite",)
-        )
+        verdict = Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED)
+        return Consistency(None, (), (), None, (), {}, 1.0, True, (verdict,))
     blocks = []
     for i, name in enumerate(BLOCKS):
         own = slice(3 * i, 3 * i + 3)
         blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3))
-    found = tuple(_outage(runs, outages, h) for h in HORIZONS if len(outages) and h <= np.diff(outages).max())
+    found = tuple(
+        _outage(runs, outages, h) for h in OUTAGE_LENGTHS if len(outages) and h <= np.diff(outages).max()
+    )
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
@@ -268,7 +160,9 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
             "attitude_rms_rad": tuple(rms[6:9].tolist()),
         },
         gated,
-        gated > REJECTED or nees.ratio > DIVERGED or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
+        gated > DIVERGED_REFUSED_SHARE
+        or nees.ratio > DIVERGED_RATIO
+        or some_strayed(np.sqrt(each.mean(axis=1) / 15)),
     )
 
 
@@ -287,7 +181,7 @@ def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -
 
 def some_strayed(ratios: FloatArray) -> bool:
     """Tell from `run_ratios` whether some runs lost their way while most are honest."""
-    return bool(ratios.max() > STRAYED and np.median(ratios) < 1.0 + MARGIN)
+    return bool(ratios.max() > STRAYED_RATIO and np.median(ratios) < 1.0 + MARGIN)
 
 
 def innovation_scores(
@@ -316,7 +210,7 @@ def whiteness(
     covariance: Sequence[Floats],
     use: Sequence[NDArray[np.int64]],
     *,
-    tests: int = TESTS,
+    tests: int = TEST_COUNT,
 ) -> Whiteness | None:
     """Return the largest autocorrelation of innovations, whitened by S = L Lᵀ, over lags 1 … 10 and parts.
 
@@ -325,22 +219,22 @@ def whiteness(
     interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     best: Whiteness | None = None
     for part, own, column in (("position", slice(0, 3), 0), ("velocity", slice(3, 6), 1)):
-        sums, counts = np.zeros(LAGS + 1), np.zeros(LAGS + 1)
+        sums, counts = np.zeros(MAX_LAG + 1), np.zeros(MAX_LAG + 1)
         for z, s, u in zip(innovation, covariance, use, strict=True):
             used = u[:, column] == USED
             e = np.zeros((len(z), 3))
             lower = np.linalg.cholesky(s[used][:, own, own].astype(float))
             e[used] = np.linalg.solve(lower, z[used][:, own, None])[..., 0]
-            for lag in range(LAGS + 1):
+            for lag in range(MAX_LAG + 1):
                 near = t[lag:] - t[: len(t) - lag] < (lag + 0.5) * interval
                 pairs = used[lag:] & used[: len(t) - lag] & near
                 sums[lag] += np.sum(e[lag:][pairs] * e[: len(t) - lag][pairs])
                 counts[lag] += 3 * np.count_nonzero(pairs)
-        if counts[LAGS] < 100 or sums[0] == 0.0:
+        if counts[MAX_LAG] < MIN_PAIRS or sums[0] == 0.0:
             continue
         r = (sums / counts) / (sums[0] / counts[0])
         lag = 1 + int(np.argmax(np.abs(r[1:])))
-        limit = -ndtri(0.5 * FAMILY / tests / (2 * LAGS)) / math.sqrt(counts[lag])
+        limit = -ndtri(0.5 * FALSE_ALARM_RATE / tests / (2 * MAX_LAG)) / math.sqrt(counts[lag])
         found = Whiteness(part, lag, float(r[lag]), float(limit + MARGIN))
         if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
             best = found
@@ -348,9 +242,13 @@ def whiteness(
 
 
 def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
-    """Return `EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
+    """Return `MAX_SCORED_EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
     aided = aided_epochs(t, outages, settling)
-    return aided[np.unique(np.linspace(0, len(aided) - 1, EPOCHS).astype(int))] if len(aided) else aided
+    return (
+        aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))]
+        if len(aided)
+        else aided
+    )
 
 
 def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:

@@ -1,71 +1,49 @@
-"""Scores in words: what is wrong with a filter, by how much, and what explains it."""
+"""Verdicts on a filter from its scores: which speak against it, by how much, and what explains them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tuner.consistency.attribution import Cause
-from tuner.consistency.scores import Consistency, Score
-
-_WHAT = {
-    "nees": "the errors of all states together",
-    "position": "the position error",
-    "velocity": "the velocity error",
-    "attitude": "the attitude error",
-    "gyro_bias": "the error of the gyro biases",
-    "accel_bias": "the error of the accelerometer biases",
-    "nis": "the innovations",
-    "nis_position": "the position innovations",
-    "nis_velocity": "the velocity innovations",
-}
+from tuner.types.consistency import Consistency, Explanation, Score, Severity, Verdict, VerdictCode
 
 
-def verdicts(found: Consistency) -> tuple[str, ...]:
-    """Return a sentence for each thing that speaks against a filter, the gravest first; or that none does."""
+def verdicts(found: Consistency) -> tuple[Verdict, ...]:
+    """Return a verdict for each score that speaks against a filter, the gravest first; or that none does."""
     if found.diverged:
-        return ("the filter diverged: nothing it says can be used",)
+        return (Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),)
     bad = sorted((s for s in found.scores if not s.consistent), key=_gravity, reverse=True)
-    sentences = [_sentence(score) for score in bad]
+    answer = [
+        Verdict(
+            VerdictCode.OPTIMISTIC if score.ratio > 1.0 else VerdictCode.PESSIMISTIC,
+            Severity.INCONSISTENT,
+            score.name,
+            {"ratio": score.ratio},
+        )
+        for score in bad
+    ]
     white = found.whiteness
     if white is not None and not white.consistent:
-        sentences.append(
-            f"the {white.part} innovations are correlated: {white.correlation:+.2f} at lag {white.lag}, "
-            f"where white ones stay within ±{white.band:.2f}"
-        )
-    return tuple(sentences) or (
-        "nothing speaks against the filter: no score is shown to be 10 % from honest",
-    )
+        numbers = {"correlation": white.correlation, "lag": white.lag, "band": white.band}
+        answer.append(Verdict(VerdictCode.CORRELATED_INNOVATIONS, Severity.INCONSISTENT, white.part, numbers))
+    return tuple(answer) or (Verdict(VerdictCode.CONSISTENT, Severity.CONSISTENT),)
 
 
-def explained(found: Consistency, causes: Sequence[Cause]) -> tuple[str, ...]:
-    """Return the verdicts with, before them, the source that explains them.
+def with_explanations(found: Consistency, explanations: Sequence[Explanation]) -> tuple[Verdict, ...]:
+    """Return the verdicts with, before them, what would explain them.
 
     Parameters
     ----------
     found : Consistency
         Scores.
-    causes : sequence of Cause
-        From `tuner.consistency.attribution.attribute`, best first; may be empty.
+    explanations : sequence of Explanation
+        From `tuner.consistency.attribution.attribute`, the likeliest first; may be empty.
     """
-    sentences = verdicts(found)
+    answer = verdicts(found)
     if found.consistent:
-        return sentences
-    if not causes:
-        return ("no single cause explains the scores", *sentences)
-    reason = f"{causes[0].text}: that explains the runs best"
-    if len(causes) > 1:
-        reason += "; not told from it: " + "; ".join(cause.text for cause in causes[1:4])
-    return (reason, *sentences)
+        return answer
+    code = VerdictCode.EXPLAINED if explanations else VerdictCode.NOT_EXPLAINED
+    return (Verdict(code, Severity.EXPLANATION, explanations=tuple(explanations)), *answer)
 
 
 def _gravity(score: Score) -> float:
     return max(score.ratio, 1.0 / score.ratio) if score.ratio > 0.0 else float("inf")
-
-
-def _sentence(score: Score) -> str:
-    what = _WHAT.get(score.name)
-    if what is None:
-        what = f"the position error after {score.name.removeprefix('outage ')} without fixes"
-    verb = "are" if what.endswith(("innovations", "together")) else "is"
-    side = "optimistic" if score.ratio > 1.0 else "pessimistic"
-    return f"{what} {verb} {score.ratio:.2f} × what the filter predicts: {side}"

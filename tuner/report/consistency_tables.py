@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from tuner.consistency.error_budget import Budget, blind_spots
+from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
-from tuner.consistency.observability import Observability
-from tuner.consistency.scores import Consistency, Score
+from tuner.report.verdict_text import observability_text, verdict_text
+from tuner.types.consistency import Consistency, ErrorBudget, Observability, Score
 
 _TITLES = {
     "nees": "NEES, all",
@@ -61,11 +61,11 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
         answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
     answer += [f"  note: {note}" for note in notes]
     answer.append("consistent" if found.consistent else "NOT consistent")
-    answer += [f"  {sentence}" for sentence in found.verdicts]
+    answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]
     return answer
 
 
-def budget_tables(budget: Budget, seen: Observability) -> list[Table | str]:
+def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]:
     """Return the shares of every source, what is left of the prior, and what stays hidden.
 
     Shares are per cent of the variances of position, velocity and attitude, aided and without fixes. Beside
@@ -86,7 +86,7 @@ def budget_tables(budget: Budget, seen: Observability) -> list[Table | str]:
     left.add_column("%", justify="right")
     for name, value in seen.left.items():
         left.add_row(name, f"{100.0 * value:.3g}")
-    return [shares, left, *(f"  {sentence}" for sentence in seen.sentences())]
+    return [shares, left, *(f"  {sentence}" for sentence in observability_text(seen))]
 
 
 def _band(score: Score) -> str:

@@ -16,24 +16,25 @@ from models.noise import BiasInstability, GaussMarkov
 from models.noise.bias_instability import flicker_ladder
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
-from tuner.consistency.attribution import attribute, best
-from tuner.consistency.attribution.hypotheses import Explanation, explanations
-from tuner.consistency.attribution.likelihood import scattered
-from tuner.consistency.attribution.sensitivity import hidden, responses
+from tuner.consistency.attribution import attribute, likeliest
+from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses
+from tuner.consistency.attribution.likelihood import whitened_products
+from tuner.consistency.attribution.sensitivity import score_sensitivity, variance_lost_by_averaging
 from tuner.consistency.error_budget import error_budget
 from tuner.consistency.scores import evaluate, score
-from tuner.consistency.verdicts import explained
+from tuner.consistency.verdicts import with_explanations
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import Runs, resolution, scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types.consistency import ExplanationKind, VerdictCode
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 TRUTH = sensor_of_config(CONFIG)
 
 
-def belief(*, q=1.0, r=1.0, memory=1.0, rungs=None, sensors=("gyro", "accel"), white=1.0):
-    """Return the right configuration with variances, time constants or states believed wrongly."""
+def configured(*, q=1.0, r=1.0, memory=1.0, rungs=None, sensors=("gyro", "accel"), white=1.0):
+    """Return the right configuration with variances, time constants or states wrong."""
     channels = {
         axis: replace(
             c,
@@ -59,8 +60,8 @@ def town():
     return scenario(TRAJECTORIES["city"](1500.0), load_gnss("spp"), 0.02)
 
 
-def answers(settings, plan):
-    return responses(settings, plan, error_budget(settings, plan), window=resolution(settings, TRUTH))
+def sensitivity(settings, plan):
+    return score_sensitivity(settings, plan, error_budget(settings, plan), window=resolution(settings, TRUTH))
 
 
 def studies(settings, plan, seed, count, runs=40):
@@ -79,7 +80,7 @@ BATCH = 4
 SENSORS = "all sensor noise"
 FIXES = "position and velocity fixes"
 STATES = "gyro and accelerometer bias noise"
-CASES = {  # what is believed, the reason, true ÷ believed
+CASES = {  # what is configured, the reason, true ÷ configured
     "Q×0.1": ({"q": 0.1}, SENSORS, 10.0**0.5),
     "Q×10": ({"q": 10.0}, SENSORS, 10.0**-0.5),
     "R×0.3": ({"r": 0.3}, FIXES, 0.3**-0.5),
@@ -92,24 +93,29 @@ CASES = {  # what is believed, the reason, true ÷ believed
 @pytest.mark.parametrize("name", CASES)
 def test_a_wrong_setting_is_named(town, name):
     wrong, reason, size = CASES[name]
-    settings = filter_settings(belief(**wrong))
+    settings = filter_settings(configured(**wrong))
     [(found, flown)] = studies(settings, town, 4, 1)
     assert not found.consistent
-    causes = attribute(found, flown, answers(settings, town))
+    causes = attribute(found, flown, sensitivity(settings, town))
     assert causes[0].source == reason
     assert 0.9 * causes[0].interval[0] < size < 1.1 * causes[0].interval[1]
     assert causes[0].interval[0] <= causes[0].ratio <= causes[0].interval[1]
-    assert explained(found, causes)[0].startswith(causes[0].text)
+    verdict = with_explanations(found, causes)[0]
+    assert (verdict.code, verdict.explanations) == (VerdictCode.EXPLAINED, causes)
+    other = causes[0].equivalent
     if name == "T×10":
-        assert "too long, or in other words: " in causes[0].text
-        assert "a decade faster than the fastest state (10 s) is missing" in causes[0].text
+        assert other.kind is ExplanationKind.MISSING_FASTER
+        assert other.process == STATES
+        assert other.time_constant == pytest.approx(10.0)  # of the fastest state that is configured
+    else:
+        assert other is None
 
 
 @pytest.mark.parametrize("factor", [1.0 / 9.0, 9.0])
 def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(town, factor):
-    settings = filter_settings(belief(q=factor, white=1.0 / factor, sensors=("gyro",)))
+    settings = filter_settings(configured(q=factor, white=1.0 / factor, sensors=("gyro",)))
     [(found, flown)] = studies(settings, town, 4, 1, runs=16)
-    causes = attribute(found, flown, answers(settings, town))
+    causes = attribute(found, flown, sensitivity(settings, town))
     assert causes[0].source == "gyro bias noise"
     assert causes[0].ratio == pytest.approx(factor**-0.5, rel=0.2)
 
@@ -120,8 +126,9 @@ def test_constants_of_both_sensors_are_one_cause():
     settings, sensor = filter_settings(replace(config, channels=smaller)), sensor_of_config(config)
     plan = scenario(TRAJECTORIES["city"](900.0), load_gnss("spp"), 0.02)
     flown = simulate(settings, sensor, plan, runs=16, seed=3)
-    response = responses(settings, plan, error_budget(settings, plan), window=resolution(settings, sensor))
-    causes = attribute(evaluate(flown, plan.outages), flown, response)
+    budget = error_budget(settings, plan)
+    effects = score_sensitivity(settings, plan, budget, window=resolution(settings, sensor))
+    causes = attribute(evaluate(flown, plan.outages), flown, effects)
     assert causes[0].source == "turn-on biases of gyros and accelerometers"
     assert causes[0].ratio == pytest.approx(10.0, rel=0.3)
 
@@ -133,9 +140,9 @@ def test_nothing_is_named_where_nothing_fits():
     scores = [score("x", list(y[..., i] ** 2), 1) for i in (0, 1)]
     # Scores, then the products of both components.
     own = {"gyro white noise": np.array([0.5, 0, 0.5, 0, 0, 0]), "start": np.array([0.5, 1, 0.5, 0, 0, 1])}
-    measured = [scattered(y, np.ones((40, 50), dtype=bool))]
-    assert best(scores, measured, explanations(own, {}, {})[:1]) == ()
-    assert best(scores[:1], measured, explanations(drop(own), {}, {})[:1])[0].source == "gyro white noise"
+    measured = [whitened_products(y, np.ones((40, 50), dtype=bool))]
+    assert likeliest(scores, measured, hypotheses(own, {}, {})[:1]) == ()
+    assert likeliest(scores[:1], measured, hypotheses(drop(own), {}, {})[:1])[0].source == "gyro white noise"
 
 
 def test_least_misfit_is_named_where_several_settings_are_far_off():
@@ -146,8 +153,8 @@ def test_least_misfit_is_named_where_several_settings_are_far_off():
         "gyro white noise": np.array([0.9, 0.0, 0.9, 0, 0, 0.0]),
         "position fixes": np.array([0.1, 1.0, 0.1, 0, 0, 1.0]),
     }
-    rivals = [one for one in explanations(own, {}, {}) if one.source in own]
-    causes = best(scores, [scattered(y, np.ones((40, 50), dtype=bool))], rivals)
+    rivals = [one for one in hypotheses(own, {}, {}) if one.source in own]
+    causes = likeliest(scores, [whitened_products(y, np.ones((40, 50), dtype=bool))], rivals)
     assert causes[0].source == "gyro white noise"
 
 
@@ -160,10 +167,12 @@ def test_explanations_that_differ_by_a_common_level_of_five_percent_are_both_nam
     white = np.concatenate([np.ones(d), np.eye(d).ravel()])
 
     def rival(name, variance):
-        return Explanation(name, lambda x: np.exp(2.0 * x) * variance * white, (-0.05, 0.0), lambda *_: name)
+        return Hypothesis(
+            ExplanationKind.SCALE, name, lambda x: np.exp(2.0 * x) * variance * white, (-0.05, 0.0)
+        )
 
     rivals = [rival("a", 9.5), rival("b", 9.0 * level)]
-    causes = best(scores, [scattered(y, np.ones((40, 2000), dtype=bool))], rivals)
+    causes = likeliest(scores, [whitened_products(y, np.ones((40, 2000), dtype=bool))], rivals)
     assert [cause.source for cause in causes] == ["a", "b"][:count]
 
 
@@ -184,21 +193,21 @@ def test_mean_over_a_window_hides_fast_flicker():
         return np.var((total[2 * half :] - total[: -2 * half]) / (2 * half))
 
     short, long = 0.8 * 10.0, 0.8 * 10.0**1.5
-    gone = hidden(rung.sd, 10.0, long) - hidden(rung.sd, 10.0, short)
+    gone = variance_lost_by_averaging(rung.sd, 10.0, long) - variance_lost_by_averaging(rung.sd, 10.0, short)
     assert left(short) - left(long) == pytest.approx(gone, rel=0.1)
-    assert hidden(rung.sd, 10.0, short) == 0.0
-    assert hidden(rung.sd, 10.0, 1e4) == pytest.approx(rung.sd**2)
+    assert variance_lost_by_averaging(rung.sd, 10.0, short) == 0.0
+    assert variance_lost_by_averaging(rung.sd, 10.0, 1e4) == pytest.approx(rung.sd**2)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(town, name):
     wrong, reason, size = CASES[name]
-    settings = filter_settings(belief(**wrong))
-    response = answers(settings, town)
+    settings = filter_settings(configured(**wrong))
+    effects = sensitivity(settings, town)
     flagged, named, held = 0, 0, 0
     for found, flown in studies(settings, town, 1000, 50):
-        causes = attribute(found, flown, response)
+        causes = attribute(found, flown, effects)
         flagged += not found.consistent
         named += bool(causes) and causes[0].source == reason
         held += bool(causes) and causes[0].interval[0] <= size <= causes[0].interval[1]

@@ -14,6 +14,7 @@ from tuner.consistency.scores import run_ratios
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import Runs
 from tuner.synthesis import synthesize
+from tuner.types.consistency import VerdictCode
 
 TOWN = TRAJECTORIES["city"](600.0)
 
@@ -42,17 +43,20 @@ def test_gyros_whose_constants_are_too_large_for_a_linear_start_are_named(consta
     """Five degrees a second: one run in forty is lost; ten: most are."""
     config = with_gyro_constants(grade("adis16405"), np.radians(constant))
     verdicts = check(config, TOWN, runs=40, seed=0).consistency.verdicts
-    assert "its start" in verdicts[1]
-    assert f"{constant:.2g}, {constant:.2g}, {constant:.2g} deg/s" in verdicts[1]
-    assert "of 40 runs" in verdicts[0]
+    assert verdicts[1].code is VerdictCode.START_NOT_LINEAR
+    assert verdicts[1].numbers["gyro_bias_sd"] == pytest.approx(3 * (np.radians(constant),))
+    assert verdicts[0].code is VerdictCode.RUNS_DIVERGED
+    assert verdicts[0].numbers["runs"] == 40
 
 
 def test_a_truth_far_from_the_configuration_is_named():
     verdicts = check(
         grade("fog"), TOWN, sensor=sensor_of_config(grade("mpu9250")), runs=8
     ).consistency.verdicts
-    assert "gyro white noise 85 times as large" in verdicts[1]
-    assert "position fixes" not in verdicts[1]
+    assert verdicts[1].code is VerdictCode.TRUTH_FAR
+    ratio = load_grade("mpu9250").gyro.white.value / load_grade("fog").gyro.white.value
+    assert verdicts[1].numbers["gyro white noise"] == pytest.approx(ratio)
+    assert "position fixes" not in verdicts[1].numbers
 
 
 def test_errors_smaller_than_configured_are_no_reason_to_diverge():
@@ -63,8 +67,8 @@ def test_errors_smaller_than_configured_are_no_reason_to_diverge():
     )
     truth = sensor_of_config(with_gyro_constants(config, np.radians(20.0)))
     verdicts = check(wrong, TOWN, sensor=truth, runs=8, seed=1).consistency.verdicts
-    assert "gyro constants, of which it believes none" in verdicts[1]
-    assert "white noise" not in verdicts[1]
+    assert verdicts[1].numbers["gyro constants"] == np.inf
+    assert not any("white noise" in name for name in verdicts[1].numbers)
 
 
 def test_a_run_is_judged_by_its_own_errors():

@@ -16,6 +16,7 @@ from tuner.consistency.observability import observability
 from tuner.navigation import engine
 from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
+from tuner.report.verdict_text import observability_text
 from tuner.simulation.monte_carlo import scenario
 from tuner.synthesis import synthesize
 
@@ -90,7 +91,7 @@ def test_standing_still_leaves_bias_and_tilt_together(config):
     assert any(len(pair & level) >= 1 and len(pair & tilts) >= 1 for pair in pairs)
     assert seen.left["heading"] > 0.9
     assert seen.left["gyro bias x"] < 0.3
-    said = " ".join(seen.sentences())
+    said = " ".join(observability_text(seen))
     assert "cannot be told apart" in said
     assert "heading" in said
 

@@ -16,6 +16,7 @@ from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types.consistency import VerdictCode
 
 CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
 
@@ -45,7 +46,7 @@ def test_nothing_is_spurious_where_motion_shows_all(noise):
 def test_a_heading_that_standing_never_shows_is_reported():
     found = spurious("static", CONFIG, CONFIG)
     assert found.state == "heading"
-    assert found.believed < 0.8 * found.linear
+    assert found.filter_sd < 0.8 * found.linear_sd
 
 
 def test_a_smaller_uncertainty_at_the_start_mends_it():
@@ -59,5 +60,5 @@ def test_a_smaller_uncertainty_at_the_start_mends_it():
 def test_no_noise_is_blamed_for_it():
     found = check(CONFIG, TRAJECTORIES["static"](900.0), runs=16, seed=3)
     assert not found.consistency.consistent
-    assert found.causes == ()
-    assert found.consistency.verdicts[0].startswith("the filter takes its own errors for information")
+    assert found.explanations == ()
+    assert found.consistency.verdicts[0].code is VerdictCode.SPURIOUS_INFORMATION

@@ -63,7 +63,7 @@ def command(
     from tuner.catalogue.grades import load_gnss
     from tuner.consistency.check import check
     from tuner.report.consistency_tables import budget_tables, consistency_tables
-    from tuner.report.json.consistency import budget_json, consistency_json
+    from tuner.report.json.consistency import budget_json, consistency_json, explanation_json
     from tuner.report.tables import show
 
     if trajectory not in TRAJECTORIES:
@@ -95,22 +95,13 @@ def command(
     }
     if output.tables:
         shares = []
-        if budget and found.budget is not None and found.seen is not None:
-            shares = budget_tables(found.budget, found.seen)
+        if budget and found.budget is not None and found.observability is not None:
+            shares = budget_tables(found.budget, found.observability)
         show([*shares, *consistency_tables(found.consistency, found.notes)])
     content = consistency_json(found.consistency, source=source, notes=found.notes)
-    content["causes"] = [
-        {
-            "source": c.source,
-            "ratio": c.ratio,
-            "interval": list(c.interval),
-            "misfit": c.misfit,
-            "text": c.text,
-        }
-        for c in found.causes
-    ]
-    if budget and found.budget is not None and found.seen is not None:
-        content["budget"] = budget_json(found.budget, found.seen)
+    content["causes"] = [explanation_json(explanation) for explanation in found.explanations]
+    if budget and found.budget is not None and found.observability is not None:
+        content["budget"] = budget_json(found.budget, found.observability)
     output.write(content)
     return 1 if strict and not found.consistency.consistent else 0
 

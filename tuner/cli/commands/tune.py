@@ -25,8 +25,8 @@ from tuner.types.records import DataError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tuner.consistency.check import Check
     from tuner.types import Diagnosis, FilterConfig, Identification
+    from tuner.types.consistency import Check
     from tuner.types.records import Record
 
 CHECK_RUNS = 20

@@ -1,19 +1,19 @@
-"""What explains the scores of a filter: rival explanations, each with the pattern of scores it would cause.
+"""Which error of a configuration explains the scores of its filter, with the size of that error.
 
-Explanations (`tuner.consistency.attribution.hypotheses`) that take half of the misfit of the scores away
-compete by their likelihood: that
-of the whole whitened matrices behind the scores (`tuner.consistency.attribution.likelihood`), of which every
-explanation predicts all elements
-as it predicts the scores. Two are told apart where the difference of their log-likelihoods has a mean beyond twice
-its scatter, over the runs [1]_ and with a common level of all expectations; else both are named, last those whose
-size ends where the search does. The interval of θ is where −2 ln p is within 4 of its least, times the ratio by which
-its slope scatters more, of the same two causes, than a likelihood's would.
+Hypotheses (`tuner.consistency.attribution.hypotheses`) that remove half of the misfit of the scores compete by their
+likelihood: that of the covariance of all whitened errors and innovations behind the scores
+(`tuner.consistency.attribution.likelihood`), every element of which a hypothesis predicts as it predicts the scores.
+Two are distinguished where the difference of their log-likelihoods has a mean beyond twice its standard error, over
+the runs [1]_ and with a common level of all expectations; else both are named, last those whose size ends where the
+search does. The interval of θ is where −2 ln p is within 4 of its least, times the ratio by which its slope scatters
+more, of the same two origins, than a likelihood's would.
 
-A likelihood asks for much where too small a variance is expected, so that it compares only explanations that fit.
-Where none does, because several beliefs are far off, that of least misfit in the logarithms of the scores is named.
+The likelihood punishes a variance that is expected too small far more than one expected too large, so that it compares
+only hypotheses that fit. Where none does, because several settings are far off, that of least misfit in the logarithms
+of the scores is named.
 
-Two words for one fault: a ladder whose time constants are a rung too long lacks its fastest state and has one too
-slow to be told from a constant. Where the runs do not tell the two apart, they are one cause.
+One error may have two descriptions: a ladder of states whose time constants are a rung too long lacks its fastest state
+and has one too slow to differ from a constant. Where the runs do not distinguish the two, they are one explanation.
 
 References
 ----------
@@ -29,133 +29,125 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency.attribution.hypotheses import Explanation, explanations
-from tuner.consistency.attribution.likelihood import Scatter, deviance, scatters, spread
-from tuner.consistency.attribution.sensitivity import Responses, patterns
-from tuner.consistency.scores import Consistency, Score
+from tuner.consistency.attribution.hypotheses import Hypothesis, hypotheses
+from tuner.consistency.attribution.likelihood import (
+    WhitenedProducts,
+    deviance,
+    expected_products,
+    measured_products,
+)
+from tuner.consistency.attribution.sensitivity import ScoreSensitivity, score_contributions
 from tuner.simulation.monte_carlo import Runs
+from tuner.types.consistency import Consistency, Explanation, Score
 
 FloatArray = NDArray[np.float64]
 
 Loss = Callable[[FloatArray], FloatArray]
-"""What expectations, shape (t, k), lose; (t, m)."""
+"""Of expectations, shape (t, k): what they lose, by run; (t, m)."""
 
-LEVEL_SCATTER = 0.05
-"""Scatter of a score that linear covariance cannot explain (ladder for flicker, curvature)."""
-LIKELY = 4.0
-"""−2 ln of the likelihood by which a size, or an explanation, may be worse than the best and still be likely."""
-APART = 2.0
-"""Mean difference of −2 ln of two likelihoods over its scatter, from which on explanations are told apart."""
-FITTING = 3.0
-"""Misfit a score from which an explanation does not fit."""
-GRID = 41
-"""Sizes at which a likelihood is looked at before its minimum is sought."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """An explanation of the scores.
-
-    Attributes
-    ----------
-    source : str
-        What is wrong.
-    ratio : float
-        True ÷ believed sd, or time constant; of a missing process, its sd ÷ that of the nearest state.
-    interval : (float, float)
-        Values of it that are as likely (95 %); ends at the bounds of the search.
-    misfit : float
-        Sum of squares that it leaves over in the logarithms of the scores.
-    text : str
-        In words.
-    """
-
-    source: str
-    ratio: float
-    interval: tuple[float, float]
-    misfit: float
-    text: str
+MODEL_ERROR = 0.05
+"""Relative error of an expected score: a ladder approximates flicker to some per cent, linear covariance the filter."""
+INTERVAL_DEVIANCE = 4.0
+"""−2 ln of the likelihood by which a size may be worse than the best: two standard errors, 95 %."""
+DISTINCT_ERRORS = 2.0
+"""Standard errors of the mean difference of −2 ln of two likelihoods from which hypotheses are distinguished: 95 %."""
+MAX_MISFIT_PER_SCORE = 3.0
+"""Misfit per score up to which a hypothesis fits; by chance it is about 1, and scores depend on each other."""
+GRID_SIZES = 41
+"""Sizes at which a likelihood is computed before its minimum is sought: with a step of a quarter in ln θ."""
+MIN_DISTANCE_TO_END = 0.02
+"""Distance of ln θ to a bound of the search below which the size counts as beyond it."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """An explanation at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
+    """A hypothesis at its best size: ln θ, its interval, the misfit of scores, and −2 ln p by run, (m,).
 
-    `lift` is what −2 ln p gains, in the mean, where all that is expected is larger by `LEVEL_SCATTER`.
+    `level_loss` is what −2 ln p rises, in the mean, where all that is expected is larger by `MODEL_ERROR`.
     """
 
-    rival: Explanation
+    hypothesis: Hypothesis
     size: float
     interval: tuple[float, float]
     misfit: float
     loss: FloatArray
-    lift: float
+    level_loss: float
 
 
-def attribute(found: Consistency, flown: Runs, response: Responses) -> tuple[Cause, ...]:
-    """Return the explanations of the scores of simulated runs, the likeliest first; none where none explains them.
+def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity) -> tuple[Explanation, ...]:
+    """Return what would explain the scores of simulated runs, the likeliest first; empty where nothing would.
 
-    Returned are those that take half of the misfit away and are not told from the likeliest.
+    Returned are explanations that remove half of the misfit and are not distinguished from the likeliest.
 
     Parameters
     ----------
     found : Consistency
         Scores.
-    flown : Runs
-        What was scored.
-    response : Responses
+    simulated : Runs
+        The runs that were scored.
+    sensitivity : ScoreSensitivity
         Of the same filter along the same scenario.
     """
-    own, unknown = (
-        np.concatenate([patterns(found, budget), spread(budget)]).T
-        for budget in (response.known, response.strange)
+    own, others = (
+        np.concatenate([score_contributions(found, budget), expected_products(budget)]).T
+        for budget in (sensitivity.configured, sensitivity.unmodelled)
     )
-    rivals = explanations(
-        dict(zip(response.known.sources, own, strict=True)),
-        dict(zip(response.names, unknown, strict=True)),
-        response.constants,
+    rivals = hypotheses(
+        dict(zip(sensitivity.configured.sources, own, strict=True)),
+        dict(zip(sensitivity.noises, others, strict=True)),
+        sensitivity.time_constants,
     )
-    return best(found.scores, scatters(flown, response.known), rivals)
+    return likeliest(found.scores, measured_products(simulated, sensitivity.configured), rivals)
 
 
-def best(
-    scores: Sequence[Score], measured: Sequence[Scatter], rivals: Sequence[Explanation]
-) -> tuple[Cause, ...]:
-    """Return the rivals that explain scores and the scatter behind them, the likeliest first."""
+def likeliest(
+    scores: Sequence[Score], measured: Sequence[WhitenedProducts], rivals: Sequence[Hypothesis]
+) -> tuple[Explanation, ...]:
+    """Return the hypotheses that explain scores and the products behind them, the likeliest first.
+
+    Parameters
+    ----------
+    scores : sequence of Score
+        Scores, n of them.
+    measured : sequence of WhitenedProducts
+        Of the runs that were scored.
+    rivals : sequence of Hypothesis
+        Each expects the n scores, then all products.
+    """
     count = len(scores)
     logs = np.log([score.mean / score.dof for score in scores])
-    scatter = np.sqrt(2.0 / np.array([score.effective for score in scores]) + LEVEL_SCATTER**2)
+    errors = np.sqrt(2.0 / np.array([score.effective for score in scores]) + MODEL_ERROR**2)
 
     def misfits(expected: FloatArray) -> FloatArray:
-        off = (logs - np.log(np.maximum(expected[:, :count], 1e-6))) / scatter
+        off = (logs - np.log(np.maximum(expected[:, :count], 1e-6))) / errors
         return np.asarray(np.sum(off**2, axis=1, keepdims=True))
 
-    def likelihoods(of: Sequence[Scatter]) -> Loss:
-        return lambda expected: deviance(of, expected[:, count:], model_scatter=LEVEL_SCATTER)
+    def likelihoods(of: Sequence[WhitenedProducts]) -> Loss:
+        return lambda expected: deviance(of, expected[:, count:], model_error=MODEL_ERROR)
 
     whole = likelihoods([replace(one, products=one.products.mean(axis=0, keepdims=True)) for one in measured])
     half = 0.5 * float(misfits(np.ones((1, count)))[0, 0])
     fits = [_fitted(rival, likelihoods(measured), whole, misfits) for rival in rivals]
-    fits = [fit for fit in fits if fit.misfit <= min(half, FITTING * count)]
+    fits = [fit for fit in fits if fit.misfit <= min(half, MAX_MISFIT_PER_SCORE * count)]
     if not fits:
         fits = [_fitted(rival, misfits, misfits, misfits) for rival in rivals]
         fits = [fit for fit in fits if fit.misfit <= half]
         least = min((fit.misfit for fit in fits), default=0.0)
         scale = count / max(least, count)
-        fits = [replace(fit, loss=scale * fit.loss, lift=scale * fit.lift) for fit in fits]
+        fits = [replace(fit, loss=scale * fit.loss, level_loss=scale * fit.level_loss) for fit in fits]
     fits.sort(key=lambda fit: float(fit.loss.mean()))
-    likely = [fit for fit in fits if not _apart(fit, fits[0])]
-    return _named(sorted(likely, key=_at_an_end))
+    likely = [fit for fit in fits if not _distinct(fit, fits[0])]
+    return _explanations(sorted(likely, key=_beyond_bounds))
 
 
-def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
-    """Return an explanation at the size of least loss: by run, (t, m), and of all runs together, (t, 1)."""
+def _fitted(rival: Hypothesis, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
+    """Return a hypothesis at the size of least loss: by run, (t, m), and of all runs together, (t, 1)."""
     from scipy.optimize import minimize_scalar  # loaded when used: slow to import
 
     def at(x: float | FloatArray) -> FloatArray:
         return np.array([rival.expected(float(value)) for value in np.atleast_1d(x)])
 
-    grid = np.linspace(*rival.bounds, GRID)
+    grid = np.linspace(*rival.bounds, GRID_SIZES)
     values, step = whole(at(grid))[:, 0], float(grid[1] - grid[0])
     start = float(grid[int(np.argmin(values))])
     near = (max(start - step, rival.bounds[0]), min(start + step, rival.bounds[1]))
@@ -164,13 +156,15 @@ def _fitted(rival: Explanation, loss: Loss, whole: Loss, misfits: Loss) -> Fit:
     near_by = at(size + 0.05 * np.array([-1.0, 0.0, 1.0]))
     below, here, above = loss(near_by)
     slope, curvature = (above - below) / 0.1, float((above + below - 2.0 * here).mean()) / 0.05**2
-    lifted = whole((1.0 + LEVEL_SCATTER) * near_by)[:, 0]
-    lift = lifted - np.array([below.mean(), here.mean(), above.mean()])
-    tilt = (lift[2] - lift[0]) / 0.1
-    excess = (_error(slope) ** 2 + float(tilt) ** 2) / (2.0 * curvature) if curvature > 0.0 else 1.0
-    limit = float(here.mean()) + LIKELY * max(excess, 1.0)
+    raised = whole((1.0 + MODEL_ERROR) * near_by)[:, 0]
+    level_loss = raised - np.array([below.mean(), here.mean(), above.mean()])
+    level_slope = (level_loss[2] - level_loss[0]) / 0.1
+    excess = 1.0
+    if curvature > 0.0:
+        excess = (_standard_error(slope) ** 2 + float(level_slope) ** 2) / (2.0 * curvature)
+    limit = float(here.mean()) + INTERVAL_DEVIANCE * max(excess, 1.0)
     low, high = (_edge(lambda x: whole(at(x))[0, 0] - limit, size, end) for end in rival.bounds)
-    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here, float(lift[1]))
+    return Fit(rival, size, (low, high), float(misfits(at(size))[0, 0]), here, float(level_loss[1]))
 
 
 def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
@@ -180,40 +174,41 @@ def _edge(excess: Callable[[float], float], inside: float, end: float) -> float:
     return float(brentq(excess, inside, end, xtol=1e-3)) if excess(end) > 0.0 else end
 
 
-def _error(by_run: FloatArray) -> float:
-    """Return the standard error of a mean over runs; of one value it is unknown, and nothing."""
+def _standard_error(by_run: FloatArray) -> float:
+    """Return the standard error of a mean over runs; of one value it is unknown, and 0."""
     return float(by_run.std(ddof=1)) / math.sqrt(len(by_run)) if len(by_run) > 1 else 0.0
 
 
-def _apart(one: Fit, best: Fit) -> bool:
-    """Tell whether runs are less likely by an explanation than by the best, whatever the common level."""
+def _distinct(one: Fit, best: Fit) -> bool:
+    """Tell whether runs are less likely by a hypothesis than by the best, whatever the common level."""
     difference = one.loss - best.loss
-    scatter = math.hypot(_error(difference), one.lift - best.lift)
-    return float(difference.mean()) > max(LIKELY, APART * scatter)
+    error = math.hypot(_standard_error(difference), one.level_loss - best.level_loss)
+    return float(difference.mean()) > max(INTERVAL_DEVIANCE, DISTINCT_ERRORS * error)
 
 
-def _at_an_end(fit: Fit) -> bool:
-    """Tell whether the size that explains best lies beyond what is looked at: the shape is wrong, and another's."""
-    return min(abs(fit.size - end) for end in fit.rival.bounds) < 0.02
+def _beyond_bounds(fit: Fit) -> bool:
+    """Tell whether the best size lies beyond the bounds of the search: then the pattern is another hypothesis's."""
+    return min(abs(fit.size - end) for end in fit.hypothesis.bounds) < MIN_DISTANCE_TO_END
 
 
-def _named(fits: Sequence[Fit]) -> tuple[Cause, ...]:
-    """Return causes with their words; two that say the same become one, where the likelier one stood."""
-    by_source = {fit.rival.source: fit for fit in fits}
-    twins = {fit.rival.same: fit for fit in fits if fit.rival.same in by_source and fit.size < 0.0}
-    causes: dict[str, Cause] = {}
+def _explanations(fits: Sequence[Fit]) -> tuple[Explanation, ...]:
+    """Return explanations; two descriptions of one error become one, where the likelier one stood."""
+    by_source = {fit.hypothesis.source: fit for fit in fits}
+    twins = {
+        fit.hypothesis.equivalent: fit
+        for fit in fits
+        if fit.hypothesis.equivalent in by_source and fit.size < 0.0
+    }
+    answer: dict[str, Explanation] = {}
     for fit in fits:
-        one = twins.get(fit.rival.source, fit)
-        words = [_told(one)]
-        if twins.get(one.rival.same) is one:
-            words.append(_told(by_source[one.rival.same]))
-        size = (math.exp(one.interval[0]), math.exp(one.interval[1]))
-        cause = Cause(
-            one.rival.source, math.exp(one.size), size, one.misfit, ", or in other words: ".join(words)
-        )
-        causes.setdefault(cause.source, cause)
-    return tuple(causes.values())
+        one = twins.get(fit.hypothesis.source, fit)
+        other = one.hypothesis.equivalent
+        twin = _explanation(by_source[other]) if twins.get(other) is one else None
+        answer.setdefault(one.hypothesis.source, replace(_explanation(one), equivalent=twin))
+    return tuple(answer.values())
 
 
-def _told(fit: Fit) -> str:
-    return fit.rival.words(math.exp(fit.size), (math.exp(fit.interval[0]), math.exp(fit.interval[1])))
+def _explanation(fit: Fit) -> Explanation:
+    of = fit.hypothesis
+    interval = (math.exp(fit.interval[0]), math.exp(fit.interval[1]))
+    return Explanation(of.kind, of.process, math.exp(fit.size), interval, fit.misfit, of.time_constant)

@@ -1,68 +1,87 @@
-"""What may explain the scores of a filter, each with the pattern of scores that it would cause.
+"""Hypotheses on what is wrong with a configuration, each with the scores that it expects.
 
 A score that should be 1 is the mean of tr(P⁻¹ V) over its epochs, where V is the true covariance of the errors
-that the filter believes to be P. Both are sums over sources (`tuner.consistency.error_budget`), so that every
-explanation
-predicts all scores at once, from one number θ::
+and P the one that the filter predicts. Both are sums over sources (`tuner.consistency.error_budget`), so that every
+hypothesis predicts all scores at once, from one number θ::
 
     a source is wrong by θ in sd           E s = s₀ + (θ² − 1) a_source
     time constants are wrong by θ          E s = s₀ − a_states + a(the same states with time constants θ T)
     a process is missing, of sd θ          E s = s₀ + θ² a(the process)
 
-with a = tr(P⁻¹ V_source) and s₀ their sum, about 1, both from `tuner.consistency.attribution.sensitivity`. The
-same holds for every element
-of the whitened matrices of `tuner.consistency.attribution.likelihood`.
+with a = tr(P⁻¹ V_source) and s₀ their sum, about 1, both from `tuner.consistency.attribution.sensitivity`. The same
+holds for every element of the whitened matrices of `tuner.consistency.attribution.likelihood`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency.attribution.sensitivity import STRETCHES, UNMODELLED
+from tuner.consistency.attribution.sensitivity import TIME_CONSTANT_FACTORS, UnmodelledNoise
+from tuner.types.consistency import ExplanationKind, explanation_source
 
 FloatArray = NDArray[np.float64]
 
-LARGEST = math.log(100.0)
-"""Largest factor in an sd that is considered, as a logarithm."""
+LOG_MAX_RATIO = math.log(100.0)
+"""Largest ratio of true to configured sd that is considered, as a logarithm: beyond it a filter diverges."""
+MISSING = (ExplanationKind.MISSING_SLOWER, ExplanationKind.MISSING_NEXT, ExplanationKind.MISSING_FASTER)
+"""Kinds of missing states."""
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """A cause whose size θ is still open.
+class Hypothesis:
+    """Something wrong with a configuration, of a size θ that is still unknown.
 
     Attributes
     ----------
-    source : str
-        What is wrong.
+    kind : ExplanationKind
+        In which way it is wrong.
+    process : str
+        The source of errors, such as ``gyro bias noise``.
     expected : callable
         Of ln θ; the scores that are expected, and behind them the products of
         `tuner.consistency.attribution.likelihood`.
     bounds : (float, float)
         Of ln θ.
-    words : callable
-        Of θ and its interval.
-    same : str
-        The source that says the same in other words where θ < 1; empty where none does.
+    time_constant : float or None
+        Of the state beside a missing process, s; None where the filter has none.
+    equivalent : str
+        Source of the hypothesis that describes the same error where θ < 1; empty where none does.
     """
 
-    source: str
+    kind: ExplanationKind
+    process: str
     expected: Callable[[float], FloatArray]
     bounds: tuple[float, float]
-    words: Callable[[float, tuple[float, float]], str]
-    same: str = ""
+    time_constant: float | None = None
+    equivalent: str = ""
+
+    @property
+    def source(self) -> str:
+        """What is wrong, in a few words."""
+        return explanation_source(self.kind, self.process)
 
 
-def explanations(
-    own: dict[str, FloatArray],
-    unknown: dict[tuple[str, str, float], FloatArray],
-    constants: dict[str, tuple[float, float]],
-) -> list[Explanation]:
-    """Return the rivals, from the patterns (s,) of known sources and of unknown (sensor, kind, factor)."""
+def hypotheses(
+    own: Mapping[str, FloatArray],
+    unmodelled: Mapping[UnmodelledNoise, FloatArray],
+    time_constants: Mapping[str, tuple[float, float]],
+) -> list[Hypothesis]:
+    """Return all hypotheses on the errors of a configuration.
+
+    Parameters
+    ----------
+    own : mapping of str to ndarray, shape (s,)
+        What each configured source adds to every score and product.
+    unmodelled : mapping of UnmodelledNoise to ndarray, shape (s,)
+        What noise adds that the filter has no states for.
+    time_constants : mapping of str to (float, float)
+        Of the fastest and the slowest state of a sensor, s.
+    """
     sensors = {"gyro": "gyro bias noise", "accelerometer": "accelerometer bias noise"}
     groups: dict[str, tuple[str, ...]] = {name: (name,) for name in own}
     groups["bias noise of gyros and accelerometers"] = tuple(sensors.values())
@@ -77,91 +96,82 @@ def explanations(
         "correlated fixes",
     )
     base = np.sum(list(own.values()), axis=0)
-    rivals = []
+    answer = []
     for name, members in groups.items():
         inside = [own[member] for member in members if member in own]
         if len(inside) == len(members) or name == "all sensor noise":
-            rivals.append(_scaled(name, base, np.sum(inside, axis=0)))
+            answer.append(_scaled(name, base, np.sum(inside, axis=0)))
     for name, titles in (
         *((title, (title,)) for title in sensors),
         ("gyro and accelerometer", tuple(sensors)),
     ):
-        if all(title in constants for title in titles):
+        process = f"{name} bias noise"
+        if all(title in time_constants for title in titles):
             stretched = {
-                factor: np.sum([unknown[title, "stretched", factor] for title in titles], axis=0)
-                for factor in STRETCHES
+                factor: _summed(unmodelled, titles, ExplanationKind.TIME_CONSTANT, factor)
+                for factor in TIME_CONSTANT_FACTORS
             }
             states = np.sum([own[sensors[title]] for title in titles], axis=0)
-            rivals.append(_stretched(name, base, states, stretched))
-        for kind in ("slower", "next", "faster"):
-            if all((title, kind, 1.0) in unknown for title in titles):
-                column = np.sum([unknown[title, kind, 1.0] for title in titles], axis=0)
-                edges = [constants[title] for title in titles if title in constants]
-                rivals.append(_missing(name, kind, base, column, edges))
-    return rivals
+            answer.append(_stretched(process, base, states, stretched))
+        for kind in MISSING:
+            if all(UnmodelledNoise(title, kind) in unmodelled for title in titles):
+                column = _summed(unmodelled, titles, kind, 1.0)
+                ends = [time_constants[title] for title in titles if title in time_constants]
+                answer.append(_missing(process, kind, base, column, ends))
+    return answer
 
 
-def _sized(theta: float, interval: tuple[float, float]) -> str:
-    """Return a factor, taken above 1, with its interval."""
-    low, high = interval if theta > 1.0 else (1.0 / interval[1], 1.0 / interval[0])
-    return f"about {max(theta, 1.0 / theta):.2g} times{_between(max(low, 1.0), high)}"
+def _summed(
+    unmodelled: Mapping[UnmodelledNoise, FloatArray],
+    titles: Sequence[str],
+    kind: ExplanationKind,
+    factor: float,
+) -> FloatArray:
+    return np.asarray(np.sum([unmodelled[UnmodelledNoise(title, kind, factor)] for title in titles], axis=0))
 
 
-def _between(low: float, high: float) -> str:
-    """Return an interval in words, nothing where it is narrower than the digits shown."""
-    return "" if f"{low:.2g}" == f"{high:.2g}" else f" ({low:.2g} … {high:.2g})"
-
-
-def _scaled(name: str, base: FloatArray, share: FloatArray) -> Explanation:
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        return f"{name} (sd) {_sized(theta, interval)} too {'small' if theta > 1.0 else 'large'}"
-
-    return Explanation(name, lambda x: base + (math.exp(2.0 * x) - 1.0) * share, (-LARGEST, LARGEST), words)
+def _scaled(process: str, base: FloatArray, share: FloatArray) -> Hypothesis:
+    return Hypothesis(
+        ExplanationKind.SCALE,
+        process,
+        lambda x: base + (math.exp(2.0 * x) - 1.0) * share,
+        (-LOG_MAX_RATIO, LOG_MAX_RATIO),
+    )
 
 
 def _stretched(
-    name: str, base: FloatArray, states: FloatArray, stretched: dict[float, FloatArray]
-) -> Explanation:
+    process: str, base: FloatArray, states: FloatArray, stretched: Mapping[float, FloatArray]
+) -> Hypothesis:
     from scipy.interpolate import PchipInterpolator  # loaded when used: slow to import
 
     points = {0.0: states, **{math.log(factor): column for factor, column in stretched.items()}}
     x = np.array(sorted(points))
     curve = PchipInterpolator(x, np.array([points[value] for value in x]))
-    what = f"time constants of the {name} bias noise"
-
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        return f"{what} {_sized(theta, interval)} too {'long' if theta < 1.0 else 'short'}"
-
-    return Explanation(
-        what,
+    return Hypothesis(
+        ExplanationKind.TIME_CONSTANT,
+        process,
         lambda value: np.asarray(base - states + curve(value)),
         (float(x[0]), float(x[-1])),
-        words,
-        f"missing {name} bias noise (faster)",
+        equivalent=explanation_source(ExplanationKind.MISSING_FASTER, process),
     )
 
 
 def _missing(
-    name: str, kind: str, base: FloatArray, column: FloatArray, edges: Sequence[tuple[float, float]]
-) -> Explanation:
-    """Return the explanation that states are missing beside those with the time constants `edges`."""
-    if edges:
-        fast, slow = min(edge[0] for edge in edges), max(edge[1] for edge in edges)
-        where = {
-            "slower": f"over decades slower than the slowest state ({slow:.3g} s)",
-            "next": f"a decade slower than the slowest state ({slow:.3g} s)",
-            "faster": f"a decade faster than the fastest state ({fast:.3g} s)",
-        }[kind]
-    else:
-        where = "over decades" if kind == "slower" else f"of some {UNMODELLED:g} s"
-
-    def words(theta: float, interval: tuple[float, float]) -> str:
-        size = f", about {theta:.2g} times{_between(*interval)} as strong" if edges else ""
-        return f"{name} bias noise {where} is missing{size}"
-
-    return Explanation(
-        f"missing {name} bias noise ({kind})",
+    process: str,
+    kind: ExplanationKind,
+    base: FloatArray,
+    column: FloatArray,
+    ends: Sequence[tuple[float, float]],
+) -> Hypothesis:
+    """Return the hypothesis that states are missing beside those with the shortest and longest times `ends`."""
+    beside = None
+    if ends:
+        faster = kind is ExplanationKind.MISSING_FASTER
+        beside = min(end[0] for end in ends) if faster else max(end[1] for end in ends)
+    return Hypothesis(
+        kind,
+        process,
         lambda x: base + math.exp(2.0 * x) * column,
-        (-LARGEST, LARGEST),
-        words,
+        (-LOG_MAX_RATIO, LOG_MAX_RATIO),
+        beside,
     )

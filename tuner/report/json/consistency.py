@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tuner.consistency.error_budget import Budget, blind_spots, table
-from tuner.consistency.observability import Observability
-from tuner.consistency.scores import Consistency, Score
+from tuner.consistency.error_budget import blind_spots, table
+from tuner.report.verdict_text import explanation_text, verdict_text
+from tuner.types.consistency import Consistency, ErrorBudget, Explanation, Observability, Score, Verdict
 
 
 def consistency_json(
@@ -33,7 +33,8 @@ def consistency_json(
         "source": dict(source),
         "consistent": found.consistent,
         "diverged": found.diverged,
-        "verdicts": list(found.verdicts),
+        "verdicts": [verdict_text(verdict) for verdict in found.verdicts],
+        "verdict_codes": [_verdict(verdict) for verdict in found.verdicts],
         "nees": None if found.nees is None else _score(found.nees),
         "blocks": {s.name: _score(s) for s in found.blocks},
         "nis": nis.get("nis"),
@@ -65,8 +66,19 @@ def consistency_json(
     }
 
 
-def budget_json(budget: Budget, seen: Observability) -> dict[str, Any]:
-    """Return shares of every source, wrong beliefs that would not show, and the observability map."""
+def explanation_json(explanation: Explanation) -> dict[str, Any]:
+    """Return what would explain the scores of a filter, with its size and in words."""
+    return {
+        "source": explanation.source,
+        "ratio": explanation.ratio,
+        "interval": list(explanation.interval),
+        "misfit": explanation.misfit,
+        "text": explanation_text(explanation),
+    }
+
+
+def budget_json(budget: ErrorBudget, seen: Observability) -> dict[str, Any]:
+    """Return shares of every source, wrong settings that would not show, and the observability of the states."""
     return {
         "sources": list(budget.sources),
         "shares": {
@@ -87,6 +99,23 @@ def budget_json(budget: Budget, seen: Observability) -> dict[str, Any]:
             {"states": list(d.states), "parts": list(d.parts), "strength": d.strength} for d in seen.weak
         ],
     }
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    """Return code, severity, subject and numbers; None stands for a ratio to nothing."""
+    return {
+        "code": verdict.code.value,
+        "severity": verdict.severity.value,
+        "subject": verdict.subject or None,
+        "numbers": {name: _plain(value) for name, value in verdict.numbers.items()},
+        "explanations": [explanation.source for explanation in verdict.explanations],
+    }
+
+
+def _plain(value: float | tuple[float, ...]) -> float | list[float] | None:
+    if isinstance(value, tuple):
+        return list(value)
+    return value if math.isfinite(value) else None
 
 
 def _score(score: Score) -> dict[str, Any]:

@@ -1,0 +1,182 @@
+"""Verdicts on a filter and what explains them, as English sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
+from tuner.consistency.observability import HARDLY_OBSERVED
+from tuner.types.consistency import Explanation, ExplanationKind, Observability, Verdict, VerdictCode
+
+_SCORED = {
+    "nees": "the errors of all states together",
+    "position": "the position error",
+    "velocity": "the velocity error",
+    "attitude": "the attitude error",
+    "gyro_bias": "the error of the gyro biases",
+    "accel_bias": "the error of the accelerometer biases",
+    "nis": "the innovations",
+    "nis_position": "the position innovations",
+    "nis_velocity": "the velocity innovations",
+}
+_DEGREES = float(np.degrees(1.0))
+_UNITS = (
+    ("position", 1.0, "m"),
+    ("velocity", 1.0, "m/s"),
+    ("tilt", _DEGREES, "deg"),
+    ("heading", _DEGREES, "deg"),
+    ("gyro bias", _DEGREES, "deg/s"),
+    ("accelerometer bias", 1.0, "m/s²"),
+)
+"""How names of states begin, factor from SI and customary unit."""
+NAMED = 3
+"""Rival explanations that a sentence names beside the likeliest."""
+
+
+def verdict_text(verdict: Verdict) -> str:
+    """Return a verdict as a sentence."""
+    numbers = verdict.numbers
+    match verdict.code:
+        case VerdictCode.DIVERGED:
+            return _diverged("")
+        case VerdictCode.NOT_FINITE:
+            return "the filter diverged: its errors are not finite"
+        case VerdictCode.RUNS_DIVERGED:
+            return _diverged(f" in {numbers['diverged_runs']} of {numbers['runs']} runs")
+        case VerdictCode.FIXES_REFUSED:
+            return _diverged(" and refuses most of its fixes")
+        case VerdictCode.START_NOT_LINEAR:
+            return _start(numbers)
+        case VerdictCode.TRUTH_FAR:
+            parts = [_far(name, float(np.max(ratio))) for name, ratio in numbers.items()]
+            return f"what was flown is beyond what the filter believes: {', '.join(parts)}"
+        case VerdictCode.SPURIOUS_INFORMATION:
+            return _spurious(verdict)
+        case VerdictCode.EXPLAINED:
+            return _explained(verdict.explanations)
+        case VerdictCode.NOT_EXPLAINED:
+            return "no single cause explains the scores"
+        case VerdictCode.OPTIMISTIC | VerdictCode.PESSIMISTIC:
+            return _scored(verdict)
+        case VerdictCode.CORRELATED_INNOVATIONS:
+            return (
+                f"the {verdict.subject} innovations are correlated: {numbers['correlation']:+.2f} "
+                f"at lag {numbers['lag']}, where white ones stay within ±{numbers['band']:.2f}"
+            )
+        case VerdictCode.CONSISTENT:
+            return "nothing speaks against the filter: no score is shown to be 10 % from honest"
+
+
+def explanation_text(explanation: Explanation) -> str:
+    """Return an explanation of scores, and the same in other words where there are such."""
+    words = _explanation(explanation)
+    other = explanation.equivalent
+    return words if other is None else f"{words}, or in other words: {_explanation(other)}"
+
+
+def observability_text(observability: Observability) -> tuple[str, ...]:
+    """Return sentences on states that the trajectory does not distinguish, or hardly shows."""
+    left = observability.left
+    sentences = []
+    for direction in observability.weak:
+        names = ", ".join(direction.states[:-1]) + f" and {direction.states[-1]}"
+        shares = " and ".join(f"{100.0 * left[name]:.2g} %" for name in direction.states)
+        sentences.append(
+            f"cannot be told apart on this trajectory: {names} ({shares} of their prior sd left)"
+        )
+    hardly = [f"{name} ({100.0 * value:.2g} %)" for name, value in left.items() if value > HARDLY_OBSERVED]
+    if hardly:
+        sentences.append(f"hardly better known than at the start: {', '.join(hardly)}")
+    return tuple(sentences)
+
+
+def _diverged(how: str) -> str:
+    return f"the filter diverged{how}: nothing it says can be used"
+
+
+def _start(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
+    attitude, gyros = (
+        ", ".join(f"{x:.2g}" for x in np.degrees(numbers[name])) for name in ("attitude_sd", "gyro_bias_sd")
+    )
+    return (
+        f"its start (1 sd: attitude {attitude} deg, gyro constants {gyros} deg/s) is more "
+        "than a linear filter always recovers from; let the vehicle stand to find the gyro biases first, and give it "
+        "what is left of them as constants"
+    )
+
+
+def _far(name: str, ratio: float) -> str:
+    return f"{name}, of which it believes none" if math.isinf(ratio) else f"{name} {ratio:.2g} times as large"
+
+
+def _spurious(verdict: Verdict) -> str:
+    factor, unit = next((f, unit) for first, f, unit in _UNITS if verdict.subject.startswith(first))
+    own, linear = (
+        f"{factor * float(np.max(verdict.numbers[k])):.2g} {unit}" for k in ("filter_sd", "linear_sd")
+    )
+    return (
+        f"the filter takes its own errors for information: it believes {verdict.subject} to {own} "
+        f"(1 sd, while aided), where this motion tells it to {linear}; its noise "
+        "cannot be judged here: fly turns and changes of speed, or begin with a smaller uncertainty"
+    )
+
+
+def _explained(explanations: Sequence[Explanation]) -> str:
+    reason = f"{explanation_text(explanations[0])}: that explains the runs best"
+    if len(explanations) > 1:
+        others = (explanation_text(other) for other in explanations[1 : NAMED + 1])
+        reason += "; not told from it: " + "; ".join(others)
+    return reason
+
+
+def _scored(verdict: Verdict) -> str:
+    what = _SCORED.get(verdict.subject)
+    if what is None:
+        what = f"the position error after {verdict.subject.removeprefix('outage ')} without fixes"
+    verb = "are" if what.endswith(("innovations", "together")) else "is"
+    return f"{what} {verb} {verdict.numbers['ratio']:.2f} × what the filter predicts: {verdict.code.value}"
+
+
+def _explanation(explanation: Explanation) -> str:
+    ratio, interval = explanation.ratio, explanation.interval
+    match explanation.kind:
+        case ExplanationKind.SCALE:
+            side = "small" if ratio > 1.0 else "large"
+            return f"{explanation.process} (sd) {_factor(ratio, interval)} too {side}"
+        case ExplanationKind.TIME_CONSTANT:
+            side = "long" if ratio < 1.0 else "short"
+            return f"{explanation.source} {_factor(ratio, interval)} too {side}"
+    where = _missing(explanation.kind, explanation.time_constant)
+    size = ""
+    if explanation.time_constant is not None:
+        size = f", about {ratio:.2g} times{_between(*interval)} as strong"
+    return f"{explanation.process} {where} is missing{size}"
+
+
+def _missing(kind: ExplanationKind, time_constant: float | None) -> str:
+    if time_constant is None:
+        return (
+            "over decades"
+            if kind is ExplanationKind.MISSING_SLOWER
+            else f"of some {UNMODELLED_TIME_CONSTANT:g} s"
+        )
+    beside = {
+        ExplanationKind.MISSING_SLOWER: "over decades slower than the slowest",
+        ExplanationKind.MISSING_NEXT: "a decade slower than the slowest",
+        ExplanationKind.MISSING_FASTER: "a decade faster than the fastest",
+    }[kind]
+    return f"{beside} state ({time_constant:.3g} s)"
+
+
+def _factor(ratio: float, interval: tuple[float, float]) -> str:
+    """Return a factor, taken above 1, with its interval."""
+    low, high = interval if ratio > 1.0 else (1.0 / interval[1], 1.0 / interval[0])
+    return f"about {max(ratio, 1.0 / ratio):.2g} times{_between(max(low, 1.0), high)}"
+
+
+def _between(low: float, high: float) -> str:
+    """Return an interval in words, nothing where it is narrower than the digits shown."""
+    return "" if f"{low:.2g}" == f"{high:.2g}" else f" ({low:.2g} … {high:.2g})"

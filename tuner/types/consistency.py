@@ -1,0 +1,367 @@
+"""Is a filter as uncertain as it says? Scores of its errors, verdicts on them, and what would explain them.
+
+Verdicts and explanations are codes with numbers (SI); `tuner.report.verdict_text` puts them into words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A mean of squared errors over the variances that the filter predicts for them.
+
+    Attributes
+    ----------
+    name : str
+        What is scored: ``nees`` or a block of it, ``nis`` or a part of it, ``outage 60 s``.
+    mean : float
+        Mean of the squares, `dof` where the filter is right.
+    dof : int
+        Components of one square.
+    effective : float
+        Degrees of freedom of χ² with the variance of the mean.
+    band : (float, float)
+        Means that do not speak against the filter.
+    """
+
+    name: str
+    mean: float
+    dof: int
+    effective: float
+    band: tuple[float, float]
+
+    @property
+    def ratio(self) -> float:
+        """True rms ÷ predicted sd."""
+        return math.sqrt(self.mean / self.dof)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mean lies in the band."""
+        return self.band[0] <= self.mean <= self.band[1]
+
+
+@dataclass(frozen=True)
+class Outage:
+    """Position after some time without fixes: rms error and prediction, m, over a number of windows."""
+
+    seconds: float
+    rms: float
+    predicted: float
+    score: Score
+    windows: int
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """The largest autocorrelation of whitened innovations over lags and parts.
+
+    Attributes
+    ----------
+    part : str
+        ``position`` or ``velocity``.
+    lag : int
+        Epochs.
+    correlation : float
+        Value there.
+    band : float
+        Largest absolute value that does not speak against the filter.
+    """
+
+    part: str
+    lag: int
+    correlation: float
+    band: float
+
+    @property
+    def consistent(self) -> bool:
+        """Whether it is inside the band."""
+        return abs(self.correlation) <= self.band
+
+
+class Severity(StrEnum):
+    """How much a verdict weighs."""
+
+    DIVERGED = "diverged"
+    """The filter diverged: nothing it says can be used."""
+    EXPLANATION = "explanation"
+    """Says why the filter diverged or what would explain its scores."""
+    INCONSISTENT = "inconsistent"
+    """A score speaks against the filter."""
+    CONSISTENT = "consistent"
+    """Nothing speaks against the filter."""
+
+
+class VerdictCode(StrEnum):
+    """What a verdict says, with the numbers that go with it."""
+
+    DIVERGED = "diverged"
+    NOT_FINITE = "diverged_not_finite"
+    RUNS_DIVERGED = "diverged_in_runs"
+    """`diverged_runs`, `runs`."""
+    FIXES_REFUSED = "diverged_refusing_fixes"
+    START_NOT_LINEAR = "initial_uncertainty_not_linear"
+    """`attitude_sd`, `gyro_bias_sd`: three values each, rad and rad/s."""
+    TRUTH_FAR = "truth_far_from_configuration"
+    """True ÷ configured sd by name of the quantity; infinite where none is configured."""
+    SPURIOUS_INFORMATION = "spurious_information"
+    """Of `subject`: `filter_sd`, and `linear_sd` of linear covariance."""
+    EXPLAINED = "explained"
+    """`explanations`, the likeliest first."""
+    NOT_EXPLAINED = "not_explained"
+    OPTIMISTIC = "optimistic"
+    """Of the score `subject`: `ratio` of true rms to predicted sd."""
+    PESSIMISTIC = "pessimistic"
+    """As `OPTIMISTIC`."""
+    CORRELATED_INNOVATIONS = "correlated_innovations"
+    """Of the part `subject`: `correlation`, `lag`, `band`."""
+    CONSISTENT = "consistent"
+
+
+class ExplanationKind(StrEnum):
+    """In which way a configuration may be wrong."""
+
+    SCALE = "scale"
+    """The sd of a source is wrong by a ratio."""
+    TIME_CONSTANT = "time_constant"
+    """The time constants of a source are wrong by a ratio."""
+    MISSING_SLOWER = "slower"
+    """Decades of states slower than the slowest are missing."""
+    MISSING_NEXT = "next"
+    """One state, a decade slower than the slowest, is missing."""
+    MISSING_FASTER = "faster"
+    """One state, a decade faster than the fastest, is missing."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One thing wrong with a configuration that would explain the scores of its filter.
+
+    Attributes
+    ----------
+    kind : ExplanationKind
+        In which way it is wrong.
+    process : str
+        The source of errors, such as ``gyro bias noise``.
+    ratio : float
+        True ÷ configured sd, or time constant; of a missing process, its sd ÷ that of the state beside it.
+    interval : (float, float)
+        95 % interval of the ratio; ends at the bounds of the search.
+    misfit : float
+        Sum of squares that it leaves over in the logarithms of the scores.
+    time_constant : float or None
+        Of the state beside a missing process, s; None where the filter has no states for it.
+    equivalent : Explanation or None
+        The same effect described otherwise: the runs do not distinguish the two.
+    """
+
+    kind: ExplanationKind
+    process: str
+    ratio: float
+    interval: tuple[float, float]
+    misfit: float
+    time_constant: float | None = None
+    equivalent: Explanation | None = None
+
+    @property
+    def source(self) -> str:
+        """What is wrong, in a few words that do not depend on the ratio."""
+        return explanation_source(self.kind, self.process)
+
+
+def explanation_source(kind: ExplanationKind, process: str) -> str:
+    """Return the name of what is wrong, such as ``missing gyro bias noise (slower)``."""
+    if kind is ExplanationKind.SCALE:
+        return process
+    if kind is ExplanationKind.TIME_CONSTANT:
+        return f"time constants of the {process}"
+    return f"missing {process} ({kind.value})"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One statement on a filter.
+
+    Attributes
+    ----------
+    code : VerdictCode
+        What is said; which numbers go with it, see there.
+    severity : Severity
+        How much it weighs.
+    subject : str
+        The score, state or part it is about; empty where it is about the whole filter.
+    numbers : mapping of str to float or tuple of float
+        SI.
+    explanations : tuple of Explanation
+        Of `VerdictCode.EXPLAINED`.
+    """
+
+    code: VerdictCode
+    severity: Severity
+    subject: str = ""
+    numbers: Mapping[str, float | tuple[float, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    explanations: tuple[Explanation, ...] = ()
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Scores of a filter and the verdicts on them.
+
+    Attributes
+    ----------
+    nees : Score or None
+        None without a reference.
+    blocks : tuple of Score
+        NEES of position, velocity, attitude, gyro and accelerometer biases.
+    nis : tuple of Score
+        All, position, velocity.
+    whiteness : Whiteness or None
+        None where there are too few innovations in a row.
+    outages : tuple of Outage
+        By length.
+    errors : mapping of str to tuple of floats
+        Rms while aided: ``position_rms_m``, ``velocity_rms_m_s``, ``attitude_rms_rad``.
+    gated : float
+        Share of fixes refused by the gate.
+    diverged : bool
+        Whether the filter diverged.
+    verdicts : tuple of Verdict
+        The gravest first.
+    """
+
+    nees: Score | None
+    blocks: tuple[Score, ...]
+    nis: tuple[Score, ...]
+    whiteness: Whiteness | None
+    outages: tuple[Outage, ...]
+    errors: Mapping[str, tuple[float, ...]]
+    gated: float
+    diverged: bool
+    verdicts: tuple[Verdict, ...] = ()
+
+    @property
+    def shown(self) -> Consistency:
+        """What may be shown: of a filter that diverged nothing but that, and the share of fixes refused."""
+        if not self.diverged:
+            return self
+        return Consistency(None, (), (), None, (), {}, self.gated, self.diverged, self.verdicts)
+
+    @property
+    def scores(self) -> tuple[Score, ...]:
+        """All scores of mean squares."""
+        first = () if self.nees is None else (self.nees,)
+        return (*first, *self.blocks, *self.nis, *(outage.score for outage in self.outages))
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing speaks against the filter."""
+        white = self.whiteness is None or self.whiteness.consistent
+        return white and not self.diverged and all(score.consistent for score in self.scores)
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Covariance of the errors of a filter by source, at the e epochs that are scored (SI).
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Names, g of them.
+    t : ndarray, shape (e,)
+        Times of the fixes, s.
+    covariance : ndarray, shape (e, g, 15, 15)
+        Of position, velocity, attitude errors and total biases, by source.
+    total : ndarray, shape (e, 15, 15)
+        The filter's own: for the sources that it is configured for, their sum.
+    innovation, innovation_total : ndarray, shapes (e, g, 6, 6), (e, 6, 6)
+        The same of innovations.
+    aided : ndarray of int
+        Epochs with fixes.
+    after : mapping of float to ndarray of int
+        Epochs so long, s, after the begin of an outage.
+    prior, final : ndarray, shapes (n,), (n, n)
+        Sds at the start, the filter's own P after its last fix.
+    """
+
+    sources: tuple[str, ...]
+    t: FloatArray
+    covariance: FloatArray
+    total: FloatArray
+    innovation: FloatArray
+    innovation_total: FloatArray
+    aided: NDArray[np.intp]
+    after: Mapping[float, NDArray[np.intp]]
+    prior: FloatArray
+    final: FloatArray
+
+    def share(self, epochs: NDArray[np.intp], block: slice) -> FloatArray:
+        """Return the share of every source in the variances of a block, mean over epochs; shape (g,), sum 1."""
+        parts = np.einsum("egii->egi", self.covariance[epochs])[:, :, block]
+        whole = np.einsum("eii->ei", self.total[epochs])[:, None, block]
+        return np.asarray((parts / whole).mean(axis=(0, 2)))
+
+
+@dataclass(frozen=True)
+class WeakDirection:
+    """States whose errors a trajectory does not distinguish.
+
+    Attributes
+    ----------
+    states : tuple of str
+        The states, the largest part first.
+    parts : tuple of float
+        Part of each in the direction, a unit vector of errors in units of their sds.
+    strength : float
+        Eigenvalue of the correlation matrix: the number of states, where they cannot be distinguished at all.
+    """
+
+    states: tuple[str, ...]
+    parts: tuple[float, ...]
+    strength: float
+
+
+@dataclass(frozen=True)
+class Observability:
+    """Final ÷ initial sd of every state, and the weak directions, the strongest first."""
+
+    left: Mapping[str, float]
+    weak: tuple[WeakDirection, ...]
+
+
+@dataclass(frozen=True)
+class Check:
+    """The outcome of a Monte-Carlo check of a configuration.
+
+    Attributes
+    ----------
+    consistency : Consistency
+        Scores and verdicts.
+    states : int
+        States of the filter.
+    notes : tuple of str
+        What had to be assumed.
+    budget : ErrorBudget or None
+        Variance by source; where it was wanted or the filter is not consistent.
+    observability : Observability or None
+        What the trajectory shows of the states; beside the budget.
+    explanations : tuple of Explanation
+        What would explain the scores of an inconsistent filter, the likeliest first.
+    """
+
+    consistency: Consistency
+    states: int
+    notes: tuple[str, ...]
+    budget: ErrorBudget | None = None
+    observability: Observability | None = None
+    explanations: tuple[Explanation, ...] = ()
