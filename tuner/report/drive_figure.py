@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive import ExaminedDrive
+from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.formats.files import whole_file
 from tuner.navigation.data import WITHHELD
@@ -33,6 +34,7 @@ from tuner.report.drive_views import (
     draw_effect,
     normalised,
 )
+from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
@@ -132,8 +134,8 @@ def _view(examined: ExaminedDrive, cause: str) -> View:
     """Return the view of a cause; of one that shifts innovations, with its constants in axes of the unit."""
     one = next((a for a in examined.search.accepted if a.cause == cause), None)
     if one is None or one.candidate.scored is None:
-        return VIEWS.get(cause, draw_distribution)
-    values = {f"{cause}.{name}": c.value for name, c in one.parameters.items() if c.value is not None}
+        return VIEWS.get(DRIVE_CAUSES[cause].view, draw_distribution)
+    values = {Parameter(cause, name): c.value for name, c in one.parameters.items() if c.value is not None}
     return partial(draw_effect, values=values)
 
 

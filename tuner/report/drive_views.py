@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from tuner.diagnosis.drive.hypothesis import FilterRun
+from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, FilterRun, str], None]
@@ -42,13 +43,13 @@ def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
     return z, np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
-def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[str, float]) -> None:
+def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Parameter, float]) -> None:
     """Draw innovations over what the constants that were found would do to them.
 
     Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
     """
     w = found.whitened
-    own = [found.linearized.parameters.index(name) for name in values]
+    own = [found.linearized.parameters.index(parameter) for parameter in values]
     effect = w.slope[:, own] @ np.array(list(values.values()))
     order = np.argsort(effect)
     x, y = effect[order], w.residual[order]
@@ -138,9 +139,9 @@ def draw_memory(panel: Axes, found: FilterRun, title: str) -> None:
 
 
 VIEWS: Mapping[str, View] = {
-    "gnss_outliers": draw_outliers,
-    "gnss_velocity": draw_wrong_velocities,
-    "correlated_gnss": draw_memory,
-    "bias_jump": draw_memory,
+    "distribution": draw_distribution,
+    "positions": draw_outliers,
+    "velocities": draw_wrong_velocities,
+    "slow means": draw_memory,
 }
-"""View of a cause of noise; constants that shift innovations have `draw_effect`, others `draw_distribution`."""
+"""Figure of every view that a cause may declare but ``sensitivity``, which needs its estimates (`draw_effect`)."""

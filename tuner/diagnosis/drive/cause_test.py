@@ -33,7 +33,13 @@ class CauseTest:
     describe: Callable[[], Mapping[str, Coefficient]]
     law: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
+    def is_significant(self, threshold: float) -> bool:
+        """Whether the p value is below a threshold and the cause gains likelihood."""
+        return self.alarm.p_value < threshold and self.alarm.gain > MIN_GAIN
 
+
+MIN_GAIN = 1.0
+"""Gain from which a cause is named, nats: a Bayes factor of e."""
 NO_GAIN = -9.0
 """Gain of a family that has nothing to say, nats."""
 
@@ -43,3 +49,13 @@ def not_significant(
 ) -> CauseTest:
     """Return the outcome of a family that has nothing to say."""
     return CauseTest(Alarm(cause, p_value, NO_GAIN, statistic, name), noise, dict)
+
+
+MIN_FACTOR = 0.02
+"""Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
+a filter configured so refuses every fix once it is off."""
+
+
+def scaled_factor(values: Mapping[str, float], key: str, more: float) -> float:
+    """Return a factor of a compensation times another one, `MIN_FACTOR` at least."""
+    return max(MIN_FACTOR, values.get(key, 1.0) * more)

@@ -9,13 +9,14 @@ import numpy as np
 
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
+from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
 from tuner.diagnosis.drive.causes.time_offset import clock_drift, clocks_are_suspicious, coarse_clock_search
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter, thin_fixes
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.search import THRESHOLD, SearchResult, search_causes
+from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
@@ -114,10 +115,12 @@ def _diagnosis(
     ]
     pairs = zip(outcome.accepted, own, strict=True)
     findings = tuple(sorted((finding(one, drive, of) for one, of in pairs), key=lambda f: f.p_value))
-    biases = biases_beyond_prior(outcome.final, config, outcome.shifts, THRESHOLD)
+    biases = biases_beyond_prior(outcome.final, config, outcome.shifts, significance_threshold())
     # A bias is what named causes leave: it comes last.
     turned = (
-        mounting(outcome.final, drive.mounting, THRESHOLD) if wheels and drive.mounting is not None else None
+        mounting(outcome.final, drive.mounting, significance_threshold())
+        if wheels and drive.mounting is not None
+        else None
     )
     findings = (*findings, *biases) if turned is None else (*findings, turned, *biases)
     final = outcome.final.hypothesis
@@ -139,7 +142,7 @@ def _diagnosis(
     left = tuple(
         Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
     )
-    left = (*left, *clock_drift(outcome.final, outcome.shifts, THRESHOLD))
+    left = (*left, *clock_drift(outcome.final, outcome.shifts, significance_threshold()))
     told = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
     untold = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from models.earth import llh_displaced
+from tuner.diagnosis.drive.causes.base import prior_sds
 from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
-from tuner.diagnosis.drive.score_tests import PRIORS
 from tuner.navigation.drive.run import reported_sds
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types.records import DataError, Drive
@@ -61,7 +61,7 @@ def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
     white, slope, rows = _whitened(run)
     white_1, slope_1, rows_1 = _whitened(other)
     rows &= rows_1
-    prior = np.array([PRIORS[parameter.cause] for parameter in run.linearized.parameters])
+    prior = prior_sds(run.linearized.parameters)
     s = slope[rows] * prior
     pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -MAX_CHANGE, MAX_CHANGE)
     return np.asarray(prior * np.linalg.solve(RIDGE * np.eye(len(prior)) + s.T @ s, pull))

@@ -13,16 +13,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from models.noise import GaussMarkov
+from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.linearize import linearize
-from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
+from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
+from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
+from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
 from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
-from tuner.types import Compensation, FilterConfig, Parameter
+from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
 from tuner.types.records import Drive
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +82,37 @@ class Hypothesis:
         none = np.zeros(len(drive.gnss), dtype=bool)
         return cls(config, compensation or Compensation(), none, none)
 
+    def with_compensation_of(self, cause: str, other: Hypothesis) -> Hypothesis:
+        """Return the hypothesis with one cause compensated as in another one."""
+        values = {p: value for p, value in other.compensation.items() if p.cause == cause}
+        return replace(self, compensation=self.compensation.without((cause,)).with_values(values))
+
+    def with_noise(self, linearized: LinearizedRun, test: CauseTest) -> Hypothesis:
+        """Return the hypothesis with the noise that a test estimates on the run under this one.
+
+        Factors on the sds of the fixes go into the compensation, all else into the configuration.
+        """
+        noise, config = test.noise, self.config
+        ratio = noise.sd / linearized.sd
+        factors = test.law or {
+            name: float(np.median(ratio[:, list(rows)])) for name, rows in ROW_GROUPS.items()
+        }
+        before = self.compensation.of(GNSS_NOISE_SCALE)
+        values = {
+            name: scaled_factor(before, name, factor) if name in ROW_GROUPS else factor
+            for name, factor in factors.items()
+        }
+        config = _with_density_factors(
+            config, dict(zip(NOISE_GROUPS, noise.process_noise_scale.tolist(), strict=True))
+        )
+        if np.any(noise.markov_sd > 0.0) and config.gnss is not None:
+            level, down = float(np.sqrt(np.mean(noise.markov_sd[:2] ** 2))), float(noise.markov_sd[2])
+            state = GaussMarkov(level or down, float(noise.markov_time))
+            gnss = replace(config.gnss, correlated=(*config.gnss.correlated, state))
+            config = replace(config, gnss=replace(gnss, correlated_down=down / (level or down)))
+        changed = {Parameter(GNSS_NOISE_SCALE, name): value for name, value in values.items() if value != 1.0}
+        return replace(self, config=config, compensation=self.compensation.with_values(changed))
+
     def with_values(self, values: Mapping[Parameter, float]) -> Hypothesis:
         """Return the hypothesis with further values of the compensation, or others."""
         return replace(self, compensation=self.compensation.with_values(values))
@@ -102,6 +137,23 @@ class Hypothesis:
         """Return the hypothesis with no fix left out."""
         none = np.zeros_like(self.position_out)
         return replace(self, position_out=none, velocity_out=none)
+
+
+def _with_density_factors(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
+    """Return the configuration with its densities times factors by group."""
+
+    def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:
+        white, slow = factor[f"{axis[:-2]}_white"], factor[f"{axis[:-2]}_bias"]
+        return replace(
+            noise,
+            white_density=white * noise.white_density,
+            random_walk_density=slow * noise.random_walk_density,
+            markov=tuple(replace(state, sd=slow * state.sd) for state in noise.markov),
+        )
+
+    if all(value == 1.0 for value in factor.values()):
+        return config
+    return replace(config, channels={axis: channel(axis, noise) for axis, noise in config.channels.items()})
 
 
 @dataclass(frozen=True)

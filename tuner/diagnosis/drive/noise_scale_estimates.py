@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES, is_noise_scale
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
-from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, run_filter
+from tuner.diagnosis.drive.hypothesis import FilterRun, run_filter
 from tuner.diagnosis.drive.hypothesis_tests import noise_hypothesis_of
 from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, noise_parameters, present
@@ -38,8 +39,6 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "velocity": ("error of the velocities", "m/s"),
 }
 """Noise settings of a filter: in words, SI unit."""
-NOISE_SCALE_CAUSES = ("gnss_noise_scale", "imu_noise_scale")
-"""Findings that are themselves an inflation: they explain none."""
 MIN_VIBRATION_RATIO = 1.5
 """Vibration, moving ÷ standing, from which it counts."""
 MIN_RETURNED_SHARE = 0.25
@@ -193,7 +192,7 @@ def _responsible_causes(
     prior_sd: Mapping[str, float],
 ) -> dict[str, tuple[str, ...]]:
     """Return the findings that bring factors back when they are forgotten, the most important first."""
-    causes = tuple(dict.fromkeys(c for c in known if c not in NOISE_SCALE_CAUSES))[:MAX_CAUSES_LEFT_OUT]
+    causes = tuple(dict.fromkeys(c for c in known if not is_noise_scale(c)))[:MAX_CAUSES_LEFT_OUT]
     if not fallen or not causes:
         return {}
     if len(causes) == 1:
@@ -202,7 +201,7 @@ def _responsible_causes(
     for cause in causes:
         others = tuple(c for c in known if c != cause)
         try:
-            less = run_filter(drive, without_cause(final.hypothesis, base.hypothesis, cause))
+            less = run_filter(drive, DRIVE_CAUSES[cause].without(final.hypothesis, base.hypothesis))
             asked = _fit_factors(base, less, others, prior_sd, fallen, named.fit)
         except (DataError, np.linalg.LinAlgError):
             # A filter that cannot do without the cause: all of the factor is back.
@@ -216,23 +215,6 @@ def _responsible_causes(
         order = sorted(shares, key=lambda cause: -shares[cause])
         answer[name] = tuple(c for c in order if shares[c] > MIN_RETURNED_SHARE) or (order[0],)
     return answer
-
-
-def without_cause(final: Hypothesis, base: Hypothesis, cause: str) -> Hypothesis:
-    """Return a hypothesis without one of its causes."""
-    configured = {p: value for p, value in base.compensation.items() if p.cause == cause}
-    less = replace(final, compensation=final.compensation.without((cause,)).with_values(configured))
-    if cause == "bias_jump":
-        return replace(less, jumps=base.jumps)
-    if cause == "gnss_outliers":
-        return replace(less, position_out=base.position_out)
-    if cause == "gnss_velocity":
-        return replace(less, velocity_out=base.velocity_out)
-    if cause == "correlated_gnss" and final.config.gnss is not None and base.config.gnss is not None:
-        was = base.config.gnss
-        gnss = replace(final.config.gnss, correlated=was.correlated, correlated_down=was.correlated_down)
-        return replace(less, config=replace(final.config, gnss=gnss))
-    return less
 
 
 def _remaining_cause(
@@ -257,7 +239,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
     named = [
         cause.replace("_", " ")
         for cause in one.causes
-        if cause not in (UNKNOWN, "vibration", *NOISE_SCALE_CAUSES)
+        if cause not in (UNKNOWN, "vibration") and not is_noise_scale(cause)
     ]
     parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
     if named:

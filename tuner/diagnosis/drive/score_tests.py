@@ -18,42 +18,19 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from tuner.diagnosis.drive.causes.base import constant_causes, prior_sds
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
-PRIORS: Mapping[str, float] = {
-    "time_offset": 0.1,
-    "velocity_lag": 0.1,
-    "lever_arm": 1.0,
-    "gnss_frame": 0.02,
-    "gyro_scale": 5e-3,
-    "accel_scale": 5e-3,
-    "misalignment": 1e-2,
-    "g_sensitivity": 2e-4,
-    "gravity": 1e-3,
-}
-"""Spread of each parameter of a cause in practice, SI."""
-LARGEST: Mapping[str, float] = {
-    "time_offset": 3.0,
-    "velocity_lag": 1.5,
-    "lever_arm": 10.0,
-    "gnss_frame": 3.2,
-    "gyro_scale": 0.1,
-    "accel_scale": 0.1,
-    "misalignment": 0.2,
-    "g_sensitivity": 0.01,
-    "gravity": 0.02,
-}
-"""Size from which a cause is rejected, however well it fits: something else is wrong."""
 BLOCK_DURATION = 30.0
 """Length of the blocks whose sums are compared, s."""
 FITTED_SHARE = 0.6
@@ -88,7 +65,7 @@ class ScoreTest:
     @property
     def credible(self) -> bool:
         """Whether a cause of this size is met in practice."""
-        return self.size < LARGEST[self.cause]
+        return self.size < constant_causes()[self.cause].largest
 
 
 @dataclass(frozen=True)
@@ -133,7 +110,7 @@ def score_tests(
     residual, slope = _projected_out(w, known)
     return tuple(
         _score_test(w.t, residual, slope, cause, columns_of(cause, parameters))
-        for cause in PRIORS
+        for cause in constant_causes()
         if cause not in accepted
     )
 
@@ -181,7 +158,7 @@ def late_gain(
 
     def left(causes: Sequence[str]) -> FloatArray:
         own = list(_columns(causes, parameters))
-        prior = np.array([PRIORS[parameters[i].cause] for i in own])
+        prior = prior_sds(tuple(parameters[i] for i in own))
         s = w.slope[:, own]
         theta = np.linalg.solve(s[early].T @ s[early] + np.diag(prior**-2), s[early].T @ raw[early])
         return np.asarray((raw - s @ theta)[~early], dtype=float)
@@ -198,7 +175,7 @@ def fit_constants(
     known = _columns(accepted, parameters)
     own = list(known)
     s = w.slope[:, own]
-    prior = np.array([PRIORS[parameters[i].cause] for i in own])
+    prior = prior_sds(tuple(parameters[i] for i in own))
     information = s.T @ s
     inverse = np.linalg.pinv(information * np.outer(prior, prior), rcond=1e-10, hermitian=True)
     inverse *= np.outer(prior, prior)
@@ -221,7 +198,7 @@ def inseparable(
     at = np.linalg.lstsq(own, residual, rcond=None)[0]
     path = own @ at
     names = []
-    for other in PRIORS:
+    for other in constant_causes():
         if other in accepted:
             continue
         s = slope[:, list(columns_of(other, parameters))]
@@ -274,7 +251,8 @@ def _projected_out(w: WhitenedInnovations, known: Sequence[int]) -> tuple[FloatA
 def _score_test(
     t: FloatArray, residual: FloatArray, slope: FloatArray, cause: str, own: tuple[int, ...]
 ) -> ScoreTest:
-    s = slope[:, list(own)] * PRIORS[cause]
+    prior_sd = constant_causes()[cause].prior_sd
+    s = slope[:, list(own)] * prior_sd
     information, b = s.T @ s, s.T @ residual
     inverse = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
     step = inverse @ b
@@ -284,7 +262,7 @@ def _score_test(
     shrunk = np.linalg.solve(information / c + eye, b / c)
     gain = 0.5 * float(b @ shrunk) / c - 0.5 * float(np.linalg.slogdet(eye + information / c)[1])
     return ScoreTest(
-        cause, own, z2, float(chi2.sf(z2, len(own))), gain, PRIORS[cause] * float(np.abs(shrunk).max())
+        cause, own, z2, float(chi2.sf(z2, len(own))), gain, prior_sd * float(np.abs(shrunk).max())
     )
 
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes, noise_causes
 from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
-from tuner.diagnosis.drive.causes.gnss_outliers import ROWS_OF_CAUSE
 from tuner.diagnosis.drive.causes.noise_scale import FINDING_NAMES
+from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.reported_sd import (
     coefficient,
     edge_coefficients,
@@ -29,7 +30,6 @@ from tuner.diagnosis.drive.hypothesis_tests import (
     Candidate,
     candidates,
     coefficients,
-    hypothesis_with,
     noise_hypothesis_of,
     score_candidate,
 )
@@ -44,7 +44,6 @@ from tuner.diagnosis.drive.residue_of_strong_causes import (
     rejection_note,
 )
 from tuner.diagnosis.drive.score_tests import (
-    PRIORS,
     ConstantsFit,
     ScoreTest,
     fit_constants,
@@ -56,13 +55,6 @@ from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
 from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
-FALSE_ALARM_PROBABILITY = 3e-3
-"""Chance of any finding in a clean drive."""
-N_FAMILIES = len(PRIORS) + 8
-THRESHOLD = FALSE_ALARM_PROBABILITY / N_FAMILIES
-"""Chance below which a family alarms."""
-NOISE_SCALE_CAUSES = (GNSS_NOISE_SCALE, "imu_noise_scale")
-"""Causes that are factors on groups of noise: estimated once, at the end."""
 MAX_ITERATIONS = 12
 RIVAL_NATS = 3.0
 """Nats within which a rival counts as an alternative."""
@@ -148,15 +140,19 @@ def search_causes(
     previous: tuple[Candidate, ...] = ()
     spent: set[str] = set()
     for _ in range(MAX_ITERATIONS):
-        alarms = candidates(run, run.whitened, known, THRESHOLD)
-        shifts = [a for a in alarms if a.scored is not None and a.is_significant(THRESHOLD)]
+        alarms = candidates(run, run.whitened, known, significance_threshold())
+        shifts = [a for a in alarms if a.scored is not None and a.is_significant(significance_threshold())]
         if shifts and run.hypothesis.errors_in_variables_bias is None:
             run = _with_errors_in_variables_bias(drive, run)
-            alarms = candidates(run, run.whitened, known, THRESHOLD)
+            alarms = candidates(run, run.whitened, known, significance_threshold())
         if accepted:
             accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
         previous = alarms
-        raised = [a for a in alarms if a.is_significant(THRESHOLD) and a.credible and a.cause not in spent]
+        raised = [
+            a
+            for a in alarms
+            if a.is_significant(significance_threshold()) and a.credible and a.cause not in spent
+        ]
         if not raised:
             break
         chosen = max(raised, key=lambda a: a.alarm.gain)
@@ -165,7 +161,7 @@ def search_causes(
             alike = inseparable(run.whitened, run.linearized.parameters, chosen.cause, (*known, chosen.cause))
             known = (*known, chosen.cause)
             # Fixes that a shift made look wrong are asked again.
-            accepted = [a for a in accepted if a.cause not in ROWS_OF_CAUSE]
+            accepted = [a for a in accepted if not is_of_single_fixes(a.cause)]
             accepted.append(Accepted(chosen, {}, inseparable=alike))
             if run.hypothesis.position_out.any() or run.hypothesis.velocity_out.any():
                 run = run_filter(drive, run.hypothesis.with_all_fixes())
@@ -179,7 +175,7 @@ def search_causes(
             assert chosen.claim is not None
             # Factors on R and Q that were fitted together have one noise.
             together = [a for a in raised if a.claim is not None and a.claim.noise is chosen.claim.noise]
-            then = hypothesis_with(run, chosen.claim)
+            then = noise_causes()[chosen.cause].accepted(run, chosen.claim)
             if then.is_equivalent_to(run.hypothesis):
                 # What is asked for is at its bound: the filter can have no more of it.
                 spent |= {a.cause for a in together}
@@ -189,7 +185,7 @@ def search_causes(
             for one in together:
                 assert one.claim is not None
                 accepted.append(
-                    Accepted(one, {} if one.cause in NOISE_SCALE_CAUSES else dict(one.claim.describe()))
+                    Accepted(one, {} if is_noise_scale(one.cause) else dict(one.claim.describe()))
                 )
             run = refit_constants(
                 drive, run_filter(drive, replace(then, errors_in_variables_bias=None)), known
@@ -199,11 +195,9 @@ def search_causes(
     run, accepted, known, notes = _without_unsupported_causes(drive, run, accepted, known)
     run, accepted, more = _without_weak_jumps(drive, run, accepted, known)
     accepted = _with_noise_scales(_with_estimates(run, accepted, known), base, run, known)
-    accepted = [
-        a for a in accepted if a.cause not in NOISE_SCALE_CAUSES or not _consistent_with_one(a.parameters)
-    ]
+    accepted = [a for a in accepted if not is_noise_scale(a.cause) or not _consistent_with_one(a.parameters)]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
-    left = tuple(a for a in alarms if a.is_significant(THRESHOLD))
+    left = tuple(a for a in alarms if a.is_significant(significance_threshold()))
     return SearchResult(base, run, tuple(accepted), left, known, (*notes, *more))
 
 
@@ -267,14 +261,14 @@ def _robust_log_likelihood(run: FilterRun) -> float:
 
 def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
     """Return what was accepted with the causes that did nearly as well and fell silent with it."""
-    loud = {a.cause for a in after if a.is_significant(THRESHOLD)}
+    loud = {a.cause for a in after if a.is_significant(significance_threshold())}
     best = one.candidate.alarm.gain
     rivals = tuple(
         Alternative(a.cause, float(np.exp(min(a.alarm.gain - best, 0.0))))
         for a in before
         if a.cause != one.cause
         and a.cause not in loud
-        and a.alarm.p_value < THRESHOLD
+        and a.alarm.p_value < significance_threshold()
         and a.alarm.gain > max(best - RIVAL_NATS, 0.0)
     )
     return replace(one, alternatives=rivals)
@@ -295,11 +289,11 @@ def _without_unsupported_causes(
         w = run.whitened
         alarm = retest(w, names, known, cause, values)
         if (
-            alarm.p_value < THRESHOLD
+            alarm.p_value < significance_threshold()
             and alarm.credible
             and _gains_late(alarm, late_gain(w, names, known, cause, at))
         ):
-            if not (strong := explained_by_stronger(run, known, alarm, THRESHOLD)):
+            if not (strong := explained_by_stronger(run, known, alarm, significance_threshold())):
                 continue
             notes.append(rejection_note(cause, alarm.gain, strong))
         known = tuple(other for other in known if other != cause)
@@ -317,7 +311,7 @@ def _without_weak_jumps(
     if len(jumps) != 1 or not (strong := causes_stronger_than_jump(run, known, jumps[0])):
         return run, accepted, ()
     less = run_filter(drive, replace(run.hypothesis, jumps=()))
-    if jump_remains(less, known, strong, THRESHOLD):
+    if jump_remains(less, known, strong, significance_threshold()):
         return run, accepted, ()
     note = rejection_note(JUMP, jumps[0].gain, strong)
     return refit_constants(drive, less, known), [a for a in accepted if a.cause != JUMP], (note,)
@@ -353,7 +347,7 @@ def _with_noise_scales(
     accepted: list[Accepted], base: FilterRun, run: FilterRun, known: tuple[str, ...]
 ) -> list[Accepted]:
     """Return what was accepted, factors on noise as the last pass has them: all of them and shifts together."""
-    causes = [one.cause for one in accepted if one.cause in NOISE_SCALE_CAUSES]
+    causes = [one.cause for one in accepted if is_noise_scale(one.cause)]
     if not causes:
         return accepted
     noise = noise_hypothesis_of(run, known)

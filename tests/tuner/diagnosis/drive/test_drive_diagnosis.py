@@ -9,11 +9,11 @@ import pytest
 
 from models import rotation
 from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.hypothesis import Hypothesis, run_filter
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations, whiten
 from tuner.diagnosis.drive.score_tests import fit_constants, late_gain, score_tests
-from tuner.diagnosis.drive.search import THRESHOLD
 from tuner.formats.configuration import config_json, load_config
 from tuner.navigation.compensation import compensate, sensor_matrix
 from tuner.types import Compensation, Parameter
@@ -87,7 +87,7 @@ def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
     found = diagnose_drive(simulated(7, duration=DURATION, **hidden), drive_config)
     assert [finding.cause for finding in found.findings] == [cause]
     (finding,) = found.findings
-    assert finding.p_value < THRESHOLD
+    assert finding.p_value < significance_threshold()
     for name, value in truth.items():
         told = finding.parameters[name]
         half = 0.5 * (told.interval[1] - told.interval[0])

@@ -10,8 +10,8 @@ import pytest
 
 from tests.tuner.diagnosis.drive.replicas import Source
 from tuner.diagnosis.drive.cause_test import CauseTest
-from tuner.diagnosis.drive.causes.bias_jump import bias_jump, with_jump
-from tuner.diagnosis.drive.hypothesis_tests import MAX_JUMP_SIZE, Candidate
+from tuner.diagnosis.drive.causes.bias_jump import MAX_JUMP_SIZE, bias_jump, with_jump
+from tuner.diagnosis.drive.hypothesis_tests import Candidate
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten

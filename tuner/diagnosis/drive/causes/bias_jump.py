@@ -28,9 +28,12 @@ from numpy.typing import NDArray
 from scipy.special import gamma
 from scipy.stats import chi2
 
+from models.effects.drive.imu import BiasJump as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
+from tuner.diagnosis.drive.causes.base import NoiseCause
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, Jump
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
-from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate_with_gradient
+from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient, Parameter
@@ -40,6 +43,10 @@ FloatArray = NDArray[np.float64]
 CAUSE = "bias_jump"
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
 """Places of the biases among those that are scored, and their units."""
+MAX_JUMPS = 2
+"""Most jumps that are named: of more, a slow change of the bias is the likelier explanation."""
+MAX_JUMP_SIZE = {"gyro": 0.05, "accel": 1.0}
+"""Size of a jump, rad/s and m/s², from which it is not credible: no sensor in working order jumps so far."""
 N_EDGE_FIXES = 5
 """Fixes at either end of the record that are left out: the prior of the biases stands for jumps there."""
 CHI2_1_QUANTILE_95 = 3.841
@@ -139,3 +146,38 @@ def _coefficients(
         low, high = value - 1.96 * spread, value + 1.96 * spread
         out[axis] = Coefficient.known(value, low, high, SENSORS[sensor][1])
     return out
+
+
+class BiasJump(NoiseCause):
+    """One jump of the biases of the gyros or of the accelerometers."""
+
+    cause = CAUSE
+    effect = Effect
+    channels = ("imu",)
+    meaning = "a bias jumped"
+    consequence = "raise the drive of the bias at that time, or restart the filter"
+    view = "slow means"
+
+    @classmethod
+    def test(cls, run: FilterRun, noise: NoiseHypothesis, threshold: float) -> tuple[CauseTest, ...]:  # noqa: ARG003
+        """Test for one more jump, unless as many as are credible are accepted."""
+        return (bias_jump(noise),) if len(run.hypothesis.jumps) < MAX_JUMPS else ()
+
+    @classmethod
+    def is_credible(cls, test: CauseTest) -> bool:
+        """Whether the jump is of a size that is met in practice."""
+        size = np.abs(evaluate(test.noise).theta[-3:]).max()
+        return bool(size < MAX_JUMP_SIZE[jump_sensor(test.noise)])
+
+    @classmethod
+    def accepted(cls, run: FilterRun, test: CauseTest) -> Hypothesis:
+        """Return the hypothesis of a run with the jump added."""
+        time = test.describe()["time"].value
+        assert time is not None
+        jump = Jump(time, jump_sensor(test.noise), evaluate(test.noise).theta[-3:])
+        return replace(run.hypothesis, jumps=(*run.hypothesis.jumps, jump))
+
+    @classmethod
+    def without(cls, final: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return the final hypothesis with the jumps of the first one."""
+        return replace(final, jumps=base.jumps)

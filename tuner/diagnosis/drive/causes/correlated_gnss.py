@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from models.effects.drive.gnss import CorrelatedGnss as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
+from tuner.diagnosis.drive.causes.base import NoiseCause
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.linear_model.likelihood import (
     Likelihood,
     NoiseHypothesis,
@@ -127,3 +130,33 @@ def _coefficients(fit: NoiseFit) -> Mapping[str, Coefficient]:
     if "sd" not in out:
         out["sd"] = out.pop("sd_vertical")
     return out
+
+
+class CorrelatedGnss(NoiseCause):
+    """Position errors of the receiver that are correlated in time."""
+
+    cause = CAUSE
+    effect = Effect
+    channels = ("gnss",)
+    meaning = "errors of the positions stay for a while"
+    consequence = "three Gauss–Markov states beside the white error"
+    joins = "states"
+    view = "slow means"
+
+    @classmethod
+    def test(cls, run: FilterRun, noise: NoiseHypothesis, threshold: float) -> tuple[CauseTest, ...]:  # noqa: ARG003
+        """Test for a Gauss–Markov error of the position fixes."""
+        return (correlated_gnss(noise, evaluate(noise)),)
+
+    @classmethod
+    def without(cls, final: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return the final hypothesis with the correlated states of the first one."""
+        if final.config.gnss is None or base.config.gnss is None:
+            return final
+        configured = base.config.gnss
+        gnss = replace(
+            final.config.gnss,
+            correlated=configured.correlated,
+            correlated_down=configured.correlated_down,
+        )
+        return replace(final, config=replace(final.config, gnss=gnss))

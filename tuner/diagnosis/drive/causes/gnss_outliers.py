@@ -26,7 +26,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.stats import beta, chi2, poisson
 
+from models.effects.drive import gnss as effects
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
+from tuner.diagnosis.drive.causes.base import NoiseCause
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
@@ -216,3 +219,63 @@ def _coefficients(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]
     spread = np.sqrt(3.0 * m / chi2.ppf((0.975, 0.025), max(3 * m, 1)))
     size = Coefficient.known(rms, rms * float(spread[0]), rms * float(spread[1]), UNITS[cause])
     return {"fraction": fraction, "rms": size, "run_length": length}
+
+
+class SingleFixCause(NoiseCause):
+    """A cause of wrong positions or velocities of single fixes."""
+
+    channels = ("gnss",)
+    of_single_fixes = True
+
+    @classmethod
+    def accepted(cls, run: FilterRun, test: CauseTest) -> Hypothesis:
+        """Return the hypothesis of a run without the fixes that are outliers."""
+        linearized, noise, was = run.linearized, test.noise, run.hypothesis
+        dropped = linearized.available & linearized.scored[:, None] & ~noise.rows
+        position, velocity = was.position_out.copy(), was.velocity_out.copy()
+        position[run.index[dropped[:, :3].any(axis=1)]] = True
+        velocity[run.index[dropped[:, 3:].any(axis=1)]] = True
+        return replace(super().accepted(run, test), position_out=position, velocity_out=velocity)
+
+
+class GnssOutliers(SingleFixCause):
+    """Positions that are far off."""
+
+    cause = "gnss_outliers"
+    effect = effects.GnssOutliers
+    meaning = "some positions are far off"
+    consequence = "keep the gate; leave these fixes out"
+    view = "positions"
+
+    @classmethod
+    def test(cls, run: FilterRun, noise: NoiseHypothesis, threshold: float) -> tuple[CauseTest, ...]:  # noqa: ARG003
+        """Test positions and velocities; where both are significant they share one noise hypothesis."""
+        linearized = noise.linearized
+        every = replace(noise, rows=noise.rows | (linearized.available & linearized.scored[:, None]))
+        masked = mask(every)
+        tests = tuple(outliers(every, masked, cause) for cause in ROWS_OF_CAUSE)
+        if all(one.is_significant(threshold) for one in tests):
+            both = replace(every, rows=masked.rows(every))
+            tests = tuple(replace(one, noise=both) for one in tests)
+        return tests
+
+    @classmethod
+    def without(cls, final: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return the final hypothesis with the positions of the first one."""
+        return replace(final, position_out=base.position_out)
+
+
+class GnssVelocity(SingleFixCause):
+    """Velocities that contradict positions and inertial unit."""
+
+    cause = "gnss_velocity"
+    effect = effects.GnssVelocity
+    meaning = "some velocities contradict positions and inertial unit"
+    consequence = "do not use velocities of such fixes"
+    view = "velocities"
+    tested_with = "gnss_outliers"
+
+    @classmethod
+    def without(cls, final: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return the final hypothesis with the velocities of the first one."""
+        return replace(final, velocity_out=base.velocity_out)

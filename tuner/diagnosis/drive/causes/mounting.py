@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from models import rotation
+from models.effects.drive.imu import Mounting as Effect
 from models.units import STANDARD_GRAVITY
+from tuner.diagnosis.drive.causes.base import FinalCause, constant_causes
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.diagnosis.drive.score_tests import PRIORS, columns_of
+from tuner.diagnosis.drive.score_tests import columns_of
 from tuner.diagnosis.static.findings import words
 from tuner.navigation.drive.vehicle_constraints import DRIVING, STRAIGHT
 from tuner.types import Coefficient, Finding, Inseparable
@@ -123,7 +125,7 @@ def untestable_causes(
         w = final.whitened
         column = w.slope[:, columns_of("gravity", final.linearized.parameters)[0]]
         least = DETECTABLE_SDS / max(float(np.linalg.norm(column)), 1e-12)
-        if least > PRIORS["gravity"]:
+        if least > constant_causes()["gravity"].prior_sd:
             size = (
                 f"gravity off by less than {least:.1g} m/s^2" if least < STANDARD_GRAVITY else "gravity off"
             )
@@ -137,3 +139,13 @@ def untestable_causes(
             Inseparable(("sensor_bias", "g_sensitivity"), f"cannot be told apart on this drive: {text}")
         )
     return tuple(lines)
+
+
+class Mounting(FinalCause):
+    """The unit is mounted in the vehicle at other angles than stated."""
+
+    cause = CAUSE
+    effect = Effect
+    channels = ("imu",)
+    meaning = MEANING
+    consequence = CONSEQUENCE

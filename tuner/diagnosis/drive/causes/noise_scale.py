@@ -23,7 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.effects.drive import gnss as effects
+from models.effects.drive.imu import ImuNoiseScale as ImuEffect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
+from tuner.diagnosis.drive.causes.base import NoiseCause
+from tuner.diagnosis.drive.causes.reported_sd import has_sd_model, reported_sd_test
+from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.likelihood import (
     NoiseHypothesis,
     evaluate,
@@ -33,6 +38,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS, noise_parameters, present
+from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
 from tuner.diagnosis.static.outcome import Alarm
 from tuner.types import Coefficient
 
@@ -246,3 +252,39 @@ def _coefficients(
 ) -> Mapping[str, Coefficient]:
     fit = maximize_likelihood(noise, noise_parameters(names), prior_sd=prior_sd)
     return {FINDING_NAMES.get(name, name): fit.coefficient(name) for name in names}
+
+
+class GnssNoiseScale(NoiseCause):
+    """Errors of the fixes that are not as large as reported."""
+
+    cause = "gnss_noise_scale"
+    effect = effects.GnssNoiseScale
+    channels = ("gnss",)
+    meaning = "errors of the fixes are not as large as reported: true ÷ reported"
+    consequence = "scale the reported standard deviations"
+    joins = "measurement noise"
+    is_noise_scale = True
+
+    @classmethod
+    def test(cls, run: FilterRun, noise: NoiseHypothesis, threshold: float) -> tuple[CauseTest, ...]:  # noqa: ARG003
+        """Test factors on R and on Q, together where both are wrong, and models of the reported sds."""
+        scores, prior = noise_scores(noise), static_prior(run.hypothesis.config.channels)
+        factors = joint_noise(noise, scores, prior_sd=prior)
+        if factors is None:
+            factors = gnss_noise(noise, scores), imu_noise(noise, scores, prior_sd=prior)
+        values = run.hypothesis.compensation.of(cls.cause)
+        models = (reported_sd_test(noise, block) for block in BLOCKS if not has_sd_model(values, block))
+        return (*factors, *(test for test in models if test is not None))
+
+
+class ImuNoiseScale(NoiseCause):
+    """Sensors that are noisier, or less noisy, than configured."""
+
+    cause = "imu_noise_scale"
+    effect = ImuEffect
+    channels = ("imu",)
+    meaning = "the sensors are not as noisy as the filter was told: true ÷ assumed"
+    consequence = "scale the densities"
+    joins = "noise model"
+    is_noise_scale = True
+    tested_with = "gnss_noise_scale"

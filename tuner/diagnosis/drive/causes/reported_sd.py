@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from tuner.diagnosis.drive.cause_test import CauseTest
+from tuner.diagnosis.drive.cause_test import CauseTest, scaled_factor
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
@@ -53,9 +53,6 @@ MIN_POWER_ADVANTAGE = 3.0
 """Nats by which a power must do better than classes, where there are some."""
 MIN_SCORE_STATISTIC = 6.0
 """Score statistic from which a fit is worth its time."""
-MIN_FACTOR = 0.02
-"""Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
-a filter configured so refuses every fix once it is off."""
 
 
 @dataclass(frozen=True)
@@ -174,11 +171,6 @@ def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, floa
             values[key] + more if name.endswith(EXPONENT) else scaled_factor(values, key, float(np.exp(more)))
         )
     return out
-
-
-def scaled_factor(values: Mapping[str, float], key: str, more: float) -> float:
-    """Return a factor of a compensation times another one, `MIN_FACTOR` at least."""
-    return max(MIN_FACTOR, values.get(key, 1.0) * more)
 
 
 def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | None:

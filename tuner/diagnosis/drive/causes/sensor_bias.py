@@ -15,6 +15,7 @@ from scipy.stats import norm
 
 from models import rotation
 from models.earth import gravity
+from tuner.diagnosis.drive.causes.base import FinalCause
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.linearize import columns
 from tuner.diagnosis.drive.score_tests import fit_constants
@@ -105,3 +106,13 @@ def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.fl
     force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
     felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]
     return np.asarray(np.sqrt(np.einsum("ia,ij,ja->a", felt, now.covariance, felt)))
+
+
+class SensorBias(FinalCause):
+    """A constant bias far beyond its prior, of the gyros or of the accelerometers."""
+
+    cause = CAUSE
+    channels = ("imu",)
+    meaning = MEANING
+    consequence = CONSEQUENCE
+    joins = "states"

@@ -18,9 +18,14 @@ from numpy.typing import NDArray
 
 from models import rotation
 from models.earth import earth_rate, gravity, transport_rate
-from models.effects.drive import EFFECTS
 from models.error_state import navigation_error
 from models.strapdown import NavigationState
+from tuner.diagnosis.drive.causes.base import (
+    FixGeometry,
+    constant_causes,
+    constant_parameters,
+    sensor_errors,
+)
 from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
@@ -32,26 +37,13 @@ from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
-XYZ, RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
-PARAMETERS = (
-    Parameter("time_offset", "delay"),
-    Parameter("velocity_lag", "delay"),
-    *(Parameter("lever_arm", a) for a in XYZ),
-    *(Parameter("gnss_frame", a) for a in RPY),
-    *(Parameter("gyro_scale", a) for a in XYZ),
-    *(Parameter("accel_scale", a) for a in XYZ),
-    *(Parameter("misalignment", a) for a in RPY),
-    *(Parameter("g_sensitivity", a + b) for a in XYZ for b in XYZ),
-    Parameter("gravity", "offset"),
-)
-"""Columns of B and D."""
 
-
-def columns(parameters: Sequence[Parameter] = PARAMETERS) -> Columns:
-    """Return how candidate constants act on what is felt."""
-    mix = np.stack([EFFECTS[p.cause].sensor_error(p.name) for p in parameters])
-    down = np.array([float(p.cause == "gravity") for p in parameters])
-    return Columns(mix, down)
+def columns(parameters: tuple[Parameter, ...]) -> Columns:
+    """Return how candidate constants act on the sensors and on the error model."""
+    causes = constant_causes()
+    return Columns(
+        sensor_errors(parameters), np.array([causes[p.cause].down_acceleration for p in parameters])
+    )
 
 
 def linearize(
@@ -98,7 +90,7 @@ def linearize(
         joined("used").astype(bool),
         joined("correction"),
         covariance,
-        PARAMETERS,
+        parts[0].parameters,
         joined("B"),
         joined("D"),
         joined("starts").astype(bool),
@@ -121,8 +113,9 @@ def _part(
     first: bool,
 ) -> LinearizedRun:
     """Return the record of one stretch."""
-    k, n, p = len(solution.t), settings.size, len(PARAMETERS)
-    own = columns()
+    parameters = constant_parameters()
+    k, n, p = len(solution.t), settings.size, len(parameters)
+    own = columns(parameters)
     out = Trace(
         np.empty((k, n, n)),
         np.empty((2, k, 9, 9)),
@@ -178,7 +171,7 @@ def _part(
         use == USED,
         correction,
         np.zeros((0, 0)),
-        PARAMETERS,
+        parameters,
         b,
         d,
         np.arange(k) == 0,
@@ -236,8 +229,10 @@ def _jacobians(settings: FilterSettings, out: Trace) -> tuple[FloatArray, FloatA
     frame = np.stack(transport_rate(sin_lat, cos_lat, llh[:, 2], tuple(vel.T)), axis=-1)
     acc = out.force.mean(axis=1) - np.cross(2.0 * of_earth + frame, vel)
     acc[:, 2] += gravity(sin_lat, llh[:, 2])
-    d = np.zeros((k, 6, len(PARAMETERS)))
-    d[:, :3, 0], d[:, 3:, 0], d[:, 3:, 1] = -antenna, -acc, -acc
-    d[:, :3, 2:5], d[:, 3:, 2:5] = mat, rotation.skew(relative) @ mat
-    d[:, 3:, 5:8] = -rotation.skew(antenna)
+    geometry = FixGeometry(mat, antenna, acc, relative)
+    parts = []
+    for cause in constant_causes().values():
+        part = cause.fix_sensitivity(geometry)
+        parts.append(np.zeros((k, 6, len(cause.units))) if part is None else part)
+    d = np.concatenate(parts, axis=2)
     return h, d

@@ -1,0 +1,229 @@
+"""What is declared of a cause of a drive, and the registry from which every table of causes is computed.
+
+Another package adds a cause by an entry point of the group ``tuner.drive_causes`` that names its class. Most are a
+`ConstantCause`: parameters, their sensitivities, a prior and words; tests, estimates and compensation follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from inspect import isclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.drive import EFFECTS
+from models.effects.drive.base import DriveEffect
+from models.registry import Registry
+from tuner.types import Parameter
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.drive.cause_test import CauseTest
+    from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
+    from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
+
+FloatArray = NDArray[np.float64]
+
+Joins = Literal["preprocessing", "noise model", "measurement noise", "states"]
+"""Part of a filter that a cause changes."""
+View = Literal["distribution", "sensitivity", "positions", "velocities", "slow means"]
+"""Figures of `tuner.report.drive_views`."""
+
+
+@dataclass(frozen=True)
+class FixGeometry:
+    """What the sensitivity of k fixes to a constant of the receiver follows from.
+
+    Attributes
+    ----------
+    mat_nb : ndarray, shape (k, 3, 3)
+        Attitude of the filter's body frame.
+    velocity : ndarray, shape (k, 3)
+        Velocity of the antenna, north, east, down, m/s.
+    acceleration : ndarray, shape (k, 3)
+        Mean acceleration around the fix, m/s².
+    rate : ndarray, shape (k, 3)
+        Angular rate against the Earth, north, east, down, rad/s.
+    """
+
+    mat_nb: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    rate: FloatArray
+
+
+class DriveCause:
+    """One cause of a misfit between a drive and the filter's model of it."""
+
+    cause: ClassVar[str]
+    """Code, as findings, keys of simulations and ``--hide`` have it."""
+    effect: ClassVar[type[DriveEffect] | None] = None
+    """Its generative model; None for what no simulation hides."""
+    channels: ClassVar[tuple[str, ...]]
+    """Whose error it is: ``gnss``, ``imu``, ``gyro``."""
+    meaning: ClassVar[str]
+    """What the cause is, in one sentence."""
+    consequence: ClassVar[str]
+    """What it asks of a filter, in one sentence."""
+    joins: ClassVar[Joins] = "preprocessing"
+    shares: ClassVar[int] = 1
+    """Shares of the probability of a false alarm in a clean drive that its test has."""
+    view: ClassVar[View] = "distribution"
+    """The figure that shows it best."""
+
+    @classmethod
+    def without(cls, final: Hypothesis, base: Hypothesis) -> Hypothesis:
+        """Return the final hypothesis without this cause, which is then as in the hypothesis before the search."""
+        return final.with_compensation_of(cls.cause, base)
+
+
+class ConstantCause(DriveCause):
+    """A cause of a few constants, which shift the innovations in proportion: tested by its score."""
+
+    effect: ClassVar[type[DriveEffect]]
+    """Says also what its parameters do to the sensors, and how they are taken out of a drive."""
+    units: ClassVar[Mapping[str, str]]
+    """SI unit of every parameter, by name."""
+    prior_sd: ClassVar[float]
+    """Spread of each parameter in practice, SI: the prior of its Bayes factor."""
+    largest: ClassVar[float]
+    """Value of a parameter from which the cause is not credible, however well it fits: something else is wrong."""
+    down_acceleration: ClassVar[float] = 0.0
+    """Acceleration down that one unit adds to the error model, m/s²."""
+    view = "sensitivity"
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """Return its parameters, in the order of the columns of B and D."""
+        return tuple(Parameter(cls.cause, name) for name in cls.units)
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray | None:  # noqa: ARG003
+        """Return D (k, 6, p): how its p parameters shift position and velocity fixes; None where they do not."""
+        return None
+
+
+class NoiseCause(DriveCause):
+    """A cause that changes the noise, the rows or the biases of a linearised run: tested by likelihood."""
+
+    tested_with: ClassVar[str | None] = None
+    """Code of the cause whose `test` tests this one, too."""
+    of_single_fixes: ClassVar[bool] = False
+    """Whether it is found by leaving fixes out; such causes are tested again after each constant is accepted."""
+    is_noise_scale: ClassVar[bool] = False
+    """Whether it is factors on noise settings: estimated once, at the end, and no explanation of other factors."""
+
+    @classmethod
+    def test(cls, run: FilterRun, noise: NoiseHypothesis, threshold: float) -> tuple[CauseTest, ...]:
+        """Test a run; several outcomes where causes share the test, or compete.
+
+        Parameters
+        ----------
+        run : FilterRun
+            The run.
+        noise : NoiseHypothesis
+            Its noise as configured, with the constants free that are fitted beside the test.
+        threshold : float
+            p value below which a test is significant.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def is_credible(cls, test: CauseTest) -> bool:  # noqa: ARG003
+        """Whether a cause of the estimated size is met in practice."""
+        return True
+
+    @classmethod
+    def accepted(cls, run: FilterRun, test: CauseTest) -> Hypothesis:
+        """Return the hypothesis of a run with this cause added."""
+        return run.hypothesis.with_noise(run.linearized, test)
+
+
+class FinalCause(DriveCause):
+    """A cause that is looked for once, after the search, in what the other causes leave."""
+
+
+def _complete(declared: object) -> None:
+    """Refuse a declaration that lacks something."""
+    cause: Any = declared
+    if not (isclass(cause) and issubclass(cause, DriveCause)):
+        msg = f"expected a subclass of tuner.diagnosis.drive.causes.base.DriveCause, got {cause!r}"
+        raise TypeError(msg)
+    needed = ["cause", "channels", "meaning", "consequence"]
+    if issubclass(cause, ConstantCause):
+        needed += ["effect", "units", "prior_sd", "largest"]
+    missing = [name for name in needed if getattr(cause, name, None) is None]
+    if missing:
+        msg = f"the class needs {', '.join(missing)}"
+        raise TypeError(msg)
+    if cause.effect is not None and cause.effect.name != cause.cause:
+        msg = f"its effect has the code '{cause.effect.name}'; give both the same"
+        raise ValueError(msg)
+
+
+class DriveCauseRegistry(Registry[type[DriveCause]]):
+    """Causes by code; the effect of each can be hidden in simulated drives by the same code."""
+
+    def add(self, declaration: type[DriveCause]) -> type[DriveCause]:
+        """Add a cause, and its effect to those of simulations."""
+        cause = super().add(declaration)
+        if cause.effect is not None:
+            EFFECTS.add(cause.effect)
+        return cause
+
+    @contextmanager
+    def added(self, declaration: type[DriveCause]) -> Iterator[type[DriveCause]]:
+        """Declare a cause and its effect for the length of a ``with`` block."""
+        with super().added(declaration):
+            if declaration.effect is None:
+                yield declaration
+            else:
+                with EFFECTS.added(declaration.effect):
+                    yield declaration
+
+
+DRIVE_CAUSES = DriveCauseRegistry(
+    "cause of a drive", "tuner.drive_causes", name_of=lambda cause: cause.cause, check=_complete
+)
+"""All causes by code. `tuner.diagnosis.drive.causes.registry` declares the built-in ones."""
+
+
+def constant_causes() -> dict[str, type[ConstantCause]]:
+    """Return the causes that are constants, by code."""
+    return {code: cause for code, cause in DRIVE_CAUSES.items() if issubclass(cause, ConstantCause)}
+
+
+def noise_causes() -> dict[str, type[NoiseCause]]:
+    """Return the causes that are tested by likelihood, by code."""
+    return {code: cause for code, cause in DRIVE_CAUSES.items() if issubclass(cause, NoiseCause)}
+
+
+def prior_sds(parameters: tuple[Parameter, ...]) -> FloatArray:
+    """Return the spreads of p parameters in practice, shape (p,)."""
+    causes = constant_causes()
+    return np.array([causes[parameter.cause].prior_sd for parameter in parameters])
+
+
+def constant_parameters() -> tuple[Parameter, ...]:
+    """Return the parameters of all constant causes: the columns of B and D."""
+    return tuple(parameter for cause in constant_causes().values() for parameter in cause.parameters())
+
+
+def sensor_errors(parameters: tuple[Parameter, ...]) -> FloatArray:
+    """Return E (p, 6, 6): one unit of a parameter changes measured rates and forces by E (ω, f), to first order."""
+    return np.stack([EFFECTS[parameter.cause].sensor_error(parameter.name) for parameter in parameters])
+
+
+def is_of_single_fixes(code: str) -> bool:
+    """Whether a cause is found by leaving fixes out."""
+    cause = DRIVE_CAUSES[code]
+    return issubclass(cause, NoiseCause) and cause.of_single_fixes
+
+
+def is_noise_scale(code: str) -> bool:
+    """Whether a cause is factors on noise settings."""
+    cause = DRIVE_CAUSES[code]
+    return issubclass(cause, NoiseCause) and cause.is_noise_scale

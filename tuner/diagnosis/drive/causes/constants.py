@@ -1,0 +1,152 @@
+"""Causes that are constants of the receiver or of the sensors: sensitivities, priors and words.
+
+Priors are about what units and installations differ by in practice (`prior_sd`); `largest` is beyond what the linear
+model describes or any product shows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.effects.drive import gnss, imu
+from tuner.diagnosis.drive.causes.base import ConstantCause, FixGeometry
+
+FloatArray = NDArray[np.float64]
+
+XYZ, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+
+
+def _columns(position: FloatArray | None, velocity: FloatArray) -> FloatArray:
+    """Return D (k, 6, p) from the shifts of positions and velocities, (k, 3, p) each; no positions where None."""
+    return np.concatenate([np.zeros_like(velocity) if position is None else position, velocity], axis=1)
+
+
+class TimeOffset(ConstantCause):
+    """Stamps of the fixes that are late: δp = −v, δv = −a for each second."""
+
+    cause = "time_offset"
+    effect = gnss.TimeOffset
+    channels = ("gnss",)
+    meaning = "stamps of positions and velocities are late by the delay, early where it is negative"
+    consequence = "shift the stamps, or give the filter a state for the delay"
+    units = dict.fromkeys(("delay",), "s")
+    prior_sd, largest = 0.1, 3.0
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 1)."""
+        return _columns(-geometry.velocity[:, :, None], -geometry.acceleration[:, :, None])
+
+
+class VelocityLag(ConstantCause):
+    """Velocities later than the positions beside them: δv = −a for each second."""
+
+    cause = "velocity_lag"
+    effect = gnss.VelocityLag
+    channels = ("gnss",)
+    meaning = "velocities are later than the positions beside them, as behind a filter of the receiver"
+    consequence = "use each velocity at its own time"
+    units = dict.fromkeys(("delay",), "s")
+    prior_sd, largest = 0.1, 1.5
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 1)."""
+        return _columns(None, -geometry.acceleration[:, :, None])
+
+
+class LeverArm(ConstantCause):
+    """An antenna away from its stated place: δp = C, δv = [ω ×] C for each metre."""
+
+    cause = "lever_arm"
+    effect = gnss.LeverArm
+    channels = ("gnss",)
+    meaning = "the antenna is not where it was said to be"
+    consequence = "correct the lever arm by this much, or give the filter states for it"
+    units = dict.fromkeys(XYZ, "m")
+    prior_sd, largest = 1.0, 10.0
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 3)."""
+        return _columns(geometry.mat_nb, rotation.skew(geometry.rate) @ geometry.mat_nb)
+
+
+class GnssFrame(ConstantCause):
+    """Velocities in axes turned against north-east-down: δv = −[v ×] for each radian."""
+
+    cause = "gnss_frame"
+    effect = gnss.GnssFrame
+    channels = ("gnss",)
+    meaning = "velocities are given in axes turned against north-east-down"
+    consequence = "turn the velocities back"
+    units = dict.fromkeys(ANGLES, "rad")
+    prior_sd, largest = 0.02, 3.2
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 3)."""
+        return _columns(None, -rotation.skew(geometry.velocity))
+
+
+class GyroScale(ConstantCause):
+    """Scale factor errors of the gyros."""
+
+    cause = "gyro_scale"
+    effect = imu.GyroScale
+    channels = ("gyro",)
+    meaning = "scale factors of the gyros are off"
+    consequence = "calibrate, or three states"
+    units = dict.fromkeys(XYZ, "1")
+    prior_sd, largest = 5e-3, 0.1
+
+
+class AccelScale(ConstantCause):
+    """Scale factor errors of the accelerometers."""
+
+    cause = "accel_scale"
+    effect = imu.AccelScale
+    channels = ("accel",)
+    meaning = "scale factors of the accelerometers are off"
+    consequence = "calibrate, or three states"
+    units = dict.fromkeys(XYZ, "1")
+    prior_sd, largest = 5e-3, 0.1
+
+
+class Misalignment(ConstantCause):
+    """Gyros whose axes are turned against those of the accelerometers."""
+
+    cause = "misalignment"
+    effect = imu.Misalignment
+    channels = ("gyro",)
+    meaning = "the axes of the gyros are turned against those of the accelerometers"
+    consequence = "calibrate, or give the filter states for the misalignment"
+    units = dict.fromkeys(ANGLES, "rad")
+    prior_sd, largest = 1e-2, 0.2
+
+
+class GSensitivity(ConstantCause):
+    """Gyros that feel specific force."""
+
+    cause = "g_sensitivity"
+    effect = imu.GSensitivity
+    channels = ("gyro",)
+    meaning = "the gyros feel specific force"
+    consequence = "calibrate, or nine states"
+    units = dict.fromkeys([a + b for a in XYZ for b in XYZ], "rad/s/(m/s^2)")
+    prior_sd, largest = 2e-4, 0.01
+
+
+class Gravity(ConstantCause):
+    """Gravity that differs from the model."""
+
+    cause = "gravity"
+    effect = imu.Gravity
+    channels = ("imu",)
+    meaning = "gravity is not what the model says"
+    consequence = "a better model of gravity, or a state"
+    units = dict.fromkeys(("offset",), "m/s^2")
+    prior_sd, largest = 1e-3, 0.02
+    down_acceleration = 1.0
