@@ -28,7 +28,7 @@ from tuner.exporters import (
     robot_localization,
     vins,
 )
-from tuner.exporters.base import Exporter, Target
+from tuner.exporters.dialect import Exporter, Target
 from tuner.formats import native
 from tuner.synthesis.equivalent_models import MEMORY
 from tuner.types import FilterConfig

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.base import Exporter, Figure, Limits, Target, limited, provenance, triad, walk, white
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import Figure, Limits, limited, triad, walk, white
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 

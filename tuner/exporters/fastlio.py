@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tuner.exporters.base import Exporter, Target, mean, provenance, triad
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import mean, triad
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import yaml_text
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig

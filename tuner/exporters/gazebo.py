@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import longest_time, triad
+from tuner.exporters.header import provenance
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig
 

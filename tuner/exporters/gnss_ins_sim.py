@@ -8,7 +8,9 @@ noise.
 from __future__ import annotations
 
 from models.units import from_si
-from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import longest_time, triad, triple
+from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig

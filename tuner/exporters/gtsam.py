@@ -8,7 +8,9 @@ variance (newer releases ignore it with a warning: set the prior of the first bi
 from __future__ import annotations
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.base import Exporter, Target, provenance, triad, triple
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import triad, triple
+from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig

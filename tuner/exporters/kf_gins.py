@@ -22,7 +22,9 @@ import yaml
 
 from models.noise import GaussMarkov
 from models.units import from_si, to_si
-from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import longest_time, triad, triple
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.units import from_si
 from tuner.consistency.drive import drive_filter
-from tuner.exporters.base import Target
+from tuner.exporters.dialect import Target
 from tuner.exporters.kf_gins import entries, header
 from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text

@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from tuner.exporters.base import Exporter, Target, longest_time, provenance, triad, triple
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import longest_time, triad, triple
+from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig

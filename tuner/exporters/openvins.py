@@ -6,7 +6,8 @@ Units as Kalibr's. Extrinsics and intrinsics are identities here: a static log d
 from __future__ import annotations
 
 from tuner.exporters import kalibr
-from tuner.exporters.base import Exporter, Target, provenance
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.base import Exporter, Target, provenance, triad, walk, white
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import triad, walk, white
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.types import FilterConfig
 

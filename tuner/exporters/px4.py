@@ -12,18 +12,9 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.base import (
-    Exporter,
-    Figure,
-    Limits,
-    Target,
-    limited,
-    provenance,
-    rms,
-    triad,
-    walk,
-    white,
-)
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import Figure, Limits, limited, rms, triad, walk, white
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.base import Exporter, Target, provenance, triad, triple
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import triad, triple
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig
 

@@ -12,7 +12,9 @@ import math
 from typing import Any
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.base import Exporter, Target, provenance, triad, walk, white
+from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.figures import triad, walk, white
+from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.types import FilterConfig
 

@@ -1,4 +1,4 @@
-"""What every dialect shares: axes combined to one figure, and a header that says where the figures come from.
+"""Numbers of a dialect: the axes of a triad combined to one figure, with its unit, formula and spread in words.
 
 One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
 the comment. Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory
@@ -8,49 +8,16 @@ of the filter (`tuner.synthesis.equivalent_models`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from tuner.formats.customary_units import phrase
+from tuner.exporters.dialect import Target
 from tuner.formats.yaml_text import Noted
-from tuner.synthesis.equivalent_models import MEMORY, equivalent_random_walk, structure_function
+from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig
-
-SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""Prefix of the axes of the two triads, and their name."""
-
 
 DEFAULT_TIME_CONSTANT = 3600.0
 """Time constant, s, of one-state targets where the configuration has no Gauss–Markov state."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """The filter that will read an export.
-
-    Attributes
-    ----------
-    interval : float
-        Sampling interval of the IMU it reads, s.
-    step : float
-        Prediction step of the filter, s, where it differs.
-    memory : float
-        Time over which it renews its biases, s.
-    """
-
-    interval: float
-    step: float = 0.01
-    memory: float = MEMORY
-
-
-@dataclass(frozen=True)
-class Exporter:
-    """A dialect: its name, what it is for, its units, and the function that writes it."""
-
-    name: str
-    title: str
-    units: str
-    write: Callable[[FilterConfig, Target], str]
 
 
 @dataclass(frozen=True)
@@ -134,54 +101,3 @@ def white(channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0)
 def walk(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:
     """Return the density of the equivalent random walk times a factor, rms of the axes."""
     return rms(channels, lambda channel: factor * equivalent_random_walk(channel, memory=target.memory), note)
-
-
-def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = None) -> tuple[str, ...]:
-    """Return the header of an export, without comment marks.
-
-    Parameters
-    ----------
-    config : FilterConfig
-        What is exported.
-    title : str
-        What the file is.
-    walk_memory : float, optional
-        Memory, s, where the target's random walk stands for Gauss–Markov states.
-    """
-    return tuple(_provenance(config, title, walk_memory))
-
-
-def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> Iterator[str]:
-    yield title
-    yield f"from {config.name}; densities are two-sided, SI; 95 % intervals in brackets"
-    for axis, channel in config.channels.items():
-        known = "; ".join(
-            f"{term.name} {phrase(coefficient, f'{term.name}.{name}', channel.unit)}"
-            for term in channel.identified
-            for name, coefficient in term.coefficients.items()
-        )
-        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz; identified: {known or 'nothing'}"
-    if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
-        yield (
-            f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) "
-            "and D the growth of the modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
-        )
-    if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
-        yield (
-            f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise "
-            "over the memory τ, stands in, as no target may get 0"
-        )
-    for sensor, name in SENSORS.items():
-        if not triad(config, sensor):
-            yield f"{name} are left out: the configuration has none (--complete GRADE fills them in)"
-    yield from _inflations(config)
-
-
-def _inflations(config: FilterConfig) -> Iterator[str]:
-    """Yield every inflation, those of like axes in one line."""
-    groups: dict[tuple[str, str, str], list[str]] = {}
-    for inflation in config.inflations:
-        key = inflation.quantity.field, f"{inflation.factor:.4g}", inflation.reason
-        groups.setdefault(key, []).append(inflation.quantity.owner)
-    for (quantity, factor, reason), axes in groups.items():
-        yield f"{quantity} × {factor} ({', '.join(axes)}): {reason}"
