@@ -18,6 +18,7 @@ import click
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from models.registry import RegistryError
 from tuner.cli.origin import foreign_models
 from tuner.types.records import DataError
 
@@ -79,7 +80,7 @@ def run(arguments: Sequence[str]) -> int:
         return 2
     except click.ClickException as error:
         return _refuse(error.format_message())
-    except (DataError, OSError) as error:
+    except (DataError, RegistryError, OSError) as error:
         return _refuse(str(error))
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")

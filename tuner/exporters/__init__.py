@@ -7,9 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
+from models.registry import RegistryError
 from tuner.exporters import (
     ardupilot,
     fastlio,
@@ -28,38 +26,37 @@ from tuner.exporters import (
     robot_localization,
     vins,
 )
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import DIALECTS, Dialect, Target
 from tuner.formats import native
 from tuner.synthesis.equivalent_models import MEMORY
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
-__all__ = ["DIALECTS", "Exporter", "Target", "export"]
+__all__ = ["DIALECTS", "Dialect", "Target", "export"]
 
-_NATIVE = Exporter("native", "our own configuration", "SI", lambda config, _: native.dumps(config))
-_OTHERS = (
-    kalibr,
-    openvins,
-    vins,
-    orbslam3,
-    liosam,
-    fastlio,
-    kf_gins,
-    navego,
-    gtsam,
-    px4,
-    ardupilot,
-    robot_localization,
-    gnss_ins_sim,
-    matlab,
-    gazebo,
-    pyins,
-)
+_NATIVE = Dialect("native", "our own configuration", "SI", lambda config, _: native.dumps(config))
 
-DIALECTS: Mapping[str, Exporter] = MappingProxyType(
-    {exporter.name: exporter for exporter in (_NATIVE, *(module.EXPORTER for module in _OTHERS))}
+DIALECTS.extend(
+    (
+        _NATIVE,
+        kalibr.DIALECT,
+        openvins.DIALECT,
+        vins.DIALECT,
+        orbslam3.DIALECT,
+        liosam.DIALECT,
+        fastlio.DIALECT,
+        kf_gins.DIALECT,
+        navego.DIALECT,
+        gtsam.DIALECT,
+        px4.DIALECT,
+        ardupilot.DIALECT,
+        robot_localization.DIALECT,
+        gnss_ins_sim.DIALECT,
+        matlab.DIALECT,
+        gazebo.DIALECT,
+        pyins.DIALECT,
+    )
 )
-"""Every dialect by name."""
 
 
 def export(
@@ -90,7 +87,8 @@ def export(
     DataError
         For an unknown dialect.
     """
-    if dialect not in DIALECTS:
-        msg = f"dialect: expected one of {' '.join(DIALECTS)}, got {dialect!r}"
-        raise DataError(msg)
-    return DIALECTS[dialect].write(config, Target(interval or config.interval, step, memory))
+    try:
+        declared = DIALECTS[dialect]
+    except RegistryError as error:
+        raise DataError(str(error)) from None
+    return declared.write(config, Target(interval or config.interval, step, memory))

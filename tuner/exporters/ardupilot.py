@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import Figure, Limits, limited, triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import comment
@@ -46,6 +46,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "ardupilot", "ArduPilot EKF3 parameters", "rad/s, rad/s², m/s², m/s³ (per filter step)", write
 )

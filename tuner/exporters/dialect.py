@@ -1,10 +1,23 @@
-"""What a dialect is: its name, what it is for, its units, and the function that writes it."""
+"""What a dialect is, and the registry of all dialects, open to other packages.
+
+A dialect is one file that ends with one declaration::
+
+    DIALECT = Dialect("mine", "My filter's settings", "rad/s/√Hz, m/s²/√Hz", write)
+
+Another package names it in its ``pyproject.toml``::
+
+    [project.entry-points."tuner.dialects"]
+    mine = "my_package.mine:DIALECT"
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from models.registry import Registry
+from tuner.formats.digits import CLOCK_DIGITS, rounded
 from tuner.synthesis.equivalent_models import MEMORY
 from tuner.types import FilterConfig
 
@@ -27,12 +40,50 @@ class Target:
     step: float = 0.01
     memory: float = MEMORY
 
+    @property
+    def rate(self) -> float:
+        """Sampling rate of the IMU it reads, Hz."""
+        return rounded(1.0 / self.interval, digits=CLOCK_DIGITS)
+
 
 @dataclass(frozen=True)
-class Exporter:
-    """A dialect: its name, what it is for, its units, and the function that writes it."""
+class Dialect:
+    """The settings of another program: how to write a configuration as it reads them.
+
+    Attributes
+    ----------
+    name : str
+        Name for ``tuner export --to``: lower-case letters, digits and hyphens.
+    title : str
+        What is written, and for which program.
+    units : str
+        Units of its numbers, in order of appearance.
+    write : callable
+        Returns the text; `tuner.exporters.figures` has the numbers, `tuner.exporters.header` the comments.
+    """
 
     name: str
     title: str
     units: str
     write: Callable[[FilterConfig, Target], str]
+
+
+def _check(dialect: object) -> None:
+    if not isinstance(dialect, Dialect):
+        msg = f"expected a Dialect, got {type(dialect).__name__}"
+        raise TypeError(msg)
+    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", dialect.name):
+        msg = "expected a name of lower-case letters, digits and hyphens"
+        raise ValueError(msg)
+    if not (dialect.title and dialect.units and callable(dialect.write)):
+        msg = "expected a title, units and a function 'write'"
+        raise ValueError(msg)
+
+
+DIALECTS: Registry[Dialect] = Registry(
+    "dialect",
+    "tuner.dialects",
+    name_of=lambda dialect: str(getattr(dialect, "name", dialect)),
+    check=_check,
+)
+"""Every dialect by name; `tuner.exporters` adds the built-in ones."""

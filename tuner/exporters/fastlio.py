@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import mean, triad
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import yaml_text
@@ -42,6 +42,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text({"mapping": entries}, header=header)
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "fastlio", "FAST-LIO and FAST-LIO2 YAML", "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)", write
 )

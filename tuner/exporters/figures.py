@@ -2,7 +2,8 @@
 
 One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
 the comment. Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory
-of the filter (`tuner.synthesis.equivalent_models`).
+of the filter (`tuner.synthesis.equivalent_models`). Figures follow from several numbers and have no interval of their
+own: they carry `tuner.formats.digits.DIGITS`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tuner.exporters.dialect import Target
+from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig
@@ -41,17 +43,17 @@ def rms(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], f
     """Return the rms of a quantity over the axes, with its spread in the note."""
     values = [quantity(channel) for channel in channels]
     if len(set(values)) == 1:
-        return Figure(values[0], note if len(values) == 1 else f"{note}; the same on all axes")
+        return Figure(rounded(values[0]), note if len(values) == 1 else f"{note}; the same on all axes")
     value = math.sqrt(sum(v * v for v in values) / len(values))
-    return Figure(value, f"{note}; rms of {_spread(channels, values)}")
+    return Figure(rounded(value), f"{note}; rms of {_spread(channels, values)}")
 
 
 def mean(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Figure:
     """Return the mean of a variance over the axes, with its spread in the note."""
     values = [quantity(channel) for channel in channels]
     if len(set(values)) == 1:
-        return Figure(values[0], note if len(values) == 1 else f"{note}; the same on all axes")
-    return Figure(sum(values) / len(values), f"{note}; mean of {_spread(channels, values)}")
+        return Figure(rounded(values[0]), note if len(values) == 1 else f"{note}; the same on all axes")
+    return Figure(rounded(sum(values) / len(values)), f"{note}; mean of {_spread(channels, values)}")
 
 
 def _spread(channels: tuple[ChannelNoise, ...], values: list[float]) -> str:
@@ -63,7 +65,7 @@ def triple(
 ) -> tuple[list[float], str]:
     """Return three values, one an axis, and a note; where axes are missing, the rms of the others thrice."""
     if len(channels) == 3:
-        return [quantity(channel) for channel in channels], note
+        return [rounded(quantity(channel)) for channel in channels], note
     figure = rms(channels, quantity, note)
     return [figure.value] * 3, f"{figure.note} ({len(channels)} of 3 axes known)"
 
@@ -71,7 +73,7 @@ def triple(
 def longest_time(config: FilterConfig) -> float:
     """Return the longest time constant of the configuration, s, for targets with one; 1 h without any."""
     times = [state.time_constant for channel in config.channels.values() for state in channel.markov]
-    return max(times, default=DEFAULT_TIME_CONSTANT)
+    return rounded(max(times, default=DEFAULT_TIME_CONSTANT))
 
 
 @dataclass(frozen=True)

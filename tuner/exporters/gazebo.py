@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import longest_time, triad
 from tuner.exporters.header import provenance
+from tuner.formats.digits import rounded
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -44,10 +45,10 @@ def _axis(channel: ChannelNoise, time: float, target: Target) -> str:
         "dynamic_bias_stddev": sd * math.sqrt(2.0 / time),
         "dynamic_bias_correlation_time": time,
     }
-    noise = "".join(f"        <{name}>{value!r}</{name}>\n" for name, value in entries.items())
+    noise = "".join(f"        <{name}>{rounded(value)!r}</{name}>\n" for name, value in entries.items())
     return f'    <{letter}>\n      <noise type="gaussian">\n{noise}      </noise>\n    </{letter}>\n'
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "gazebo", "Gazebo SDF noise elements", "rad/s, m/s² (per sample), rad/s/√s, m/s²/√s, s", write
 )

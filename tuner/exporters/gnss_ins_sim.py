@@ -8,7 +8,7 @@ noise.
 from __future__ import annotations
 
 from models.units import from_si
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import longest_time, triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
@@ -47,6 +47,4 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(header, "#") + "import numpy as np\n\nimu_err = {\n" + "".join(lines) + "}\n"
 
 
-EXPORTER = Exporter(
-    "gnss-ins-sim", "gnss-ins-sim IMU errors (Python)", "deg/h, deg/√h, m/s², m/s/√h, s", write
-)
+DIALECT = Dialect("gnss-ins-sim", "gnss-ins-sim IMU errors (Python)", "deg/h, deg/√h, m/s², m/s/√h, s", write)

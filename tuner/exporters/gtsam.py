@@ -8,7 +8,7 @@ variance (newer releases ignore it with a warning: set the prior of the first bi
 from __future__ import annotations
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
@@ -48,7 +48,7 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(header, "#") + start + "".join(f"    {line}" for line in lines) + "    return p\n"
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "gtsam",
     "GTSAM preintegration parameters (Python)",
     "(rad/s)²/Hz, (rad/s²)²/Hz, (m/s²)²/Hz, (m/s³)²/Hz",

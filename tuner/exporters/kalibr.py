@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
@@ -31,12 +31,12 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return the YAML of Kalibr's IMU."""
     tree = {
         "rostopic": Noted("/imu0", "set to the topic of the IMU"),
-        "update_rate": Noted(1.0 / target.interval, "Hz"),
+        "update_rate": Noted(target.rate, "Hz"),
         **noise_entries(config, target),
     }
     return yaml_text(tree, header=provenance(config, "Kalibr imu.yaml", walk_memory=target.memory))
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "kalibr", "Kalibr imu.yaml", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
 )

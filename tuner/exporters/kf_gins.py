@@ -22,9 +22,10 @@ import yaml
 
 from models.noise import GaussMarkov
 from models.units import from_si, to_si
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import longest_time, triad, triple
 from tuner.exporters.header import provenance
+from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
@@ -72,11 +73,11 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
         start["initbastd"] = _axes(
             accel, lambda c: from_si(_turn_on(c), "mGal"), "mGal; constant and states together"
         )
-    noise["corrtime"] = Noted(time_constant / 3600.0, "h; T/3600, one for all states")
+    noise["corrtime"] = Noted(rounded(time_constant / 3600.0), "h; T/3600, one for all states")
     first = config.initial
-    tilt, heading = math.degrees(first.tilt), math.degrees(first.heading)
-    start["initposstd"] = Noted(Inline([first.position] * 3), "m; north, east, down")
-    start["initvelstd"] = Noted(Inline([first.velocity] * 3), "m/s; north, east, down")
+    tilt, heading = rounded(math.degrees(first.tilt)), rounded(math.degrees(first.heading))
+    start["initposstd"] = Noted(Inline([rounded(first.position)] * 3), "m; north, east, down")
+    start["initvelstd"] = Noted(Inline([rounded(first.velocity)] * 3), "m/s; north, east, down")
     start["initattstd"] = Noted(Inline([tilt, tilt, heading]), "deg; roll, pitch, yaw")
     return {"imunoise": noise, **start}
 
@@ -92,7 +93,7 @@ def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise],
 
 def _scale(config: FilterConfig, name: str) -> Noted:
     if name in config.constants:
-        return Noted(Inline([1e6 * config.constants[name]] * 3), "ppm")
+        return Noted(Inline([rounded(1e6 * config.constants[name])] * 3), "ppm")
     return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")
 
 
@@ -163,4 +164,4 @@ def _numbers(path: Path, content: Mapping[str, Any], key: str, count: int) -> li
     return found
 
 
-EXPORTER = Exporter("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)
+DIALECT = Dialect("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
@@ -29,6 +29,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text({"lio_sam": entries}, header=header)
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "liosam", "LIO-SAM params.yaml", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
 )

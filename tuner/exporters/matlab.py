@@ -6,7 +6,7 @@ states included, so BiasInstability stays at its default of zero: it would count
 
 from __future__ import annotations
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
@@ -20,7 +20,7 @@ def write(config: FilterConfig, target: Target) -> str:
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory)
 
-    text = f"imu = imuSensor('accel-gyro', 'SampleRate', {1.0 / target.interval!r}); % Hz\n"
+    text = f"imu = imuSensor('accel-gyro', 'SampleRate', {target.rate!r}); % Hz\n"
     for sensor, field, maker, unit in (
         ("gyro", "Gyroscope", "gyroparams", "rad/s"),
         ("accel", "Accelerometer", "accelparams", "m/s²"),
@@ -40,7 +40,7 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(provenance(config, "MATLAB imuSensor", walk_memory=target.memory), "%") + text
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "matlab",
     "MATLAB imuSensor (script)",
     "(rad/s)/√Hz, (rad/s)·√Hz, rad/s, (m/s²)/√Hz, (m/s²)·√Hz, m/s²",

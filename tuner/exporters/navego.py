@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import longest_time, triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
@@ -40,7 +40,7 @@ def write(config: FilterConfig, target: Target) -> str:
             for key, quantity, note in quantities:
                 values, words = triple(channels, quantity, note.format(*names))
                 lines.append(f"imu.{key.format(*names)} = {vector(values)}; % {words}\n")
-    lines.append(f"imu.freq = {1.0 / target.interval!r}; % Hz\n")
+    lines.append(f"imu.freq = {target.rate!r}; % Hz\n")
     header = (
         *provenance(config, "NaveGo IMU structure", walk_memory=target.memory),
         f"one T = {time:g} s; σ lets the bias wander as far in {target.memory:g} s as the modelled one",
@@ -48,7 +48,7 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(header, "%") + "".join(lines)
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "navego",
     "NaveGo IMU structure (MATLAB script)",
     "rad/√s, m/s/√s, rad/s, m/s², s, rad/s/√s, m/s²/√s",

@@ -6,7 +6,7 @@ Units as Kalibr's. Extrinsics and intrinsics are identities here: a static log d
 from __future__ import annotations
 
 from tuner.exporters import kalibr
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig
@@ -24,7 +24,7 @@ def write(config: FilterConfig, target: Target) -> str:
         **kalibr.noise_entries(config, target),
         "rostopic": Noted("/imu0", "set to the topic of the IMU"),
         "time_offset": 0.0,
-        "update_rate": Noted(1.0 / target.interval, "Hz"),
+        "update_rate": Noted(target.rate, "Hz"),
         "model": "kalibr",
         **intrinsics,
         "Tg": [Inline([0.0, 0.0, 0.0])] * 3,
@@ -33,4 +33,4 @@ def write(config: FilterConfig, target: Target) -> str:
     return "%YAML:1.0\n" + yaml_text({"imu0": imu}, header=header)
 
 
-EXPORTER = Exporter("openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.EXPORTER.units, write)
+DIALECT = Dialect("openvins", "OpenVINS kalibr_imu_chain.yaml", kalibr.DIALECT.units, write)

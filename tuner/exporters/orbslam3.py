@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
@@ -24,11 +24,11 @@ def write(config: FilterConfig, target: Target) -> str:
     if accel := triad(config, "accel"):
         entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N").noted()
         entries["IMU.AccWalk"] = walk(accel, "m/s³/√Hz; K", target).noted()
-    entries["IMU.Frequency"] = Noted(1.0 / target.interval, "Hz")
+    entries["IMU.Frequency"] = Noted(target.rate, "Hz")
     header = provenance(config, "ORB-SLAM3: IMU entries of the settings file", walk_memory=target.memory)
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "orbslam3", "ORB-SLAM3 settings", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
 )

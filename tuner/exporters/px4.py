@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import Figure, Limits, limited, rms, triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import comment
@@ -55,4 +55,4 @@ def write(config: FilterConfig, target: Target) -> str:
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 
-EXPORTER = Exporter("px4", "PX4 EKF2 parameters", "rad/s, rad/s², m/s², m/s³ (per prediction step)", write)
+DIALECT = Dialect("px4", "PX4 EKF2 parameters", "rad/s, rad/s², m/s², m/s³ (per prediction step)", write)

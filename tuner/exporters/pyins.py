@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
@@ -34,6 +34,6 @@ def write(config: FilterConfig, target: Target) -> str:
     return commented(header, "#") + text
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "pyins", "pyins estimation models (Python)", "rad/s, rad/s/√Hz, rad/s/√s, m/s², m/s²/√Hz, m/s²/√s", write
 )

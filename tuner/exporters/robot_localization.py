@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
+from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig
 
@@ -41,7 +42,9 @@ def write(config: FilterConfig, target: Target) -> str:
         *rates["gyro"],
         *rates["accel"],
     ]
-    parameters = {"initial_estimate_covariance": Noted(Inline(diagonal), _ORDER)}
+    parameters = {
+        "initial_estimate_covariance": Noted(Inline([rounded(variance) for variance in diagonal]), _ORDER)
+    }
     tree = {"imu_message": message, "ekf_filter_node": {"ros__parameters": parameters}}
     header = (
         *provenance(config, "robot_localization: covariances of the sensor_msgs/Imu messages, and P0"),
@@ -55,6 +58,6 @@ def _diagonal(values: list[float]) -> list[float]:
     return [values[i] if i == j else 0.0 for i in range(3) for j in range(3)]
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "robot-localization", "robot_localization YAML", "(rad/s)², (m/s²)² (per sample); m², rad², (m/s)²", write
 )

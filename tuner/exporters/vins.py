@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from models.units import STANDARD_GRAVITY
-from tuner.exporters.dialect import Exporter, Target
+from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
 from tuner.formats.yaml_text import Noted, yaml_text
@@ -37,7 +37,7 @@ def write(config: FilterConfig, target: Target) -> str:
     return "%YAML:1.0\n" + yaml_text(entries, header=header)
 
 
-EXPORTER = Exporter(
+DIALECT = Dialect(
     "vins",
     "VINS-Mono, VINS-Fusion, GVINS YAML",
     "rad/s, rad/s², m/s², m/s³ (per IMU sample, mid-point)",

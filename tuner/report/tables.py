@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from models.sensors import SensorGrade
-from tuner.exporters import Exporter
+from tuner.exporters import Dialect
 from tuner.formats.customary_units import (
     SYMBOLS,
     TITLES,
@@ -286,7 +286,7 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     return [table]
 
 
-def dialect_tables(dialects: Mapping[str, Exporter]) -> list[Table | str]:
+def dialect_tables(dialects: Mapping[str, Dialect]) -> list[Table | str]:
     """Return the dialects `tuner export` writes, with their units."""
     table = Table(title="Dialects of tuner export")
     for head in ("name", "for", "units"):

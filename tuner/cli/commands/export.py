@@ -54,7 +54,7 @@ def command(
         msg = "export: expected CONFIG and --to DIALECT; --list shows the dialects"
         raise click.UsageError(msg)
     if dialect not in DIALECTS:
-        msg = f"--to: expected one of {' '.join(DIALECTS)}, got {dialect!r}"
+        msg = f"--to: {DIALECTS.unknown(dialect)}"
         raise click.UsageError(msg)
     if drive is not None:
         if dialect != "kf-gins" or output_file is None:

@@ -1,0 +1,93 @@
+"""A dialect is one declaration in one file, of this project or of another package."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from models.registry import Registry, RegistryError
+from tuner.catalogue.grades import grade_identification, load_grade
+from tuner.cli import run
+from tuner.exporters import DIALECTS, Dialect, export
+from tuner.synthesis import synthesize
+
+PAGE = Path(__file__).parents[3] / "docs" / "extending" / "dialect.md"
+TEMPLATE = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL).group(1)
+CONFIG = synthesize(grade_identification(load_grade("stim300")), seed=0)
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Lay a package with the template of the page, as pip would, and forget its dialect afterwards."""
+    (tmp_path / "other_filter.py").write_text(TEMPLATE, encoding="utf-8")
+    facts = tmp_path / "other_filter-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: other-filter\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text("[tuner.dialects]\nmy-filter = other_filter:DIALECT\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "other_filter", raising=False)
+    fresh: Registry[Dialect] = Registry("dialect", "tuner.dialects", name_of=lambda dialect: dialect.name)
+    fresh.extend(DIALECTS.values())
+    for module in ("tuner.exporters", "tuner.exporters.dialect"):
+        monkeypatch.setattr(sys.modules[module], "DIALECTS", fresh)
+
+
+def test_the_template_is_a_dialect_of_30_lines_at_most() -> None:
+    code = [line for line in TEMPLATE.splitlines() if line.strip()]
+    assert len(code) <= 30
+
+
+@pytest.mark.usefixtures("package")
+def test_a_dialect_of_another_package_is_written_like_the_others() -> None:
+    found = yaml.safe_load(export(CONFIG, "my-filter"))["imu_noise"]
+    kalibr = yaml.safe_load(export(CONFIG, "kalibr"))
+    assert found["gyro_n"] == kalibr["gyroscope_noise_density"]
+    assert found["accel_k"] == kalibr["accelerometer_random_walk"]
+
+
+@pytest.mark.usefixtures("package")
+def test_a_dialect_of_another_package_is_listed_and_exported_by_the_command(tmp_path: Path) -> None:
+    listed, out = tmp_path / "list.json", tmp_path / "mine.yaml"
+    assert run(["export", "--list", "--quiet", "--json", str(listed)]) == 0
+    dialects = json.loads(listed.read_text())["dialects"]
+    assert next(iter(dialects)) == "native"
+    assert list(dialects)[-1] == "my-filter"
+    assert run(["export", "stim300", "--to", "my-filter", "-o", str(out), "--quiet"]) == 0
+    assert "imu_noise" in yaml.safe_load(out.read_text())
+
+
+def test_an_unknown_dialect_is_refused_by_the_command_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "stim300", "--to", "kalibre"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "unknown dialect 'kalibre' (did you mean 'kalibr'?); known are native, kalibr," in said
+    assert "\n" not in said
+
+
+@pytest.mark.usefixtures("package")
+def test_a_package_that_cannot_be_loaded_is_named_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "other_filter.py").write_text("import a_package_that_is_not_there\n")
+    assert run(["export", "--list"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "dialect 'my-filter' of package 'other-filter' cannot be loaded" in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "title", "message"),
+    [
+        ("My Filter", "a title", "expected a name of lower-case letters"),
+        ("mine", "", "expected a title, units and a function 'write'"),
+    ],
+)
+def test_an_incomplete_dialect_is_refused(name: str, title: str, message: str) -> None:
+    with pytest.raises(RegistryError, match=message):
+        DIALECTS.add(Dialect(name, title, "SI", lambda config, _: config.name))
+    with pytest.raises(RegistryError, match="expected a Dialect, got str"):
+        DIALECTS.add("kalibr-2")
