@@ -41,6 +41,7 @@ from tuner.diagnosis.static.switching.models import (
     expanded,
     ladder,
     likelihood,
+    likelihood_by_start,
 )
 from tuner.diagnosis.static.variance.level import course
 
@@ -266,29 +267,32 @@ def _extension(
 
     A mean dwell is known no better than by the root of the number of dwells.
     """
+    low, high = _bounds(step, span)
 
     def cost(free: FloatArray) -> float:
-        return _cost(y, step, span, r, free, besides)
+        if np.any(free < low) or np.any(free > high):
+            return 1e12
+        return -likelihood_by_start(y, *_parts(free, step, span, besides), r)
 
     result = minimize(cost, x, method="Nelder-Mead", options={"maxiter": 600, "fatol": 0.01, "xatol": 1e-3})
     x = result.x
-    spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, *_bounds(step, span))), x)))
+    spread = np.sqrt(np.diag(curvature(lambda free: cost(np.clip(free, low, high)), x)))
     path, size = np.empty(len(y)), float(x[3])
-    likelihood(y, *_parts(x, step, span, besides), r, path)
-    low, high = np.exp(x[4:]).tolist()
-    share = high / (low + high)
+    likelihood_by_start(y, *_parts(x, step, span, besides), r, path)
+    dwells = np.exp(x[4:]).tolist()
+    share = dwells[1] / sum(dwells)
     switches = (
-        int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if max(low, high) < span / 6.0 else 0
+        int(np.count_nonzero(np.diff(np.abs(path) > 0.5 * abs(size)))) if max(dwells) < span / 6.0 else 0
     )
     spread[4:] = np.maximum(spread[4:], 1.0 / np.sqrt(max(0.5 * switches, 1.0)))
     values = {
         "size": Value.of(size, float(spread[3]), "{u}"),
-        "dwell_low": Value.log(low, float(spread[4]), "s"),
-        "dwell_high": Value.log(high, float(spread[5]), "s"),
+        "dwell_low": Value.log(dwells[0], float(spread[4]), "s"),
+        "dwell_high": Value.log(dwells[1], float(spread[5]), "s"),
     }
     sd = abs(size) * float(np.sqrt(share * (1.0 - share)))
     found = Telegraph(
-        tuple(path.tolist()), sd, 1.0 / (1.0 / low + 1.0 / high), float(result.x[3]),
+        tuple(path.tolist()), sd, 1.0 / (1.0 / dwells[0] + 1.0 / dwells[1]), float(result.x[3]),
         tuple(np.exp(result.x[4:]).tolist()), _besides(result.x, step, span, besides), values=values,
     )  # fmt: skip
     return found, switches, result.x, -float(result.fun)
@@ -308,7 +312,7 @@ def _three_levels(
     def cost(x: FloatArray) -> float:
         if not np.log(1.5 * step) < x[5] < np.log(0.5 * span) or np.any(np.abs(x[:3]) > 30.0):
             return 1e12
-        return -likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r)
+        return -likelihood_by_start(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r)
 
     dwell, size = 0.5 * (two[4] + two[5]), two[3]
     places = ((0.5 * size, size), (size, 2.0 * size), (-size, size))
@@ -318,7 +322,7 @@ def _three_levels(
     options = {"maxiter": 500, "fatol": 0.02, "xatol": 1e-3, "initial_simplex": simplex}
     x = minimize(cost, start, method="Nelder-Mead", options=options).x
     path, dwell = np.empty(len(y)), float(np.exp(x[5]))
-    value = likelihood(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
+    value = likelihood_by_start(y, chain(x), Slow.of(_besides(x, step, span, besides), step), r, path)
     levels = np.array([0.0, x[3], x[4]])
     at = np.argmin(np.abs(path[:, None] - levels), axis=1)
     entered = at[np.flatnonzero(np.diff(at, prepend=-1))]

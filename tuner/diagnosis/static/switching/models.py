@@ -108,3 +108,23 @@ def likelihood(
         run = paired if len(slow.phi) == 2 else switching
         value = run(y, chain.levels, chain.first, chain.chances, slow.phi, slow.q, slow.initial, r, path)
     return float(value) if np.isfinite(value) else -1e12
+
+
+def likelihood_by_start(
+    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NOTHING
+) -> float:
+    """Return `likelihood` with one filter for each level at the start, and the path from the likeliest of them.
+
+    While the offset of all levels is unknown, a record that begins at one level looks like one that begins at
+    another. A filter that mixes both keeps the offset that is likelier beforehand, and is lost at the first switch
+    where that is the wrong one.
+    """
+    values = np.full(len(chain.levels), -np.inf)
+    for level, chance in enumerate(chain.first):
+        if chance > 0.0:
+            start = Chain(chain.levels, np.eye(len(chain.levels))[level], chain.chances)
+            own = np.empty_like(path)
+            values[level] = np.log(chance) + likelihood(y, start, slow, r, own)
+            if values[level] == values.max():
+                path[:] = own
+    return float(np.logaddexp.reduce(values))
