@@ -133,7 +133,7 @@ def _draw(
 def _view(examined: ExaminedDrive, cause: str) -> View:
     """Return the view of a cause; of one that shifts innovations, with its constants in axes of the unit."""
     one = next((a for a in examined.search.accepted if a.cause == cause), None)
-    if one is None or one.candidate.scored is None:
+    if one is None or one.candidate.score_test is None:
         return VIEWS.get(DRIVE_CAUSES[cause].view, draw_distribution)
     values = {Parameter(cause, name): c.value for name, c in one.parameters.items() if c.value is not None}
     return partial(draw_effect, values=values)

@@ -1,4 +1,4 @@
-"""What one family of causes says of a record: how surely, what it makes of the noise, and in which figures."""
+"""Outcome of the test of a cause of noise, of single fixes or of a jump, and the limits that all such tests share."""
 
 from __future__ import annotations
 
@@ -13,49 +13,50 @@ from tuner.types import Coefficient
 
 @dataclass(frozen=True)
 class CauseTest:
-    """Outcome of one family.
+    """Outcome of the test of one cause.
 
     Attributes
     ----------
-    alarm : Alarm
-        How surely; its `gain` is the log likelihood gained less ½ ln n a parameter, nats.
+    result : Alarm
+        p value and statistic; its `gain` is the log likelihood gained less ½ ln n a parameter, nats.
     noise : NoiseHypothesis
-        With the cause: to go on from. The same as before where the family has nothing to say.
+        The noise with the cause, to go on from; unchanged where the test is not significant.
     describe : callable
-        () → parameters of the finding, with intervals; costs some refits.
-    law : mapping of str to float
-        Names of a compensation that stand for the sds of the noise, factors on what it has already; empty where one
-        factor on each group of rows does.
+        () → parameters of the finding, with intervals; costs some fits.
+    sd_model : mapping of str to float
+        Model of the reported sds (`tuner.navigation.fix_sd_model`), factors on top of those compensated already; empty
+        where one factor on each group of rows is enough.
     """
 
-    alarm: Alarm
+    result: Alarm
     noise: NoiseHypothesis
     describe: Callable[[], Mapping[str, Coefficient]]
-    law: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    sd_model: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def is_significant(self, threshold: float) -> bool:
         """Whether the p value is below a threshold and the cause gains likelihood."""
-        return self.alarm.p_value < threshold and self.alarm.gain > MIN_GAIN
+        return self.result.p_value < threshold and self.result.gain > MIN_GAIN
 
 
 MIN_GAIN = 1.0
 """Gain from which a cause is named, nats: a Bayes factor of e."""
 NO_GAIN = -9.0
-"""Gain of a family that has nothing to say, nats."""
+"""Gain that stands for the outcome of a test that is not significant, nats."""
 
 
 def not_significant(
     cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str
 ) -> CauseTest:
-    """Return the outcome of a family that has nothing to say."""
+    """Return the outcome of a test that finds nothing."""
     return CauseTest(Alarm(cause, p_value, NO_GAIN, statistic, name), noise, dict)
 
 
 MIN_FACTOR = 0.02
-"""Least factor that is put into a filter: beside correlated errors the white part of smoothed fixes may be nothing, and
-a filter configured so refuses every fix once it is off."""
+"""Least factor on a reported sd that is put into a filter: beside correlated errors the white part of smoothed fixes
+may be nothing, and a filter configured for none rejects every fix once its estimate is off.
+"""
 
 
 def scaled_factor(values: Mapping[str, float], key: str, more: float) -> float:
-    """Return a factor of a compensation times another one, `MIN_FACTOR` at least."""
+    """Return a factor of a compensation times another one, at least `MIN_FACTOR`."""
     return max(MIN_FACTOR, values.get(key, 1.0) * more)

@@ -1,8 +1,8 @@
-"""One configuration out of a static identification and a drive: findings are in it, every inflation is explained.
+"""The filter configuration after a drive: findings taken over, and the reason of every factor on its noise settings.
 
-Densities leave their static values only where the drive contradicts them (`imu_noise_scale`); all other demands of the
-drive stand beside factor 1 with the cause that accounts for them. Findings that do harm on the part of the drive held
-out are not taken over.
+Densities leave their static values only where the drive contradicts them (`imu_noise_scale`); all other factors that
+a drive gives are recorded beside factor 1 with the cause that accounts for them. Findings that do harm on the last
+part of the drive, which they were not fitted to, are not taken over.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 
 def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
-    """Return the configuration after a drive, its inflations explained."""
-    found = examined.diagnosis
-    chosen = found.after if found.credited else found.before
-    told = tuple(
+    """Return the configuration after a drive, with the factors on its noise settings and their reasons."""
+    diagnosis = examined.diagnosis
+    chosen = diagnosis.after if diagnosis.credited else diagnosis.before
+    scales = tuple(
         AppliedNoiseScale(
             QUANTITIES[one.setting], applied_factor(examined, one), one.text, one.plain.interval, one.causes
         )
-        for one in found.noise_scales
+        for one in diagnosis.noise_scales
     )
     return replace(
         chosen,
-        inflations=(*chosen.inflations, *told),
+        inflations=(*chosen.inflations, *scales),
         notes=(
             *chosen.notes,
-            *(i.text for i in found.inseparable),
-            *(() if found.credited else (NO_GAIN_NOTE,)),
+            *(i.text for i in diagnosis.inseparable),
+            *(() if diagnosis.credited else (NO_GAIN_NOTE,)),
         ),
         provenance={
             **chosen.provenance,
@@ -55,7 +55,7 @@ def config_after_drive(examined: ExaminedDrive) -> FilterConfig:
 
 
 def applied_factor(examined: ExaminedDrive, one: NoiseScaleEstimate) -> float:
-    """Return the factor that the configuration after the drive has on a setting."""
+    """Return the factor that the configuration after the drive has on a noise setting."""
     if not examined.diagnosis.credited:
         return 1.0
     if one.setting in ("position", "velocity"):

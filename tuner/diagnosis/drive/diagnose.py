@@ -1,4 +1,4 @@
-"""Diagnosis of a measured drive: clocks coarsely, the loop, the gain on data held out, the extended filter."""
+"""Diagnosis of a measured drive: search for causes, gain on the last part, configuration with the findings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tuner.types.records import DataError, Drive
 
 @dataclass(frozen=True)
 class ExaminedDrive:
-    """A drive with what was found in it: the drive as looked at, the passes before and after, and the outcome."""
+    """A drive with its diagnosis: the drive as filtered, the runs before and after, and the result."""
 
     drive: Drive
     search: SearchResult
@@ -39,7 +39,7 @@ def diagnose_drive(
     wheels: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> DriveDiagnosis:
-    """Find what the navigation simulation gets wrong on a drive, and why; see `examine_drive`."""
+    """Find what the filter's model gets wrong on a drive, and why; see `examine_drive`."""
     return examine_drive(drive, config, wheels=wheels, progress=progress).diagnosis
 
 
@@ -50,14 +50,14 @@ def examine_drive(
     wheels: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> ExaminedDrive:
-    """Find what the navigation simulation gets wrong on a drive, and why.
+    """Find what the filter's model gets wrong on a drive, and why.
 
     Parameters
     ----------
     drive : Drive
         The drive.
     config : FilterConfig
-        Noise of the sensor and of the receiver as configured; where the receiver reports sds, those count.
+        Noise of the sensor and of the receiver as configured; sds that the receiver reports replace the latter.
     wheels : bool
         Whether the vehicle's wheels do not slip: then the stated mounting of the unit is tested.
     progress : callable, optional
@@ -104,13 +104,13 @@ def _diagnosis(
     notes: tuple[str, ...],
     gain: Gain | None,
 ) -> DriveDiagnosis:
-    """Return the outcome as a result; the gain of several findings together is that of the diagnosis alone."""
+    """Return the result of a search; the gain on the last part counts for a finding only where it is the only one."""
     n = max(1, int(np.count_nonzero(outcome.base.linearized.counted.any(axis=1))))
     before = evaluate(as_configured(outcome.base.linearized)).value / n
     own = [
         gain
         if gain is not None and len(outcome.accepted) == 1
-        else Gain("in sample", before, before + one.candidate.alarm.gain / n, one.candidate.alarm.gain)
+        else Gain("in sample", before, before + one.candidate.result.gain / n, one.candidate.result.gain)
         for one in outcome.accepted
     ]
     pairs = zip(outcome.accepted, own, strict=True)
@@ -140,12 +140,12 @@ def _diagnosis(
         findings=(*config.findings, *map(config_finding, findings)),
     )
     left = tuple(
-        Unexplained(f"{a.cause}: {a.alarm.name}", ("drive",), a.alarm.p_value) for a in outcome.unexplained
+        Unexplained(f"{a.cause}: {a.result.name}", ("drive",), a.result.p_value) for a in outcome.unexplained
     )
     left = (*left, *clock_drift(outcome.final, outcome.shifts, significance_threshold()))
-    told = (*drive.notes, *notes)
+    all_notes = (*drive.notes, *notes)
     causes = tuple(finding.cause for finding in findings)
-    untold = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
+    untestable = untestable_causes(outcome.final, drive.mounting, wheels=wheels, accepted=causes)
     return DriveDiagnosis(
-        findings, config, after, left, (*inseparable_causes(outcome.accepted), *untold), told, gain
+        findings, config, after, left, (*inseparable_causes(outcome.accepted), *untestable), all_notes, gain
     )

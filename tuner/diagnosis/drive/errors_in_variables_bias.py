@@ -1,15 +1,15 @@
-"""What noise by itself makes of constants: errors in variables.
+"""Errors-in-variables bias of fitted constants, by simulation–extrapolation.
 
-Sensitivities S are taken along the filter's own way and from the measured rates, which err by the very noise that
-makes the whitened innovations W: E SᵀW is not 0 where nothing is hidden. Where a drive says little of a constant, as
-slopes of 0.03 say of gravity, and attitudes are as uncertain, that grows with the drive: on an hour with gyros of
-2°/√h gravity leans by 3.5 sds, scale factors of the gyros by 2.4. The configured noise, added to the drive once more,
-tells it, as in the first step of simulation–extrapolation [1]_::
+Sensitivities S are computed along the filter's own trajectory and from the measured rates, which contain the same
+noise as the whitened innovations W: E SᵀW is not 0 where no cause is present. Where a drive has little information on
+a constant, as slopes of 0.03 have on gravity, and attitudes are as uncertain, that bias grows with the length of the
+drive: on an hour with gyros of 2°/√h it is 3.5 sds for gravity and 2.4 for scale factors of the gyros. Adding the
+configured noise to the drive once more shows it, as in the first step of simulation–extrapolation [1]_::
 
     θ = (λ + Sᵀ S)⁻¹ (S₁ − S)ᵀ (W₁ − W)
 
-with constants in sds of their priors and λ small: where a drive says nothing, nothing is taken out. One addition
-tells it to a tenth of a sd.
+with constants in sds of their priors and λ small, so that nothing is subtracted where a drive has no information. One
+addition determines the bias to a tenth of a sd.
 
 References
 ----------
@@ -37,20 +37,20 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SEED = 0
-"""Of the noise that is added."""
+"""Seed of the noise that is added: the same drive gives the same diagnosis."""
 RIDGE = 0.05
-"""Where a drive says less of a constant than this share of what its prior does, nothing is taken out."""
+"""λ: information, in units of the prior's, below which the bias of a constant is left in."""
 MAX_CHANGE = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
 
 
 def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
-    """Return what noise makes of the constants of a pass, (p,); zeros where the noisier drive cannot be aligned.
+    """Return the bias of the constants of a run, (p,); zeros where the noisier drive cannot be aligned.
 
     Parameters
     ----------
     drive : Drive
-        In sensor axes.
+        In the axes of the sensor.
     run : FilterRun
         Of the drive.
     """

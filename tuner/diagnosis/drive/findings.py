@@ -1,4 +1,4 @@
-"""What was accepted on a drive, in words and as a finding."""
+"""Accepted causes as findings: parameters, words, and what is inseparable on a drive."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tuner.types.records import Drive
 
 
 def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
-    """Return what was accepted as a finding; a lever arm in axes of the vehicle where its mounting is known."""
+    """Return an accepted cause as a finding; a lever arm in axes of the vehicle where its mounting is known."""
     declared = DRIVE_CAUSES[one.cause]
     channels = declared.channels
     parameters: Mapping[str, Coefficient] = one.parameters
     if one.cause == "lever_arm" and drive.mounting is not None:
         parameters = rotated_parameters(parameters, drive.mounting.T)
-    alarm = one.candidate.alarm
+    result = one.candidate.result
     extension: dict[str, Any] = {
         "cause": one.cause,
         "joins": declared.joins,
@@ -30,9 +30,9 @@ def finding(one: Accepted, drive: Drive, gain: Gain | None) -> Finding:
     return Finding(
         one.cause,
         channels,
-        alarm.name,
-        alarm.statistic,
-        min(1.0, alarm.p_value),
+        result.name,
+        result.statistic,
+        min(1.0, result.p_value),
         parameters,
         words(one.cause, channels, declared.meaning, parameters),
         declared.consequence,
@@ -55,7 +55,7 @@ def rotated_parameters(parameters: Mapping[str, Coefficient], matrix: Any) -> di
 
 
 def inseparable_causes(accepted: tuple[Accepted, ...]) -> tuple[Inseparable, ...]:
-    """Return what a drive cannot tell apart, and the motion that would."""
+    """Return the causes that a drive cannot separate, and the motion that would."""
     return tuple(
         Inseparable(
             (one.cause, *one.inseparable),

@@ -1,14 +1,14 @@
-"""What the findings are worth on the last 40 % of a drive, with parameters from the first 60 % of what is scored.
+"""Gain of the findings on the last 40 % of a drive, with parameters from the first 60 % of the scored fixes.
 
-Both filters, before and after, run over the whole drive with frozen parameters. Of the fixes that both took in the last
-part::
+Both filters, before and after, run over the whole drive with fixed parameters. Of the fixes that both used in the
+last part::
 
     ln p = −½ Σ (z²/f + ln 2πf)          mean NIS, its lag-1 correlation
     outage: fixes withheld for 30 and 60 s, horizontal distance of the last one from its prediction, rms
 
-Outages are compared in pairs, squared errors aᵢ before and bᵢ after; with their rms values a and b the change is
-b − a = mean (bᵢ − aᵢ)/(a + b), its interval that of Student for the mean: a drive has few windows, and a bootstrap over
-four of them says "worse" of every tenth filter that is none.
+Outages are compared in pairs, squared errors aᵢ before and bᵢ after; with their rms values a and b the change is b −
+a = mean (bᵢ − aᵢ)/(a + b), its interval that of Student for the mean: a drive has few windows, and a bootstrap over
+four of them calls one unchanged filter in ten worse.
 """
 
 from __future__ import annotations
@@ -36,21 +36,22 @@ from tuner.types.records import DataError, Drive
 FloatArray = NDArray[np.float64]
 
 OUTAGE_DURATIONS = (30.0, 60.0)
+"""Durations of the outages, s: those that data sheets of GNSS/INS state."""
 RECOVERY_TIME = 30.0
-"""Outages and the time with fixes between them, s."""
+"""Time with fixes between two outages, s: the filter has converged again."""
 MIN_ROWS = 30
 """Rows that a gain must be measured on."""
 
 
 def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
-    """Return the gain of all that was accepted; None where nothing was, or the drive is too short.
+    """Return the gain of all accepted causes; None where there is none, or the drive is too short.
 
     Parameters
     ----------
     drive : Drive
-        In sensor axes.
+        In the axes of the sensor.
     outcome : SearchResult
-        Of the loop.
+        Of the search.
     """
     if not outcome.accepted:
         return None
@@ -67,19 +68,21 @@ def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
     rows_b, rows_a = _shared_rows(before, after, cut, len(drive.gnss))
     if np.count_nonzero(rows_b) < MIN_ROWS:
         return None
-    told = [_scores(each, rows) for each, rows in ((before, rows_b), (after, rows_a))]
+    likelihood = [_scores(each, rows) for each, rows in ((before, rows_b), (after, rows_a))]
     user = {
-        "nis": (told[0][1], told[1][1]),
-        "innovation_lag1_correlation": (told[0][2], told[1][2]),
+        "nis": (likelihood[0][1], likelihood[1][1]),
+        "innovation_lag1_correlation": (likelihood[0][2], likelihood[1][2]),
     }
     for horizon in OUTAGE_DURATIONS:
         user |= _outage_figures(before, after, cut, horizon)
     n = int(np.count_nonzero(rows_b.any(axis=1)))
-    return Gain("60/40", told[0][0] / n, told[1][0] / n, told[1][0] - told[0][0], user=user)
+    return Gain(
+        "60/40", likelihood[0][0] / n, likelihood[1][0] / n, likelihood[1][0] - likelihood[0][0], user=user
+    )
 
 
 def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis:
-    """Return the final hypothesis with its values fitted to what comes before the cut."""
+    """Return the final hypothesis with its values fitted to the fixes before a time."""
     final = outcome.final.hypothesis
     kept = drive.gnss.t < cut
     inertial = drive.imu_t < cut + 1.0
@@ -91,10 +94,10 @@ def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesi
     compensation = run.hypothesis.compensation
     values = compensation.of(GNSS_NOISE_SCALE)
     if any(one.cause == GNSS_NOISE_SCALE for one in outcome.accepted):
-        noise, said = noise_hypothesis_of(run, outcome.shifts), reported_levels(run.linearized, values)
-        names = present(noise, sd_model_parameters(values), said)
+        noise, levels = noise_hypothesis_of(run, outcome.shifts), reported_levels(run.linearized, values)
+        names = present(noise, sd_model_parameters(values), levels)
         if names:
-            fitted = updated_values(values, maximize_likelihood(noise, noise_parameters(names, said)))
+            fitted = updated_values(values, maximize_likelihood(noise, noise_parameters(names, levels)))
             compensation = compensation.with_values(
                 {Parameter(GNSS_NOISE_SCALE, name): value for name, value in fitted.items()}
             )
@@ -104,7 +107,7 @@ def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesi
 def _shared_rows(
     before: FilterRun, after: FilterRun, cut: float, count: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the rows after the cut that both passes took, as rows of each; shapes (k, 6)."""
+    """Return the rows after a time that both runs used, as rows of each; shapes (k, 6)."""
     both = np.ones((count, 6), dtype=bool)
     for each in (before, after):
         mine = np.zeros((count, 6), dtype=bool)
@@ -115,9 +118,9 @@ def _shared_rows(
 
 def _scores(run: FilterRun, rows: NDArray[np.bool_]) -> tuple[float, float, float]:
     """Return log likelihood, mean square and lag-1 correlation of whitened innovations in rows."""
-    told = evaluate(as_configured(run.linearized))
-    white = np.where(rows, told.white, 0.0)
-    value = -0.5 * float(np.sum(white[rows] ** 2 + np.log(2.0 * np.pi * told.variance[rows])))
+    likelihood = evaluate(as_configured(run.linearized))
+    white = np.where(rows, likelihood.white, 0.0)
+    value = -0.5 * float(np.sum(white[rows] ** 2 + np.log(2.0 * np.pi * likelihood.variance[rows])))
     square = float(np.sum(white**2))
     return value, square / int(np.count_nonzero(rows)), float(np.sum(white[1:] * white[:-1])) / square
 

@@ -33,16 +33,18 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_FIXES = 1500
-"""Fixes that a criticism looks at: of more, evenly spaced ones are kept."""
+"""Fixes that a diagnosis uses, of more evenly spaced ones: its cost grows with them, while constants are known well
+enough.
+"""
 
 
 NEGLIGIBLE_CHANGE = 0.05
-"""Relative difference of values that a filter hardly notices."""
+"""Relative difference of values that changes a filter's innovations by less than their scatter."""
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A bias of a sensor, ``gyro`` or ``accel``, that jumped: time, s, and change, shape (3,)."""
+    """A jump of the bias of a sensor, ``gyro`` or ``accel``: time, s, and change, shape (3,)."""
 
     time: float
     sensor: str
@@ -51,7 +53,7 @@ class Jump:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What is held to be true.
+    """What is supposed of a drive.
 
     Attributes
     ----------
@@ -64,7 +66,7 @@ class Hypothesis:
     jumps : tuple of Jump
         Jumps of biases, on the clock of the inertial unit.
     errors_in_variables_bias : ndarray, shape (p,), optional
-        Bias of fitted constants caused by noise in the measured rates, see `errors_in_variables_bias`.
+        Bias of fitted constants (`errors_in_variables_bias`), subtracted from the innovations.
     """
 
     config: FilterConfig
@@ -94,7 +96,7 @@ class Hypothesis:
         """
         noise, config = test.noise, self.config
         ratio = noise.sd / linearized.sd
-        factors = test.law or {
+        factors = test.sd_model or {
             name: float(np.median(ratio[:, list(rows)])) for name, rows in ROW_GROUPS.items()
         }
         before = self.compensation.of(GNSS_NOISE_SCALE)
@@ -118,7 +120,7 @@ class Hypothesis:
         return replace(self, compensation=self.compensation.with_values(values))
 
     def is_equivalent_to(self, other: Hypothesis) -> bool:
-        """Whether a filter would hardly notice the difference."""
+        """Whether a filter would hardly differ under another hypothesis."""
         parameters = tuple(self.compensation.keys() | other.compensation.keys())
         return (
             self.config is other.config
@@ -158,22 +160,22 @@ def _with_density_factors(config: FilterConfig, factor: Mapping[str, float]) -> 
 
 @dataclass(frozen=True)
 class FilterRun:
-    """A filter's pass over a drive under a hypothesis.
+    """A filter run over a drive under a hypothesis.
 
     Attributes
     ----------
     hypothesis : Hypothesis
-        Under which.
+        What is supposed of the drive.
     settings : FilterSettings
         The filter.
     stretches, solutions : tuples
-        What was filtered, and the outcome.
+        What was filtered, and the results.
     linearized : LinearizedRun
-        The same made linear.
+        The linear model of the run.
     index : ndarray of int, shape (k,)
-        Fix of the drive behind every fix of the record.
+        Fix of the drive behind every fix of the linearised run.
     notes : tuple of str
-        What was done on the way.
+        What alignment and checks report.
     """
 
     hypothesis: Hypothesis
@@ -186,7 +188,7 @@ class FilterRun:
 
     @cached_property
     def whitened(self) -> WhitenedInnovations:
-        """Innovations and sensitivities by the sds the filter predicts, less what noise makes of constants."""
+        """Whitened innovations and sensitivities as configured, the errors-in-variables bias subtracted."""
         w, bias = whiten(as_configured(self.linearized)), self.hypothesis.errors_in_variables_bias
         return w if bias is None else replace(w, residual=w.residual - w.slope @ bias)
 
@@ -209,7 +211,7 @@ def thin_fixes(drive: Drive) -> tuple[Drive, int]:
 
 
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
-    """Return the filter of a hypothesis for a drive that is already compensated: it takes the receiver's sds."""
+    """Return the filter of a hypothesis for a compensated drive, with the sds that the receiver reports."""
     arm = drive.lever_arm or (0.0, 0.0, 0.0)
     settings = filter_settings(hypothesis.config, lever_arm=arm)
     settings = replace(settings, fix_sd_models=(FixSdModel(), FixSdModel()))
@@ -217,7 +219,7 @@ def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
 
 
 def corrected_drive(drive: Drive, hypothesis: Hypothesis) -> Drive:
-    """Return the drive as the hypothesis sees it: compensated, without the fixes that are left out."""
+    """Return the drive as a hypothesis has it: compensated, without jumps, without the fixes left out."""
     drive = compensate(drive, hypothesis.compensation)
     gnss = drive.gnss
     for jump in hypothesis.jumps:
@@ -240,9 +242,9 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     DataError
         Where the drive cannot be aligned.
     """
-    seen = corrected_drive(drive, hypothesis)
-    settings = filter_settings_of(seen, hypothesis)
-    stretches, notes = prepare(seen, settings, timed=True)
+    corrected = corrected_drive(drive, hypothesis)
+    settings = filter_settings_of(corrected, hypothesis)
+    stretches, notes = prepare(corrected, settings, timed=True)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     starts = [
         initial_estimates(settings, stretch, solutions[i - 1] if i else None)
@@ -250,14 +252,14 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     ]
     stamps = drive.gnss.t - hypothesis.compensation.value("time_offset", "delay")
     indices = [_nearest(stamps, solution.t) for solution in solutions]
-    told = reported_sds(drive.gnss, settings)
+    reported = reported_sds(drive.gnss, settings)
     linearized = linearize(
         settings,
         stretches,
         solutions,
         starts[0][1],
         [x for x, _ in starts],
-        [told[index] for index in indices],
+        [reported[index] for index in indices],
     )
     return FilterRun(hypothesis, settings, stretches, solutions, linearized, np.concatenate(indices), notes)
 

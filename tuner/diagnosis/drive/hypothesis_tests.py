@@ -35,33 +35,33 @@ class Candidate:
 
     Attributes
     ----------
-    alarm : Alarm
+    result : Alarm
         p value, gain and statistic.
-    scored : ScoreTest or None
+    score_test : ScoreTest or None
         Test of a constant cause.
-    claim : CauseTest or None
+    test : CauseTest or None
         Test of any other.
     """
 
-    alarm: Alarm
-    scored: ScoreTest | None = None
-    claim: CauseTest | None = None
+    result: Alarm
+    score_test: ScoreTest | None = None
+    test: CauseTest | None = None
 
     @property
     def cause(self) -> str:
         """Code of the cause."""
-        return self.alarm.cause
+        return self.result.cause
 
     @property
     def credible(self) -> bool:
         """Whether a cause of the size that it would have to be is met in practice."""
-        if self.scored is not None:
-            return self.scored.credible
-        return self.claim is None or noise_causes()[self.cause].is_credible(self.claim)
+        if self.score_test is not None:
+            return self.score_test.credible
+        return self.test is None or noise_causes()[self.cause].is_credible(self.test)
 
     def is_significant(self, threshold: float) -> bool:
         """Whether the p value is below a threshold and the cause gains likelihood."""
-        return self.alarm.p_value < threshold and self.alarm.gain > MIN_GAIN
+        return self.result.p_value < threshold and self.result.gain > MIN_GAIN
 
 
 def noise_hypothesis_of(run: FilterRun, accepted: tuple[str, ...]) -> NoiseHypothesis:
@@ -124,13 +124,13 @@ def _test_fixes_and_noise(
 
 
 def _candidate(test: CauseTest) -> Candidate:
-    return Candidate(test.alarm, claim=test)
+    return Candidate(test.result, test=test)
 
 
-def score_candidate(scored: ScoreTest) -> Candidate:
+def score_candidate(test: ScoreTest) -> Candidate:
     """Return the candidate of a constant cause."""
-    alarm = Alarm(scored.cause, scored.p_value, scored.gain, scored.statistic, SCORE_TEST_TITLE)
-    return Candidate(alarm, scored=scored)
+    result = Alarm(test.cause, test.p_value, test.gain, test.statistic, SCORE_TEST_TITLE)
+    return Candidate(result, score_test=test)
 
 
 def coefficients(

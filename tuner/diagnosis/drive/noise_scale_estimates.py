@@ -1,14 +1,14 @@
-"""Explained inflation: by how much a drive wants each noise setting enlarged, and what it really asks for.
+"""Noise-scale estimates of a drive: the factor on each noise setting that the innovations ask for, and its cause.
 
-All factors on Q and R are fitted together, true ÷ stated: to the pass of the filter as it was configured, to the pass
-with all findings, and to passes in which one finding is forgotten::
+All factors on Q and R, true ÷ stated, are fitted together: to the run of the filter as configured, to the run with all
+findings, and to runs in which one finding is left out::
 
-    plain    what one would inflate by without naming anything
-    named    what is left once the causes are in the filter
-    cause    of all findings, the one whose forgetting brings most of the factor back
+    plain    the factor with no cause named
+    named    the factor that remains with all findings in the filter
+    causes   of all findings, those without which most of the factor returns
 
-What is left of white noise is put down to vibration where the unit is that much noisier above 5 Hz while it moves than
-while it stands, what is left of the receiver to its stated sds where those were found wrong; else it is unknown.
+A factor on white noise that remains is ascribed to vibration where the unit is that much noisier above 5 Hz in motion
+than at rest, one on the receiver to its reported sds where those were found wrong; else its cause is unknown.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "position": ("error of the positions", "m"),
     "velocity": ("error of the velocities", "m/s"),
 }
-"""Noise settings of a filter: in words, SI unit."""
+"""Noise settings of a filter: in words, and their SI unit."""
 MIN_VIBRATION_RATIO = 1.5
-"""Vibration, moving ÷ standing, from which it counts."""
+"""Vibration, moving ÷ at rest, from which it counts."""
 MIN_RETURNED_SHARE = 0.25
-"""Part of what a factor lost that forgetting a cause must bring back for it to be named."""
+"""Part of what a factor lost that must return when a cause is left out for it to be named."""
 MAX_CAUSES_LEFT_OUT = 4
-"""Findings that are forgotten in turn, the first accepted: each costs a pass and a fit."""
+"""Findings that are left out in turn, the first accepted: each costs a run and a fit."""
 UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
 class _Factors:
-    """Factors on the stated settings that a pass asks for, and the same as coefficients with intervals."""
+    """Factors on the stated settings fitted to a run, with intervals."""
 
     fit: NoiseFit
     scale: Mapping[str, float]
@@ -70,53 +70,62 @@ def estimate_noise_scales(
     *,
     prior_sd: Mapping[str, float] = NO_PRIOR,
 ) -> tuple[NoiseScaleEstimate, ...]:
-    """Return what a drive asks of each noise setting, and why.
+    """Estimate the factor that a drive gives on each noise setting, before and after its causes are named.
 
-    None where the likelihood has no maximum that could be found.
+    Empty where the likelihood has no maximum that could be found.
 
     Parameters
     ----------
     examined : ExaminedDrive
-        The drive, its passes and findings.
+        The drive, its runs and findings.
     vibration : mapping of str to float
-        Noise above 5 Hz, moving ÷ standing, of ``gyro`` and ``accel``.
+        Noise above 5 Hz, moving ÷ at rest, of ``gyro`` and ``accel``.
     prior_sd : mapping of str to float
-        What is known beforehand of the log of a factor, by name of `SETTINGS`; nothing by default, so that the drive
-        speaks for itself.
+        Prior sd of the log of a factor, by name of `SETTINGS`; none by default, so that the drive alone determines it.
     """
     base, final = examined.search.base, examined.search.final
     config = base.hypothesis.config
-    known = tuple(a.cause for a in examined.search.accepted)
+    fitted = tuple(a.cause for a in examined.search.accepted)
     if not all(present(noise_hypothesis_of(one, ()), tuple(SETTINGS)) for one in (base, final)):
         return ()
     try:
-        plain = _fit_factors(base, base, (), prior_sd)
-        named = _fit_factors(base, final, known, prior_sd)
+        unexplained = _fit_factors(base, base, (), prior_sd)
+        explained = _fit_factors(base, final, fitted, prior_sd)
     except np.linalg.LinAlgError:
         return ()
     names = [
-        name for name in SETTINGS if name in plain.fit.parameters.names and name in named.fit.parameters.names
+        name
+        for name in SETTINGS
+        if name in unexplained.fit.parameters.names and name in explained.fit.parameters.names
     ]
-    factor = {name: (plain.coefficient(name), named.coefficient(name)) for name in names}
+    factor = {name: (unexplained.coefficient(name), explained.coefficient(name)) for name in names}
     fallen = [
         name
         for name in names
         if not may_be_one(factor[name][0])
-        and plain.log(name) - named.log(name) > MIN_RETURNED_SHARE * plain.log(name)
+        and unexplained.log(name) - explained.log(name) > MIN_RETURNED_SHARE * unexplained.log(name)
     ]
-    accounted = _responsible_causes(examined.drive, base, final, known, fallen, plain, named, prior_sd)
+    accounted = _responsible_causes(
+        examined.drive, base, final, fitted, fallen, unexplained, explained, prior_sd
+    )
     answer = []
     for name in SETTINGS:
         stated = stated_value(config, base, name)
         if name not in names:
             continue
-        held = plain.fit.identifiable(name) or named.fit.identifiable(name)
+        identifiable = unexplained.fit.identifiable(name) or explained.fit.identifiable(name)
         causes = accounted.get(name, ())
-        if held and not may_be_one(factor[name][1]):
-            causes = (*causes, _remaining_cause(name, factor[name][1], known, vibration or {}))
+        if identifiable and not may_be_one(factor[name][1]):
+            causes = (*causes, _remaining_cause(name, factor[name][1], fitted, vibration or {}))
         answer.append(
             NoiseScaleEstimate(
-                name, stated, SETTINGS[name][1], *factor[name], causes if held else (), held, ""
+                name,
+                stated,
+                SETTINGS[name][1],
+                *factor[name],
+                causes if identifiable else (),
+                identifiable,
+                "",
             )
         )
     return tuple(replace(one, text=words(one, (vibration or {}).get(one.setting[:-6]))) for one in answer)
@@ -148,13 +157,13 @@ def bias_driving_density(channel: ChannelNoise) -> float:
 def _fit_factors(
     base: FilterRun,
     run: FilterRun,
-    known: Sequence[str],
+    fitted: Sequence[str],
     prior_sd: Mapping[str, float],
     free: Sequence[str] = tuple(SETTINGS),
     others: NoiseFit | None = None,
 ) -> _Factors:
-    """Fit the free settings of a pass, the others as a fit has them."""
-    noise = noise_hypothesis_of(run, tuple(known))
+    """Fit the free settings of a run, the others as in another fit."""
+    noise = noise_hypothesis_of(run, tuple(fitted))
     names = present(noise, tuple(free))
     if others is not None:
         fixed = tuple(name for name in others.parameters.names if name not in names)
@@ -169,13 +178,15 @@ def _fit_factors(
 
 
 def assumed_over_stated(run: FilterRun, name: str) -> float:
-    """Return the configured value of a setting of a pass, in proportion to what was stated."""
+    """Return what the filter of a run assumed of a setting, relative to what was stated."""
     if name in BLOCKS:
         linearized, rows = run.linearized, run.linearized.counted[:, BLOCKS[name]]
         now, factor_text = (sd[:, BLOCKS[name]][rows] for sd in (linearized.sd, linearized.reported_sd))
-        known = np.isfinite(factor_text)
+        fitted = np.isfinite(factor_text)
         return (
-            float(np.sqrt(np.sum(now[known] ** 2) / np.sum(factor_text[known] ** 2))) if known.any() else 1.0
+            float(np.sqrt(np.sum(now[fitted] ** 2) / np.sum(factor_text[fitted] ** 2)))
+            if fitted.any()
+            else 1.0
         )
     value = stated_value(run.hypothesis.config, run, name)
     return value or 1.0
@@ -185,44 +196,44 @@ def _responsible_causes(
     drive: Drive,
     base: FilterRun,
     final: FilterRun,
-    known: tuple[str, ...],
+    fitted: tuple[str, ...],
     fallen: Sequence[str],
-    plain: _Factors,
-    named: _Factors,
+    unexplained: _Factors,
+    explained: _Factors,
     prior_sd: Mapping[str, float],
 ) -> dict[str, tuple[str, ...]]:
-    """Return the findings that bring factors back when they are forgotten, the most important first."""
-    causes = tuple(dict.fromkeys(c for c in known if not is_noise_scale(c)))[:MAX_CAUSES_LEFT_OUT]
+    """Return the findings without which factors return, the most important first."""
+    causes = tuple(dict.fromkeys(c for c in fitted if not is_noise_scale(c)))[:MAX_CAUSES_LEFT_OUT]
     if not fallen or not causes:
         return {}
     if len(causes) == 1:
         return dict.fromkeys(fallen, causes)
-    back: dict[str, dict[str, float]] = {name: {} for name in fallen}
+    returned: dict[str, dict[str, float]] = {name: {} for name in fallen}
     for cause in causes:
-        others = tuple(c for c in known if c != cause)
+        others = tuple(c for c in fitted if c != cause)
         try:
-            less = run_filter(drive, DRIVE_CAUSES[cause].without(final.hypothesis, base.hypothesis))
-            asked = _fit_factors(base, less, others, prior_sd, fallen, named.fit)
+            without = run_filter(drive, DRIVE_CAUSES[cause].without(final.hypothesis, base.hypothesis))
+            asked = _fit_factors(base, without, others, prior_sd, fallen, explained.fit)
         except (DataError, np.linalg.LinAlgError):
             # A filter that cannot do without the cause: all of the factor is back.
-            back = {name: {**shares, cause: 1.0} for name, shares in back.items()}
+            returned = {name: {**shares, cause: 1.0} for name, shares in returned.items()}
             continue
         for name in fallen:
-            lost = plain.log(name) - named.log(name)
-            back[name][cause] = (asked.log(name) - named.log(name)) / lost
+            lost = unexplained.log(name) - explained.log(name)
+            returned[name][cause] = (asked.log(name) - explained.log(name)) / lost
     answer = {}
-    for name, shares in back.items():
+    for name, shares in returned.items():
         order = sorted(shares, key=lambda cause: -shares[cause])
         answer[name] = tuple(c for c in order if shares[c] > MIN_RETURNED_SHARE) or (order[0],)
     return answer
 
 
 def _remaining_cause(
-    name: str, left: Coefficient, known: Sequence[str], vibration: Mapping[str, float]
+    name: str, left: Coefficient, fitted: Sequence[str], vibration: Mapping[str, float]
 ) -> str:
-    """Return what accounts for a factor that stays."""
+    """Return what accounts for a factor that remains."""
     if name in BLOCKS:
-        return "gnss_noise_scale" if "gnss_noise_scale" in known else UNKNOWN
+        return "gnss_noise_scale" if "gnss_noise_scale" in fitted else UNKNOWN
     sensor, _, kind = name.partition("_")
     ratio = vibration.get(sensor, 1.0)
     low = left.interval[0] if left.interval else 0.0
@@ -230,20 +241,22 @@ def _remaining_cause(
 
 
 def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
-    """Put the estimate of a noise scale in words."""
+    """Return an estimate in words."""
     title = SETTINGS[one.setting][0]
     if not one.identifiable:
         return f"{title}: not identifiable on this drive; the stated value stays"
     if may_be_one(one.plain) and may_be_one(one.named):
         return f"{title}: as stated; the drive allows {_times(one.plain)}"
-    named = [
+    explained = [
         cause.replace("_", " ")
         for cause in one.causes
         if cause not in (UNKNOWN, "vibration") and not is_noise_scale(cause)
     ]
     parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
-    if named:
-        parts.append(f"{_times(one.named)} once {listed(named)} {'is' if len(named) == 1 else 'are'} named")
+    if explained:
+        parts.append(
+            f"{_times(one.named)} once {listed(explained)} {'is' if len(explained) == 1 else 'are'} named"
+        )
     else:
         parts.append(f"{_times(one.named)} with all findings in the filter")
     if "vibration" in one.causes and vibration is not None:

@@ -31,13 +31,13 @@ FloatArray = NDArray[np.float64]
 N_PARTS = 5
 """Parts of a drive between which a strong cause may differ."""
 MAX_WEAK_GAIN = 10.0
-"""Gain up to which a cause is doubted, nats."""
+"""Gain up to which a cause may be a residue, nats."""
 MIN_STATISTIC_RATIO = 100.0
-"""Ratio of two z² from which one cause may leave the other behind: it differs by a tenth of itself."""
+"""Ratio of two z² from which one cause may leave the other as its residue: it varies by a tenth of itself."""
 
 
 def with_piecewise_constants(linearized: LinearizedRun, causes: Sequence[str]) -> LinearizedRun:
-    """Return a record with a column more for each constant of causes and each part of the drive but the first."""
+    """Return a run with a further column for each constant of some causes and each part of the drive but the first."""
     span = max(float(linearized.t[-1] - linearized.t[0]), 1e-9)
     part = np.minimum((N_PARTS * (linearized.t - linearized.t[0]) / span).astype(int), N_PARTS - 1)
     own = [i for cause in causes for i in columns_of(cause, linearized.parameters)]
@@ -56,45 +56,45 @@ def with_piecewise_constants(linearized: LinearizedRun, causes: Sequence[str]) -
 
 
 def explained_by_stronger(
-    run: FilterRun, known: Sequence[str], alarm: ScoreTest, threshold: float
+    run: FilterRun, fitted: Sequence[str], test: ScoreTest, threshold: float
 ) -> tuple[str, ...]:
-    """Return the strong causes that may leave a weak shift behind; empty where it stands by itself.
+    """Return the strong causes whose residue a weak one may be; empty where it is significant beside them.
 
     Parameters
     ----------
     run : FilterRun
         Compensated.
-    known : sequence of str
-        Accepted shifts, the weak one among them.
-    alarm : ScoreTest
-        Its own test.
+    fitted : sequence of str
+        Accepted constant causes, the weak one among them.
+    test : ScoreTest
+        Test of the weak one.
     threshold : float
-        Chance below which it alarms.
+        p value below which it is significant.
     """
-    strong = _stronger(run, known, alarm.cause, alarm.gain, alarm.statistic)
+    strong = _stronger(run, fitted, test.cause, test.gain, test.statistic)
     if not strong:
         return ()
-    loose = with_piecewise_constants(run.linearized, strong)
-    values = _values(run, alarm.cause)
-    again = retest(whiten(as_configured(loose)), loose.parameters, known, alarm.cause, values)
+    piecewise = with_piecewise_constants(run.linearized, strong)
+    values = _values(run, test.cause)
+    again = retest(whiten(as_configured(piecewise)), piecewise.parameters, fitted, test.cause, values)
     return strong if again.p_value >= threshold else ()
 
 
-def causes_stronger_than_jump(run: FilterRun, known: Sequence[str], alarm: Alarm) -> tuple[str, ...]:
-    """Return the strong causes that may leave a weak jump of a bias behind; `run` is compensated."""
-    return _stronger(run, known, alarm.cause, alarm.gain, alarm.statistic)
+def causes_stronger_than_jump(run: FilterRun, fitted: Sequence[str], test: Alarm) -> tuple[str, ...]:
+    """Return the strong causes whose residue a weak jump of a bias may be; the run is compensated."""
+    return _stronger(run, fitted, test.cause, test.gain, test.statistic)
 
 
-def jump_remains(run: FilterRun, known: Sequence[str], strong: Sequence[str], threshold: float) -> bool:
-    """Whether a bias jumps in a pass without jumps where strong causes may differ between parts of the drive."""
-    loose = with_piecewise_constants(run.linearized, strong)
-    columns = tuple(i for cause in known for i in columns_of(cause, loose.parameters))
-    noise: NoiseHypothesis = replace(as_configured(loose), columns=columns)
-    return bias_jump(noise).alarm.p_value < threshold
+def jump_remains(run: FilterRun, fitted: Sequence[str], strong: Sequence[str], threshold: float) -> bool:
+    """Whether a jump of a bias stays significant where strong causes may differ between parts of the drive."""
+    piecewise = with_piecewise_constants(run.linearized, strong)
+    columns = tuple(i for cause in fitted for i in columns_of(cause, piecewise.parameters))
+    noise: NoiseHypothesis = replace(as_configured(piecewise), columns=columns)
+    return bias_jump(noise).result.p_value < threshold
 
 
 def rejection_note(cause: str, gain: float, strong: Sequence[str]) -> str:
-    """Say that a cause is none, and why."""
+    """Return the note that a cause is rejected, and why."""
     return (
         f"{cause} of {gain:.1f} nats is too small to tell from model error: it is gone where {', '.join(strong)} may "
         f"differ between {N_PARTS} parts of the drive"
@@ -102,18 +102,18 @@ def rejection_note(cause: str, gain: float, strong: Sequence[str]) -> str:
 
 
 def _stronger(
-    run: FilterRun, known: Sequence[str], cause: str, gain: float, statistic: float
+    run: FilterRun, fitted: Sequence[str], cause: str, gain: float, statistic: float
 ) -> tuple[str, ...]:
-    """Return the accepted shifts beside which a cause is weak."""
+    """Return the accepted constant causes beside which a cause is weak."""
     if gain >= MAX_WEAK_GAIN:
         return ()
     w, names = run.whitened, run.linearized.parameters
-    others = [other for other in known if other != cause]
-    z2 = {other: retest(w, names, known, other, _values(run, other)).statistic for other in others}
+    others = [other for other in fitted if other != cause]
+    z2 = {other: retest(w, names, fitted, other, _values(run, other)).statistic for other in others}
     return tuple(other for other in others if z2[other] > MIN_STATISTIC_RATIO * statistic)
 
 
 def _values(run: FilterRun, cause: str) -> FloatArray:
-    """Return what a pass compensates of a cause."""
+    """Return the compensated values of a cause."""
     own = columns_of(cause, run.linearized.parameters)
     return run.hypothesis.compensation.vector(run.linearized.parameters[i] for i in own)

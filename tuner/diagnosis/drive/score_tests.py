@@ -1,14 +1,15 @@
-"""Tests of causes that shift innovations: scores, information, what cannot be told apart.
+"""Score tests of causes that are constants: statistic, gain, estimate, and which causes a drive cannot separate.
 
-With W = S θ + white (`sensitivity`), for a family g of constants, the accepted ones a fitted beside it::
+With W = S θ + white (`whitened_innovations`), for a cause g with several constants, the accepted ones a fitted
+beside::
 
     b = Sᵀ W          I = Sᵀ S          b_g|a = b_g − I_ga I_aa⁻¹ b_a          I_g|a = I_gg − I_ga I_aa⁻¹ I_ag
     z² = b_gᵀ I_g⁻¹ b_g / c ~ χ²        θ̂ = I⁻¹ b,  covariance c I⁻¹
     gain = ½ b_gᵀ (I_g + Λ⁻¹)⁻¹ b_g / c − ½ ln det(1 + Λ I_g / c)
 
-Λ is the spread a cause has in practice: the gain is the log Bayes factor of the family, so that families of one
-and of nine parameters compete fairly. c ≥ 1 is what the sums of S W over blocks vary more than white noise would
-have it: colour that is left widens every interval (the sandwich form [1]_).
+Λ is the prior variance of a constant (`ConstantCause.prior_sd`): the gain is the log Bayes factor of the cause, so
+that causes of one and of nine constants compete fairly. c ≥ 1 is the ratio of the variance of the sums of S W over
+blocks to that of white noise: correlation that is left widens every interval (the sandwich form [1]_).
 
 References
 ----------
@@ -32,27 +33,27 @@ from tuner.types import Parameter
 FloatArray = NDArray[np.float64]
 
 BLOCK_DURATION = 30.0
-"""Length of the blocks whose sums are compared, s."""
+"""Length of the blocks whose sums are compared, s: beyond the correlation time of most receiver errors."""
 FITTED_SHARE = 0.6
-"""Part of the scored time that constants are taken from where the rest is to judge them."""
+"""Part of the scored time that constants are fitted to where the rest tests them."""
 INSEPARABLE_CORRELATION = 0.97
-"""Correlation from which two causes count as one on a drive."""
+"""Correlation of the effects of two causes on the innovations from which a drive cannot separate them."""
 
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """A family under test.
+    """Test of one constant cause.
 
     Attributes
     ----------
     cause : str
-        Which.
+        Its code.
     columns : tuple of int
         Its constants.
     statistic, p_value, gain : float
-        z², its chance, log Bayes factor.
+        z², its p value, log Bayes factor.
     size : float
-        The largest constant, estimated with its spread in practice as prior, SI.
+        The largest constant, estimated with its prior, SI.
     """
 
     cause: str
@@ -64,7 +65,7 @@ class ScoreTest:
 
     @property
     def credible(self) -> bool:
-        """Whether a cause of this size is met in practice."""
+        """Whether constants of this size are met in practice."""
         return self.size < constant_causes()[self.cause].largest
 
 
@@ -75,9 +76,9 @@ class ConstantsFit:
     Attributes
     ----------
     columns : tuple of int
-        Which.
+        Their columns.
     value, shrunk : ndarray, shape (a,)
-        Estimate, and the same with the prior.
+        Estimate without and with the prior.
     covariance : ndarray, shape (a, a)
         Of the estimate.
     """
@@ -90,7 +91,7 @@ class ConstantsFit:
 
 @dataclass(frozen=True)
 class LinearTrend:
-    """How fast a constant changes, unit/s, its sd, and the chance of so much if it does not."""
+    """Rate of change of a constant, unit/s, its sd, and the p value of no change."""
 
     rate: float
     sd: float
@@ -105,9 +106,9 @@ def columns_of(cause: str, parameters: Sequence[Parameter]) -> tuple[int, ...]:
 def score_tests(
     w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str]
 ) -> tuple[ScoreTest, ...]:
-    """Test every cause that is not accepted yet, those that are fitted beside it."""
-    known = _columns(accepted, parameters)
-    residual, slope = _projected_out(w, known)
+    """Test every constant cause that is not accepted yet, accepted ones fitted beside it."""
+    fitted = _columns(accepted, parameters)
+    residual, slope = _projected_out(w, fitted)
     return tuple(
         _score_test(w.t, residual, slope, cause, columns_of(cause, parameters))
         for cause in constant_causes()
@@ -122,7 +123,7 @@ def retest(
     cause: str,
     values: FloatArray,
 ) -> ScoreTest:
-    """Test a cause whose values are compensated already, as if they were not; the others fitted beside it."""
+    """Test a cause whose values are compensated already, as if they were not, the others fitted beside it."""
     own = columns_of(cause, parameters)
     raw = WhitenedInnovations(w.t, w.residual + w.slope[:, list(own)] @ values, w.slope)
     others = _columns([other for other in accepted if other != cause], parameters)
@@ -150,7 +151,7 @@ def late_gain(
     cause : str
         The cause.
     at : ndarray, shape (p,)
-        What is compensated.
+        Values that are compensated.
     """
     early = w.t < w.t[0] + FITTED_SHARE * (w.t[-1] - w.t[0])
     every = list(_columns(accepted, parameters))
@@ -171,9 +172,9 @@ def late_gain(
 def fit_constants(
     w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], at: FloatArray
 ) -> ConstantsFit:
-    """Fit the constants of accepted causes; `at` (p,) is what is compensated already: the answer is the total."""
-    known = _columns(accepted, parameters)
-    own = list(known)
+    """Fit the constants of accepted causes; `at` (p,) is compensated already, and the answer is the total."""
+    fitted = _columns(accepted, parameters)
+    own = list(fitted)
     s = w.slope[:, own]
     prior = prior_sds(tuple(parameters[i] for i in own))
     information = s.T @ s
@@ -185,13 +186,13 @@ def fit_constants(
     covariance = inverse * np.sqrt(np.outer(c, c))
     total = np.asarray(at[own] + step, dtype=float)
     shrunk = np.asarray(np.linalg.solve(information + np.diag(prior**-2), information @ total), dtype=float)
-    return ConstantsFit(known, total, shrunk, np.asarray(covariance, dtype=float))
+    return ConstantsFit(fitted, total, shrunk, np.asarray(covariance, dtype=float))
 
 
 def inseparable(
     w: WhitenedInnovations, parameters: Sequence[Parameter], cause: str, accepted: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return causes whose pull on the innovations is nearly that of an accepted one, on this drive."""
+    """Return causes whose effect on the innovations is nearly that of an accepted one, on this drive."""
     others = _columns([a for a in accepted if a != cause], parameters)
     residual, slope = _projected_out(w, others)
     own = slope[:, list(columns_of(cause, parameters))]
@@ -211,7 +212,7 @@ def inseparable(
 def linear_trend(
     w: WhitenedInnovations, parameters: Sequence[Parameter], accepted: Sequence[str], parameter: Parameter
 ) -> LinearTrend:
-    """Test whether a constant that is compensated changes steadily with time, accepted ones fitted beside it.
+    """Test whether a compensated constant changes linearly with time, accepted ones fitted beside it.
 
     Parameters
     ----------
@@ -226,8 +227,8 @@ def linear_trend(
     """
     residual, _ = _projected_out(w, _columns(accepted, parameters))
     column = w.slope[:, parameters.index(parameter)] * (w.t - w.t.mean())
-    known = w.slope[:, list(_columns(accepted, parameters))]
-    s = (column - known @ np.linalg.lstsq(known, column, rcond=None)[0])[:, None]
+    fitted = w.slope[:, list(_columns(accepted, parameters))]
+    s = (column - fitted @ np.linalg.lstsq(fitted, column, rcond=None)[0])[:, None]
     information = float(s[:, 0] @ s[:, 0])
     if information <= 0.0:
         return LinearTrend(0.0, np.inf, 1.0)
@@ -240,11 +241,11 @@ def _columns(causes: Sequence[str], parameters: Sequence[Parameter]) -> tuple[in
     return tuple(i for cause in causes for i in columns_of(cause, parameters))
 
 
-def _projected_out(w: WhitenedInnovations, known: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Return residuals and slopes with accepted constants fitted out."""
-    if not known:
+def _projected_out(w: WhitenedInnovations, fitted: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return residuals and slopes with accepted constants projected out."""
+    if not fitted:
         return w.residual, w.slope
-    q, _ = np.linalg.qr(w.slope[:, list(known)])
+    q, _ = np.linalg.qr(w.slope[:, list(fitted)])
     return w.residual - q @ (q.T @ w.residual), w.slope - q @ (q.T @ w.slope)
 
 
@@ -267,7 +268,7 @@ def _score_test(
 
 
 def _colour_factor(t: FloatArray, residual: FloatArray, s: FloatArray) -> float:
-    """Return how many times the sums of s W over blocks vary as much as white noise would have it, at least 1."""
+    """Return the ratio of the variance of the sums of s W over blocks to that of white noise, at least 1."""
     block = ((t - t[0]) // BLOCK_DURATION).astype(int) if len(t) else np.zeros(0, dtype=int)
     sums = np.stack([np.bincount(block, weights=column * residual) for column in s.T], axis=-1)
     inverse = np.linalg.pinv(s.T @ s, rcond=1e-9, hermitian=True)

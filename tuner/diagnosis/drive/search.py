@@ -56,22 +56,22 @@ from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
 MAX_ITERATIONS = 12
+"""Most causes that are accepted one after another."""
 RIVAL_NATS = 3.0
-"""Nats within which a rival counts as an alternative."""
+"""Nats within which a rival counts as an alternative: a Bayes factor of 20."""
 MIN_CHANGE = 0.2
-"""Change of an estimate, in standard deviations, from which it is worth another pass."""
+"""Change of an estimate, in sds, from which another filter run is worth its time."""
 MAX_STEP_LOSS, MAX_SQUARE = 3.0, 25.0
-"""Nats by which a step may worsen the likelihood; largest square that counts in it."""
+"""Largest squared whitened innovation that counts in it: outliers do not decide on a step."""
 MAX_LATE_LOSS, MIN_LATE_SHARE = 2.0, 0.05
-"""Nats that a shift may lose in the last part of a drive with constants from the first, and the share of all that it
-gains which must be gained there before."""
+"""Share of a constant's gain that must be gained there, beyond `MAX_LATE_LOSS`."""
 MAX_GAUSS_NEWTON_STEPS = 3
-"""Passes of Gauss–Newton after an acceptance, at most."""
+"""Filter runs of Gauss–Newton after a cause is accepted."""
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """A cause, what spoke for it, and how well it is known."""
+    """An accepted cause, its test, parameters, alternatives and the causes that the drive cannot separate from it."""
 
     candidate: Candidate
     parameters: dict[str, Coefficient]
@@ -86,7 +86,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Outcome of the loop.
+    """Result of the search.
 
     Attributes
     ----------
@@ -95,11 +95,11 @@ class SearchResult:
     accepted : tuple of Accepted
         In order of acceptance.
     unexplained : tuple of Candidate
-        What still alarms.
+        Tests that are still significant.
     shifts : tuple of str
-        Accepted causes that are fitted in every pass.
+        Accepted constant causes, fitted in every run.
     notes : tuple of str
-        What was taken back, and why.
+        Causes that were rejected again, and why.
     """
 
     base: FilterRun
@@ -116,113 +116,113 @@ def search_causes(
     coarse: Mapping[Parameter, float],
     progress: Callable[[str], None] | None = None,
 ) -> SearchResult:
-    """Find the causes in a drive.
+    """Search for the causes of a drive.
 
     Parameters
     ----------
     drive : Drive
-        In sensor axes.
+        In the axes of the sensor.
     base : FilterRun
         To begin with.
     coarse : mapping of Parameter to float
-        What a coarse search found: compensated and fitted from the next pass on.
+        Result of a coarse search for the clocks: compensated, and fitted from the next run on.
     progress : callable, optional
         Called with what is being done.
     """
-    say = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     run = base
     accepted: list[Accepted] = []
-    known = tuple(dict.fromkeys(parameter.cause for parameter in coarse))
-    if known:
-        say("the clocks of receiver and inertial unit differ")
-        run = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), known)
-    alarms: tuple[Candidate, ...] = ()
+    fitted = tuple(dict.fromkeys(parameter.cause for parameter in coarse))
+    if fitted:
+        report("the clocks of receiver and inertial unit differ")
+        run = refit_constants(drive, run_filter(drive, base.hypothesis.with_values(coarse)), fitted)
+    tests: tuple[Candidate, ...] = ()
     previous: tuple[Candidate, ...] = ()
-    spent: set[str] = set()
+    exhausted: set[str] = set()
     for _ in range(MAX_ITERATIONS):
-        alarms = candidates(run, run.whitened, known, significance_threshold())
-        shifts = [a for a in alarms if a.scored is not None and a.is_significant(significance_threshold())]
+        tests = candidates(run, run.whitened, fitted, significance_threshold())
+        shifts = [a for a in tests if a.score_test is not None and a.is_significant(significance_threshold())]
         if shifts and run.hypothesis.errors_in_variables_bias is None:
             run = _with_errors_in_variables_bias(drive, run)
-            alarms = candidates(run, run.whitened, known, significance_threshold())
+            tests = candidates(run, run.whitened, fitted, significance_threshold())
         if accepted:
-            accepted[-1] = _with_rivals(accepted[-1], previous, alarms)
-        previous = alarms
-        raised = [
+            accepted[-1] = _with_rivals(accepted[-1], previous, tests)
+        previous = tests
+        significant = [
             a
-            for a in alarms
-            if a.is_significant(significance_threshold()) and a.credible and a.cause not in spent
+            for a in tests
+            if a.is_significant(significance_threshold()) and a.credible and a.cause not in exhausted
         ]
-        if not raised:
+        if not significant:
             break
-        chosen = max(raised, key=lambda a: a.alarm.gain)
-        say(f"{chosen.cause}: {chosen.alarm.gain:.0f} nats")
-        if chosen.scored is not None:
-            alike = inseparable(run.whitened, run.linearized.parameters, chosen.cause, (*known, chosen.cause))
-            known = (*known, chosen.cause)
+        chosen = max(significant, key=lambda a: a.result.gain)
+        report(f"{chosen.cause}: {chosen.result.gain:.0f} nats")
+        if chosen.score_test is not None:
+            inseparable_causes = inseparable(
+                run.whitened, run.linearized.parameters, chosen.cause, (*fitted, chosen.cause)
+            )
+            fitted = (*fitted, chosen.cause)
             # Fixes that a shift made look wrong are asked again.
             accepted = [a for a in accepted if not is_of_single_fixes(a.cause)]
-            accepted.append(Accepted(chosen, {}, inseparable=alike))
+            accepted.append(Accepted(chosen, {}, inseparable=inseparable_causes))
             if run.hypothesis.position_out.any() or run.hypothesis.velocity_out.any():
                 run = run_filter(drive, run.hypothesis.with_all_fixes())
             # What noise leans on is another thing where the shift is taken out.
             run = refit_constants(
                 drive,
                 replace(run, hypothesis=replace(run.hypothesis, errors_in_variables_bias=None)),
-                known,
+                fitted,
             )
         else:
-            assert chosen.claim is not None
+            assert chosen.test is not None
             # Factors on R and Q that were fitted together have one noise.
-            together = [a for a in raised if a.claim is not None and a.claim.noise is chosen.claim.noise]
-            then = noise_causes()[chosen.cause].accepted(run, chosen.claim)
+            together = [a for a in significant if a.test is not None and a.test.noise is chosen.test.noise]
+            then = noise_causes()[chosen.cause].accepted(run, chosen.test)
             if then.is_equivalent_to(run.hypothesis):
                 # What is asked for is at its bound: the filter can have no more of it.
-                spent |= {a.cause for a in together}
+                exhausted |= {a.cause for a in together}
                 continue
             causes = {a.cause for a in together} - {"bias_jump"}
             accepted = [a for a in accepted if a.cause not in causes]
             for one in together:
-                assert one.claim is not None
-                accepted.append(
-                    Accepted(one, {} if is_noise_scale(one.cause) else dict(one.claim.describe()))
-                )
+                assert one.test is not None
+                accepted.append(Accepted(one, {} if is_noise_scale(one.cause) else dict(one.test.describe())))
             run = refit_constants(
-                drive, run_filter(drive, replace(then, errors_in_variables_bias=None)), known
+                drive, run_filter(drive, replace(then, errors_in_variables_bias=None)), fitted
             )
-    if known:
+    if fitted:
         run = _with_errors_in_variables_bias(drive, run)
-    run, accepted, known, notes = _without_unsupported_causes(drive, run, accepted, known)
-    run, accepted, more = _without_weak_jumps(drive, run, accepted, known)
-    accepted = _with_noise_scales(_with_estimates(run, accepted, known), base, run, known)
+    run, accepted, fitted, notes = _without_unsupported_causes(drive, run, accepted, fitted)
+    run, accepted, more = _without_weak_jumps(drive, run, accepted, fitted)
+    accepted = _with_noise_scales(_with_estimates(run, accepted, fitted), base, run, fitted)
     accepted = [a for a in accepted if not is_noise_scale(a.cause) or not _consistent_with_one(a.parameters)]
     accepted = [a for a in accepted if any(c.value is not None for c in a.parameters.values())]
-    left = tuple(a for a in alarms if a.is_significant(significance_threshold()))
-    return SearchResult(base, run, tuple(accepted), left, known, (*notes, *more))
+    left = tuple(a for a in tests if a.is_significant(significance_threshold()))
+    return SearchResult(base, run, tuple(accepted), left, fitted, (*notes, *more))
 
 
-def _fit_constants(run: FilterRun, known: tuple[str, ...]) -> ConstantsFit:
+def _fit_constants(run: FilterRun, fitted: tuple[str, ...]) -> ConstantsFit:
     names = run.linearized.parameters
     at = run.hypothesis.compensation.vector(names)
-    return fit_constants(run.whitened, names, known, at)
+    return fit_constants(run.whitened, names, fitted, at)
 
 
-def refit_constants(drive: Drive, run: FilterRun, known: tuple[str, ...]) -> FilterRun:
-    """Compensate accepted shifts as estimated and filter again until they stay, or the drive likes it no better.
+def refit_constants(drive: Drive, run: FilterRun, fitted: tuple[str, ...]) -> FilterRun:
+    """Compensate accepted constants as estimated and filter again until they stay, or the likelihood falls.
 
     Parameters
     ----------
     drive : Drive
-        In sensor axes.
+        In the axes of the sensor.
     run : FilterRun
         To begin with.
-    known : tuple of str
-        The shifts.
+    fitted : tuple of str
+        The constant causes.
     """
-    if not known:
+    if not fitted:
         return run
     for _ in range(MAX_GAUSS_NEWTON_STEPS):
-        now = _fit_constants(run, known)
+        now = _fit_constants(run, fitted)
         names = [run.linearized.parameters[i] for i in now.columns]
         at = run.hypothesis.compensation.vector(names)
         if np.all(np.abs(now.shrunk - at) < MIN_CHANGE * np.sqrt(np.diag(now.covariance))):
@@ -239,7 +239,7 @@ def refit_constants(drive: Drive, run: FilterRun, known: tuple[str, ...]) -> Fil
 
 
 def _with_errors_in_variables_bias(drive: Drive, run: FilterRun) -> FilterRun:
-    """Return a pass with what noise makes of constants taken out."""
+    """Return a run with the errors-in-variables bias of its constants, which is then subtracted."""
     if run.hypothesis.errors_in_variables_bias is not None:
         return run
     return replace(
@@ -249,128 +249,128 @@ def _with_errors_in_variables_bias(drive: Drive, run: FilterRun) -> FilterRun:
 
 
 def _robust_log_likelihood(run: FilterRun) -> float:
-    """Return the log likelihood of a row, outliers limited, times the rows of a drive."""
+    """Return the mean log likelihood of a row, outliers limited, times the rows of a drive."""
     noise = as_configured(run.linearized)
     every = replace(noise, rows=run.linearized.available & (noise.rows | run.linearized.scored[:, None]))
-    told, rows = evaluate(every), every.counted
+    estimates, rows = evaluate(every), every.counted
     if not rows.any():
         return 0.0
-    square = np.minimum(told.white[rows] ** 2, MAX_SQUARE)
-    return -0.5 * float(np.mean(square + np.log(told.variance[rows]))) * len(run.index) * 6.0
+    square = np.minimum(estimates.white[rows] ** 2, MAX_SQUARE)
+    return -0.5 * float(np.mean(square + np.log(estimates.variance[rows]))) * len(run.index) * 6.0
 
 
 def _with_rivals(one: Accepted, before: tuple[Candidate, ...], after: tuple[Candidate, ...]) -> Accepted:
-    """Return what was accepted with the causes that did nearly as well and fell silent with it."""
-    loud = {a.cause for a in after if a.is_significant(significance_threshold())}
-    best = one.candidate.alarm.gain
+    """Return an accepted cause with the causes that did nearly as well and are not significant beside it."""
+    still_significant = {a.cause for a in after if a.is_significant(significance_threshold())}
+    best = one.candidate.result.gain
     rivals = tuple(
-        Alternative(a.cause, float(np.exp(min(a.alarm.gain - best, 0.0))))
+        Alternative(a.cause, float(np.exp(min(a.result.gain - best, 0.0))))
         for a in before
         if a.cause != one.cause
-        and a.cause not in loud
-        and a.alarm.p_value < significance_threshold()
-        and a.alarm.gain > max(best - RIVAL_NATS, 0.0)
+        and a.cause not in still_significant
+        and a.result.p_value < significance_threshold()
+        and a.result.gain > max(best - RIVAL_NATS, 0.0)
     )
     return replace(one, alternatives=rivals)
 
 
 def _without_unsupported_causes(
-    drive: Drive, run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
+    drive: Drive, run: FilterRun, accepted: list[Accepted], fitted: tuple[str, ...]
 ) -> tuple[FilterRun, list[Accepted], tuple[str, ...], tuple[str, ...]]:
-    """Take out shifts whose own test is silent beside all others, or that do harm where they were not fitted.
+    """Take out constants that are not significant beside all others, or lose likelihood where they were not fitted.
 
-    Also what a strong shift may have left behind, with a note.
+    Also those that may be the residue of a strong cause, with a note.
     """
     names, notes = run.linearized.parameters, []
-    for cause in reversed(known):
+    for cause in reversed(fitted):
         own = [parameter for parameter in names if parameter.cause == cause]
         at = run.hypothesis.compensation.vector(names)
         values = run.hypothesis.compensation.vector(own)
         w = run.whitened
-        alarm = retest(w, names, known, cause, values)
+        test = retest(w, names, fitted, cause, values)
         if (
-            alarm.p_value < significance_threshold()
-            and alarm.credible
-            and _gains_late(alarm, late_gain(w, names, known, cause, at))
+            test.p_value < significance_threshold()
+            and test.credible
+            and _gains_late(test, late_gain(w, names, fitted, cause, at))
         ):
-            if not (strong := explained_by_stronger(run, known, alarm, significance_threshold())):
+            if not (strong := explained_by_stronger(run, fitted, test, significance_threshold())):
                 continue
-            notes.append(rejection_note(cause, alarm.gain, strong))
-        known = tuple(other for other in known if other != cause)
+            notes.append(rejection_note(cause, test.gain, strong))
+        fitted = tuple(other for other in fitted if other != cause)
         accepted = [a for a in accepted if a.cause != cause]
         without = replace(run.hypothesis, compensation=run.hypothesis.compensation.without((cause,)))
-        run = refit_constants(drive, run_filter(drive, without), known)
-    return run, accepted, known, tuple(notes)
+        run = refit_constants(drive, run_filter(drive, without), fitted)
+    return run, accepted, fitted, tuple(notes)
 
 
 def _without_weak_jumps(
-    drive: Drive, run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]
+    drive: Drive, run: FilterRun, accepted: list[Accepted], fitted: tuple[str, ...]
 ) -> tuple[FilterRun, list[Accepted], tuple[str, ...]]:
-    """Take out jumps of biases that a strong shift may have left behind, with a note."""
-    jumps = [a.candidate.alarm for a in accepted if a.cause == JUMP]
-    if len(jumps) != 1 or not (strong := causes_stronger_than_jump(run, known, jumps[0])):
+    """Take out jumps of biases that may be the residue of a strong cause, with a note."""
+    jumps = [a.candidate.result for a in accepted if a.cause == JUMP]
+    if len(jumps) != 1 or not (strong := causes_stronger_than_jump(run, fitted, jumps[0])):
         return run, accepted, ()
     less = run_filter(drive, replace(run.hypothesis, jumps=()))
-    if jump_remains(less, known, strong, significance_threshold()):
+    if jump_remains(less, fitted, strong, significance_threshold()):
         return run, accepted, ()
     note = rejection_note(JUMP, jumps[0].gain, strong)
-    return refit_constants(drive, less, known), [a for a in accepted if a.cause != JUMP], (note,)
+    return refit_constants(drive, less, fitted), [a for a in accepted if a.cause != JUMP], (note,)
 
 
-def _gains_late(alarm: ScoreTest, late: float) -> bool:
-    """Whether a shift gains in the last part of a drive, too."""
-    return late > MIN_LATE_SHARE * alarm.gain - MAX_LATE_LOSS
+def _gains_late(test: ScoreTest, late: float) -> bool:
+    """Whether a constant gains likelihood in the last part of a drive, too."""
+    return late > MIN_LATE_SHARE * test.gain - MAX_LATE_LOSS
 
 
-def _with_estimates(run: FilterRun, accepted: list[Accepted], known: tuple[str, ...]) -> list[Accepted]:
-    """Return what was accepted with the estimates of the last pass, coarse findings first."""
-    if not known:
+def _with_estimates(run: FilterRun, accepted: list[Accepted], fitted: tuple[str, ...]) -> list[Accepted]:
+    """Return the accepted causes with the estimates of the last run, those of the coarse search first."""
+    if not fitted:
         return accepted
     w = run.whitened
-    now, names = _fit_constants(run, known), run.linearized.parameters
+    now, names = _fit_constants(run, fitted), run.linearized.parameters
     by_cause = {a.cause: a for a in accepted}
-    done = [a for a in accepted if a.cause not in known]
-    for cause in known:
+    done = [a for a in accepted if a.cause not in fitted]
+    for cause in fitted:
         rows = [k for k, i in enumerate(now.columns) if names[i].cause == cause]
         own = tuple(names[now.columns[k]] for k in rows)
         parameters = coefficients(own, now.value[rows], now.covariance[np.ix_(rows, rows)])
         one = by_cause.get(cause)
         if one is None:
             at = run.hypothesis.compensation.vector(own)
-            one = Accepted(score_candidate(retest(w, names, known, cause, at)), {})
+            one = Accepted(score_candidate(retest(w, names, fitted, cause, at)), {})
         done.append(replace(one, parameters=parameters))
     order = {a.cause: i for i, a in enumerate(accepted)}
     return sorted(done, key=lambda a: order.get(a.cause, -1))
 
 
 def _with_noise_scales(
-    accepted: list[Accepted], base: FilterRun, run: FilterRun, known: tuple[str, ...]
+    accepted: list[Accepted], base: FilterRun, run: FilterRun, fitted: tuple[str, ...]
 ) -> list[Accepted]:
-    """Return what was accepted, factors on noise as the last pass has them: all of them and shifts together."""
+    """Return the accepted causes with factors on noise fitted to the last run, all together with the constants."""
     causes = [one.cause for one in accepted if is_noise_scale(one.cause)]
     if not causes:
         return accepted
-    noise = noise_hypothesis_of(run, known)
+    noise = noise_hypothesis_of(run, fitted)
     values = run.hypothesis.compensation.of(GNSS_NOISE_SCALE)
-    said = reported_levels(run.linearized, values)
+    levels = reported_levels(run.linearized, values)
     wanted = {"gnss_noise_scale": sd_model_parameters(values), "imu_noise_scale": NOISE_GROUPS}
-    names = present(noise, tuple(name for cause in causes for name in wanted[cause]), said)
-    fit = maximize_likelihood(noise, noise_parameters(names, said))
-    told: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
+    names = present(noise, tuple(name for cause in causes for name in wanted[cause]), levels)
+    fit = maximize_likelihood(noise, noise_parameters(names, levels))
+    estimates: dict[str, dict[str, Coefficient]] = {cause: {} for cause in causes}
     for name in names:
         if name in wanted["gnss_noise_scale"]:
-            told["gnss_noise_scale"][name] = coefficient(fit, name, sd_model_factor(values, name))
+            estimates["gnss_noise_scale"][name] = coefficient(fit, name, sd_model_factor(values, name))
         elif name in FINDING_NAMES:
             sensor = FINDING_NAMES[name]
             now, then = (each.hypothesis.config.channels[f"{sensor}_x"].white_density for each in (run, base))
-            told["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
+            estimates["imu_noise_scale"][sensor] = fit.coefficient(name, scale=float(now / then))
     if "gnss_noise_scale" in causes:
-        told["gnss_noise_scale"] |= edge_coefficients(values)
-    return [replace(one, parameters=told.get(one.cause, one.parameters)) for one in accepted]
+        estimates["gnss_noise_scale"] |= edge_coefficients(values)
+    return [replace(one, parameters=estimates.get(one.cause, one.parameters)) for one in accepted]
 
 
 def _consistent_with_one(parameters: Mapping[str, Coefficient]) -> bool:
-    """Whether all factors may be 1: what spoke for them has found another cause since."""
+    """Whether all factors may be 1: another cause that was accepted later explains them."""
     return bool(parameters) and all(
         c.interval[0] < 1.0 < c.interval[1] if c.interval else c.upper is None or c.upper > 1.0
         for c in parameters.values()

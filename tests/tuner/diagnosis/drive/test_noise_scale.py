@@ -34,7 +34,7 @@ def claims(noise: NoiseHypothesis) -> dict[str, float]:
     every = [gnss_noise(noise, found), imu_noise(noise, found), bias_jump(noise)]
     every += [outliers(noise, masked, cause) for cause in ROWS_OF_CAUSE]
     every.append(correlated_gnss(noise, evaluate(noise)))
-    return {claim.alarm.cause: claim.alarm.p_value for claim in every}
+    return {claim.result.cause: claim.result.p_value for claim in every}
 
 
 def study(linearized: LinearizedRun, n: int) -> dict[str, np.ndarray]:
@@ -71,7 +71,7 @@ def test_factors_are_found(short_drive: LinearizedRun) -> None:
             for fit in fits
         ]
         assert abs(np.mean(pulls)) < 4.5 / np.sqrt(len(pulls)), name
-    assert not fits[0].held("accel_white"), "white noise of the accelerometers does not show at 1 Hz"
+    assert not fits[0].identifiable("accel_white"), "white noise of the accelerometers does not show at 1 Hz"
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearizedRun) 
     assert 1.0 < tied.factor("gyro_white") < free.factor("gyro_white")
     found = noise_scores(noise)
     exact, vague = imu_noise(noise, found), imu_noise(noise, found, prior_sd=dict.fromkeys(NOISE_GROUPS, 1.0))
-    assert exact.alarm.p_value < ALARM < vague.alarm.p_value
+    assert exact.result.p_value < ALARM < vague.result.p_value
     assert {"gyro", "accel"} <= set(exact.describe())
 
 
@@ -113,16 +113,16 @@ def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
     )
     noise = as_configured(replace(drawn, B=city_drive.B, D=city_drive.D))
     claim = bias_jump(noise)
-    assert claim.alarm.p_value < ALARM
+    assert claim.result.p_value < ALARM
     assert jump_sensor(claim.noise) == "accel"
     gained = evaluate(claim.noise).value - evaluate(noise).value
-    assert gained == pytest.approx(0.5 * claim.alarm.statistic, rel=1e-6)
+    assert gained == pytest.approx(0.5 * claim.result.statistic, rel=1e-6)
     told = claim.describe()
     assert abs(told["time"].value - city_drive.t[450]) < 20.0
     for axis, value in zip("xyz", size, strict=True):
         c = told[axis]
         assert abs(c.value - value) < 4.5 / 1.96 * 0.5 * (c.interval[1] - c.interval[0])
-    assert claim.alarm.gain > imu_noise(noise, noise_scores(noise)).alarm.gain
+    assert claim.result.gain > imu_noise(noise, noise_scores(noise)).result.gain
 
 
 def with_errors(linearized: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
@@ -147,15 +147,15 @@ def test_outliers_are_masked_and_named(city_drive: LinearizedRun, cause: str) ->
     noise = with_errors(city_drive, errors, 1)
     masked = mask(noise)
     said = {kind: outliers(noise, masked, kind) for kind in ROWS_OF_CAUSE}
-    assert said[cause].alarm.p_value < 1e-9
+    assert said[cause].result.p_value < 1e-9
     other = next(kind for kind in ROWS_OF_CAUSE if kind != cause)
-    assert said[other].alarm.p_value > ALARM
+    assert said[other].result.p_value > ALARM
     out = np.flatnonzero(~said[cause].noise.rows[:, rows.start])
     assert set(which) <= set(out)
     assert len(out) <= 10
     told = said[cause].describe()
     assert told["fraction"].interval[0] < 0.01 < told["fraction"].interval[1]
-    assert said[cause].alarm.gain > gnss_noise(noise, noise_scores(noise)).alarm.gain
+    assert said[cause].result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
 
 
 def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None:
@@ -164,11 +164,11 @@ def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None
     noise = with_errors(city_drive, errors, 3)
     masked = mask(noise)
     claim = outliers(noise, masked, "gnss_velocity")
-    assert claim.alarm.p_value < 1e-9
+    assert claim.result.p_value < 1e-9
     assert np.count_nonzero(masked.out[300:750, 1]) > 420
     assert np.count_nonzero(masked.out[:, 0]) < 3
-    assert claim.alarm.gain > gnss_noise(noise, noise_scores(noise)).alarm.gain
-    assert outliers(noise, masked, "gnss_outliers").alarm.p_value > ALARM
+    assert claim.result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
+    assert outliers(noise, masked, "gnss_outliers").result.p_value > ALARM
 
 
 def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
@@ -178,9 +178,9 @@ def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
     )
     noise = as_configured(source.draw(np.random.default_rng(0)))
     masked = mask(noise)
-    assert min(outliers(noise, masked, cause).alarm.p_value for cause in ROWS_OF_CAUSE) > ALARM
+    assert min(outliers(noise, masked, cause).result.p_value for cause in ROWS_OF_CAUSE) > ALARM
     claim = gnss_noise(noise, noise_scores(noise))
-    assert claim.alarm.p_value < 1e-9
+    assert claim.result.p_value < 1e-9
     for name, c in claim.describe().items():
         assert c.interval[0] * 0.95 < 2.0 < c.interval[1] * 1.05, name
 
@@ -189,18 +189,18 @@ def test_correlated_positions_are_found_and_named(city_drive: LinearizedRun) -> 
     truth = replace(as_configured(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
     noise = as_configured(Source.of(truth).draw(np.random.default_rng(0)))
     claim = correlated_gnss(noise, evaluate(noise))
-    assert claim.alarm.p_value < 1e-6
+    assert claim.result.p_value < 1e-6
     found = noise_scores(noise)
-    assert claim.alarm.gain > max(gnss_noise(noise, found).alarm.gain, imu_noise(noise, found).alarm.gain)
+    assert claim.result.gain > max(gnss_noise(noise, found).result.gain, imu_noise(noise, found).result.gain)
     told = claim.describe()
     for name, value in (("sd", 0.6), ("sd_vertical", 1.1), ("time_constant", 20.0)):
         low, high = np.log(told[name].interval)
         assert abs(np.log(told[name].value / value)) < 4.5 / 3.92 * (high - low), name
     again = noise_scores(claim.noise)
-    assert gnss_noise(claim.noise, again).alarm.p_value > ALARM
+    assert gnss_noise(claim.noise, again).result.p_value > ALARM
 
 
 def test_wrong_noise_is_not_correlation(city_drive: LinearizedRun) -> None:
     source = Source.of(noise_parameters(("position",)).change(as_configured(city_drive), np.log([1.5])))
     noise = as_configured(source.draw(np.random.default_rng(0)))
-    assert correlated_gnss(noise, evaluate(noise)).alarm.p_value > ALARM
+    assert correlated_gnss(noise, evaluate(noise)).result.p_value > ALARM

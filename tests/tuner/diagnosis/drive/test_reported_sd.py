@@ -56,10 +56,10 @@ def test_the_law_is_found(city_drive: LinearizedRun, law: str) -> None:
     noise = reporting(city_drive, level, truth, 7)
     found, claim = choose_sd_model(noise, "position"), reported_sd_test(noise, "position")
     if law == "factor":
-        assert found is None or found.law == "factor"
+        assert found is None or found.kind == "factor"
         assert claim is None
         return
-    assert found.law == ("classes" if law == "classes" else "power")
+    assert found.kind == ("classes" if law == "classes" else "power")
     assert found.p_value < 1e-9
     told = claim.describe()
     if law == "classes":
@@ -68,7 +68,7 @@ def test_the_law_is_found(city_drive: LinearizedRun, law: str) -> None:
             assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
     else:
         assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
-    expected = fix_sd_model(claim.law, "position").sds(noise.linearized.reported_sd[:, :3])
+    expected = fix_sd_model(claim.kind, "position").sds(noise.linearized.reported_sd[:, :3])
     np.testing.assert_allclose(claim.noise.sd[:, :3], expected, rtol=1e-9)
 
 

@@ -96,7 +96,7 @@ def test_a_jump_is_tested_a_second_time(city_drive: LinearizedRun, size: float, 
     jumped = with_jump(plain, 450, "accel").linearized
     theta = {Parameter("time_offset", "delay"): DELAY, Parameter("bias_jump", "accel_x"): size}
     found = passed(jumped, theta, 3)
-    alarm = bias_jump(replace(as_configured(found.linearized), columns=(0,))).alarm
+    alarm = bias_jump(replace(as_configured(found.linearized), columns=(0,))).result
     assert jump_remains(found, ("time_offset",), ("time_offset",), THRESHOLD) == still
     told = replace(alarm, gain=0.5 * MAX_WEAK_GAIN, statistic=30.0)
     assert causes_stronger_than_jump(found, ("time_offset",), told) == ("time_offset",)
@@ -111,4 +111,4 @@ def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearizedRun) -> N
         linearized = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
         claim: CauseTest = bias_jump(as_configured(linearized))
         assert abs(evaluate(claim.noise).theta[2]) == pytest.approx(size, rel=0.05)
-        assert Candidate(claim.alarm, claim=claim).credible == credible
+        assert Candidate(claim.result, claim=claim).credible == credible

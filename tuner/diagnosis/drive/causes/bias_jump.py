@@ -86,10 +86,12 @@ def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     ratio = float(jumps.statistic[k])
     p_value = min(1.0, len(SENSORS) * davies_bound(ratio, np.sqrt(jumps.statistic[inside])))
     price = 1.5 * np.log(noise.count) + np.log(len(SENSORS) * len(inside))
-    alarm = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
-    likely = inside[jumps.statistic[inside] > ratio - CHI2_1_QUANTILE_95]
+    result = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
+    within_interval = inside[jumps.statistic[inside] > ratio - CHI2_1_QUANTILE_95]
     return CauseTest(
-        alarm, with_jump(noise, k, sensor), lambda: _coefficients(noise.linearized, jumps, k, likely, sensor)
+        result,
+        with_jump(noise, k, sensor),
+        lambda: _coefficients(noise.linearized, jumps, k, within_interval, sensor),
     )
 
 
@@ -134,12 +136,14 @@ def jump_sensor(noise: NoiseHypothesis) -> str:
 
 
 def _coefficients(
-    linearized: LinearizedRun, jumps: JumpScan, k: int, likely: NDArray[np.intp], sensor: str
+    linearized: LinearizedRun, jumps: JumpScan, k: int, within_interval: NDArray[np.intp], sensor: str
 ) -> Mapping[str, Coefficient]:
-    last = min(int(likely.max()) + 1, len(linearized.t) - 1)
+    last = min(int(within_interval.max()) + 1, len(linearized.t) - 1)
     middle = 0.5 * float(linearized.t[k] + linearized.t[k + 1])
     out = {
-        "time": Coefficient.known(middle, float(linearized.t[likely.min()]), float(linearized.t[last]), "s")
+        "time": Coefficient.known(
+            middle, float(linearized.t[within_interval.min()]), float(linearized.t[last]), "s"
+        )
     }
     sd = np.sqrt(np.diag(jumps.covariance[k]))
     for axis, value, spread in zip("xyz", jumps.size[k].tolist(), sd.tolist(), strict=True):

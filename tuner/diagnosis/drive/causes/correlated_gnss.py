@@ -64,22 +64,22 @@ def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest
         # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
         return not_significant(CAUSE, noise, 1.0, ratio, title)
     price = 1.5 * float(np.log(np.count_nonzero(noise.counted[:, :3])))
-    alarm = Alarm(
+    result = Alarm(
         CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - likelihood.value - price, ratio, title
     )
-    return CauseTest(alarm, fit.noise, lambda: _coefficients(fit))
+    return CauseTest(result, fit.noise, lambda: _coefficients(fit))
 
 
 def pretest(white: FloatArray) -> float:
     """Return the chance of the summed lag correlations of whitened innovations (k, a), 0 where there is none."""
-    most = 0.0
+    largest = 0.0
     total = 0.0
     for lag in range(1, min(LAGS[-1], len(white) - 1) + 1):
         total += float(np.sum(white[lag:] * white[:-lag]))
         if lag in LAGS:
             square = float(np.sum(white**2)) ** 2 / white.size
-            most = max(most, abs(total) / np.sqrt(lag * square))
-    return float(min(1.0, 2.0 * EFFECTIVE_TESTS * norm.sf(most)))
+            largest = max(largest, abs(total) / np.sqrt(lag * square))
+    return float(min(1.0, 2.0 * EFFECTIVE_TESTS * norm.sf(largest)))
 
 
 def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:

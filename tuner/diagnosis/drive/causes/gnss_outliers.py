@@ -59,14 +59,14 @@ class Mask:
     ----------
     out : ndarray of bool, shape (k, 2)
         Position and velocity blocks that are left out.
-    off : ndarray, shape (k, 6)
+    deleted : ndarray, shape (k, 6)
         What every row is off given all that are left, by its sd.
     left : NoiseHypothesis
         Without the blocks that are left out.
     """
 
     out: BoolArray
-    off: FloatArray
+    deleted: FloatArray
     left: NoiseHypothesis
 
     def rows(self, noise: NoiseHypothesis) -> BoolArray:
@@ -84,11 +84,11 @@ def mask(noise: NoiseHypothesis) -> Mask:
     alone = whole.rows.copy()
     alone[:, 3:] = False
     if alone[:, :3].any():
-        off = _deleted_residuals(replace(whole, rows=alone))
-        out[:, 1] = log_p_values(off, tried, 1, scaled=False) < limit
-    off = _deleted_residuals(_without(whole, out))
+        deleted = _deleted_residuals(replace(whole, rows=alone))
+        out[:, 1] = log_p_values(deleted, tried, 1, scaled=False) < limit
+    deleted = _deleted_residuals(_without(whole, out))
     for n in range(MAX_ROUNDS):
-        chance = np.stack([log_p_values(off, tried, block) for block in range(2)], axis=1)
+        chance = np.stack([log_p_values(deleted, tried, block) for block in range(2)], axis=1)
         again = chance < limit
         if n:
             worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * NEIGHBOURHOOD + 1)
@@ -96,8 +96,8 @@ def mask(noise: NoiseHypothesis) -> Mask:
         if np.array_equal(again, out):
             break
         out = again
-        off = _deleted_residuals(_without(whole, out))
-    return Mask(out, off, _without(replace(noise, rows=noise.rows | tried), out))
+        deleted = _deleted_residuals(_without(whole, out))
+    return Mask(out, deleted, _without(replace(noise, rows=noise.rows | tried), out))
 
 
 def _without(noise: NoiseHypothesis, out: BoolArray) -> NoiseHypothesis:
@@ -120,12 +120,12 @@ def _testable_rows(noise: NoiseHypothesis) -> BoolArray:
     return linearized.available & linearized.scored[:, None] & (noise.rows | ~linearized.used)
 
 
-def log_p_values(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
+def log_p_values(deleted: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
     """Return ln P(χ² > q) of all blocks of a kind, q by its robust scale if wished, shape (k,).
 
     Parameters
     ----------
-    off : ndarray, shape (k, 6)
+    deleted : ndarray, shape (k, 6)
         What rows are off, by their sds.
     tried : ndarray of bool, shape (k, 6)
         Rows that count.
@@ -135,7 +135,7 @@ def log_p_values(off: FloatArray, tried: BoolArray, block: int, *, scaled: bool 
         Whether to divide by the robust scale.
     """
     at = slice(3 * block, 3 * block + 3)
-    q = np.sum(np.where(tried[:, at], off[:, at], 0.0) ** 2, axis=1)
+    q = np.sum(np.where(tried[:, at], deleted[:, at], 0.0) ** 2, axis=1)
     freedom = np.count_nonzero(tried[:, at], axis=1)
     have = freedom > 0
     if not have.any():
@@ -162,13 +162,13 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     n = int(np.count_nonzero(tried[:, 3 * block]))
     if not n:
         return not_significant(cause, noise, 1.0, 1.0, title)
-    off = masked.off
+    deleted = masked.deleted
     if masked.out[:, block].any():
         others = masked.out.copy()
         others[:, block] = False
         whole = replace(noise, rows=noise.rows | tried, linearized=_all_fixes_scored(noise.linearized))
-        off = _deleted_residuals(_without(whole, others))
-    chance = np.exp(log_p_values(off, tried, block))
+        deleted = _deleted_residuals(_without(whole, others))
+    chance = np.exp(log_p_values(deleted, tried, block))
     least = float(chance.min())
     count = int(np.count_nonzero(chance < TAIL_PROBABILITY))
     p_value = min(
@@ -182,25 +182,25 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     without = replace(noise, rows=rows)
     dropped = noise.counted & ~without.counted
     gain = contamination(noise, without, dropped) if dropped.any() else 0.0
-    alarm = Alarm(cause, float(p_value), gain, least, title)
-    return CauseTest(alarm, without, lambda: _coefficients(masked, cause, n))
+    result = Alarm(cause, float(p_value), gain, least, title)
+    return CauseTest(result, without, lambda: _coefficients(masked, cause, n))
 
 
-def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, off: BoolArray) -> float:
+def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, deleted: BoolArray) -> float:
     """Return what the mixture gains over one normal law, nats, less ln n.
 
     Parameters
     ----------
     noise, others : NoiseHypothesis
         With all rows, and without the outliers.
-    off : ndarray of bool, shape (k, 6)
+    deleted : ndarray of bool, shape (k, 6)
         Rows of the outliers.
     """
     likelihood = evaluate(others)
-    n, m = int(np.count_nonzero(noise.counted)) / 3.0, int(np.count_nonzero(off)) / 3.0
-    square = float(np.sum(likelihood.white[off] ** 2))
+    n, m = int(np.count_nonzero(noise.counted)) / 3.0, int(np.count_nonzero(deleted)) / 3.0
+    square = float(np.sum(likelihood.white[deleted] ** 2))
     spread = square / (3.0 * m)
-    outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * likelihood.variance[off]))) - 1.5 * m
+    outside = -0.5 * float(np.sum(np.log(2.0 * np.pi * spread * likelihood.variance[deleted]))) - 1.5 * m
     share = m * np.log(m / n) + (n - m) * np.log1p(-m / n) if m < n else 0.0
     return likelihood.value + outside + float(share) - evaluate(noise).value - float(np.log(n))
 
@@ -214,8 +214,8 @@ def _coefficients(masked: Mask, cause: str, n: int) -> Mapping[str, Coefficient]
     fraction = Coefficient.known(m / n, low, high, "1")
     runs = int(np.count_nonzero(np.diff(out.astype(int), prepend=0) == 1))
     length = Coefficient(m / max(runs, 1), None, None, "1", "fixes in a row")
-    off = evaluate(masked.left).innovation[out, ROWS_OF_CAUSE[cause]]
-    rms = float(np.sqrt(np.mean(np.sum(np.nan_to_num(off) ** 2, axis=1)))) if m else 0.0
+    deleted = evaluate(masked.left).innovation[out, ROWS_OF_CAUSE[cause]]
+    rms = float(np.sqrt(np.mean(np.sum(np.nan_to_num(deleted) ** 2, axis=1)))) if m else 0.0
     spread = np.sqrt(3.0 * m / chi2.ppf((0.975, 0.025), max(3 * m, 1)))
     size = Coefficient.known(rms, rms * float(spread[0]), rms * float(spread[1]), UNITS[cause])
     return {"fraction": fraction, "rms": size, "run_length": length}

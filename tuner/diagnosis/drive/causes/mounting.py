@@ -63,18 +63,18 @@ def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | 
     p_value = float(chi2.sf(statistic, 2))
     if p_value >= threshold:
         return None
-    told = {
+    angles_found = {
         name: Coefficient.known(float(v), float(v - 1.96 * s), float(v + 1.96 * s), "rad")
         for name, v, s in zip(("pitch", "yaw"), value, sd, strict=True)
     }
     values = {
         "cause": CAUSE,
         "joins": "preprocessing",
-        "parameters": {name: c.value for name, c in told.items()},
+        "parameters": {name: c.value for name, c in angles_found.items()},
     }
     title = "direction of motion in axes of the vehicle"
-    text = words(CAUSE, ("imu",), MEANING, told)
-    return Finding(CAUSE, ("imu",), title, statistic, p_value, told, text, CONSEQUENCE, values)
+    text = words(CAUSE, ("imu",), MEANING, angles_found)
+    return Finding(CAUSE, ("imu",), title, statistic, p_value, angles_found, text, CONSEQUENCE, values)
 
 
 def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

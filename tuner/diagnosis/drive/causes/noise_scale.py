@@ -136,8 +136,8 @@ def imu_noise(
     noise: NoiseHypothesis, scores: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> CauseTest:
     """Test the factors on the process noise of the sensors; `prior_sd` as of `fit_noise`, 0 where not given."""
-    told = [name for name in NOISE_GROUPS if name in scores.names and scores.is_informative(name)]
-    return _test(noise, scores, "imu_noise_scale", dict.fromkeys(told, 1.0 / max(len(told), 1)), prior_sd)
+    names = [name for name in NOISE_GROUPS if name in scores.names and scores.is_informative(name)]
+    return _test(noise, scores, "imu_noise_scale", dict.fromkeys(names, 1.0 / max(len(names), 1)), prior_sd)
 
 
 def joint_noise(
@@ -157,35 +157,35 @@ def joint_noise(
     prior_sd : mapping of str to float
         As of `imu_noise`.
     """
-    told = tuple(
+    names = tuple(
         name
         for name in scores.names
         if name in ROW_GROUPS or (name in NOISE_GROUPS and scores.is_informative(name))
     )
-    sides = [tuple(n for n in told if n in side) for side in (ROW_GROUPS, NOISE_GROUPS)]
+    sides = [tuple(n for n in names if n in side) for side in (ROW_GROUPS, NOISE_GROUPS)]
     score = [[scores.ratio(name, prior_sd.get(name, 0.0)) for name in side] for side in sides]
     if any(not side or chi2.sf(max(side), 1) > JOINT_P_VALUE for side in score):
         return None
-    fit = _fit_identifiable(noise, told)
-    told = fit.parameters.names
-    sides = [tuple(name for name in told if name in side) for side in sides]
+    fit = _fit_identifiable(noise, names)
+    names = fit.parameters.names
+    sides = [tuple(name for name in names if name in side) for side in sides]
     ratio = [
         max((_wald_statistic(fit, n, prior_sd.get(n, 0.0)) for n in side), default=0.0) for side in sides
     ]
     chance = [min(1.0, len(side) * float(chi2.sf(r, 1))) for r, side in zip(ratio, sides, strict=True)]
     if max(chance) > JOINT_P_VALUE:
         return None
-    gain = fit.log_likelihood - scores.value - 0.5 * float(np.log(noise.count)) * len(told)
+    gain = fit.log_likelihood - scores.value - 0.5 * float(np.log(noise.count)) * len(names)
     title = "squares of factors on R and Q fitted together, by their variances"
     fitted = fit.noise
 
-    def claim(cause: str, i: int) -> CauseTest:
+    def test(cause: str, i: int) -> CauseTest:
         def described() -> Mapping[str, Coefficient]:
             return {FINDING_NAMES.get(name, name): fit.coefficient(name) for name in sides[i]}
 
         return CauseTest(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
 
-    return claim("gnss_noise_scale", 0), claim("imu_noise_scale", 1)
+    return test("gnss_noise_scale", 0), test("imu_noise_scale", 1)
 
 
 def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFit:
@@ -195,12 +195,12 @@ def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFi
     1 Hz.
     """
     fit = maximize_likelihood(noise, noise_parameters(names))
-    sure = tuple(
+    kept = tuple(
         n
         for n in names
         if n in ROW_GROUPS or (fit.identifiable(n) and _wald_statistic(fit, n, 0.0) > MIN_SCORE_STATISTIC)
     )
-    return fit if sure in (names, ()) else maximize_likelihood(noise, noise_parameters(sure))
+    return fit if kept in (names, ()) else maximize_likelihood(noise, noise_parameters(kept))
 
 
 def _wald_statistic(fit: NoiseFit, name: str, prior_sd: float) -> float:
@@ -233,9 +233,9 @@ def _test(
     fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - scores.value - price * len(fit.estimate)
-    alarm = Alarm(cause, p_value, gain, exact, title)
+    result = Alarm(cause, p_value, gain, exact, title)
     others = {name: sd for name, sd in prior_sd.items() if name not in fit.parameters.names}
-    return CauseTest(alarm, fit.noise, lambda: _coefficients(noise, parts, others))
+    return CauseTest(result, fit.noise, lambda: _coefficients(noise, parts, others))
 
 
 def _likelihood_ratio(alone: NoiseFit, value: float, prior_sd: float) -> float:

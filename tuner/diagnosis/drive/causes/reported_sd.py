@@ -63,7 +63,7 @@ class ReportedSdModel:
     ----------
     block : str
         ``position`` or ``velocity``.
-    law : str
+    kind : str
         Name of the best law.
     fits : mapping of str to NoiseFit
         Of every law that was tried.
@@ -71,36 +71,36 @@ class ReportedSdModel:
         Penalised log likelihood of the best law over the base, nats.
     p_value : float
         Chance of so much against the base; 1 for the base itself.
-    said : ReportedLevels
+    levels : ReportedLevels
         Classes and levels of the fixes.
     edges : tuple of float
         Levels at which the classes from the second on begin.
     """
 
     block: str
-    law: str
+    kind: str
     fits: dict[str, NoiseFit]
     gain: float
     p_value: float
-    said: ReportedLevels
+    levels: ReportedLevels
     edges: tuple[float, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the best law, horizontal and vertical apart."""
         rows = names_of_block(ROW_GROUPS, self.block)
-        if self.law == "classes":
+        if self.kind == "classes":
             return tuple(f"{row}_class_{c}" for c in range(len(self.edges) + 1) for row in rows)
-        return (*rows, f"{self.block}{EXPONENT}") if self.law == "power" else rows
+        return (*rows, f"{self.block}{EXPONENT}") if self.kind == "power" else rows
 
     def values(self, fit: NoiseFit) -> dict[str, float]:
         """Return the law as names of a compensation, `fit` being of `names`."""
         out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
         out |= {f"{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
-        if self.law == "power":
+        if self.kind == "power":
             more = float(fit.estimate[fit.number(f"{self.block}{EXPONENT}")])
             out[f"{self.block}{EXPONENT}"] = 1.0 + more
-            out[f"{self.block}_typical"] = float(np.exp(self.said.typical[self.block]))
+            out[f"{self.block}_typical"] = float(np.exp(self.levels.typical[self.block]))
         return out
 
 
@@ -193,16 +193,19 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
         return None
     edges = class_edges(np.where(counted, level, np.nan))
     classes = np.searchsorted(np.array(edges), level).astype(np.int64)
-    said = ReportedLevels(
+    levels = ReportedLevels(
         {block: classes}, {block: np.log(level)}, {block: float(np.mean(np.log(level[counted])))}
     )
-    tried: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT}")}
+    candidates: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT}")}
     if edges:
-        tried["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
-    if not any(_worth_a_fit(noise, names, said) for names in tried.values()):
+        candidates["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
+    if not any(_worth_a_fit(noise, names, levels) for names in candidates.values()):
         return None
-    tried = {"factor": (block,), **tried}
-    fits = {name: maximize_likelihood(noise, noise_parameters(names, said)) for name, names in tried.items()}
+    candidates = {"factor": (block,), **candidates}
+    fits = {
+        name: maximize_likelihood(noise, noise_parameters(names, levels))
+        for name, names in candidates.items()
+    }
     price = 0.5 * float(np.log(3 * np.count_nonzero(counted)))
     score = {name: fit.log_likelihood - price * len(fit.estimate) for name, fit in fits.items()}
     if "classes" in score and score["power"] < score["classes"] + MIN_POWER_ADVANTAGE:
@@ -213,7 +216,7 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     ratio = max(0.0, 2.0 * (fits[best].log_likelihood - fits["factor"].log_likelihood))
     p_value = float(chi2.sf(ratio, more)) if more else 1.0
     gain = score[best] - score["factor"]
-    return ReportedSdModel(block, best, fits, gain, p_value, said, edges if best == "classes" else ())
+    return ReportedSdModel(block, best, fits, gain, p_value, levels, edges if best == "classes" else ())
 
 
 def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
@@ -224,22 +227,26 @@ def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
     noise, block
         As of `choose_sd_model`.
     """
-    law = choose_sd_model(noise, block)
-    if law is None or law.law == "factor":
+    model = choose_sd_model(noise, block)
+    if model is None or model.kind == "factor":
         return None
-    fit, best = maximize_likelihood(noise, noise_parameters(law.names, law.said)), law.fits[law.law]
-    base = law.fits["factor"]
+    fit, best = (
+        maximize_likelihood(noise, noise_parameters(model.names, model.levels)),
+        model.fits[model.kind],
+    )
+    base = model.fits["factor"]
     ratio = 2.0 * (best.log_likelihood - base.log_likelihood)
     price = 0.5 * float(np.log(noise.count)) * len(fit.estimate)
     gain = fit.log_likelihood - evaluate(noise).value - price
-    title = f"likelihood ratio of {'factors by class of fix' if law.law == 'classes' else 'a power of the reported sd'}"
-    p_value = min(1.0, len(BLOCKS) * law.p_value)
+    alternative = "factors by class of fix" if model.kind == "classes" else "a power of the reported sd"
+    title = f"likelihood ratio of {alternative}"
+    p_value = min(1.0, len(BLOCKS) * model.p_value)
 
     def described() -> Mapping[str, Coefficient]:
-        return {name: coefficient(fit, name) for name in law.names}
+        return {name: coefficient(fit, name) for name in model.names}
 
     return CauseTest(
-        Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, law.values(fit)
+        Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, model.values(fit)
     )
 
 
@@ -252,14 +259,14 @@ def coefficient(fit: NoiseFit, name: str, scale: float = 1.0) -> Coefficient:
     return Coefficient.known(value, value - half, value + half, "1")
 
 
-def _worth_a_fit(noise: NoiseHypothesis, names: tuple[str, ...], said: ReportedLevels) -> bool:
+def _worth_a_fit(noise: NoiseHypothesis, names: tuple[str, ...], levels: ReportedLevels) -> bool:
     """Whether the scores of a law's parameters, that of a common factor taken out, are worth a fit."""
     _, gradient = evaluate_with_gradient(noise)
-    slope = noise_parameters(names, said).slopes(noise, np.zeros(len(names)), gradient)
+    slope = noise_parameters(names, levels).slopes(noise, np.zeros(len(names)), gradient)
     own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2
-    pulls = np.stack([weights(name, len(own), said).ravel() for name in names])
+    pulls = np.stack([weights(name, len(own), levels).ravel() for name in names])
     information = (pulls * own.ravel()) @ pulls.T
-    block = next(iter(said.classes))
+    block = next(iter(levels.classes))
     common = np.zeros((len(own), 6))
     common[:, list(BLOCKS[block])] = 1.0
     whole = float(np.sum(own * common))

@@ -54,7 +54,7 @@ def biases_beyond_prior(
     passed = _sd_from_constants(run, shifts)
     findings = []
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
-        told, inflations, least, most = {}, [], 1.0, 0.0
+        biases, inflations, least, most = {}, [], 1.0, 0.0
         for axis, j in zip(axes, range(at[f"{sensor}_bias"].start, at[f"{sensor}_bias"].stop), strict=True):
             noise = config.channels[axis]
             left = passed[(GYROS + ACCELS).index(axis)]
@@ -68,16 +68,20 @@ def biases_beyond_prior(
                 continue
             least, most = min(least, p_value), max(most, z)
             low, high = value - 1.96 * spread, value + 1.96 * spread
-            told[axis] = Coefficient.known(value, low, high, noise.unit)
+            biases[axis] = Coefficient.known(value, low, high, noise.unit)
             if noise.constant_sd > 0.0:
                 reason = f"{CAUSE}: on this drive"
                 inflations.append(
                     Enlargement(Quantity(axis, "constant_sd"), abs(value) / noise.constant_sd, reason)
                 )
-        if told:
-            channels = tuple(told)
-            values = {"cause": CAUSE, "joins": "states", "parameters": {a: c.value for a, c in told.items()}}
-            text = words(CAUSE, channels, MEANING, told)
+        if biases:
+            channels = tuple(biases)
+            values = {
+                "cause": CAUSE,
+                "joins": "states",
+                "parameters": {a: c.value for a, c in biases.items()},
+            }
+            text = words(CAUSE, channels, MEANING, biases)
             findings.append(
                 Finding(
                     CAUSE,
@@ -85,7 +89,7 @@ def biases_beyond_prior(
                     "bias ÷ its prior sd",
                     most,
                     least,
-                    told,
+                    biases,
                     text,
                     CONSEQUENCE,
                     values,

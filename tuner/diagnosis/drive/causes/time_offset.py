@@ -60,15 +60,15 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
     if DELAY.cause not in accepted:
         return ()
     names = run.linearized.parameters
-    told = linear_trend(run.whitened, names, accepted, DELAY)
-    if told.p_value >= threshold:
+    trend = linear_trend(run.whitened, names, accepted, DELAY)
+    if trend.p_value >= threshold:
         return ()
-    low, high = (1e3 * (told.rate + side * 1.96 * told.sd) for side in (-1.0, 1.0))
+    low, high = (1e3 * (trend.rate + side * 1.96 * trend.sd) for side in (-1.0, 1.0))
     text = (
-        f"the delay of the fixes changes by {1e3 * told.rate:.3g} ({low:.3g} … {high:.3g}) ms/s: the clocks run at "
+        f"the delay of the fixes changes by {1e3 * trend.rate:.3g} ({low:.3g} … {high:.3g}) ms/s: the clocks run at "
         "different rates, what is missing is a common clock"
     )
-    return (Unexplained(text, ("drive",), told.p_value),)
+    return (Unexplained(text, ("drive",), trend.p_value),)
 
 
 def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], tuple[str, ...]]:
@@ -81,10 +81,12 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
     start : Hypothesis
         What is held true already.
     """
-    seen = compensate(drive, start.compensation)
-    end = standing_until(seen.gnss) + SEARCHED_MOTION
-    imu, fixes = seen.imu_t < end, seen.gnss.t < end
-    part = replace(seen, imu_t=seen.imu_t[imu], rates=seen.rates[imu], gnss=seen.gnss.rows(fixes))
+    corrected = compensate(drive, start.compensation)
+    end = standing_until(corrected.gnss) + SEARCHED_MOTION
+    imu, fixes = corrected.imu_t < end, corrected.gnss.t < end
+    part = replace(
+        corrected, imu_t=corrected.imu_t[imu], rates=corrected.rates[imu], gnss=corrected.gnss.rows(fixes)
+    )
     stretches, notes = prepare(part, filter_settings_of(part, start))
     delay, lag = stretches[0].alignment.delay, stretches[0].lag
     if abs(delay) < MIN_COARSE_DELAY and lag == 0.0:

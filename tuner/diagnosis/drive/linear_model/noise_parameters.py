@@ -75,7 +75,7 @@ def names_of_block(names: Iterable[str], block: str) -> tuple[str, ...]:
     return tuple(name for name in names if name.startswith(block))
 
 
-def weights(name: str, count: int, said: ReportedLevels) -> FloatArray:
+def weights(name: str, count: int, levels: ReportedLevels) -> FloatArray:
     """Return what a parameter adds to ln sd of every row, where it is 1; shape (count, 6).
 
     Parameters
@@ -84,19 +84,19 @@ def weights(name: str, count: int, said: ReportedLevels) -> FloatArray:
         Of `ROW_GROUPS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT`.
     count : int
         Number of fixes.
-    said : ReportedLevels
+    levels : ReportedLevels
         What the receiver says of them.
     """
     base, _, number = name.removesuffix(EXPONENT).partition(_CLASS)
     block, out = base.partition("_")[0], np.zeros((count, 6))
     if name.endswith(EXPONENT):
-        out[:, _ROW_GROUPS[base]] = (said.logs[block] - said.typical[block])[:, None]
+        out[:, _ROW_GROUPS[base]] = (levels.logs[block] - levels.typical[block])[:, None]
     else:
-        out[:, _ROW_GROUPS[base]] = (said.classes[block] == int(number))[:, None] if number else 1.0
+        out[:, _ROW_GROUPS[base]] = (levels.classes[block] == int(number))[:, None] if number else 1.0
     return out
 
 
-def noise_parameters(names: tuple[str, ...], said: ReportedLevels = NO_LEVELS) -> NoiseParameters:
+def noise_parameters(names: tuple[str, ...], levels: ReportedLevels = NO_LEVELS) -> NoiseParameters:
     """Return noise parameters by name: those of `weights`, `NOISE_GROUPS`, `MARKOV_AXES` and `MARKOV_TIME`."""
 
     def change(noise: NoiseHypothesis, logs: FloatArray) -> NoiseHypothesis:
@@ -104,7 +104,7 @@ def noise_parameters(names: tuple[str, ...], said: ReportedLevels = NO_LEVELS) -
         markov, time = noise.markov_sd.copy(), noise.markov_time
         for name, factor in zip(names, np.exp(logs).tolist(), strict=True):
             if _of_rows(name):
-                sd *= factor ** weights(name, len(sd), said)
+                sd *= factor ** weights(name, len(sd), levels)
             elif name in NOISE_GROUPS:
                 scale[NOISE_GROUPS.index(name)] *= factor
             elif name in MARKOV_AXES:
@@ -117,7 +117,7 @@ def noise_parameters(names: tuple[str, ...], said: ReportedLevels = NO_LEVELS) -
         out = np.zeros(len(names))
         for j, name in enumerate(names):
             if _of_rows(name):
-                out[j] = float(np.sum(gradient.by_sd * weights(name, len(noise.sd), said)))
+                out[j] = float(np.sum(gradient.by_sd * weights(name, len(noise.sd), levels)))
             elif name in NOISE_GROUPS:
                 out[j] = gradient.by_process_noise_scale[NOISE_GROUPS.index(name)]
             elif name in MARKOV_AXES:
@@ -136,14 +136,14 @@ def _of_rows(name: str) -> bool:
 
 
 def present(
-    noise: NoiseHypothesis, names: tuple[str, ...], said: ReportedLevels = NO_LEVELS
+    noise: NoiseHypothesis, names: tuple[str, ...], levels: ReportedLevels = NO_LEVELS
 ) -> tuple[str, ...]:
     """Return those of the names of rows and of `NOISE_GROUPS` that the record has anything of."""
     counted = noise.counted
 
     def there(name: str) -> bool:
         if _of_rows(name):
-            return bool(np.any(weights(name, len(counted), said)[counted]))
+            return bool(np.any(weights(name, len(counted), levels)[counted]))
         return bool(noise.linearized.noise[name].any())
 
     return tuple(name for name in names if there(name))

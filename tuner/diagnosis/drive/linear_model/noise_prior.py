@@ -39,25 +39,25 @@ def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
         sensor, _, kind = group.partition("_")
         own = [noise for axis, noise in channels.items() if axis.startswith(sensor)]
         if own:
-            told = DATASHEET_LOG_SD if kind == "white" else UNKNOWN_LOG_SD
-            sds = [_axis(noise, COEFFICIENTS[kind], told) for noise in own]
+            unstated = DATASHEET_LOG_SD if kind == "white" else UNKNOWN_LOG_SD
+            sds = [_axis(noise, COEFFICIENTS[kind], unstated) for noise in own]
             out[group] = float(np.sqrt(np.mean(np.square(sds))))
     return out
 
 
-def _axis(noise: ChannelNoise, terms: Mapping[str, str], told: float) -> float:
-    """Return the sd of the log of the best known of some terms of one axis; of one without an interval `told`."""
+def _axis(noise: ChannelNoise, terms: Mapping[str, str], unstated: float) -> float:
+    """Return the sd of the log of the best known of some terms of one axis; of one without an interval `unstated`."""
     known = [
-        _log_sd(estimate.coefficients[terms[estimate.name]], told)
+        _log_sd(estimate.coefficients[terms[estimate.name]], unstated)
         for estimate in noise.identified
         if estimate.name in terms and estimate.present
     ]
     return min(known, default=UNKNOWN_LOG_SD)
 
 
-def _log_sd(coefficient: Coefficient, told: float) -> float:
+def _log_sd(coefficient: Coefficient, unstated: float) -> float:
     if coefficient.value is not None and coefficient.interval is None:
-        return told
+        return unstated
     if coefficient.interval is None or coefficient.interval[0] <= 0.0:
         return UNKNOWN_LOG_SD
     low, high = coefficient.interval
