@@ -1,26 +1,27 @@
 """Logs of any format become records: even in time, in SI units, every repair noted.
 
-`read` chooses the format by the ending of the name: text (``.csv .tsv .txt`` and others, ``.gz`` allowed),
-``.npz``, ``.mat``, ``.h5 .hdf5``, ``.parquet``. One file a format lists the columns; `layout` chooses among
-them, `timebase` finds interval and gaps, `assemble` converts to SI. `read_curve` reads an Allan curve
-``tau,deviation[,dof]``.
+`read` finds the format by the ending of the name, else by the first bytes (`log_format`). One file a format lists the
+columns; `column_choice` chooses among them, `time_base` finds interval and gaps, `assemble` converts to SI.
+`read_curve` reads an Allan curve ``tau,deviation[,dof]``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
+from tuner.readers import hdf5, mat, npz, parquet, text
 from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import assemble_records
 from tuner.readers.column_mapping import parse_columns
-from tuner.readers.columns import Listing, Progress, digest
-from tuner.readers.npz import list_npz
+from tuner.readers.columns import Progress, digest
+from tuner.readers.log_format import FORMATS, LogFormat, columns_of
 from tuner.readers.options import Options
-from tuner.readers.text import list_text
 from tuner.types.records import DataError, Record
 
-__all__ = ["is_curve", "parse_columns", "read", "read_curve"]
+__all__ = ["FORMATS", "LogFormat", "is_curve", "parse_columns", "read", "read_curve"]
+
+FORMATS.extend((npz.FORMAT, mat.FORMAT, hdf5.FORMAT, parquet.FORMAT, text.FORMAT))
 
 
 def read(
@@ -40,7 +41,7 @@ def read(
     Parameters
     ----------
     path : str or Path
-        The log; the format is chosen by the ending of its name.
+        The log; its format is found by the ending of its name, else by its first bytes.
     rate : float, optional
         Sampling rate, Hz: needed where the file has neither stamps nor a stated rate; checked against stamps.
     gyro_unit, accel_unit : str, optional
@@ -72,7 +73,13 @@ def read(
         if value is not None and not 0.0 < value < float("inf"):
             msg = f"{name}: expected a positive number, got {value}"
             raise DataError(msg)
-    listing = _listing(path, progress)
+    if not path.exists():
+        msg = f"{path}: no such file"
+        raise DataError(msg)
+    if not path.is_file():
+        msg = f"{path}: not a file"
+        raise DataError(msg)
+    listing = columns_of(path, progress)
     options = Options(
         rate=rate,
         unit={"gyro": gyro_unit, "accel": accel_unit},
@@ -81,49 +88,3 @@ def read(
         constant_axes=constant_axes,
     )
     return assemble_records(listing, digest(path), options)
-
-
-def _listing(path: Path, progress: Progress | None) -> Listing:
-    if not path.exists():
-        msg = f"{path}: no such file"
-        raise DataError(msg)
-    if not path.is_file():
-        msg = f"{path}: not a file"
-        raise DataError(msg)
-    suffix = path.suffix.lower()
-    if suffix in _BINARY:
-        return _BINARY[suffix](path)
-    if suffix in _FOREIGN:
-        msg = f"{path}: '{suffix}' logs are not read by `read`: convert to CSV, NPZ, HDF5 or Parquet"
-        raise DataError(msg)
-    return list_text(path, progress=progress)
-
-
-def _mat(path: Path) -> Listing:
-    from tuner.readers.mat import list_mat
-
-    return list_mat(path)
-
-
-def _hdf5(path: Path) -> Listing:
-    from tuner.readers.hdf5 import list_hdf5
-
-    return list_hdf5(path)
-
-
-def _parquet(path: Path) -> Listing:
-    from tuner.readers.parquet import list_parquet
-
-    return list_parquet(path)
-
-
-_BINARY: Mapping[str, Callable[[Path], Listing]] = {
-    ".npz": list_npz,
-    ".mat": _mat,
-    ".h5": _hdf5,
-    ".hdf5": _hdf5,
-    ".hdf": _hdf5,
-    ".parquet": _parquet,
-    ".pq": _parquet,
-}
-_FOREIGN = frozenset((".bag", ".db3", ".mcap", ".ulg", ".bin", ".tlog", ".zip", ".xlsx", ".npy"))

@@ -12,22 +12,24 @@ import numpy as np
 
 from models.units import unit_value
 from tuner.readers import column_names as names
-from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.log_format import format_of
+from tuner.readers.text import FORMAT, find_dialect, read_numbers
 from tuner.types import AllanCurve
 from tuner.types.records import DataError
 
 _TAU = frozenset(("tau", "taus", "averaging_time", "cluster_time"))
 _DEVIATION = frozenset(("deviation", "adev", "oadev", "sigma", "allan_deviation", "dev", "allan_dev"))
 _DOF = frozenset(("dof", "edf", "degrees_of_freedom"))
-_BINARY = frozenset((".npz", ".mat", ".h5", ".hdf5", ".hdf", ".parquet", ".pq"))
 
 
 def is_curve(path: str | Path) -> bool:
     """Tell whether a file is a text file with the columns tau and deviation."""
     path = Path(path)
-    if path.suffix.lower() in _BINARY or not path.is_file():
+    if not path.is_file():
         return False
     try:
+        if format_of(path) is not FORMAT:
+            return False
         dialect = find_dialect(path)
     except DataError:
         return False

@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from tuner.readers.drive import GNSS_COLUMNS, ordered, table
-from tuner.readers.text import find_dialect
+from tuner.readers.log_format import format_of
+from tuner.readers.text import FORMAT, find_dialect
 from tuner.types.records import DataError, Gnss
-
-_TEXT = frozenset((".csv", ".tsv", ".txt", ".gz", ""))
 
 
 def is_fixes(path: str | Path) -> bool:
     """Tell whether a file is a text file with the columns t, lat, lon and height."""
     path = Path(path)
-    if path.suffix.lower() not in _TEXT or not path.is_file():
+    if not path.is_file():
         return False
     try:
+        if format_of(path) is not FORMAT:
+            return False
         dialect = find_dialect(path)
     except DataError:
         return False

@@ -13,7 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of an HDF5 file."""
 
 
 def list_hdf5(path: Path) -> Listing:
@@ -23,14 +27,8 @@ def list_hdf5(path: Path) -> Listing:
 
 def read_hdf5(path: Path, *, turned: bool) -> Listing:
     """Return the numeric datasets of an HDF5 file; `turned` ones are transposed."""
-    try:
-        import h5py
-    except ImportError:
-        msg = (
-            f"{path}: HDF5 (and MATLAB v7.3) needs h5py: install the extra 'hdf5' (pip install "
-            "'ins-noise-tuner[hdf5]')"
-        )
-        raise DataError(msg) from None
+    import h5py
+
     arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     meta: dict[str, Any] = {}
@@ -69,3 +67,13 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.decode("utf-8", errors="replace")
     return value.item() if isinstance(value, np.ndarray | np.generic) and np.size(value) == 1 else value
+
+
+FORMAT = LogFormat(
+    "hdf5",
+    "HDF5",
+    (".h5", ".hdf5", ".hdf"),
+    lambda path, _: list_hdf5(path),
+    lambda head: head.startswith(SIGNATURE),
+    extra="hdf5",
+)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.columns import Listing, listing_of_arrays
-from tuner.readers.hdf5 import read_hdf5
+from tuner.readers.hdf5 import SIGNATURE, read_hdf5
+from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 
@@ -41,7 +42,7 @@ def list_mat(path: Path) -> Listing:
 def _begins_as_hdf5(path: Path) -> bool:
     """Tell an HDF5 file that another program named ``.mat``: it lacks the header of v7.3."""
     with path.open("rb") as file:
-        return file.read(8) == b"\x89HDF\r\n\x1a\n"
+        return file.read(len(SIGNATURE)) == SIGNATURE
 
 
 def _flatten(name: str, value: NDArray[Any], arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
@@ -53,3 +54,13 @@ def _flatten(name: str, value: NDArray[Any], arrays: dict[str, NDArray[Any]], me
         arrays[name] = value
     elif value.ndim == 0 and value.dtype.kind in "iufU":
         meta[name.rsplit("/", 1)[-1]] = value.item()
+
+
+FORMAT = LogFormat(
+    "mat",
+    "MAT",
+    (".mat",),
+    lambda path, _: list_mat(path),
+    lambda head: head.startswith(b"MATLAB"),
+    extra="hdf5",
+)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 
@@ -36,3 +37,12 @@ def list_npz(path: Path) -> Listing:
         if isinstance(content, dict):
             meta |= content
     return listing_of_arrays(path, arrays, units={}, meta=meta)
+
+
+FORMAT = LogFormat(
+    "npz",
+    "NPZ",
+    (".npz",),
+    lambda path, _: list_npz(path),
+    lambda head: head.startswith(b"PK") and b".npy" in head,
+)

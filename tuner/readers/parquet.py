@@ -14,20 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.columns import Listing, Part
+from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 
 def list_parquet(path: Path) -> Listing:
     """Return the numeric columns of a Parquet file."""
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ImportError:
-        msg = (
-            f"{path}: Parquet needs pyarrow: install the extra 'parquet' (pip install "
-            "'ins-noise-tuner[parquet]')"
-        )
-        raise DataError(msg) from None
+    import pyarrow as pa
+    from pyarrow import parquet
+
     try:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
@@ -86,3 +81,13 @@ def _number(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+FORMAT = LogFormat(
+    "parquet",
+    "Parquet",
+    (".parquet", ".pq"),
+    lambda path, _: list_parquet(path),
+    lambda head: head.startswith(b"PAR1"),
+    extra="parquet",
+)

@@ -24,11 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.columns import Listing, Part, Progress
+from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 CHUNK = 1 << 22
 """Bytes of text that are parsed at a time."""
 _HEAD = 1 << 16
+GZIP = b"\x1f\x8b"
+"""First bytes of a file packed by gzip."""
 _MISSING = frozenset(
     ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
 )
@@ -53,7 +56,7 @@ class Dialect:
     header: bool
 
 
-def list_text(path: Path, *, progress: Progress | None = None) -> Listing:
+def list_text(path: Path, progress: Progress | None = None) -> Listing:
     """Return the columns of a text log; its `load` parses the file."""
     dialect = find_dialect(path)
     names = dialect.names
@@ -278,3 +281,17 @@ def _is_data(line: str) -> bool:
     cells = [cell.strip().lower() for cell in _split(bare, _separator(bare))]
     numbers = sum(cell not in _MISSING and _is_number(cell) for cell in cells)
     return 2 * numbers > sum(cell != "" for cell in cells)
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the first bytes of a file are text, or text packed by gzip."""
+    return head.startswith(GZIP) or b"\0" not in head
+
+
+FORMAT = LogFormat(
+    "text",
+    "text",
+    (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz"),
+    list_text,
+    is_text,
+)

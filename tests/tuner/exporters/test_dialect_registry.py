@@ -24,6 +24,8 @@ CONFIG = synthesize(grade_identification(load_grade("stim300")), seed=0)
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Lay a package with the template of the page, as pip would, and forget its dialect afterwards."""
+    fresh: Registry[Dialect] = Registry("dialect", "tuner.dialects", name_of=lambda dialect: dialect.name)
+    fresh.extend(DIALECTS.values())
     (tmp_path / "other_filter.py").write_text(TEMPLATE, encoding="utf-8")
     facts = tmp_path / "other_filter-1.0.dist-info"
     facts.mkdir()
@@ -31,8 +33,6 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (facts / "entry_points.txt").write_text("[tuner.dialects]\nmy-filter = other_filter:DIALECT\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "other_filter", raising=False)
-    fresh: Registry[Dialect] = Registry("dialect", "tuner.dialects", name_of=lambda dialect: dialect.name)
-    fresh.extend(DIALECTS.values())
     for module in ("tuner.exporters", "tuner.exporters.dialect"):
         monkeypatch.setattr(sys.modules[module], "DIALECTS", fresh)
 

@@ -1,0 +1,120 @@
+"""What a log format is, and the registry of all formats, open to other packages.
+
+A format is one file that ends with one declaration::
+
+    FORMAT = LogFormat("json-lines", "JSON lines", (".jsonl",), read)
+
+Another package names it in its ``pyproject.toml``::
+
+    [project.entry-points."tuner.readers"]
+    json-lines = "my_package.json_lines:FORMAT"
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from models.registry import Registry
+from tuner.readers.columns import Listing, Progress
+from tuner.types.records import DataError
+
+HEAD_BYTES = 4096
+"""Bytes at the beginning of a file by which its format is recognized: headers of all formats are shorter."""
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """A file format of logs: how it is recognized, and how its columns are listed.
+
+    Attributes
+    ----------
+    name : str
+        Lower-case letters, digits and hyphens.
+    title : str
+        Name of the format in messages.
+    suffixes : tuple of str
+        Endings of file names, with the dot, in lower case; a file with one of them is read by this format.
+    read : callable
+        Returns the columns of a file; the second argument, where it is not None, wants (bytes done, bytes in total).
+    recognizes : callable, optional
+        Tells from the first `HEAD_BYTES` bytes whether a file of another ending is of this format.
+    extra : str, optional
+        Extra of this package (``pip install 'ins-noise-tuner[EXTRA]'``) with the library that `read` imports.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    read: Callable[[Path, Progress | None], Listing]
+    recognizes: Callable[[bytes], bool] = lambda _: False
+    extra: str | None = None
+
+
+def _check(declared: object) -> None:
+    if not isinstance(declared, LogFormat):
+        msg = f"expected a LogFormat, got {type(declared).__name__}"
+        raise TypeError(msg)
+    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", declared.name):
+        msg = "expected a name of lower-case letters, digits and hyphens"
+        raise ValueError(msg)
+    if not declared.suffixes or any(not re.fullmatch(r"(\.[a-z0-9]+)+", s) for s in declared.suffixes):
+        msg = "expected endings of file names such as .csv, in lower case"
+        raise ValueError(msg)
+    if not (declared.title and callable(declared.read)):
+        msg = "expected a title and a function 'read'"
+        raise ValueError(msg)
+
+
+FORMATS: Registry[LogFormat] = Registry(
+    "log format",
+    "tuner.readers",
+    name_of=lambda declared: str(getattr(declared, "name", declared)),
+    check=_check,
+)
+"""Every log format by name; `tuner.readers` adds the built-in ones."""
+
+
+def format_of(path: Path) -> LogFormat:
+    """Return the format of a file, by the ending of its name, else by its first bytes.
+
+    Raises
+    ------
+    DataError
+        Where no format fits: one line that says which there are.
+    """
+    name = path.name.lower()
+    fitting = [(len(s), one) for one in FORMATS.values() for s in one.suffixes if name.endswith(s)]
+    if fitting:
+        return max(fitting, key=lambda pair: pair[0])[1]
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    found = next((one for one in FORMATS.values() if one.recognizes(head)), None)
+    if found is None:
+        known = ", ".join(f"{one.title} ({' '.join(one.suffixes)})" for one in FORMATS.values())
+        msg = f"{path}: expected a log as {known}, got none of these; convert it to one of them"
+        raise DataError(msg)
+    return found
+
+
+def columns_of(path: Path, progress: Progress | None) -> Listing:
+    """Return the columns of a log.
+
+    Raises
+    ------
+    DataError
+        Where no format fits, a library is missing, or the file is damaged.
+    """
+    declared = format_of(path)
+    try:
+        return declared.read(path, progress)
+    except ImportError as error:
+        if declared.extra is None:
+            raise
+        msg = (
+            f"{path}: {declared.title} needs {error.name}: install the extra '{declared.extra}' "
+            f"(pip install 'ins-noise-tuner[{declared.extra}]')"
+        )
+        raise DataError(msg) from None
