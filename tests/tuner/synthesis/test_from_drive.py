@@ -1,0 +1,112 @@
+"""Noise of a unit from its own drive: white noise while the vehicle stands, vibration while it moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tuner.catalogue.grades import load_grade
+from tuner.synthesis.from_drive import (
+    CONSERVATIVE,
+    TAU,
+    identification_of_drive,
+    nearest_grade,
+    receiver_of,
+    standing,
+)
+from tuner.types.records import Drive, Gnss
+
+INTERVAL, STOOD, MOVED = 0.02, 120.0, 60.0
+DENSITY = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 30.0]) * 1e-4
+
+
+def drive(
+    *,
+    shaken: float = 0.0,
+    velocities: bool = True,
+    vertical: float = 0.0,
+    stood: float = STOOD,
+    seed: int = 1,
+) -> Drive:
+    """White noise of `DENSITY`, `shaken` times as much added in motion; the antenna then moves north at 10 m/s."""
+    rng = np.random.default_rng(seed)
+    t = INTERVAL * np.arange(1, round((stood + MOVED) / INTERVAL) + 1)
+    rates = rng.standard_normal((len(t), 6)) * DENSITY / np.sqrt(INTERVAL)
+    moving = t > stood
+    rates[moving] += shaken * rng.standard_normal((moving.sum(), 6)) * DENSITY / np.sqrt(INTERVAL)
+    fix_t = np.arange(0.0, stood + MOVED + 1.0)
+    way = 10.0 * np.maximum(fix_t - stood, 0.0)
+    llh = np.column_stack(
+        [0.8 + way / 6.37e6, np.full_like(way, 0.2), 100.0 + vertical * rng.standard_normal(len(way))]
+    )
+    vel = np.column_stack([10.0 * (fix_t > stood), 0.0 * way, 0.0 * way])
+    if not velocities:
+        vel[:] = np.nan
+    sd = np.tile([1.0, 2.0, 3.0], (len(way), 1))
+    return Drive("made", t, rates, Gnss(fix_t, llh, vel, sd, 0.1 * sd), (0.0, 0.0, 0.0), source="made")
+
+
+def test_white_noise_is_the_root_mean_square_of_the_axes():
+    """N = σ(τ) √τ: with τ = 0.25 s and 120 s each axis has at least 240 degrees of freedom, 4.6 %: five of them."""
+    found = standing(drive())
+    assert found.seconds == pytest.approx(STOOD, abs=0.03 * STOOD)
+    for sensor, axes in (("gyro", DENSITY[:3]), ("accel", DENSITY[3:])):
+        assert found.white[sensor] == pytest.approx(np.sqrt(np.mean(axes**2)), rel=0.23)
+
+
+def test_interval_of_the_white_noise_is_that_of_its_degrees_of_freedom():
+    """The relative sd of a root of a variance with ν degrees of freedom is 1/√(2ν), ν = 2 T/τ for three axes."""
+    found = standing(drive())
+    (white,) = [
+        t for t in identification_of_drive(drive(), found).channels["gyro_y"].terms if t.name == "white"
+    ]
+    density = white.coefficients["density"]
+    share = 1.96 / np.sqrt(4.0 * found.seconds / TAU)
+    assert density.value == found.white["gyro"]
+    assert density.interval == pytest.approx((density.value * (1.0 - share), density.value * (1.0 + share)))
+
+
+def test_noise_scales_with_the_samples():
+    one = drive()
+    ten = Drive(one.name, one.imu_t, 10.0 * one.rates, one.gnss, one.lever_arm, source=one.source)
+    for sensor, white in standing(one).white.items():
+        assert standing(ten).white[sensor] == pytest.approx(10.0 * white, rel=1e-9)
+
+
+@pytest.mark.parametrize("shaken", [0.0, 3.0])
+def test_vibration_is_the_ratio_of_densities(shaken):
+    """White noise k times as much besides: √(1 + k²); 60 s of some 20 frequencies on three axes, 1 %: five of them."""
+    found = standing(drive(shaken=shaken))
+    for ratio in found.vibration.values():
+        assert ratio == pytest.approx(np.sqrt(1.0 + shaken**2), rel=0.05)
+
+
+def test_heights_do_not_count_where_positions_stand_for_a_speed():
+    """Heights that scatter by 5 m, level positions that do not: the vehicle stands."""
+    found = standing(drive(velocities=False, vertical=5.0))
+    assert found.seconds == pytest.approx(STOOD, abs=0.05 * STOOD)
+
+
+def test_a_few_seconds_of_standing_tell_nothing():
+    made = drive(stood=4.0)
+    found = standing(made)
+    assert found.white == {}
+    assert found.seconds < 5.0
+    assert CONSERVATIVE in identification_of_drive(made, found).notes[0]
+
+
+@pytest.mark.parametrize("name", ["mpu9250", "stim300", "adis16465"])
+def test_the_nearest_grade_to_a_grade_is_itself(name):
+    grade = load_grade(name)
+    assert (
+        nearest_grade({"gyro": 1.02 * grade.gyro.white.value, "accel": 0.98 * grade.accel.white.value})
+        == name
+    )
+
+
+def test_a_receiver_that_reports_its_errors_is_what_it_reports():
+    receiver = receiver_of(drive())
+    assert receiver.position_sd == (1.0, 2.0, 3.0)
+    assert receiver.velocity_sd == pytest.approx((0.1, 0.2, 0.3))
+    assert receiver.interval == 1.0
+    assert receiver.correlated == ()
