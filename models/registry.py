@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -39,6 +39,8 @@ class Registry(Mapping[str, T]):
         Returns the name of a declaration.
     check : callable, optional
         Raises ValueError or TypeError where a declaration is not complete; called before anything is added.
+    declared_by : callable, optional
+        Takes the declaration out of what an entry point names, where several registries share a group.
     """
 
     def __init__(
@@ -48,11 +50,13 @@ class Registry(Mapping[str, T]):
         *,
         name_of: Callable[[T], str],
         check: Callable[[T], None] | None = None,
+        declared_by: Callable[[Any], T] | None = None,
     ) -> None:
         self.kind = kind
         self.group = group
         self._name_of = name_of
         self._check = check
+        self._declared_by = declared_by
         self._declared: dict[str, T] = {}
         self._entry_points_loaded = False
 
@@ -134,7 +138,8 @@ class Registry(Mapping[str, T]):
     def _loaded(self, point: EntryPoint) -> T:
         package = point.dist.name if point.dist is not None else "another package"
         try:
-            declaration: T = point.load()
+            named: Any = point.load()
+            declaration: T = named if self._declared_by is None else self._declared_by(named)
         except Exception as error:
             msg = (
                 f"{self.kind} '{point.name}' of package '{package}' cannot be loaded "

@@ -15,7 +15,7 @@ from challenge.generator.means import Motion
 from challenge.generator.scene import log_uniform
 from scipy.stats import binom
 
-from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.causes import burst, heavy_tails, motion, variance_drift
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import Channel, channel
@@ -41,7 +41,11 @@ def ready(item: Item, folder) -> Channel:
     path = folder / "log.npz"
     np.savez(path, **log(item))
     (record,) = read(path)
-    steps = [t.parameters["step"].value for t in hygiene(record) if t.cause == "lattice" and t.parameters]
+    steps = [
+        t.parameters["step"].value
+        for t in data_quality_tests(record)
+        if t.cause == "lattice" and t.parameters
+    ]
     return channel(record, record.axes[0], lattice=steps[0] if steps else 0.0)
 
 

@@ -1,7 +1,7 @@
 """One axis of a log as the figures of a diagnosis need it: samples, residuals, what was found as a signal.
 
 Some causes are signals that can be drawn over the data: a line (phase by least squares), a bias by temperature, a
-warm-up, a step. `signal_of` makes them from the parameters of a finding, with `models.effects`.
+warm-up, a step. The effect of the cause (`models.effects`) makes them from the parameters of a finding.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects.static.events import Step
-from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
+from models.effects import EFFECTS, Samples
 from models.noise import NoiseModel
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.diagnosis.static.model.residual import residual
@@ -108,18 +107,10 @@ def signal_of(
     cause: str, values: Mapping[str, float], t: FloatArray, y: FloatArray, temperature: FloatArray | None
 ) -> FloatArray | None:
     """Return the signal that a cause adds to the samples, shape (n,), or None where it adds none."""
-    if cause == "line":
-        turn = np.exp(-2j * np.pi * values["frequency"] * (t - t[0]))
-        return np.asarray(np.real(2.0 * np.mean((y - y.mean()) * turn) * turn.conj()))
-    if cause == "step":
-        return Step(values["time"], values["size"]).signal(t)
-    if cause == "warmup":
-        return Warmup(values["amplitude"], values["time_constant"]).signal(t)
-    if temperature is not None and cause == "temperature":
-        return TemperatureSlope(values["slope"]).signal(temperature)
-    if temperature is not None and cause == "thermal_lag":
-        return ThermalLag(values["slope"], values["time_constant"]).signal(temperature, float(t[1] - t[0]))
-    return None
+    effect = EFFECTS.get(cause)
+    if effect is None:
+        return None
+    return effect.drawn(values, Samples(t, y[:, None], float(t[1] - t[0]), temperature))
 
 
 def _temperature(ready: Channel) -> FloatArray | None:

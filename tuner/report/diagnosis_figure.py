@@ -8,7 +8,7 @@ so many simulated records. Right, `tuner.report.diagnosis_views`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
@@ -21,16 +21,15 @@ from scipy.fft import rfft
 
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import whole_file
 from tuner.report.channel_view import Subject, parameters, subject
-from tuner.report.diagnosis_views import CAUSE, DATA, VIEWS, draw_course, shown, unit_of
+from tuner.report.diagnosis_views import CAUSE, DATA, shown, unit_of, view_of
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
-SPECTRAL = ("line", "vibration", "lowpass", "colour")
-"""Causes that the density shows better than the Allan deviation."""
 MOST_REPLICAS = 39
 """Simulated records of a band: the range of 39 holds 95 % of further ones."""
 BEFORE = "0.35"
@@ -74,12 +73,19 @@ def draw_findings(
     return list(drawn.values())
 
 
+def _is_spectral(code: str) -> bool:
+    """Return whether the density shows a cause better than the Allan deviation does."""
+    declared = CAUSES.get(code)
+    return declared is not None and declared.group == "fast spectrum"
+
+
 def _draw(one: Subject, finding: Finding, paths: Sequence[Path], replicas: int, seed: int) -> None:
+    one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
     with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
         figure = Figure(figsize=(11.0, 4.4), layout="constrained")
         left, right = figure.subplots(1, 2)
-        _draw_curve(left, one, _spectrum(one) if finding.cause in SPECTRAL else _allan(one), replicas, seed)
-        VIEWS.get(finding.cause, draw_course)(right, one, parameters(finding, one.axis))
+        _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
+        view_of(finding.cause)(right, one, parameters(finding, one.axis))
         for panel in (left, right):
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:

@@ -7,11 +7,9 @@ from typing import Any
 
 from rich.table import Table
 
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import digits, digits_to
 from tuner.types import Coefficient, Diagnosis, Finding, Gain
-
-EVENTS = ("step", "burst", "warmup")
-"""Causes that happen once."""
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
@@ -37,7 +35,9 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
 
 def _contradicted(cause: str, gain: Gain) -> bool:
     """Return whether data held out speak against a cause; an event of one part says nothing of another."""
-    return gain.nats < 0.0 and gain.split != "in sample" and cause not in EVENTS
+    declared = CAUSES.get(cause)
+    happens_once = declared is not None and declared.happens_once
+    return gain.nats < 0.0 and gain.split != "in sample" and not happens_once
 
 
 def gain_words(gain: Gain) -> str:

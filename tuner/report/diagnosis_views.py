@@ -11,6 +11,8 @@ from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import norm
 
+from tuner.diagnosis import cause
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.report.channel_view import Subject
 
@@ -81,10 +83,11 @@ def draw_colour(panel: Axes, subject: Subject, values: Mapping[str, float]) -> N
 def draw_temperature(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
     """Draw bias over temperature, in the order of time, and the bias that was found."""
     assert subject.temperature is not None
-    cause = "thermal_lag" if "time_constant" in values else "temperature"
+    code = next(
+        f.cause for f in subject.findings if f.cause in subject.signals and set(f.parameters) >= set(values)
+    )
     bias, signal = (
-        shown(subject, blocks(x).mean(axis=1))
-        for x in (subject.without_others(cause), subject.signals[cause])
+        shown(subject, blocks(x).mean(axis=1)) for x in (subject.without_others(code), subject.signals[code])
     )
     celsius, hours = blocks(subject.temperature).mean(axis=1), blocks(subject.t).mean(axis=1) / 3600.0
     bias = bias - bias.mean()
@@ -169,20 +172,20 @@ def draw_stamps(panel: Axes, subject: Subject, values: Mapping[str, float]) -> N
     panel.set(title=f"time stamps of {subject.axis}", xticks=[], yticks=[])
 
 
-VIEWS: Mapping[str, View] = {
-    "line": draw_peak,
-    "vibration": draw_peak,
-    "lowpass": draw_colour,
-    "colour": draw_colour,
+VIEWS: Mapping[cause.View, View] = {
+    "time course": draw_course,
+    "peak": draw_peak,
+    "spectrum": draw_colour,
     "temperature": draw_temperature,
-    "thermal_lag": draw_temperature,
-    "burst": draw_variance,
-    "variance_drift": draw_variance,
-    "spikes": draw_histogram,
-    "heavy_tails": draw_histogram,
-    "duplicates": draw_codes,
-    "clipping": draw_codes,
-    "lattice": draw_codes,
-    "timing": draw_stamps,
+    "variance": draw_variance,
+    "histogram": draw_histogram,
+    "values": draw_codes,
+    "time stamps": draw_stamps,
 }
-"""View of each cause; the time course for all others."""
+"""Figure of each view that a cause can ask for."""
+
+
+def view_of(code: str) -> View:
+    """Return the figure of a cause; the time course for one that is not declared."""
+    declared = CAUSES.get(code)
+    return draw_course if declared is None else VIEWS[declared.view]

@@ -9,19 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
-from models.effects import Effect, draw, parse
+from models.effects import EFFECTS, Effect, draw, parse
 from models.effects.parsing import Written
 from models.noise import NoiseModel
 from tuner.types.records import DataError
 
 EVERYTHING = "imu"
 """Name of all channels together."""
-_HOME = MappingProxyType({"attitude": "accel", "timing": EVERYTHING})
-"""Channels of an effect that names none, where they are not those of the first sensor."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,8 @@ def read_hidden(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     groups = {axis: (axis,) for axis in axes} | {EVERYTHING: tuple(axes)}
     for sensor in dict.fromkeys(map(sensor_of, axes)):
         groups[sensor] = tuple(axis for axis in axes if sensor_of(axis) == sensor)
-    wanted = where.split("+") if at else [_HOME.get(code, sensor_of(axes[0]))]
+    effect = EFFECTS.get(code)
+    wanted = where.split("+") if at else [(effect and effect.home) or sensor_of(axes[0])]
     if unknown := [w for w in wanted if w not in groups]:
         msg = f"effect '{text}': expected channels out of {' '.join(groups)}, got '{unknown[0]}'"
         raise DataError(msg)

@@ -33,16 +33,12 @@ from tuner.synthesis.findings import IN_THE_NOISE, MARKOV
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
-TOGETHER = ("attitude", "cross_axis", "duplicates", "timing")
-"""Causes that are one in all of their channels; the others are one in each."""
 DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
 """Channels of what a drive shows."""
 BIAS, CORRELATED = "sensor_bias", "correlated_gnss"
 """Causes of a drive that a configuration holds in its noise."""
 SAME = 0.02
 """Difference up to which a term is the process of a telegraph's spectrum."""
-UNPLACED = ("clipping",)
-"""Causes that lie at readings, and of the mean reading a configuration says nothing."""
 
 
 def remade(
@@ -165,14 +161,19 @@ def _sensor(values: Mapping[str, Any]) -> str:
 def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[str, Any]]]:
     """Return the axes and parameters of each effect that a finding is."""
     axes = tuple(finding["channels"])
-    if finding["cause"] in TOGETHER:
+    effect = EFFECTS.get(finding["cause"])
+    if effect is not None and effect.one_for_all:
         return [(axes, finding["parameters"])]
     return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
 
 
 def _effect(cause: str, values: Mapping[str, Any]) -> Effect | None:
-    """Return a finding as an effect, None where there is none or its parameters are outside of its range."""
-    if cause in UNPLACED:
+    """Return a finding as an effect; None where it lies at readings, of whose mean a configuration says nothing.
+
+    None as well where there is no such effect, or its parameters are outside of its range.
+    """
+    known = EFFECTS.get(cause)
+    if known is None or known.absolute:
         return None
     try:
         return _made(cause, values, EFFECTS)

@@ -31,9 +31,10 @@ Some have one further parameter that no finding reports, such as the phase of a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
+from inspect import isabstract
+from typing import Any
 
 import numpy as np
 
@@ -46,18 +47,33 @@ from models.effects.static.events import Motion, Spikes, Step, Telegraph
 from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
 from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
+from models.registry import Registry
 
-EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
-    {
-        effect.name: effect
-        for effect in (
-            Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
-            CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Lattice,
-            CrossAxis, Attitude, Motion,
-        )
-    }
+
+def _effect_of(declared: Any) -> type[Effect]:
+    """Return the effect of what an entry point names: a cause, which has one, or an effect."""
+    effect: type[Effect] = getattr(declared, "effect", declared)
+    return effect
+
+
+def _complete(effect: type[Effect]) -> None:
+    """Refuse what is not an effect that can be applied and drawn."""
+    if not (isinstance(effect, type) and issubclass(effect, Effect)) or isabstract(effect):
+        msg = f"expected a class of effects (models.effects.static.base.Effect) with apply and draw, got {effect!r}"
+        raise TypeError(msg)
+
+
+EFFECTS: Registry[type[Effect]] = Registry(
+    "effect", "tuner.causes", name_of=lambda effect: effect.name, check=_complete, declared_by=_effect_of
+)
+"""Class of every static cause, by its code; those of causes of other packages (`docs/extending/cause.md`) included."""
+EFFECTS.extend(
+    (
+        Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
+        CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Lattice,
+        CrossAxis, Attitude, Motion,
+    )
 )  # fmt: skip
-"""Class of every static cause, by its code."""
 
 
 def parse(text: str) -> Effect:

@@ -32,6 +32,10 @@ class Attitude(Effect):
     """
 
     name: ClassVar[str] = "attitude"
+    home: ClassVar[str | None] = "accel"
+    one_for_all: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("start",)
+    positive: ClassVar[tuple[str, ...]] = ("duration",)
     tilt: float
 
     def __post_init__(self) -> None:

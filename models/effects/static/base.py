@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ FloatArray = NDArray[np.float64]
 
 NOISE, SIGNAL, FILTER, GLITCH, RAIL, LATTICE, HOLD, STAMP = range(8)
 """Stages in the order in which a sample passes them."""
+
+Joins = Literal["preprocessing", "noise model", "law of the noise"]
+"""Parts of a model: what is done to the samples, the sum of noise terms, the distribution of the residuals."""
 
 FAST_WINDOW = 101
 """Width in samples of the moving mean that parts slow from fast where the white noise is not known."""
@@ -121,6 +125,46 @@ class Effect(Written, ABC):
     """One cause with its parameters (the fields), in SI units."""
 
     stage: ClassVar[int] = SIGNAL
+    joins: ClassVar[Joins] = "preprocessing"
+    """Which part of a model the cause joins once it is found."""
+    is_noise: ClassVar[bool] = False
+    """Whether the noise terms fitted together with the cause contain its spectrum."""
+    locates: ClassVar[tuple[str, ...]] = ()
+    """Parameters that must agree for two channels to share one finding: where, when, or at which frequency."""
+    positive: ClassVar[tuple[str, ...]] = ()
+    """Parameters that cannot be negative: their intervals end at 0."""
+    home: ClassVar[str | None] = None
+    """Channels (``gyro``, ``accel``, ``imu``) where none are named; None for those of the first sensor."""
+    one_for_all: ClassVar[bool] = False
+    """Whether the effect is one in all of its channels, and not another in each."""
+    absolute: ClassVar[bool] = False
+    """Whether its parameters are readings about an unknown mean, so that no simulation can take them over."""
+
+    deterministic: ClassVar[bool] = False
+    """Whether the effect adds a signal that follows from its parameters, the time and the temperature alone."""
+    needs_temperature: ClassVar[bool] = False
+    """Whether the effect acts only where a temperature is known."""
+
+    @classmethod
+    def drawn(cls, values: Mapping[str, float], block: Samples) -> FloatArray | None:
+        """Return the signal that the effect adds to samples, to be drawn over them; None where it adds none.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Parameters of a finding.
+        block : Samples
+            One channel.
+
+        Returns
+        -------
+        ndarray, shape (n,), or None
+        """
+        if not cls.deterministic or (cls.needs_temperature and block.temperature is None):
+            return None
+        effect = cls(**{f.name: values[f.name] for f in fields(cls) if f.name in values})
+        silent = replace(block, y=np.zeros_like(block.y), white=None)
+        return np.asarray(effect.apply(silent, np.random.default_rng(0)).y[:, 0])
 
     @abstractmethod
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:

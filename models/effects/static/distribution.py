@@ -18,6 +18,7 @@ import numpy as np
 from models.effects.static.base import (
     NOISE,
     Effect,
+    Joins,
     Samples,
     Scale,
     log_uniform,
@@ -41,6 +42,8 @@ class HeavyTails(Effect):
 
     name: ClassVar[str] = "heavy_tails"
     stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
+    positive: ClassVar[tuple[str, ...]] = ("excess_kurtosis",)
     excess_kurtosis: float
 
     def __post_init__(self) -> None:
@@ -74,6 +77,9 @@ class Burst(Effect):
 
     name: ClassVar[str] = "burst"
     stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
+    locates: ClassVar[tuple[str, ...]] = ("start",)
+    positive: ClassVar[tuple[str, ...]] = ("duration", "variance_ratio")
     start: float
     duration: float
     variance_ratio: float
@@ -108,6 +114,7 @@ class VarianceDrift(Effect):
 
     name: ClassVar[str] = "variance_drift"
     stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
     slope: float
 
     def __post_init__(self) -> None:
@@ -137,6 +144,8 @@ class CrossAxis(Effect):
 
     name: ClassVar[str] = "cross_axis"
     stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
+    one_for_all: ClassVar[bool] = True
     correlation: float
 
     def __post_init__(self) -> None:

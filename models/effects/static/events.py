@@ -54,6 +54,8 @@ class Step(Effect):
     """
 
     name: ClassVar[str] = "step"
+    deterministic: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("time",)
     time: float
     size: float
 
@@ -90,6 +92,8 @@ class Telegraph(Effect):
     """
 
     name: ClassVar[str] = "telegraph"
+    is_noise: ClassVar[bool] = True
+    positive: ClassVar[tuple[str, ...]] = ("dwell_low", "dwell_high")
     size: float
     dwell_low: float
     dwell_high: float
@@ -141,6 +145,7 @@ class Spikes(Effect):
 
     name: ClassVar[str] = "spikes"
     stage: ClassVar[int] = GLITCH
+    positive: ClassVar[tuple[str, ...]] = ("rate", "size")
     rate: float
     size: float
 
@@ -177,6 +182,8 @@ class Motion(Effect):
     """
 
     name: ClassVar[str] = "motion"
+    locates: ClassVar[tuple[str, ...]] = ("start",)
+    positive: ClassVar[tuple[str, ...]] = ("duration",)
     start: float
     duration: float
     sd: float

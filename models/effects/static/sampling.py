@@ -46,6 +46,7 @@ class Clipping(Effect):
 
     name: ClassVar[str] = "clipping"
     stage: ClassVar[int] = RAIL
+    absolute: ClassVar[bool] = True
     low: float | None = None
     high: float | None = None
 
@@ -119,6 +120,7 @@ class Duplicates(Effect):
 
     name: ClassVar[str] = "duplicates"
     stage: ClassVar[int] = HOLD
+    one_for_all: ClassVar[bool] = True
     fraction: float
     start: float | None = None
     duration: float | None = None
@@ -167,6 +169,8 @@ class Timing(Effect):
 
     name: ClassVar[str] = "timing"
     stage: ClassVar[int] = STAMP
+    home: ClassVar[str | None] = "imu"
+    one_for_all: ClassVar[bool] = True
     gap_count: int = 0
     jitter_sd: float = 0.0
     clock_ratio: float = 1.0

@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -28,6 +29,7 @@ from models.effects.static.base import (
     NOISE,
     Effect,
     FloatArray,
+    Joins,
     Samples,
     Scale,
     log_uniform,
@@ -52,6 +54,8 @@ class Line(Effect):
     """
 
     name: ClassVar[str] = "line"
+    locates: ClassVar[tuple[str, ...]] = ("frequency",)
+    positive: ClassVar[tuple[str, ...]] = ("frequency", "amplitude")
     frequency: float
     amplitude: float
     phase: float | None = None
@@ -70,6 +74,12 @@ class Line(Effect):
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Add the sinusoid to every channel."""
         return block.add(self.signal(block.t, phase=float(rng.uniform(0.0, 2.0 * np.pi))))
+
+    @classmethod
+    def drawn(cls, values: Mapping[str, float], block: Samples) -> FloatArray | None:
+        """Return the sinusoid of this frequency that fits one channel best, shape (n,)."""
+        y, turn = block.y[:, 0], np.exp(-2j * np.pi * values["frequency"] * (block.t - block.t[0]))
+        return np.asarray(np.real(2.0 * np.mean((y - y.mean()) * turn) * turn.conj()))
 
     @classmethod
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
@@ -93,6 +103,10 @@ class Vibration(Effect):
     """
 
     name: ClassVar[str] = "vibration"
+    joins: ClassVar[Joins] = "noise model"
+    is_noise: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("frequency",)
+    positive: ClassVar[tuple[str, ...]] = ("frequency", "quality", "sd")
     frequency: float
     quality: float
     sd: float
@@ -151,6 +165,10 @@ class LowPass(Effect):
 
     name: ClassVar[str] = "lowpass"
     stage: ClassVar[int] = FILTER
+    joins: ClassVar[Joins] = "noise model"
+    is_noise: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("cutoff",)
+    positive: ClassVar[tuple[str, ...]] = ("cutoff",)
     cutoff: float
     order: int = 1
 
@@ -195,6 +213,9 @@ class Colour(Effect):
 
     name: ClassVar[str] = "colour"
     stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "noise model"
+    is_noise: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("ar", "ma")
     ar: tuple[float, ...] = ()
     ma: tuple[float, ...] = ()
 
@@ -241,6 +262,10 @@ class CorrelatedDrift(Effect):
     """
 
     name: ClassVar[str] = "gauss_markov"
+    joins: ClassVar[Joins] = "noise model"
+    is_noise: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("sd", "time_constant")
     sd: float
     time_constant: float
 

@@ -49,6 +49,8 @@ class TemperatureSlope(Effect):
     """
 
     name: ClassVar[str] = "temperature"
+    deterministic: ClassVar[bool] = True
+    needs_temperature: ClassVar[bool] = True
     slope: float
 
     def __post_init__(self) -> None:
@@ -82,6 +84,10 @@ class ThermalLag(Effect):
     """
 
     name: ClassVar[str] = "thermal_lag"
+    deterministic: ClassVar[bool] = True
+    needs_temperature: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
     slope: float
     time_constant: float
 
@@ -123,6 +129,9 @@ class Warmup(Effect):
     """
 
     name: ClassVar[str] = "warmup"
+    deterministic: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
     amplitude: float
     time_constant: float
 

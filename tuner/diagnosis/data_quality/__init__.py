@@ -39,7 +39,7 @@ DRIFT = 1e-6
 
 
 @dataclass(frozen=True)
-class HygieneTest:
+class DataQualityTest:
     """One test of one channel or sensor.
 
     Attributes
@@ -72,7 +72,7 @@ class HygieneTest:
     stretches: tuple[tuple[int, int], ...] = ()
 
 
-def hygiene(record: Record) -> tuple[HygieneTest, ...]:
+def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     """Run every test on a record.
 
     Parameters
@@ -82,7 +82,7 @@ def hygiene(record: Record) -> tuple[HygieneTest, ...]:
 
     Returns
     -------
-    tuple of HygieneTest
+    tuple of DataQualityTest
         All tests, passed or not: the caller holds the p-values against its budget of false alarms.
     """
     stuck = standing_still(record)
@@ -102,7 +102,7 @@ def hygiene(record: Record) -> tuple[HygieneTest, ...]:
     return tuple(tests)
 
 
-def timing(record: Record) -> HygieneTest:
+def timing(record: Record) -> DataQualityTest:
     """Judge what the time stamps said: gaps, jitter, the rate of the clock.
 
     Stamps rounded to a unit u scatter by what is f (1 − f) u²/2 ≤ u²/8 in half the variance of their steps, f the
@@ -133,16 +133,16 @@ def timing(record: Record) -> HygieneTest:
         text += f", clock ratio {ratio:.8g}"
     note = rounded and not bad
     p_value = 0.0 if bad or rounded else 1.0
-    return HygieneTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
+    return DataQualityTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
 
 
-def standing_still(record: Record) -> list[HygieneTest]:
+def standing_still(record: Record) -> list[DataQualityTest]:
     """Return the frozen stretches: axes that froze together in one test."""
     found = [(axis, one) for axis in record.axes if (one := frozen(record, axis)) is not None]
     return [_standing_still(record, group) for group in together(found)]
 
 
-def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> HygieneTest:
+def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> DataQualityTest:
     """Return the test of axes that froze at the same times, measured on the one in which chance adds least."""
     best = min((one for _, one in group), key=lambda one: (one.slack, one.held))
     (first, last), dt, n = best.longest, record.interval, len(record)
@@ -162,7 +162,7 @@ def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> Hygi
         f"{number} stretch{plural}, {100 * best.held / n:.3g} % of the samples; "
         f"the longest lasts {length:.6g} s, from {begin:.6g} s on"
     )
-    return HygieneTest(
+    return DataQualityTest(
         "duplicates",
         tuple(axis for axis, _ in group),
         float(last - first),
@@ -179,7 +179,7 @@ def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> Hygi
     )
 
 
-def alive(record: Record, axes: tuple[str, ...], tests: Sequence[HygieneTest]) -> Record:
+def alive(record: Record, axes: tuple[str, ...], tests: Sequence[DataQualityTest]) -> Record:
     """Return some axes of a record, without the stretches in which one of them was frozen."""
     stretches = [stretch for test in tests if set(axes) & set(test.channels) for stretch in test.stretches]
     columns = [record.axes.index(axis) for axis in axes]
@@ -187,8 +187,8 @@ def alive(record: Record, axes: tuple[str, ...], tests: Sequence[HygieneTest]) -
 
 
 def duplicates(
-    record: Record, steps: Mapping[str, float], stuck: Sequence[HygieneTest] = ()
-) -> tuple[HygieneTest, ...]:
+    record: Record, steps: Mapping[str, float], stuck: Sequence[DataQualityTest] = ()
+) -> tuple[DataQualityTest, ...]:
     """Test for held readings: of all axes together, and of each axis where the axes do not hold together.
 
     Parameters
@@ -197,7 +197,7 @@ def duplicates(
         Samples of one sensor.
     steps : mapping of str to float
         Lattice step of each axis, unit; 0 for none.
-    stuck : sequence of HygieneTest
+    stuck : sequence of DataQualityTest
         Those that found frozen stretches: what is in these does not count.
     """
     tests = [_duplicates(alive(record, record.axes, stuck), steps)]
@@ -206,17 +206,17 @@ def duplicates(
     return tuple(tests)
 
 
-def _duplicates(record: Record, steps: Mapping[str, float]) -> HygieneTest:
+def _duplicates(record: Record, steps: Mapping[str, float]) -> DataQualityTest:
     pieces = [record.y[start:stop] for start, stop in record.segments if stop - start > 2]
     held = held_readings(pieces, [steps[axis] for axis in record.axes])
     fraction = Coefficient.known(held.fraction, *held.interval, "1")
     text = f"{100 * held.fraction:.3g} % of the samples repeat the one before"
-    return HygieneTest(
+    return DataQualityTest(
         "duplicates", record.axes, held.statistic, held.p_value, {"fraction": fraction}, text=text
     )
 
 
-def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
     """Test whether the range of an axis, given as gap-free pieces (n,), ends at rails."""
     low, high = rails(pieces, step)
     worst = min((low, high), key=lambda rail: rail.p_value)
@@ -229,13 +229,13 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
         f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
         f"{worst.crossings:.3g} were to be expected there"
     )
-    return HygieneTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
+    return DataQualityTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
 
 
-def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> HygieneTest:
+def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
     """Judge the lattice of an axis: a note, or a finding where it is coarse, has a dead band or holes."""
     if step == 0.0:
-        return HygieneTest("lattice", (axis,), 0.0, 1.0, text="no lattice")
+        return DataQualityTest("lattice", (axis,), 0.0, 1.0, text="no lattice")
     codes = read_codes(pieces, step)
     p_value = 0.0 if codes.coarse else codes.p_value
     parameters = {"step": Coefficient.known(step, step, step, unit)}
@@ -246,7 +246,7 @@ def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) 
         )
     ratio = step / codes.white_sd
     text = f"codes lie {step:.6g} {unit} apart, {ratio:.3g} white sd; {codes.missing} are missing"
-    return HygieneTest(
+    return DataQualityTest(
         "lattice",
         (axis,),
         ratio,

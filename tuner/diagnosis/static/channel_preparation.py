@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.data_quality import HygieneTest, alive
+from tuner.diagnosis.data_quality import DataQualityTest, alive
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
 
@@ -23,7 +23,7 @@ HELD = 0.3
 
 
 def prepared(
-    record: Record, tests: Sequence[HygieneTest], limit: float, seed: int, refused: list[str]
+    record: Record, tests: Sequence[DataQualityTest], limit: float, seed: int, refused: list[str]
 ) -> list[Channel]:
     """Return the axes of a record made ready, without frozen stretches, held readings bridged or dropped.
 
@@ -31,7 +31,7 @@ def prepared(
     ----------
     record : Record
         Samples of one sensor.
-    tests : sequence of HygieneTest
+    tests : sequence of DataQualityTest
         What is wrong with them.
     limit : float
         Chance below which a test counts.
@@ -64,7 +64,7 @@ def prepared(
     return ready
 
 
-def _held(record: Record, test: HygieneTest, seed: int) -> BoolArray:
+def _held(record: Record, test: DataQualityTest, seed: int) -> BoolArray:
     """Return which samples count as held in all channels of a record, those of a test, shape (n,).
 
     Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own

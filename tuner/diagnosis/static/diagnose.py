@@ -8,42 +8,23 @@ from dataclasses import replace
 
 from numba import config
 
-from tuner.diagnosis.data_quality import HygieneTest, hygiene
-from tuner.diagnosis.static.causes import attitude, cross_axis, motion
-from tuner.diagnosis.static.causes import mount_tilt as yielding
+from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
+from tuner.diagnosis.data_quality.causes import Frozen
+from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import SHORTEST, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
-from tuner.diagnosis.static.findings import findings, model_of, words
+from tuner.diagnosis.static.findings import findings, joins, model_of, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.posterior_predictive import covered
-from tuner.diagnosis.static.search import Criticism, criticise
+from tuner.diagnosis.static.search import SearchResult, search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.types import Diagnosis, Finding, Unexplained
 from tuner.types.records import DataError, Record
 
-MEANINGS = {
-    "duplicates": (
-        "readings repeat the one before: the register is polled faster than it is filled",
-        "drop the repetitions: the true rate is lower, and the white density read from all samples is too small",
-    ),
-    "frozen": (
-        "one reading is given over and over: the register, or the link to it, was stuck",
-        "leave these stretches out: a filter that takes them for measurements believes a sensor without noise",
-    ),
-    "timing": (
-        "the time stamps are not those of an even clock",
-        "put the samples on an even grid, or let the filter use their own times",
-    ),
-    "clipping": ("the samples end at rails", "a wider range, or a likelihood that knows the rails"),
-    "lattice": (
-        "the codes are too coarse for the noise to blur them, or some never come",
-        "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted",
-    ),
-}
-"""What a cause of hygiene is, and what it asks of a filter; readings held for long are frozen."""
 MOSTLY = 0.4
 """Share of a record that may move before only its longest still part is analysed."""
 SAME_RATE = 0.01
@@ -90,7 +71,7 @@ def diagnose(
     refused: list[str] = []
     ready: list[Channel] = []
     for record in sensors:
-        tests = hygiene(record)
+        tests = data_quality_tests(record)
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
         ready += prepared(record, tests, limit, seed, refused)
@@ -104,16 +85,16 @@ def diagnose(
     order = [one.axis for one in ready]
     parts.sort(key=lambda part: order.index(part[0].axis))
 
-    def measured(axis: str, outcome: Criticism) -> Criticism:
+    def measured(axis: str, outcome: SearchResult) -> SearchResult:
         outcome = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
         return covered(outcome, replicas, seed) if replicas else outcome
 
     with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
-        loops = {pool.submit(criticise, part, limit, moves): part.axis for part, moves in parts}
+        loops = {pool.submit(search_causes, part, limit, moves): part.axis for part, moves in parts}
         ends = {loops[end]: pool.submit(measured, loops[end], end.result()) for end in as_completed(loops)}
         outcomes = {part.axis: ends[part.axis].result() for part, _ in parts}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
-    stretched = yielding.stretched(finals, limit)
+    stretched = mount_tilt.stretched(finals, limit)
     told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]
     found += [*told, *_common(finals, limit)]
     unexplained = tuple(
@@ -173,7 +154,7 @@ def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
     found = []
     for shared in cross_axis.test(finals, limit):
         parameters = {"correlation": shared.correlation}
-        text = words("cross_axis", shared.channels, cross_axis.MEANING, parameters)
+        text = words("cross_axis", shared.channels, cross_axis.CrossAxis.meaning, parameters)
         found.append(
             Finding(
                 "cross_axis",
@@ -183,8 +164,8 @@ def _common(finals: Mapping[str, Residual], limit: float) -> list[Finding]:
                 shared.p_value,
                 parameters,
                 text,
-                cross_axis.CONSEQUENCE,
-                {"cause": "cross_axis", "joins": "law of the noise"},
+                cross_axis.CrossAxis.consequence,
+                {"cause": "cross_axis", "joins": joins("cross_axis")},
                 by_channel={pair: {"correlation": value} for pair, value in shared.pairs.items()},
             )
         )
@@ -256,8 +237,8 @@ def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, in
     return max(gaps, key=lambda gap: gap[1] - gap[0])
 
 
-def _finding(test: HygieneTest) -> Finding:
-    meaning, consequence = MEANINGS["frozen" if test.stretches else test.cause]
+def _finding(test: DataQualityTest) -> Finding:
+    cause = Frozen if test.stretches else CAUSES[test.cause]
     return Finding(
         test.cause,
         test.channels,
@@ -265,7 +246,7 @@ def _finding(test: HygieneTest) -> Finding:
         test.statistic,
         test.p_value,
         test.parameters,
-        f"{test.cause} in {', '.join(test.channels)}: {meaning} ({test.text})",
-        consequence,
-        {"cause": test.cause, "joins": "preprocessing"},
+        f"{test.cause} in {', '.join(test.channels)}: {cause.meaning} ({test.text})",
+        cause.consequence,
+        {"cause": test.cause, "joins": joins(test.cause)},
     )

@@ -12,21 +12,13 @@ from models.noise import NoiseModel, Term, White
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
-from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.search import Accepted, Criticism
+from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
-WHERE = ("frequency", "time", "start", "cutoff", "time_constant", "ar", "ma")
-"""Parameters that must agree for two channels to share a cause."""
-SIZES = (
-    "frequency", "quality", "sd", "cutoff", "time_constant", "dwell_low", "dwell_high", "rate", "excess_kurtosis",
-    "duration", "variance_ratio",
-)  # fmt: skip
-SIZES_OF = (("line", "amplitude"), ("spikes", "size"))
-"""Parameters that cannot be negative, of any cause or of one."""
 AGREE = 4.0
 """Standard deviations within which they do."""
 
@@ -42,18 +34,18 @@ class _Single:
     inflation: Enlargement | None
 
 
-def model_of(found: Residual) -> NoiseModel:
+def model_of(fitted: Residual) -> NoiseModel:
     """Return the noise model of a residual with the terms of its extensions, SI."""
-    dt = found.channel.interval
-    shape = next((x for x in found.extensions if isinstance(x, LowPass | Colour)), None)
+    dt = fitted.channel.interval
+    shape = next((x for x in fitted.extensions if isinstance(x, LowPass | Colour)), None)
     terms: list[Term] = []
-    for term in found.fit.terms():
+    for term in fitted.fit.terms():
         terms.append(shape.arma(dt, term.density) if shape is not None and isinstance(term, White) else term)
-    terms += [term for x in found.extensions for term in x.terms(dt)]
-    return NoiseModel(terms).scaled(found.channel.scale)
+    terms += [term for x in fitted.extensions for term in x.terms(dt)]
+    return NoiseModel(terms).scaled(fitted.channel.scale)
 
 
-def findings(outcomes: Mapping[str, Criticism]) -> tuple[Finding, ...]:
+def findings(outcomes: Mapping[str, SearchResult]) -> tuple[Finding, ...]:
     """Return the findings of all channels, shared ones once, the clearest first."""
     singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome)]
     groups: list[list[_Single]] = []
@@ -67,7 +59,7 @@ def findings(outcomes: Mapping[str, Criticism]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: finding.p_value))
 
 
-def _singles(axis: str, outcome: Criticism) -> list[_Single]:
+def _singles(axis: str, outcome: SearchResult) -> list[_Single]:
     channel = outcome.final.channel
     return [
         _Single(
@@ -86,30 +78,18 @@ def _singles(axis: str, outcome: Criticism) -> list[_Single]:
 
 
 def _bounded(cause: str, name: str, value: Value) -> Value:
-    """Return a parameter whose interval ends at 0 where it is a size."""
-    return value.positive if name in SIZES or (cause, name) in SIZES_OF else value
+    """Return a parameter whose interval ends at 0 where it cannot be negative."""
+    effect = CAUSES[cause].effect
+    return value.positive if effect is not None and name in effect.positive else value
 
 
-def _inflation(axis: str, outcome: Criticism, accepted: Accepted) -> Enlargement | None:
+def _inflation(axis: str, outcome: SearchResult, accepted: Accepted) -> Enlargement | None:
     """Return what to enlarge in a filter that is set from the base model."""
-    values, cause = accepted.extension.values, accepted.extension.cause
-    if isinstance(accepted.extension, VarianceDrift):
-        factor = accepted.extension.inflation
-        return Enlargement(
-            Quantity(axis, "white_density"), factor, "variance_drift: the noise at its louder end"
-        )
-    if cause == "burst" and values["variance_ratio"].value > 1.0:
-        factor = float(np.sqrt(values["variance_ratio"].value))
-        return Enlargement(Quantity(axis, "white_density"), factor, "burst: the noise while it lasts")
-    shape = accepted.extension
-    if isinstance(shape, LowPass | Colour):
-        before, after = outcome.base.model.white_density(), outcome.final.model.white_density()
-        after *= float(np.sqrt(shape.gain(np.zeros(1), outcome.final.channel.interval)[0]))
-        if after > 1.02 * before > 0:
-            return Enlargement(
-                Quantity(axis, "white_density"), after / before, f"{cause}: white density at the plateau"
-            )
-    return None
+    enlargement = accepted.extension.white_noise_enlargement(outcome.base, outcome.final)
+    if enlargement is None:
+        return None
+    factor, reason = enlargement
+    return Enlargement(Quantity(axis, "white_density"), factor, reason)
 
 
 def _shared(group: Sequence[_Single], single: _Single) -> bool:
@@ -120,9 +100,15 @@ def _shared(group: Sequence[_Single], single: _Single) -> bool:
         return False
     return all(
         _agree(first.parameters[name], single.parameters[name])
-        for name in WHERE
+        for name in _locating(first.accepted.extension.cause)
         if name in first.parameters and name in single.parameters
     )
+
+
+def _locating(cause: str) -> tuple[str, ...]:
+    """Return the parameters that must agree for two channels to share a cause."""
+    effect = CAUSES[cause].effect
+    return () if effect is None else effect.locates
 
 
 def _agree(a: Coefficient, b: Coefficient) -> bool:
@@ -199,11 +185,8 @@ def _finding(group: list[_Single]) -> Finding:
 
 def joins(cause: str) -> str:
     """Return which part of the model an extension of a cause joins."""
-    if cause in ("vibration", "lowpass", "colour", "gauss_markov"):
-        return "noise model"
-    if cause in ("heavy_tails", "burst", "variance_drift", "cross_axis"):
-        return "law of the noise"
-    return "preprocessing"
+    effect = CAUSES[cause].effect
+    return "preprocessing" if effect is None else effect.joins
 
 
 def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:

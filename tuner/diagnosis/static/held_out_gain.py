@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from models.noise import NoiseModel, White
-from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.motion import Motion
@@ -33,7 +32,7 @@ from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of, residual
-from tuner.diagnosis.static.search import Accepted, Criticism
+from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.diagnosis.static.switching.models import block_noise
 from tuner.types import Gain
 
@@ -60,12 +59,12 @@ class _Test:
         return transform(np.arange(n) / n - 0.5, self.channel.interval)[1:]
 
 
-def with_gains(outcome: Criticism, second: Channel | None) -> tuple[Accepted, ...]:
+def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted, ...]:
     """Return what was accepted in a channel, each with its gain.
 
     Parameters
     ----------
-    outcome : Criticism
+    outcome : SearchResult
         Outcome of the loop.
     second : Channel, optional
         The same axis in a second record of the unit.
@@ -101,59 +100,49 @@ def with_gains(outcome: Criticism, second: Channel | None) -> tuple[Accepted, ..
     return tuple(done)
 
 
-def _still(outcome: Criticism) -> Channel:
+def _still(outcome: SearchResult) -> Channel:
     """Return the channel without its stretches of motion and the levels between them."""
     channel = outcome.base.channel
     given = [x for x in outcome.base.extensions if isinstance(x, Motion)]
-    y = outcome.base.repaired.y.copy()
+    y = outcome.base.cleaned.y.copy()
     at = 1
     for extension in given:
         columns = extension.columns(channel)
         size = columns.shape[1]
         y -= np.repeat(columns @ outcome.base.fit.beta[at : at + size], channel.block)
         at += size
-    return replace(outcome.base.repaired, y=y)
+    return replace(outcome.base.cleaned, y=y)
 
 
 @once
-def _own(found: Residual) -> float:
+def _own(fitted: Residual) -> float:
     """Return the score of a model on its own samples."""
-    return _score(found, _Test(found.repaired, found.channel, 0))
+    return _score(fitted, _Test(fitted.cleaned, fitted.channel, 0))
 
 
-def _in_sample(outcome: Criticism, accepted: Accepted) -> Gain:
+def _in_sample(outcome: SearchResult, accepted: Accepted) -> Gain:
     n = len(outcome.base.channel)
     before = _own(outcome.base) / n
     return Gain("in sample", before, before + accepted.alarm.gain / n, accepted.alarm.gain)
 
 
-def _signal(found: Residual, test: _Test) -> FloatArray:
+def _signal(fitted: Residual, test: _Test) -> FloatArray:
     """Return what the templates of the model foretell, shape (n,), in scales of the model."""
-    beta, at = found.fit.beta, 1
+    beta, at = fitted.fit.beta, 1
     total = np.zeros(test.context.blocks)
-    for extension in found.extensions:
-        columns = _columns(extension, test)
+    for extension in fitted.extensions:
+        columns = extension.columns_elsewhere(test.context, same_record=test.first > 0)
         total += columns @ beta[at : at + columns.shape[1]]
-        at += extension.columns(found.channel).shape[1]
+        at += extension.columns(fitted.channel).shape[1]
     return np.repeat(total, test.context.block)[test.first : test.first + len(test.channel)]
 
 
-def _columns(extension: Extension, test: _Test) -> FloatArray:
-    """Return the templates of an extension in another record; what was an event of the first one is nothing there."""
-    columns = extension.columns(test.context)
-    if extension.cause in ("step", "attitude", "motion"):
-        return np.zeros_like(columns)
-    if extension.cause == "thermal_lag" and test.first == 0:
-        columns[:, 1:] = 0.0
-    return columns
-
-
-def _score(found: Residual, test: _Test) -> float:
+def _score(fitted: Residual, test: _Test) -> float:
     """Return the log likelihood of a test under a model with frozen parameters, nats (up to a constant)."""
     dt, n = test.channel.interval, len(test.channel)
-    y = test.channel.y * (test.channel.scale / found.channel.scale) - _signal(found, test)
+    y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
     charge = 0.0
-    for extension in found.extensions:
+    for extension in fitted.extensions:
         if isinstance(extension, Line):
             phase = 2.0 * np.pi * extension.frequency * dt * np.arange(n)
             z = 2.0 / n * complex(np.sum((y - y.mean()) * np.exp(-1j * phase)))
@@ -161,44 +150,44 @@ def _score(found: Residual, test: _Test) -> float:
             charge += 1.0
         if isinstance(extension, Telegraph):
             step = test.channel.block * dt
-            charge -= extension.lead(test.channel.block_mean(y), step, block_noise(found.fit.terms(), step))
-    power = _power(found, n)
+            charge -= extension.lead(test.channel.block_mean(y), step, block_noise(fitted.fit.terms(), step))
+    power = _power(fitted, n)
     a = transform(y, dt)[1:]
     weighted = test.ramp / power
     a = a - test.ramp * float((a @ weighted) / (test.ramp @ weighted))
     whitened = np.concatenate(([0.0], a / np.sqrt(power)))
     spread = np.zeros(n)
-    for extension in found.extensions:
+    for extension in fitted.extensions:
         if isinstance(extension, VarianceDrift):
-            spread += extension.foretold(found.channel, test.context)[test.first : test.first + n]
+            spread += extension.foretold(fitted.channel, test.context)[test.first : test.first + n]
     valid = test.channel.valid
     e, spread = (inverse(whitened, 1.0) * np.exp(-0.5 * spread))[valid], spread[valid]
-    return float(_law(found)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
+    return float(_law(fitted)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
 
 
-def _power(found: Residual, n: int) -> FloatArray:
+def _power(fitted: Residual, n: int) -> FloatArray:
     """Return the spectrum of the model at the n − 1 frequencies of another record."""
-    dt = found.channel.interval
+    dt = fitted.channel.interval
     f = np.arange(1.0, n) / (2.0 * n * dt)
-    white = sum(term.density**2 for term in found.fit.terms() if isinstance(term, White))
-    others = [term for term in found.fit.terms() if not isinstance(term, White)]
-    others += [term for x in found.extensions if isinstance(x, Telegraph) for term in x.terms(dt)]
-    shaped = white * gain_of(found.extensions, f, dt) + power_of(found.extensions, f, dt)
+    white = sum(term.density**2 for term in fitted.fit.terms() if isinstance(term, White))
+    others = [term for term in fitted.fit.terms() if not isinstance(term, White)]
+    others += [term for x in fitted.extensions if isinstance(x, Telegraph) for term in x.terms(dt)]
+    shaped = white * gain_of(fitted.extensions, f, dt) + power_of(fitted.extensions, f, dt)
     return shaped + NoiseModel(others).psd(f, interval=dt)
 
 
-def _law(found: Residual) -> Callable[[FloatArray], FloatArray]:
+def _law(fitted: Residual) -> Callable[[FloatArray], FloatArray]:
     """Return the log density of the residuals as fitted."""
-    raw = found.e[found.valid] * found.spread
-    tails = next((x for x in found.extensions if isinstance(x, HeavyTails)), None)
-    spikes = next((x for x in found.extensions if isinstance(x, Spikes)), None)
+    raw = fitted.e[fitted.valid] * fitted.spread
+    tails = next((x for x in fitted.extensions if isinstance(x, HeavyTails)), None)
+    spikes = next((x for x in fitted.extensions if isinstance(x, Spikes)), None)
     sd = float(np.std(raw))
     if tails is not None:
-        return lambda e: tails.log_density(e / found.spread) - float(np.log(found.spread))
+        return lambda e: tails.log_density(e / fitted.spread) - float(np.log(fitted.spread))
     if spikes is not None:
-        share = max(spikes.values["rate"].value * found.channel.interval, 1e-8)
+        share = max(spikes.values["rate"].value * fitted.channel.interval, 1e-8)
         wide = (
-            max(spikes.values["size"].value / float(np.sqrt(found.power[-1] / found.channel.interval)), 6.0)
+            max(spikes.values["size"].value / float(np.sqrt(fitted.power[-1] / fitted.channel.interval)), 6.0)
             * sd
         )
         return lambda e: np.asarray(
@@ -225,9 +214,9 @@ def _user(before: Residual, after: Residual, test: _Test) -> dict[str, tuple[flo
     return figures
 
 
-def _change(found: Residual, test: _Test, size: int) -> float:
+def _change(fitted: Residual, test: _Test, size: int) -> float:
     """Return the rms difference of adjacent means of `size` samples, what the model foretells taken out."""
-    y = test.channel.y * (test.channel.scale / found.channel.scale) - _signal(found, test)
+    y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
     means = y[: len(y) // size * size].reshape(-1, size).mean(axis=1)
     return float(np.sqrt(np.mean(np.diff(means) ** 2)))
 

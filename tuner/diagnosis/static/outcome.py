@@ -1,4 +1,4 @@
-"""What one test of the panel says: how unlikely, how much it would gain, and what to extend the model by."""
+"""What one test of a residual says: how unlikely it is, how much it would gain, and what to extend the model by."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 
 from tuner.diagnosis.static.causes.base import Extension
 
+NO_GAIN = -9.0
+"""Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
+
 
 @dataclass(frozen=True)
-class Alarm:
+class TestResult:
     """Outcome of one family of tests on one residual.
 
     Attributes
@@ -17,7 +20,7 @@ class Alarm:
     cause : str
         Name of the family; a cause code, or the name of a statistic that no cause owns.
     p_value : float
-        Chance of such a residual where the model is right, the scan paid for.
+        Probability of such a residual where the model is right, the scan paid for.
     gain : float
         Log likelihood gained by the extension, less a price for its parameters and its scan, nats.
     statistic : float
@@ -30,6 +33,8 @@ class Alarm:
         A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
     """
 
+    __test__ = False
+
     cause: str
     p_value: float
     gain: float
@@ -39,6 +44,9 @@ class Alarm:
     local: bool = False
 
     @property
-    def told(self) -> Alarm:
-        """The alarm for the record: what makes extensions holds the whole residual."""
+    def without_proposal(self) -> TestResult:
+        """The result to be kept: what makes extensions refers to the whole residual."""
         return replace(self, propose=None)
+
+
+Alarm = TestResult

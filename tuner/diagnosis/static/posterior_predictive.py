@@ -18,7 +18,7 @@ from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.residual import Residual, residual
-from tuner.diagnosis.static.search import Criticism
+from tuner.diagnosis.static.search import SearchResult
 
 FloatArray = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Band:
     coverage: float
 
 
-def covered(outcome: Criticism, replicas: int, seed: int) -> Criticism:
+def covered(outcome: SearchResult, replicas: int, seed: int) -> SearchResult:
     """Return an outcome whose gains carry the coverage before and after."""
     if not outcome.accepted:
         return outcome
@@ -60,31 +60,31 @@ def covered(outcome: Criticism, replicas: int, seed: int) -> Criticism:
     return replace(outcome, accepted=accepted)
 
 
-def bands(found: Residual, replicas: int, seed: int) -> dict[str, Band]:
+def bands(fitted: Residual, replicas: int, seed: int) -> dict[str, Band]:
     """Return the bands of the Allan curve (``allan``) and of the spectrum (``psd``) of a model.
 
     Parameters
     ----------
-    found : Residual
+    fitted : Residual
         Channel and model.
     replicas : int
         Number of simulated records, at least two.
     seed : int
         Seed of their noise.
     """
-    n = len(found.channel)
+    n = len(fitted.channel)
     clusters = np.unique(np.geomspace(1, n // 5, 40).astype(int))
     edges = np.unique(np.geomspace(1, n, BANDS).astype(int))
-    measured = _curves(found, clusters, edges)
+    measured = _curves(fitted, clusters, edges)
     ratios: dict[str, list[FloatArray]] = {name: [] for name in measured}
-    kept = tuple(x for x in found.extensions if type(x).repair is Extension.repair)
+    kept = tuple(x for x in fitted.extensions if type(x).clean_samples is Extension.clean_samples)
     rng = np.random.default_rng((seed, 39))
     for _ in range(max(2, replicas)):
-        again = residual(_replica(found, rng), kept, starts=found.starts)
+        again = residual(_replica(fitted, rng), kept, starts=fitted.starts)
         for name, (curve, model) in _curves(again, clusters, edges).items():
             ratios[name].append(np.log(curve / model))
-    scale = found.channel.scale**2
-    interval = found.channel.interval
+    scale = fitted.channel.scale**2
+    interval = fitted.channel.interval
     places = {"allan": clusters * interval, "psd": 0.25 * (edges[:-1] + edges[1:]) / (n * interval)}
     out = {}
     for name, (curve, model) in measured.items():
@@ -96,30 +96,30 @@ def bands(found: Residual, replicas: int, seed: int) -> dict[str, Band]:
 
 
 def _curves(
-    found: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]
+    fitted: Residual, clusters: NDArray[np.int64], edges: NDArray[np.int64]
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return the measured curve and that of the model, Allan variance and spectrum, in scales²."""
-    square = found.coefficients[1:] ** 2
+    square = fitted.coefficients[1:] ** 2
     count = np.diff(edges).astype(float)
     power = np.add.reduceat(square[: edges[-1] - 1], edges[:-1] - 1) / count
-    expected = np.add.reduceat(found.power[: edges[-1] - 1], edges[:-1] - 1) / count
-    variance = overlapping_allan(found.repaired.y, clusters)
-    smooth = overlapping_allan(_template_path(found), clusters) + _model_allan(found, clusters)
+    expected = np.add.reduceat(fitted.power[: edges[-1] - 1], edges[:-1] - 1) / count
+    variance = overlapping_allan(fitted.cleaned.y, clusters)
+    smooth = overlapping_allan(_template_path(fitted), clusters) + _model_allan(fitted, clusters)
     return {"allan": (variance, np.maximum(smooth, 1e-300)), "psd": (power, expected)}
 
 
-def _template_path(found: Residual) -> FloatArray:
+def _template_path(fitted: Residual) -> FloatArray:
     """Return what the templates make of the samples, shape (n,)."""
-    centre = (np.arange(found.channel.blocks) + 0.5) * found.channel.block
-    return np.interp(np.arange(len(found.channel)), centre, found.path)
+    centre = (np.arange(fitted.channel.blocks) + 0.5) * fitted.channel.block
+    return np.interp(np.arange(len(fitted.channel)), centre, fitted.path)
 
 
-def _model_allan(found: Residual, clusters: NDArray[np.int64]) -> FloatArray:
+def _model_allan(fitted: Residual, clusters: NDArray[np.int64]) -> FloatArray:
     """Return the Allan variance of the noise from its spectrum, 4 Σ E sin⁴(xm)/(m² sin² x) Δf."""
-    n, dt = len(found.channel), found.channel.interval
+    n, dt = len(fitted.channel), fitted.channel.interval
     edges = np.unique(np.geomspace(1, n, 2000).astype(int))
     count = np.diff(edges).astype(float)
-    power = np.add.reduceat(found.power[: edges[-1] - 1], edges[:-1] - 1) / count
+    power = np.add.reduceat(fitted.power[: edges[-1] - 1], edges[:-1] - 1) / count
     x = 0.5 * np.pi * 0.5 * (edges[:-1] + edges[1:] - 1) / n
     weight = power * count / (2.0 * n * dt)
     out = np.empty(len(clusters))
@@ -131,10 +131,10 @@ def _model_allan(found: Residual, clusters: NDArray[np.int64]) -> FloatArray:
     return out
 
 
-def _replica(found: Residual, rng: np.random.Generator) -> Channel:
+def _replica(fitted: Residual, rng: np.random.Generator) -> Channel:
     """Return a simulated channel: noise of the model, its templates and its law."""
-    n = len(found.channel)
-    law = next((x for x in found.extensions if isinstance(x, HeavyTails)), None)
+    n = len(fitted.channel)
+    law = next((x for x in fitted.extensions if isinstance(x, HeavyTails)), None)
     e = rng.standard_normal(n) if law is None else law.sample(n, rng)
-    a = np.concatenate(([0.0], transform(e, 1.0)[1:] * np.sqrt(found.power) * found.spread))
-    return replace(found.channel, y=inverse(a, found.channel.interval) + _template_path(found))
+    a = np.concatenate(([0.0], transform(e, 1.0)[1:] * np.sqrt(fitted.power) * fitted.spread))
+    return replace(fitted.channel, y=inverse(a, fitted.channel.interval) + _template_path(fitted))

@@ -11,22 +11,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tuner.diagnosis.static.causes import chirp as sweep
+from tuner.diagnosis.cause import Group
 from tuner.diagnosis.static.causes import spikes
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.burst import Burst
+from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.motion import Motion
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
-from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside
+from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.hypothesis_tests import CERTAIN, believed, panel, retest
+from tuner.diagnosis.static.hypothesis_tests import CERTAIN, hypothesis_tests, retest, significant
+from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
+from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
-from tuner.diagnosis.static.outcome import Alarm
-from tuner.diagnosis.static.pairs import test as pair_test
-from tuner.diagnosis.static.pairs import upgrade
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Alternative, Gain
 
 PASSES = 16
@@ -36,35 +38,10 @@ CLOSE = 3.0
 """Nats within which a rival counts as an alternative."""
 SHARE = 0.2
 """Share of the largest gain from which an alarm of another group is believed in the same pass."""
-ALONE = ("burst", "variance_drift")
-"""Causes that are believed only as the clearest of all: a jump of the level makes a burst of what is left of it."""
-GROUPS = (
-    ("line", "vibration", "lowpass", "colour"),
-    ("spikes", "heavy_tails", "burst", "variance_drift"),
-    (
-        "temperature",
-        "thermal_lag",
-        "step",
-        "warmup",
-        "attitude",
-        "telegraph",
-        "gauss_markov",
-        "pair",
-        UNNAMED,
-    ),
-)
-"""Causes that can be mistaken for each other: of the fast spectrum, of the law, of the slow track."""
-SLOW = GROUPS[2]
-"""Causes that are seen on the slow track."""
-MEASURED = ("temperature", "thermal_lag")
-"""What was measured beside the samples explains them before a path that nobody saw, such as telegraph noise."""
+GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
+"""Groups of which one cause each can be accepted in the same pass."""
 LATE = 24.0
 """Likelihood ratio from which a lag is believed beside a temperature: χ²₁ at 1e-5, a dozen lags tried."""
-BROAD = ("lowpass", "colour")
-"""Causes that shape the whole fast spectrum. A narrow one fills their bins, but they do not make a narrow one.
-
-They come alone, and the noise is fitted afresh with them: without them the slow noise stood in for them.
-"""
 
 
 @dataclass(frozen=True)
@@ -72,13 +49,13 @@ class Accepted:
     """An extension, what spoke for it, and what it is worth on data held out."""
 
     extension: Extension
-    alarm: Alarm
+    alarm: TestResult
     alternatives: tuple[Alternative, ...] = ()
     gain: Gain | None = None
 
 
 @dataclass(frozen=True)
-class Criticism:
+class SearchResult:
     """Outcome of the loop for one channel.
 
     Attributes
@@ -87,17 +64,17 @@ class Criticism:
         Before and after all extensions.
     accepted : tuple of Accepted
         In the order of `final.extensions`.
-    unexplained : tuple of Alarm
+    unexplained : tuple of TestResult
         What still alarms and has no cause.
     """
 
     base: Residual
     final: Residual
     accepted: tuple[Accepted, ...]
-    unexplained: tuple[Alarm, ...]
+    unexplained: tuple[TestResult, ...]
 
 
-def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> Criticism:
+def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> SearchResult:
     """Find the causes in one channel.
 
     Parameters
@@ -111,34 +88,36 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
 
     Returns
     -------
-    Criticism
+    SearchResult
     """
     gross = spikes.gross(channel)
-    accepted = [Accepted(x, gross.told) for x in gross.propose()] if gross and gross.propose else []
+    accepted = (
+        [Accepted(x, gross.without_proposal) for x in gross.propose()] if gross and gross.propose else []
+    )
     off = tuple(one.extension for one in accepted)
     base = residual(channel, given)
     found = residual(channel, (*given, *off)) if off else base
-    swept = [alarm for alarm in (sweep.test(found),) if believed(alarm, threshold)]
+    swept = [alarm for alarm in (Sweep.test(found),) if significant(alarm, threshold)]
     for alarm in swept:
         assert alarm.propose is not None
         given = (*given, *alarm.propose())
         base = residual(channel, given)
         found = residual(channel, (*given, *off)) if off else base
-    alarms: tuple[Alarm, ...] = ()
+    alarms: tuple[TestResult, ...] = ()
     fresh = 0
-    quiet: tuple[Alarm, ...] = ()
+    quiet: tuple[TestResult, ...] = ()
     for _ in range(PASSES):
-        before, alarms = alarms, panel(found, quiet)
+        before, alarms = alarms, hypothesis_tests(found, quiet)
         if quiet and not any(_raised(alarms, threshold)):
-            alarms = panel(found)
+            alarms = hypothesis_tests(found)
         if fresh:
             known = [_with_rivals(one, before, alarms, threshold) for one in accepted[-fresh:]]
             accepted = [*accepted[:-fresh], *known]
         raised = _raised(alarms, threshold)
         if not raised:
             masked = pair_test(found)
-            raised = [masked] if masked and believed(masked, threshold) and masked.gain > 0 else []
-        better = None if raised else upgrade(found, threshold)
+            raised = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
+        better = None if raised else replacing_pair(found, threshold)
         if better is not None:
             found = without(found, better[0])
             del accepted[better[0] - len(given)]
@@ -146,12 +125,9 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         if not raised:
             break
         if any(alarm.local for alarm in raised):
-            raised = [alarm for alarm in raised if alarm.local or alarm.cause not in (*BROAD, "vibration")]
-        if any(alarm.cause in MEASURED for alarm in raised):
-            raised = [alarm for alarm in raised if alarm.cause != "telegraph"]
-        broad = [alarm for alarm in raised if alarm.cause in BROAD]
-        if any(alarm.cause == "telegraph" for alarm in raised):
-            raised = [alarm for alarm in raised if alarm.cause != "gauss_markov"]
+            raised = [alarm for alarm in raised if alarm.local or group_of(alarm.cause) != "fast spectrum"]
+        raised = _not_superseded(raised)
+        broad = [alarm for alarm in raised if is_broad(alarm.cause)]
         chosen = _clearest(raised)
         paths = any(alarm.cause == "telegraph" for alarm in chosen)
         jumps = [alarm for alarm in raised if alarm in chosen or (paths and alarm.cause == "step")]
@@ -167,14 +143,14 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
         for alarm in chosen:
             assert alarm.propose is not None
             proposed = alarm.propose()
-            accepted += [Accepted(extension, alarm.told) for extension in proposed]
+            accepted += [Accepted(extension, alarm.without_proposal) for extension in proposed]
             new += proposed
         fresh = len(new)
         quiet = _still_quiet(alarms, threshold, new)
-        starts = None if any(x.cause in BROAD for x in new) else found.starts
+        starts = None if any(x.broad for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
-        for _ in range(POLISHES if any(x.cause in GROUPS[0] for x in new) else 1):
-            polished = tuple(x.polished(found, i) for i, x in enumerate(found.extensions))
+        for _ in range(POLISHES if any(x.group == "fast spectrum" for x in new) else 1):
+            polished = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
             if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
                 break
             found = residual(channel, polished, starts=found.starts, near=found)
@@ -187,29 +163,53 @@ def criticise(channel: Channel, threshold: float, given: tuple[Extension, ...] =
     accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
     nameless = [a.alarm for a in accepted if not a.extension.named]
     left = (
-        *(alarm.told for alarm in swept),
+        *(alarm.without_proposal for alarm in swept),
         *nameless,
-        *(a for a in alarms if believed(a, threshold) and a.propose is None),
+        *(a for a in alarms if significant(a, threshold) and a.propose is None),
     )
-    return Criticism(relabelled(base, base.extensions), found, tuple(accepted), left)
+    return SearchResult(relabelled(base, base.extensions), found, tuple(accepted), left)
 
 
-def _raised(alarms: tuple[Alarm, ...], threshold: float) -> list[Alarm]:
+def group_of(cause: str) -> Group | None:
+    """Return the group of a cause, or of the test of masked pairs; None for a statistic that no cause owns."""
+    if cause == PAIR:
+        return "slow part"
+    declared = CAUSES.get(cause)
+    return None if declared is None else declared.group
+
+
+def is_broad(cause: str) -> bool:
+    """Return whether a cause shapes the whole fast spectrum."""
+    declared = CAUSES.extensions().get(cause)
+    return declared is not None and declared.broad
+
+
+def _not_superseded(raised: list[TestResult]) -> list[TestResult]:
+    """Return the results without those of causes that wait for another pass; one that waits itself keeps none back."""
+    for code, cause in CAUSES.extensions().items():
+        if any(result.cause == code for result in raised):
+            raised = [result for result in raised if result.cause not in cause.supersedes]
+    return raised
+
+
+def _raised(alarms: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
     """Return the alarms that ask for an extension."""
-    return [a for a in alarms if believed(a, threshold) and a.gain > 0 and a.propose is not None]
+    return [a for a in alarms if significant(a, threshold) and a.gain > 0 and a.propose is not None]
 
 
-def _still_quiet(alarms: tuple[Alarm, ...], threshold: float, new: list[Extension]) -> tuple[Alarm, ...]:
+def _still_quiet(
+    alarms: tuple[TestResult, ...], threshold: float, new: list[Extension]
+) -> tuple[TestResult, ...]:
     """Return the alarms of the slow track where none is raised and nothing new touches it.
 
     They need not be asked again until nothing else is found.
     """
-    slow = tuple(alarm for alarm in alarms if alarm.cause in SLOW)
-    touched = any(x.cause in (*SLOW, *BROAD) for x in new)
+    slow = tuple(alarm for alarm in alarms if group_of(alarm.cause) == "slow part")
+    touched = any(x.group == "slow part" or x.broad for x in new)
     return () if touched or _raised(slow, threshold) else slow
 
 
-def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension, ...] | None:
+def _wider(fitted: Residual, raised: list[TestResult], given: int) -> tuple[Extension, ...] | None:
     """Return the extensions with a stretch of motion widened by what alarms at its edge; None where nothing does.
 
     Motion has no sharp end: a jump or a burst close by belongs to it.
@@ -220,31 +220,37 @@ def _wider(found: Residual, raised: list[Alarm], given: int) -> tuple[Extension,
         for event in alarm.propose():
             assert isinstance(event, Step | Burst)
             last = event.last if isinstance(event, Burst) else event.first
-            for i, moved in enumerate(found.extensions[:given]):
-                if isinstance(moved, Motion) and moved.near(event.first, last, found.channel.interval):
-                    wider = moved.including(event.first, last, len(found.channel))
-                    return (*found.extensions[:i], wider, *found.extensions[i + 1 :])
+            for i, moved in enumerate(fitted.extensions[:given]):
+                if isinstance(moved, Motion) and moved.near(event.first, last, fitted.channel.interval):
+                    wider = moved.including(event.first, last, len(fitted.channel))
+                    return (*fitted.extensions[:i], wider, *fitted.extensions[i + 1 :])
     return None
 
 
-def _clearest(raised: list[Alarm]) -> list[Alarm]:
+def _clearest(raised: list[TestResult]) -> list[TestResult]:
     """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
     best = max(raised, key=lambda alarm: alarm.gain)
     chosen = [best]
+    causes = CAUSES.extensions()
     for group in GROUPS:
-        mine = [alarm for alarm in raised if alarm.cause in group and alarm.cause not in ALONE]
+        mine = [
+            alarm
+            for alarm in raised
+            if group_of(alarm.cause) == group
+            and not (alarm.cause in causes and causes[alarm.cause].only_if_clearest)
+        ]
         clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
-        if best.cause not in group and clearest is not best and clearest.gain > SHARE * best.gain:
+        if group_of(best.cause) != group and clearest is not best and clearest.gain > SHARE * best.gain:
             chosen.append(clearest)
     return chosen
 
 
 def _with_rivals(
-    one: Accepted, before: tuple[Alarm, ...], after: tuple[Alarm, ...], threshold: float
+    one: Accepted, before: tuple[TestResult, ...], after: tuple[TestResult, ...], threshold: float
 ) -> Accepted:
     """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
-    group = next((g for g in GROUPS if one.alarm.cause in g), ())
-    silent = {a.cause for a in before} - {a.cause for a in after if believed(a, threshold) and a.gain > 0}
+    group = group_of(one.alarm.cause)
+    silent = {a.cause for a in before} - {a.cause for a in after if significant(a, threshold) and a.gain > 0}
     rivals = {
         a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
         for a in before
@@ -253,9 +259,10 @@ def _with_rivals(
         and (one.alarm.cause, a.cause)
         != ("telegraph", "gauss_markov")  # its statistic has beaten that already
         and a.cause in silent
-        and a.cause in group
+        and group is not None
+        and group_of(a.cause) == group
         and a.cause != one.alarm.cause
-        and believed(a, threshold)
+        and significant(a, threshold)
         and a.gain > max(one.alarm.gain - CLOSE, 0.0)
     }
     if one.alarm.cause == "gauss_markov":
@@ -263,7 +270,7 @@ def _with_rivals(
     return replace(one, alternatives=tuple(rivals.values()))
 
 
-def _twin(alarm: Alarm) -> Alternative:
+def _twin(alarm: TestResult) -> Alternative:
     """Return telegraph noise beside a Gauss–Markov process: the path does not speak against two levels.
 
     The statistic of telegraph noise is its lead over the best Gaussian model, in nats, such a process included.
@@ -271,72 +278,72 @@ def _twin(alarm: Alarm) -> Alternative:
     return Alternative(alarm.cause, float(np.exp(min(alarm.statistic, 0.0))))
 
 
-def _prune(found: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
+def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
     """Return the model without the extensions whose own test is silent once they are taken out."""
     at = 0
-    given = len(found.extensions) - len(accepted)
+    given = len(fitted.extensions) - len(accepted)
     while len(accepted) > 1 and at < len(accepted):
         if accepted[at].alarm.gain > CERTAIN:
             at += 1
             continue
-        fewer = without(found, given + at)
+        fewer = without(fitted, given + at)
         alarm = retest(fewer, accepted[at].extension.cause)
-        if alarm is not None and not (believed(alarm, threshold) and alarm.gain > 0):
-            found = fewer
+        if alarm is not None and not (significant(alarm, threshold) and alarm.gain > 0):
+            fitted = fewer
             accepted = [a for i, a in enumerate(accepted) if i != at]
         else:
             at += 1
-    return found, accepted
+    return fitted, accepted
 
 
-def _without_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
     """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
 
     A transient that was not in the model yet can make a lag look needed.
     """
-    given = len(found.extensions) - len(accepted)
+    given = len(fitted.extensions) - len(accepted)
     for at, one in enumerate(accepted):
         lag = one.extension
         if not isinstance(lag, ThermalLag) or lag.prompt or len(accepted) < 2:
             continue
-        plain = list(found.extensions)
+        plain = list(fitted.extensions)
         plain[given + at] = Temperature()
-        other = residual(found.channel, tuple(plain), starts=found.starts, near=found)
-        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
-        other = residual(found.channel, polished, starts=other.starts, near=other)
-        lead = found.fit.log_likelihood - other.fit.log_likelihood
+        other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
+        polished = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, polished, starts=other.starts, near=other)
+        lead = fitted.fit.log_likelihood - other.fit.log_likelihood
         if lead < CLOSE:
             twin = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
             changed = replace(one, extension=polished[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
-    return found, accepted
+    return fitted, accepted
 
 
-def _with_lag(found: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+def _with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
     """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
-    given = len(found.extensions) - len(accepted)
+    given = len(fitted.extensions) - len(accepted)
     for at, one in enumerate(accepted):
         if one.extension.cause != "temperature":
             continue
-        lag, ratio = beside(found)
+        lag, ratio = beside_temperature(fitted)
         if ratio < LATE:
-            return found, accepted
-        wider = [*found.extensions[: given + at], lag, *found.extensions[given + at + 1 :]]
-        other = residual(found.channel, tuple(wider), starts=found.starts, near=found)
-        polished = tuple(x.polished(other, i) for i, x in enumerate(other.extensions))
-        other = residual(found.channel, polished, starts=other.starts, near=other)
+            return fitted, accepted
+        wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
+        other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
+        polished = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, polished, starts=other.starts, near=other)
         return other, [*accepted[:at], replace(one, extension=polished[given + at]), *accepted[at + 1 :]]
-    return found, accepted
+    return fitted, accepted
 
 
-def _refined(found: Residual) -> Residual:
+def _refined(fitted: Residual) -> Residual:
     """Return the residual whose extensions carry the parameters of the joint fit."""
     refined = []
-    for index, extension in enumerate(found.extensions):
-        at = first_column(found, index)
-        if extension.columns(found.channel).shape[1] and extension.cause != "motion":
-            lower, upper = found.reach(at)
-            size = Value(float(found.fit.beta[at]), lower, upper)
-            extension = extension.refined(found, index, size)
+    for index, extension in enumerate(fitted.extensions):
+        at = first_column(fitted, index)
+        if extension.columns(fitted.channel).shape[1] and extension.cause != "motion":
+            lower, upper = fitted.reach(at)
+            size = Value(float(fitted.fit.beta[at]), lower, upper)
+            extension = extension.with_joint_estimate(fitted, index, size)
         refined.append(extension)
-    return relabelled(found, tuple(refined))
+    return relabelled(fitted, tuple(refined))

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from models.effects import Samples, hide
 from models.effects.static.sampling import Clipping, Duplicates, Lattice
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.diagnosis.data_quality import HygieneTest, hygiene
+from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.quantizer import lattice_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import chance_equality, held_readings
 from tuner.diagnosis.data_quality.saturation import rails
@@ -62,7 +62,7 @@ def hidden(*effects, n=100_000, k=1, seed=0, kind="white") -> Record:
     return record(hide(block, [(e, range(k)) for e in effects], rng).y)
 
 
-def alarms(tests: tuple[HygieneTest, ...]) -> list[str]:
+def alarms(tests: tuple[DataQualityTest, ...]) -> list[str]:
     return [t.cause for t in tests if t.p_value < ALARM]
 
 
@@ -72,7 +72,9 @@ def alarms(tests: tuple[HygieneTest, ...]) -> list[str]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_clean_data_have_no_finding_for_any_noise_and_quantizer(kind):
     for seed, step in enumerate((0.0, 0.003, 0.05, 0.3, 0.7, 1.0, 1.4, 1.8)):
-        tests = hygiene(hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000))
+        tests = data_quality_tests(
+            hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000)
+        )
         assert alarms(tests) == []
         assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")
 
@@ -86,7 +88,7 @@ def test_clean_simulated_sensors_have_no_finding_and_uniform_p_values():
         (gyro,), _ = simulate(
             {"gyro_x": Channel(model)}, duration=300.0, rate=100.0, seed=seed, hidden=[f"lattice:step={step}"]
         )
-        tests = hygiene(gyro)
+        tests = data_quality_tests(gyro)
         assert alarms(tests) == []
         for t in tests:
             found.get(t.cause, []).append(t.p_value)
@@ -107,7 +109,7 @@ def test_chance_equality_is_the_integral():
 @pytest.mark.parametrize("fraction", [0.03, 0.3, 0.9])
 def test_repeated_samples_are_found_and_counted(step, fraction):
     effects = [Duplicates(fraction)] + ([Lattice(step)] if step else [])
-    tests = hygiene(hidden(*effects, n=200_000, seed=int(100 * fraction)))
+    tests = data_quality_tests(hidden(*effects, n=200_000, seed=int(100 * fraction)))
     assert alarms(tests) == ["duplicates"]
     (held,) = [t for t in tests if t.cause == "duplicates"]
     share = held.parameters["fraction"]
@@ -171,14 +173,14 @@ def test_p_values_of_repeated_samples_are_uniform_on_a_fine_quantizer(pole, free
 
 
 def test_axes_that_repeat_together_make_one_finding_and_one_axis_alone_is_named():
-    together = hygiene(hidden(Duplicates(0.002), Lattice(0.3), k=3, n=300_000))
+    together = data_quality_tests(hidden(Duplicates(0.002), Lattice(0.3), k=3, n=300_000))
     (only,) = [t for t in together if t.cause == "duplicates"]
     assert only.channels == ("gyro_x", "gyro_y", "gyro_z")
     assert only.parameters["fraction"].value == pytest.approx(0.002, abs=0.001)
     rng = np.random.default_rng(2)
     block = Samples(INTERVAL * np.arange(100_000), noise("white", 100_000, 3, rng), INTERVAL)
     y = hide(block, [(Duplicates(0.05), [1]), (Lattice(0.1), [0, 1, 2])], rng).y
-    assert [t.channels for t in hygiene(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
+    assert [t.channels for t in data_quality_tests(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
 
 
 def test_a_low_pass_on_a_coarse_quantizer_is_no_repetition():
@@ -198,7 +200,7 @@ def test_rails_are_found_where_they_are(step, kind):
     """A rail that one sample in a thousand would cross."""
     clip = Clipping(high=float(np.quantile(hidden(n=300_000, kind=kind, seed=4).y, 0.999)))
     effects = [clip] + ([Lattice(step)] if step else [])
-    tests = hygiene(hidden(*effects, n=300_000, kind=kind, seed=4))
+    tests = data_quality_tests(hidden(*effects, n=300_000, kind=kind, seed=4))
     assert alarms(tests) == ["clipping"]
     (found,) = [t for t in tests if t.p_value < ALARM]
     assert set(found.parameters) == {"high"}
@@ -280,7 +282,7 @@ def test_bridged_samples_and_an_offset_do_not_hide_the_quantizer(offset):
     y = 0.0024 * (np.round(4.0 * rng.standard_normal((100_000, 1))) + offset)
     middle = rng.choice(np.arange(1, 99_999, 2), 1000, replace=False)
     y[middle] = 0.5 * (y[middle - 1] + y[middle + 1])
-    tests = hygiene(record(y))
+    tests = data_quality_tests(record(y))
     assert alarms(tests) == []
     (test,) = [t for t in tests if t.cause == "lattice"]
     assert test.note
@@ -294,7 +296,7 @@ def test_continuous_and_constant_data_have_no_step():
 
 @pytest.mark.parametrize(("step", "note"), [(0.5, True), (1.9, True), (2.15, False), (4.0, False)])
 def test_only_a_step_above_two_sd_is_a_finding(step, note):
-    (test,) = [t for t in hygiene(hidden(Lattice(step), seed=8)) if t.cause == "lattice"]
+    (test,) = [t for t in data_quality_tests(hidden(Lattice(step), seed=8)) if t.cause == "lattice"]
     assert test.note is note
     assert (test.p_value < ALARM) is not note
     assert test.parameters["step"].value == pytest.approx(step)
@@ -325,7 +327,7 @@ def test_a_code_that_never_comes_is_missed():
 def test_holes_that_are_narrow_against_the_noise_do_no_harm():
     """A lattice of 4.9 units that was printed in whole units: many codes are missing, none matters."""
     y = np.round(4.9 * np.round(200.0 * np.random.default_rng(16).standard_normal((100_000, 1))))
-    assert alarms(hygiene(record(y))) == []
+    assert alarms(data_quality_tests(record(y))) == []
 
 
 # ---- order, edges
@@ -333,7 +335,7 @@ def test_holes_that_are_narrow_against_the_noise_do_no_harm():
 
 def test_repeated_samples_do_not_make_other_findings():
     for seed in range(5):
-        assert alarms(hygiene(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]
+        assert alarms(data_quality_tests(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]
 
 
 def test_gaps_are_no_neighbours():
@@ -342,10 +344,10 @@ def test_gaps_are_no_neighbours():
     y[200::200] = y[199:-1:200]
     cut = record(y, segments=tuple((i, i + 200) for i in range(0, 40_000, 200)))
     whole = record(y)
-    assert alarms(hygiene(whole)) == ["duplicates"]
-    assert alarms(hygiene(cut)) == []
+    assert alarms(data_quality_tests(whole)) == ["duplicates"]
+    assert alarms(data_quality_tests(cut)) == []
 
 
 @pytest.mark.parametrize("y", [np.zeros((500, 2)), np.ones((3, 1)), np.arange(40.0)[:, None]])
 def test_records_without_noise_or_length_are_judged_without_fuss(y):
-    assert alarms(hygiene(record(y))) == []
+    assert alarms(data_quality_tests(record(y))) == []

@@ -12,7 +12,7 @@ from scipy.signal import butter, lfilter
 from models.effects import Samples, hide
 from models.effects.static.sampling import Duplicates, Lattice
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.data_quality.frozen import cut, frozen
 from tuner.types.records import Record
 
@@ -83,7 +83,7 @@ def test_a_stuck_register_is_found_where_it_was(step, kind):
     for seed in range(3):
         y = rounded(noise(kind, 1, 10 + seed), step)
         y[40_000:43_000] = y[39_999]
-        (test,) = [t for t in hygiene(record(y)) if t.stretches]
+        (test,) = [t for t in data_quality_tests(record(y)) if t.stretches]
         assert test.p_value < 1e-9
         for name, truth in (("start", 400.0), ("duration", 30.0), ("fraction", 3000 / N)):
             low, high = test.parameters[name].interval

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.noise import NoiseModel, White
-from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.readers.time_base import stamped_timebase
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
@@ -21,7 +21,7 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
         ("line:frequency=1,amplitude=0.1", {}),
     ):
         (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=11, hidden=[text])
-        test = hygiene(gyro)[0]
+        test = data_quality_tests(gyro)[0]
         assert test.cause == "timing"
         assert (test.p_value == 0.0) is bool(said)
         for name, value in said.items():
@@ -34,14 +34,14 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
 def test_rounded_stamps_are_reported_with_their_unit_and_are_no_jitter(rate):
     clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
     (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=1e-3"])
-    test = hygiene(gyro)[0]
+    test = data_quality_tests(gyro)[0]
     assert test.note
     assert test.parameters["rounding"].value == pytest.approx(1e-3, rel=1e-6)
     assert "jitter_sd" not in test.parameters
     (gyro,), _ = simulate(
         clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=2e-4,jitter_sd=5e-4"]
     )
-    test = hygiene(gyro)[0]
+    test = data_quality_tests(gyro)[0]
     assert test.p_value == 0.0
     assert not test.note
     assert test.parameters["rounding"].value == pytest.approx(2e-4, rel=1e-6)
@@ -60,7 +60,9 @@ def test_scatter_below_the_resolution_of_the_stamps_is_not_reported(start, decim
     y = np.random.default_rng(3).standard_normal((len(base.t), 1))
     timing = {"gap_count": float(base.gaps), "jitter_sd": base.jitter, "rounding": base.rounding}
     axis = ("gyro_x",)
-    test = hygiene(Record("gyro", 0.01 * np.arange(len(y)), y, axis, "rad/s", 0.01, timing=timing))[0]
+    test = data_quality_tests(
+        Record("gyro", 0.01 * np.arange(len(y)), y, axis, "rad/s", 0.01, timing=timing)
+    )[0]
     assert "jitter_sd" not in test.parameters
     assert "scatter" not in test.text
     trembling = stamped_timebase(

@@ -9,7 +9,7 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.static.causes import mount_tilt as yielding
+from tuner.diagnosis.static.causes import mount_tilt
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.simulation.static import Channel, simulate
@@ -36,7 +36,7 @@ def test_a_tilt_is_named_and_measured():
     (finding,) = diagnosis.findings
     assert (finding.cause, finding.channels) == ("attitude", ("accel_y",))
     assert not diagnosis.unexplained
-    truth = {"tilt": 0.03 / yielding.STANDARD, "start": BEGIN, "duration": LENGTH}
+    truth = {"tilt": 0.03 / mount_tilt.STANDARD, "start": BEGIN, "duration": LENGTH}
     for name, value in truth.items():
         low, high = finding.parameters[name].interval
         # three times the 95 % interval about the estimate: 6 sd
@@ -60,7 +60,7 @@ def test_a_force_that_grows_is_no_tilt():
 
 def test_a_gyro_has_no_tilt():
     clean = simulate({"gyro_x": Channel(NOISE)}, duration=SPAN, rate=RATE, seed=5)[0][0]
-    assert yielding.test(residual(channel(clean, "gyro_x"))) is None
+    assert mount_tilt.MountTilt.test(residual(channel(clean, "gyro_x"))) is None
 
 
 @pytest.mark.parametrize("walk", [0.0, 2e-5])
@@ -70,6 +70,6 @@ def test_chance_of_a_tilt_in_clean_records(walk):
     low = 0
     for seed in range(24):
         clean = simulate({"accel_x": Channel(noise)}, duration=600.0, rate=RATE, seed=seed)[0][0]
-        alarm = yielding.test(residual(channel(clean, "accel_x")))
+        alarm = mount_tilt.MountTilt.test(residual(channel(clean, "accel_x")))
         low += alarm is not None and alarm.p_value < 1e-3
     assert low < 4

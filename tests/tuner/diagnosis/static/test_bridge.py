@@ -33,9 +33,9 @@ def test_a_transient_that_starts_in_a_motion_leaves_nothing_there():
     t = np.arange(n) / RATE
     even = channel(noise(n, 5) + 3.0 * np.exp((600.0 - t) / 100.0))
     found = residual(even, (Motion(0, 600), Warmup(100.0)))
-    rest = even.block_mean(found.repaired.y) - found.path
+    rest = even.block_mean(found.cleaned.y) - found.path
     assert np.max(np.abs(rest - rest.mean())) * np.sqrt(even.block) < 6.0
-    assert telegraph.test(found).gain < 0.0
+    assert telegraph.Telegraph.test(found).gain < 0.0
 
 
 def test_a_change_of_pose_leaves_no_trace_beside_it():

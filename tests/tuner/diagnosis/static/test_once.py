@@ -12,7 +12,7 @@ from tuner.diagnosis.static.causes.vibration import Vibration, _largest
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.null_distributions import minimum
 from tuner.diagnosis.static.model.residual import relabelled, residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.level import block_loudness, loudness
 from tuner.diagnosis.static.variance.quantized_noise import moments
 from tuner.simulation.static import Channel, simulate
@@ -45,7 +45,7 @@ def test_tails_are_mapped_evenly_and_in_order():
 
 
 def test_a_result_keeps_no_residual():
-    assert Alarm("line", 0.1, 1.0, 2.0, "peak", tuple).told.propose is None
+    assert TestResult("line", 0.1, 1.0, 2.0, "peak", tuple).without_proposal.propose is None
 
 
 def test_shapes_are_kept_from_step_to_step():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.fft import rfft
 
-from tuner.diagnosis.static import hypothesis_tests as panel
-from tuner.diagnosis.static.causes import line
+from tuner.diagnosis.static import hypothesis_tests
+from tuner.diagnosis.static.causes.line import Line, _chance
+from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
@@ -15,16 +16,13 @@ from tuner.diagnosis.static.spectrum.binned import Bins, rise, sized
 from tuner.diagnosis.static.spectrum.filters import arma_power
 from tuner.types.records import Record
 
-OTHERS = 12
-"""Misfit, slow spectrum, three of the loudness, pair, sweep, held readings, rails, codes, shared noise, attitude."""
-
 
 def height(cycles: float, n: int) -> float:
     """Return the statistic of a line, 2 sd large, of so many cycles a record of n samples."""
     rng, phase = np.random.default_rng(4), 2.0 * np.pi * cycles * np.arange(n) / n
     y = rng.standard_normal((n, 1)) + 2.0 * np.cos(phase)[:, None]
     record = Record("gyro", 0.01 * np.arange(n), y, ("gyro_x",), "rad/s", 0.01)
-    return line.test(residual(channel(record, "gyro_x"))).statistic
+    return Line.test(residual(channel(record, "gyro_x"))).statistic
 
 
 def test_a_line_between_half_bins_is_as_high_as_one_on_them():
@@ -38,7 +36,7 @@ def test_the_chance_of_a_peak_is_that_of_the_highest_at_any_frequency():
     n, number = 512, 2000
     x = np.random.default_rng(7).standard_normal((number, n))
     power = np.abs(rfft(x, 16 * n, axis=1)[:, 16:-16]) ** 2 / n
-    few = sum(line._chance(float(h), n) < 0.05 for h in power.max(axis=1)) / number
+    few = sum(_chance(float(h), n) < 0.05 for h in power.max(axis=1)) / number
     assert 0.02 < few < 0.075
 
 
@@ -64,8 +62,14 @@ def test_the_power_of_a_resonance_is_that_of_its_recursion_however_sharp():
     assert 0.0 < Vibration(17.0, 1e8, 0.3).power(np.array([17.0]), 0.01)[0] < np.inf
 
 
-def test_all_families_share_the_budget():
-    alone = sum(panel.SEVERAL.get(cause, 1) for cause in panel.SINGLE)
-    shape = max(panel.SEVERAL[cause] for cause in ("lowpass", "colour"))
-    assert alone + panel.SEVERAL["vibration"] + shape + OTHERS <= panel.SHARES
-    assert panel.threshold(3) * 3 * panel.SHARES == pytest.approx(panel.BUDGET)
+def test_all_tests_share_the_budget() -> None:
+    limit = hypothesis_tests.threshold(3)
+    by_cause = [c.shares * c.tests for c in CAUSES.values() if c.tested_with is None]
+    assert 3 * limit * (sum(by_cause) + hypothesis_tests.TESTS_WITHOUT_CAUSE) == pytest.approx(
+        hypothesis_tests.BUDGET
+    )
+    y = np.random.default_rng(4).standard_normal((20_000, 1))
+    white = Record("gyro", 0.01 * np.arange(len(y)), y, ("gyro_x",), "rad/s", 0.01)
+    results = hypothesis_tests.hypothesis_tests(residual(channel(white, "gyro_x")))
+    without = {result.cause for result in results if result.cause not in CAUSES}
+    assert len(without) + len(("pair",)) == hypothesis_tests.TESTS_WITHOUT_CAUSE

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
-from tuner.diagnosis.data_quality import hygiene
+from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.channel_preparation import prepared
-from tuner.diagnosis.static.hypothesis_tests import panel, threshold
+from tuner.diagnosis.static.hypothesis_tests import hypothesis_tests, threshold
 from tuner.diagnosis.static.model.residual import residual
 from tuner.diagnosis.static.variance.level import block_loudness
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments, moments
@@ -26,7 +26,7 @@ def fitted(step: float, deadband: float = 0.0, seed: int = 1, ramp: float = 3.0)
     y = size * np.round(y / size)
     y[np.abs(y) < deadband * size] = 0.0
     object.__setattr__(record, "y", y)
-    return residual(prepared(record, hygiene(record), threshold(1), 0, [])[0])
+    return residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
 
 
 @pytest.mark.parametrize(("sd", "deadband"), [(0.3, 0.0), (0.5, 0.0), (1.0, 0.0), (0.6, 1.0), (1.2, 2.5)])
@@ -53,7 +53,7 @@ def test_fine_steps_do_not_matter():
 @pytest.mark.parametrize(("step", "deadband"), [(1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (0.8, 1.5)])
 def test_a_slow_track_on_a_coarse_quantizer_makes_no_burst(step, deadband):  # five families at 1.2e-4 each
     found = fitted(step, deadband)
-    alarms = {alarm.cause: alarm for alarm in panel(found)}
+    alarms = {alarm.cause: alarm for alarm in hypothesis_tests(found)}
     for family in ("burst", "variance_drift", "periodic variance", "variance by bias", "irregular variance"):
         assert alarms[family].p_value > threshold(1), family
 
@@ -70,8 +70,8 @@ def test_a_burst_on_a_coarse_quantizer_is_still_found():  # 30 % of the record, 
                       hidden=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
     size = 2.5 * WHITE
     object.__setattr__(record, "y", size * np.round(record.y / size))
-    found = residual(prepared(record, hygiene(record), threshold(1), 0, [])[0])
-    alarm = next(alarm for alarm in panel(found) if alarm.cause == "burst")
+    found = residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
+    alarm = next(alarm for alarm in hypothesis_tests(found) if alarm.cause == "burst")
     assert alarm.p_value < 1e-12
     (burst,) = alarm.propose()
     assert abs(burst.values["start"].value - 600.0) < 30.0

@@ -10,10 +10,11 @@ import warnings
 import numpy as np
 import pytest
 
+from models.effects import EFFECTS
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import computed
-from tuner.diagnosis.static.findings import SIZES, SIZES_OF, pooled
+from tuner.diagnosis.static.findings import pooled
 from tuner.types import Coefficient
 from tuner.types.records import DataError, Record
 
@@ -58,9 +59,9 @@ def test_numbers_of_either_sign_are_pooled_as_they_are_and_bounds_at_zero_are_ke
 
 @pytest.mark.parametrize("drift", [1e-3, 0.5, 3.0, 1e4])
 def test_a_widened_interval_keeps_a_size_positive(drift):
-    wide = Value.log(1.5, 0.2).owing(drift)
+    wide = Value.log(1.5, 0.2).widened_by(drift)
     assert 0.0 < wide.lower < 1.5 < wide.upper
-    near = Value.log(1.5, 0.002).owing(0.01)
+    near = Value.log(1.5, 0.002).widened_by(0.01)
     assert 1.5 - near.lower == pytest.approx(np.hypot(1.96 * 0.003, 0.01), rel=0.01)
 
 
@@ -74,7 +75,7 @@ def test_sizes_of_weak_findings_are_not_negative():
     for finding in findings:
         for parameters in (finding.parameters, *finding.by_channel.values()):
             for name, value in parameters.items():
-                if name in SIZES or (finding.cause, name) in SIZES_OF:
+                if name in EFFECTS[finding.cause].positive:
                     assert value.interval[0] >= 0.0
 
 

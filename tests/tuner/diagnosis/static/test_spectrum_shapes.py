@@ -13,7 +13,8 @@ from models.effects.static.spectral import Vibration
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality.quantizer import lattice_step
 from tuner.diagnosis.data_quality.repeated_samples import held_readings
-from tuner.diagnosis.static.causes import burst, vibration
+from tuner.diagnosis.static.causes import vibration
+from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual, residual
@@ -123,7 +124,7 @@ def test_burst_of_five_per_cent_of_a_record_is_found():
     rng = np.random.default_rng(4)
     y = rng.standard_normal(360_000)
     y[100_000:118_000] *= np.sqrt(1.12)
-    alarm = burst.test(fitted(y))
+    alarm = Burst.test(fitted(y))
     assert alarm.p_value < threshold(6)
     assert alarm.gain > 0.0
 
@@ -133,7 +134,7 @@ def test_white_noise_has_no_resonance_and_no_burst():
     for seed in range(20):
         found = fitted(np.random.default_rng([seed, 3]).standard_normal(20_000))
         assert vibration.test(found, shape_test(found)).p_value > 1e-6
-        assert burst.test(found).p_value > 1e-6
+        assert Burst.test(found).p_value > 1e-6
 
 
 def test_repeated_samples_on_a_fine_quantizer_do_not_depend_on_the_colour():

@@ -73,7 +73,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
     offsets = np.array([residuals[a].channel.level for a in across])
     slope = -np.sign(level[along]) * float(offsets @ rate) / norm * place
     template = block_transform(
-        ((bend + slope) / found.channel.scale)[:, None], found.repaired, found.track.singles
+        ((bend + slope) / found.channel.scale)[:, None], found.cleaned, found.track.singles
     )
     fit = found.refit(template[:, 0])
     ratio = max(0.0, 2.0 * (fit.log_likelihood - found.fit.log_likelihood))

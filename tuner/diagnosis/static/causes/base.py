@@ -2,35 +2,37 @@
 
 A channel passes the extensions in this order::
 
-    repair      samples → samples without lines, spikes, stretches of motion
-    columns     templates that are fitted together with the noise (temperature, step, …)
-    gain, power shape of the white noise, and power besides (filter, colour, resonance)
-    whiten      residuals → residuals of unit variance and normal law (burst, drift, tails)
+    clean_samples  samples → samples without lines, spikes, stretches of motion
+    columns        templates that are fitted together with the noise (temperature, step, …)
+    gain, power    shape of the white noise, and power besides (filter, colour, resonance)
+    whiten         residuals → residuals of unit variance and normal law (burst, drift, tails)
 
 An extension that does not act at a stage inherits the map that changes nothing.
 """
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import Term
+from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.channel import Channel
 from tuner.types import Coefficient
 
 if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
+    from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
 
-MOST = 20.0
-"""Logarithm of the largest factor that an interval reaches to."""
+MAX_LOG_FACTOR = 20.0
+"""Logarithm of the largest factor that an interval reaches to: beyond, products would overflow."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +63,14 @@ class Value:
         factor = float(np.exp(1.96 * min(relative_sd, 5.0)))
         return cls(value, value / factor, value * factor, unit)
 
-    def owing(self, drift: float) -> Value:
+    def widened_by(self, drift: float) -> Value:
         """Return the value with an interval that reaches, in quadrature, `drift` further on either side.
 
         One that is all positive stays so: there the reach is that of the logarithm.
         """
         if self.lower > 0.0:
             below, above = (
-                float(np.exp(min(np.hypot(np.log(ratio), drift / self.value), MOST)))
+                float(np.exp(min(np.hypot(np.log(ratio), drift / self.value), MAX_LOG_FACTOR)))
                 for ratio in (self.value / self.lower, self.upper / self.value)
             )
             return replace(self, lower=self.value / below, upper=self.value * above)
@@ -76,7 +78,7 @@ class Value:
         above = float(np.hypot(self.upper - self.value, drift))
         return replace(self, lower=self.value - below, upper=self.value + above)
 
-    def reaching(self, other: Value) -> Value:
+    def union(self, other: Value) -> Value:
         """Return the value with an interval that reaches to the ends of another one."""
         return replace(self, lower=min(self.lower, other.lower), upper=max(self.upper, other.upper))
 
@@ -93,8 +95,8 @@ class Value:
 
 
 @dataclass(frozen=True)
-class Extension(ABC):
-    """One accepted cause; amplitudes are in units of the channel's scale.
+class Extension(Cause):
+    """A cause of one channel: what it adds to the model; amplitudes are in units of the channel's scale.
 
     Attributes
     ----------
@@ -102,24 +104,52 @@ class Extension(ABC):
         Parameters by the names of `models.effects`.
     """
 
-    cause: ClassVar[str]
-    named: ClassVar[bool] = True
-    """Whether the catalogue has a name for it; what has none is told as unexplained."""
     repeats: ClassVar[int] = 1
     """How often the cause may be found in one channel."""
-    meaning: ClassVar[str]
-    """What the cause is and how it shows, in one sentence."""
-    consequence: ClassVar[str]
-    """What it asks of a filter, in one sentence."""
+    excludes: ClassVar[tuple[str, ...]] = ()
+    """Other causes of which, and of this one, a channel has one at most."""
+    supersedes: ClassVar[tuple[str, ...]] = ()
+    """Causes that wait for another pass where this one is found: it explains the same with fewer assumptions."""
+    contained_in: ClassVar[tuple[str, ...]] = ()
+    """Causes after which this one is not tested any more: what they leave would be taken for it."""
+    needs_fine_quantizer: ClassVar[bool] = False
+    """Whether samples outside a dead band about zero could be taken for it, so that it is not tested there."""
+    only_if_clearest: ClassVar[bool] = False
+    """Whether it is accepted only where no other cause gains more: what others leave looks like it."""
+    broad: ClassVar[bool] = False
+    """Whether it shapes the whole fast spectrum: it is accepted alone, and the noise is then fitted afresh."""
+    tested_first: ClassVar[bool] = False
+    """Whether it is tested once, before all others, and not again."""
+    defining: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Parameters without which the name says nothing, each with the largest ratio of the ends of its interval."""
+    family: ClassVar[tuple[str, str] | None] = None
+    """Code and meaning of what is reported instead where a defining parameter is not known that well."""
     values: Mapping[str, Value] = field(compare=False, kw_only=True, default_factory=dict)
 
-    def repair(self, channel: Channel) -> Channel:
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult | None:  # noqa: ARG003
+        """Test a residual for this cause alone; None where it cannot be tested, or shares its test with others."""
+        return None
+
+    def clean_samples(self, channel: Channel) -> Channel:
         """Return the channel without the effect, as far as that is a matter of samples."""
         return channel
 
     def columns(self, channel: Channel) -> FloatArray:
         """Return templates on the blocks, shape (M, p)."""
         return np.empty((channel.blocks, 0))
+
+    def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:  # noqa: ARG002
+        """Return its templates on the blocks of other samples of the unit, shape (M, p); 0 where it is an event.
+
+        Parameters
+        ----------
+        channel : Channel
+            Samples from the start of a record.
+        same_record : bool
+            Whether that is the record that the cause was found in.
+        """
+        return self.columns(channel)
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray | float:  # noqa: ARG002
         """Return the factor on the spectrum of the white noise at frequencies `f`, Hz."""
@@ -137,16 +167,26 @@ class Extension(ABC):
         """Return what the extension adds to the noise model, in units of the scale."""
         return ()
 
-    def polished(self, found: Residual, index: int) -> Extension:  # noqa: ARG002
-        """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
-        return self
-
-    def refined(self, found: Residual, index: int, size: Value) -> Extension:  # noqa: ARG002
-        """Return the extension with its parameters from the joint fit.
+    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:  # noqa: ARG002
+        """Return the factor that a filter set from the model without the cause needs on its white noise, and why.
 
         Parameters
         ----------
-        found : Residual
+        before, after : Residual
+            Fits without any and with all causes.
+        """
+        return None
+
+    def refit(self, fitted: Residual, index: int) -> Extension:  # noqa: ARG002
+        """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
+        return self
+
+    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Extension:  # noqa: ARG002
+        """Return the extension with its parameters from the joint fit of everything.
+
+        Parameters
+        ----------
+        fitted : Residual
             The final residual, which has the extension.
         index : int
             Its place there.
@@ -154,3 +194,13 @@ class Extension(ABC):
             Size of its first template in scales, with the 95 % interval at noise refitted.
         """
         return self
+
+
+def plateau_ratio(shape: Extension, before: Residual, after: Residual) -> tuple[float, str] | None:
+    """Return the white density where a shape of the spectrum is flat ÷ that without it, and why; None up to 1.02."""
+    density = after.model.white_density()
+    density *= float(np.sqrt(np.asarray(shape.gain(np.zeros(1), after.channel.interval))[0]))
+    flat = before.model.white_density()
+    if not density > 1.02 * flat > 0:
+        return None
+    return density / flat, f"{shape.cause}: white density at the plateau"

@@ -15,16 +15,17 @@ noise itself (`tuner.diagnosis.static.variance.white_share`), and edges by the l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from models.effects.static.distribution import Burst as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import EDGE
 from tuner.diagnosis.static.model.residual import CLIP, Residual, robust_sd
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.level import Loudness, loudness
 from tuner.diagnosis.static.variance.white_share import dilution
 
@@ -48,17 +49,25 @@ WIDER = 3.0
 class Burst(Extension):
     """Samples first … last − 1 have `ratio` times the variance of the others."""
 
-    cause: ClassVar[str] = "burst"
-    repeats: ClassVar[int] = SEVERAL
-    meaning: ClassVar[str] = (
-        "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
-    )
-    consequence: ClassVar[str] = (
+    cause = "burst"
+    effect = Effect
+    group = "distribution"
+    only_if_clearest = True
+    happens_once = True
+    view = "variance"
+    repeats = SEVERAL
+    meaning = "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
+    consequence = (
         "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
     )
     first: int
     last: int
     ratio: float
+
+    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:  # noqa: ARG002
+        """Return the ratio of the standard deviations while it lasts, where it is above 1."""
+        ratio = self.values["variance_ratio"].value
+        return (float(np.sqrt(ratio)), "burst: the noise while it lasts") if ratio > 1.0 else None
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Bring the stretch to the variance of the rest."""
@@ -66,22 +75,22 @@ class Burst(Extension):
         out[self.first : self.last] /= np.sqrt(self.ratio)
         return out
 
-
-def test(found: Residual) -> Alarm:
-    """Scan windows for another variance."""
-    loud = loudness(found)
-    first = _loudest(loud)
-    gain, stretches = 0.0, [(first.start, first.start + first.width)]
-    if first.chance < 1e-2:
-        gain, stretches = _all(found, loud, first)
-    return Alarm(
-        "burst",
-        first.chance,
-        gain,
-        first.mean,
-        f"mean square of {first.width} residuals",
-        lambda: tuple(extension(found, stretches, i) for i in range(len(stretches))),
-    )
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Scan windows for another variance."""
+        loud = loudness(fitted)
+        first = _loudest(loud)
+        gain, stretches = 0.0, [(first.start, first.start + first.width)]
+        if first.chance < 1e-2:
+            gain, stretches = _all(fitted, loud, first)
+        return TestResult(
+            "burst",
+            first.chance,
+            gain,
+            first.mean,
+            f"mean square of {first.width} residuals",
+            lambda: tuple(extension(fitted, stretches, i) for i in range(len(stretches))),
+        )
 
 
 @dataclass(frozen=True)
@@ -117,9 +126,9 @@ def _widths(n: int) -> list[int]:
     return [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
 
 
-def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+def _all(fitted: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
-    known = [x for x in found.extensions if isinstance(x, Burst)]
+    known = [x for x in fitted.extensions if isinstance(x, Burst)]
     allowed = FEW if 0 < len(known) <= FEW else SEVERAL
     stretches: list[tuple[int, int]] = []
     rest = loud
@@ -137,7 +146,7 @@ def _all(found: Residual, loud: Loudness, window: _Window) -> tuple[float, list[
         window = _loudest(rest)
     square, told = loud.square, loud.scatter > 0.0
     if not loud.rounded:
-        square = np.where(told, _squares(found, stretches), 1.0)
+        square = np.where(told, _squares(fitted, stretches), 1.0)
         square /= square[told].mean()
     return _gain(square, told, stretches), stretches
 
@@ -153,15 +162,15 @@ def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int,
     return (first, last) if last > first else edges
 
 
-def _squares(found: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
+def _squares(fitted: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
     """Return the squares of the residuals, cut at so many robust deviations of the part of the record they are in."""
-    outside = found.valid.copy()
+    outside = fitted.valid.copy()
     for first, last in stretches:
         outside[first:last] = False
-    most = np.full(len(found.e), WIDER * CLIP * robust_sd(found.e[outside]))
+    most = np.full(len(fitted.e), WIDER * CLIP * robust_sd(fitted.e[outside]))
     for first, last in stretches:
-        most[first:last] = WIDER * CLIP * robust_sd(found.e[first:last])
-    return np.asarray(np.minimum(np.abs(found.e), most) ** 2)
+        most[first:last] = WIDER * CLIP * robust_sd(fitted.e[first:last])
+    return np.asarray(np.minimum(np.abs(fitted.e), most) ** 2)
 
 
 def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]]) -> float:
@@ -208,16 +217,16 @@ def refine(total: FloatArray, first: int, last: int) -> tuple[float, tuple[int, 
             return gain, (first, last)
 
 
-def extension(found: Residual, stretches: list[tuple[int, int]], which: int) -> Burst:
+def extension(fitted: Residual, stretches: list[tuple[int, int]], which: int) -> Burst:
     """Return one of the stretches with its place, length and ratio of the variances of the white noise itself."""
-    dt, begin = found.channel.interval, found.channel.start
+    dt, begin = fitted.channel.interval, fitted.channel.start
     first, last = stretches[which]
-    square = _squares(found, stretches)
-    quietly = found.valid.copy()
+    square = _squares(fitted, stretches)
+    quietly = fitted.valid.copy()
     for a, b in stretches:
         quietly[a:b] = False
     usual = float(square[quietly].mean())
-    square[~found.valid] = usual
+    square[~fitted.valid] = usual
     for a, b in stretches[:which] + stretches[which + 1 :]:
         square[a:b] = usual
     quiet, loud = square[quietly], square[first:last]
@@ -235,18 +244,18 @@ def extension(found: Residual, stretches: list[tuple[int, int]], which: int) -> 
         values={
             "start": Value(begin + first * dt, begin + start[0] * dt, begin + start[1] * dt, "s"),
             "duration": duration,
-            "variance_ratio": _ratio(found, ratio, relative, (last - first) / len(square)),
+            "variance_ratio": _ratio(fitted, ratio, relative, (last - first) / len(square)),
         },
     )
 
 
-def _ratio(found: Residual, seen: float, relative: float, share: float) -> Value:
+def _ratio(fitted: Residual, seen: float, relative: float, share: float) -> Value:
     """Return the ratio of variances of the white noise, from that of the residuals and its relative deviation."""
-    white = dilution(found)
+    white = dilution(fitted)
     low, value, high = (
         white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-1.96, 0.0, 1.96)
     )
-    return Value(value, low, high).owing(1.96 * white.error * abs(value - 1.0))
+    return Value(value, low, high).widened_by(1.96 * white.error * abs(value - 1.0))
 
 
 def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:

@@ -20,7 +20,6 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ from scipy.stats import gamma
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import CLIP, Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -56,14 +55,17 @@ FINE = 17
 class Sweep(Extension):
     """A tone from frequency `first` to `last`, cycles a sample, of free phase and size in each of `parts`."""
 
-    cause: ClassVar[str] = "sweep"
-    meaning: ClassVar[str] = "a tone that sweeps"
-    consequence: ClassVar[str] = "distrust the band it crosses; look for what speeds up or slows down"
+    cause = "sweep"
+    group = "fast spectrum"
+    named = False
+    tested_first = True
+    meaning = "a tone that sweeps"
+    consequence = "distrust the band it crosses; look for what speeds up or slows down"
     first: float
     last: float
     parts: int
 
-    def repair(self, channel: Channel) -> Channel:
+    def clean_samples(self, channel: Channel) -> Channel:
         """Take the tone out."""
         size = len(channel) // self.parts
         y = channel.y.copy()
@@ -74,6 +76,24 @@ class Sweep(Extension):
         inside -= np.real(size_and_phase * turn)
         return replace(channel, y=y)
 
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Search the residuals for a tone that sweeps from one end of the record to the other."""
+        e = np.clip(fitted.e, -CLIP, CLIP)
+        tried = [parts for parts in PARTS if len(e) >= SHORTEST * parts]
+        slowest = {parts: parts // 4 if parts > min(tried) else SLOWEST for parts in tried}
+        single = e.astype(np.float32)
+        tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
+        if not tracks:
+            return TestResult(Sweep.cause, 1.0, -9.0, 0.0, Sweep.meaning)
+        best = min(tracks, key=lambda track: track.chance)
+        low, high = (f / fitted.channel.interval for f in (best.tone.first, best.tone.last))
+        name = f"{Sweep.meaning} from {low:.3g} to {high:.3g} Hz"
+        chance = min(1.0, len(tried) * best.chance)
+        return TestResult(
+            Sweep.cause, chance, best.excess, best.excess, name, lambda: (_placed(e, best.tone),)
+        )
+
 
 @dataclass(frozen=True)
 class _Track:
@@ -82,22 +102,6 @@ class _Track:
     chance: float
     excess: float
     tone: Sweep
-
-
-def test(found: Residual) -> Alarm:
-    """Search the residuals for a tone that sweeps from one end of the record to the other."""
-    e = np.clip(found.e, -CLIP, CLIP)
-    tried = [parts for parts in PARTS if len(e) >= SHORTEST * parts]
-    slowest = {parts: parts // 4 if parts > min(tried) else SLOWEST for parts in tried}
-    single = e.astype(np.float32)
-    tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
-    if not tracks:
-        return Alarm(Sweep.cause, 1.0, -9.0, 0.0, Sweep.meaning)
-    best = min(tracks, key=lambda track: track.chance)
-    low, high = (f / found.channel.interval for f in (best.tone.first, best.tone.last))
-    name = f"{Sweep.meaning} from {low:.3g} to {high:.3g} Hz"
-    chance = min(1.0, len(tried) * best.chance)
-    return Alarm(Sweep.cause, chance, best.excess, best.excess, name, lambda: (_placed(e, best.tone),))
 
 
 def _turn(first: float, last: float, n: int) -> NDArray[np.complex128]:

@@ -7,18 +7,22 @@ Extension: the ARMA process in the noise model.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.static.spectral import Colour as Effect
 from models.noise import Term, White
 from models.noise.arma import Arma
-from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.causes.base import Extension, Value, plateau_ratio
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
 from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, polished
+
+if TYPE_CHECKING:
+    from tuner.diagnosis.static.model.residual import Residual
 
 FloatArray = NDArray[np.float64]
 
@@ -32,9 +36,16 @@ LIKE_A_FILTER = 0.9
 class Colour(Extension):
     """ARMA coefficients of the noise of a sample; `rounding` the sd of codes, scales."""
 
-    cause: ClassVar[str] = "colour"
-    meaning: ClassVar[str] = "neighbouring samples are correlated: the fast noise is ARMA, not white"
-    consequence: ClassVar[str] = (
+    cause = "colour"
+    effect = Effect
+    group = "fast spectrum"
+    shares = 3
+    tested_with = "lowpass"
+    excludes = ("lowpass",)
+    broad = True
+    view = "spectrum"
+    meaning = "neighbouring samples are correlated: the fast noise is ARMA, not white"
+    consequence = (
         "read the white density at the plateau; a filter at full rate needs shaping states or thinning"
     )
     ar: tuple[float, ...]
@@ -53,22 +64,28 @@ class Colour(Extension):
         """Return the rounding as white noise."""
         return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
 
+    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
+        """Return the ratio of the white densities at the plateau, with and without, where it is worth saying."""
+        return plateau_ratio(self, before, after)
+
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the factor on the spectrum of white noise."""
         return self.arma(interval).psd(f, interval=interval)
 
 
-def test(tested: ShapeTest) -> Alarm:
+def test(tested: ShapeTest) -> TestResult:
     """Judge the colours."""
     name = "likelihood ratio of an ARMA spectrum"
     if not tested.colours:
-        return Alarm("colour", tested.any_p_value, -9.0, 0.0, name)
+        return TestResult("colour", tested.any_p_value, -9.0, 0.0, name)
     best = tested.colours[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     gain = tested.gain(best)
     if tested.falls(best) and tested.filter_gain > LIKE_A_FILTER * gain:
         gain = min(gain, tested.filter_gain - 1e-6)
-    return Alarm("colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),))
+    return TestResult(
+        "colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),)
+    )
 
 
 def extension(data: Bins, fitted: ShapeFit) -> Colour:
@@ -83,7 +100,7 @@ def extension(data: Bins, fitted: ShapeFit) -> Colour:
         (more_ar, more_ma), more_sds = _estimated(data, fit_colour(data, fitted.name))
         free = [Value.of(value, sd) for value, sd in zip((*more_ar, *more_ma), more_sds, strict=True)]
         values = [
-            one.reaching(other) if other.upper - other.lower < WIDEST else one
+            one.union(other) if other.upper - other.lower < WIDEST else one
             for one, other in zip(values, free, strict=True)
         ]
     names = [f"ar_{i + 1}" if len(ar) > 1 else "ar" for i in range(len(ar))]

@@ -13,13 +13,22 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import norm
 
+from models.effects.static.distribution import CrossAxis as Effect
+from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.model.residual import CLIP, Residual
 from tuner.types import Coefficient
 
-MEANING = (
-    "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
-)
-CONSEQUENCE = "a full block of the white covariance instead of a diagonal one"
+
+class CrossAxis(Cause):
+    """White noise that several channels share."""
+
+    cause = "cross_axis"
+    effect = Effect
+    group = "several channels"
+    meaning = (
+        "the white noise of these channels is partly one and the same (supply, clock, vibration of the board)"
+    )
+    consequence = "a full block of the white covariance instead of a diagonal one"
 
 
 @dataclass(frozen=True)

@@ -8,43 +8,44 @@ decades it may lie in. Extension: the term joins the noise model and is fitted w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.stats import chi2
 
+from models.effects.static.spectral import CorrelatedDrift
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Fit
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 
 
 @dataclass(frozen=True)
 class MoreMarkov(Extension):
     """A further Gauss–Markov process; its parameters are fitted with those of the other noise."""
 
-    cause: ClassVar[str] = "gauss_markov"
-    meaning: ClassVar[str] = (
-        "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
-    )
-    consequence: ClassVar[str] = "a Gauss–Markov bias state to add, with this sd and time constant"
+    cause = "gauss_markov"
+    effect = CorrelatedDrift
+    group = "slow part"
+    contained_in = ("telegraph",)
+    meaning = "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
+    consequence = "a Gauss–Markov bias state to add, with this sd and time constant"
 
-
-def test(found: Residual) -> Alarm:
-    """Fit a further process."""
-    best = max(found.with_markov, key=lambda fit: fit.log_likelihood)
-    ratio = max(0.0, 2.0 * (best.log_likelihood - found.fit.log_likelihood))
-    decades = np.log10(found.channel.span / (20.0 * found.channel.interval))
-    gain = 0.5 * ratio - float(np.log(found.channel.blocks))
-    p_value = float(min(1.0, 2.0 * decades * chi2.sf(ratio, 2)))
-    return Alarm(
-        "gauss_markov",
-        p_value,
-        gain,
-        ratio,
-        "likelihood ratio of a further Gauss–Markov process",
-        lambda: (MoreMarkov(values=parameters(best)),),
-    )
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Fit a further process."""
+        best = max(fitted.with_markov, key=lambda fit: fit.log_likelihood)
+        ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
+        decades = np.log10(fitted.channel.span / (20.0 * fitted.channel.interval))
+        gain = 0.5 * ratio - float(np.log(fitted.channel.blocks))
+        p_value = float(min(1.0, 2.0 * decades * chi2.sf(ratio, 2)))
+        return TestResult(
+            "gauss_markov",
+            p_value,
+            gain,
+            ratio,
+            "likelihood ratio of a further Gauss–Markov process",
+            lambda: (MoreMarkov(values=parameters(best)),),
+        )
 
 
 def parameters(fit: Fit) -> dict[str, Value]:

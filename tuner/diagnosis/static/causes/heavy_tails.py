@@ -14,7 +14,7 @@ samples (`tuner.diagnosis.static.variance.white_share`).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numba
 import numpy as np
@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 from scipy.special import expit, gammaln, ndtr, ndtri
 from scipy.stats import norm, t
 
+from models.effects.static.distribution import HeavyTails as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
 from tuner.diagnosis.static.model.residual import CLIP, Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution
 
@@ -48,11 +49,13 @@ class HeavyTails(Extension):
     `ratio` is the scale of Student's law ÷ the sd of the normal one.
     """
 
-    cause: ClassVar[str] = "heavy_tails"
-    meaning: ClassVar[str] = "large deviations are more frequent than normal noise allows, at all sizes"
-    consequence: ClassVar[str] = (
-        "the variance is right but its tails are not: a robust update or a wider gate"
-    )
+    cause = "heavy_tails"
+    effect = Effect
+    group = "distribution"
+    needs_fine_quantizer = True
+    view = "histogram"
+    meaning = "large deviations are more frequent than normal noise allows, at all sizes"
+    consequence = "the variance is right but its tails are not: a robust update or a wider gate"
     nu: float
     share: float = 1.0
     ratio: float = 1.0
@@ -94,6 +97,32 @@ class HeavyTails(Extension):
         beyond = (1.0 - self.share) * norm.sf(size / core) + self.share * t.sf(size / wide, self.nu)
         return np.asarray(-ndtri(np.maximum(beyond, 1e-300)))
 
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Compare the kurtosis of the residuals with that of the normal law."""
+        e = np.clip(fitted.good, -CLIP, CLIP)
+        square = e * e
+        n = len(e)
+        kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
+        white = fitted.spread * float(
+            np.sqrt(fitted.power[len(fitted.power) // 2 :].mean() / fitted.channel.interval)
+        )
+        lattice = rounded_kurtosis(fitted.channel.lattice / white)
+        deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
+        p_value = float(norm.sf(deviate))
+        gain, law = 0.0, Law(0.0, np.inf, 0.0)
+        if p_value < 1e-3:
+            law = whole(histogram(fitted.good))
+            gain = law.gain - (0.5 if law.share == 1.0 else 1.5) * float(np.log(n))
+        return TestResult(
+            "heavy_tails",
+            p_value,
+            gain,
+            kurtosis,
+            "excess kurtosis of the residuals",
+            lambda: (extension(fitted, law, white),),
+        )
+
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
@@ -118,32 +147,6 @@ def rounded_kurtosis(step: float) -> float:
     second, fourth = (np.sum(share * value**power, axis=1) for power in (2, 4))
     known = second**2 > 0.0  # beyond, all samples are one code, and any other is far off
     return float(np.max(np.divide(fourth, second**2, out=np.full_like(second, np.inf), where=known))) - 3.0
-
-
-def test(found: Residual) -> Alarm:
-    """Compare the kurtosis of the residuals with that of the normal law."""
-    e = np.clip(found.good, -CLIP, CLIP)
-    square = e * e
-    n = len(e)
-    kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
-    white = found.spread * float(
-        np.sqrt(found.power[len(found.power) // 2 :].mean() / found.channel.interval)
-    )
-    lattice = rounded_kurtosis(found.channel.lattice / white)
-    deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
-    p_value = float(norm.sf(deviate))
-    gain, law = 0.0, Law(0.0, np.inf, 0.0)
-    if p_value < 1e-3:
-        law = whole(histogram(found.good))
-        gain = law.gain - (0.5 if law.share == 1.0 else 1.5) * float(np.log(n))
-    return Alarm(
-        "heavy_tails",
-        p_value,
-        gain,
-        kurtosis,
-        "excess kurtosis of the residuals",
-        lambda: (extension(found, law, white),),
-    )
 
 
 @dataclass(frozen=True)
@@ -216,13 +219,13 @@ def student(bins: Histogram) -> Law:
     return Law(bins.normal_cost() - value, nu, relative)
 
 
-def extension(found: Residual, law: Law, sd: float) -> HeavyTails:
+def extension(fitted: Residual, law: Law, sd: float) -> HeavyTails:
     """Return the extension with the excess kurtosis of the white noise; that of Student's law is 6/(ν − 4).
 
     `sd` is that of the white noise, in scales.
     """
-    white = dilution(found)
-    rounding = -1.2 * (found.channel.lattice / sd) ** 4 / 144.0
+    white = dilution(fitted)
+    rounding = -1.2 * (fitted.channel.lattice / sd) ** 4 / 144.0
     shape = HeavyTails(law.nu, law.share, law.ratio)
     core, wide = shape.scales
     heavy = 3.0 * law.nu**2 / ((law.nu - 2.0) * max(law.nu - 4.0, 0.05)) * wide**4
@@ -232,5 +235,5 @@ def extension(found: Residual, law: Law, sd: float) -> HeavyTails:
     seen = Value.log(kurtosis, law.spread)
     low, value, high = (max(k - rounding, 1e-6) / white.fourth for k in (seen.lower, seen.value, seen.upper))
     return replace(
-        shape, values={"excess_kurtosis": Value(value, low, high).owing(3.92 * white.error * value)}
+        shape, values={"excess_kurtosis": Value(value, low, high).widened_by(3.92 * white.error * value)}
     )

@@ -17,17 +17,17 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from models.effects.static.spectral import Line as Effect
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import CLIP, Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST, local_level
 
 FloatArray = NDArray[np.float64]
@@ -46,19 +46,21 @@ PROMISING = 1e-2
 class Line(Extension):
     """A sinusoid c cos 2πft + s sin 2πft, t from the first sample, amplitudes in scales."""
 
-    cause: ClassVar[str] = "line"
-    repeats: ClassVar[int] = 6
-    meaning: ClassVar[str] = (
-        "a coherent oscillation (mains, fan, dither): a peak one bin wide in the spectrum"
-    )
-    consequence: ClassVar[str] = (
+    cause = "line"
+    effect = Effect
+    group = "fast spectrum"
+    shares = 15
+    view = "peak"
+    repeats = 6
+    meaning = "a coherent oscillation (mains, fan, dither): a peak one bin wide in the spectrum"
+    consequence = (
         "distrust this frequency: remove the source or notch it; it needs no filter state unless it is slow"
     )
     frequency: float
     cosine: float
     sine: float
 
-    def repair(self, channel: Channel) -> Channel:
+    def clean_samples(self, channel: Channel) -> Channel:
         """Take the sinusoid out."""
         return replace(channel, y=channel.y - self.signal(len(channel), channel.interval))
 
@@ -67,35 +69,35 @@ class Line(Extension):
         phase = 2.0 * np.pi * self.frequency * interval * np.arange(n)
         return np.asarray(self.cosine * np.cos(phase) + self.sine * np.sin(phase))
 
-
-def test(found: Residual) -> Alarm:
-    """Search the spectrum of the residuals for a line."""
-    n = len(found.e)
-    name = "peak of the spectrum ÷ its neighbourhood"
-    frequency, power = found.spectrum
-    level = local_level(power, 2 * NEIGHBOURS)
-    ratio = power / level
-    ratio[: int(np.searchsorted(frequency, FIRST / (n * found.channel.interval)))] = 0.0
-    best = int(np.argmax(ratio))
-    height, f = float(ratio[best]), float(frequency[best])
-    if _chance(height / BETWEEN, n) < PROMISING:
-        near = np.flatnonzero(ratio >= BETWEEN * height)
-        tops = [near[0], *near[1:][np.diff(near) > 2]]
-        height, f = max(_peak(found, float(frequency[i]), float(level[i])) for i in tops)
-    nats = _nats(height)
-    if nats > 2.0 * np.log(n):
-        wider = vibration.rival(found, f, height)
-        if wider is not None:
-            return wider
-    return Alarm(
-        "line",
-        _chance(height, n),
-        height - 1.5 * float(np.log(n)),
-        height,
-        name,
-        lambda: (extension(found, f),),
-        local=True,
-    )
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Search the spectrum of the residuals for a line."""
+        n = len(fitted.e)
+        name = "peak of the spectrum ÷ its neighbourhood"
+        frequency, power = fitted.spectrum
+        level = local_level(power, 2 * NEIGHBOURS)
+        ratio = power / level
+        ratio[: int(np.searchsorted(frequency, FIRST / (n * fitted.channel.interval)))] = 0.0
+        best = int(np.argmax(ratio))
+        height, f = float(ratio[best]), float(frequency[best])
+        if _chance(height / BETWEEN, n) < PROMISING:
+            near = np.flatnonzero(ratio >= BETWEEN * height)
+            tops = [near[0], *near[1:][np.diff(near) > 2]]
+            height, f = max(_peak(fitted, float(frequency[i]), float(level[i])) for i in tops)
+        nats = _nats(height)
+        if nats > 2.0 * np.log(n):
+            wider = vibration.rival(fitted, f, height)
+            if wider is not None:
+                return wider
+        return TestResult(
+            "line",
+            _chance(height, n),
+            height - 1.5 * float(np.log(n)),
+            height,
+            name,
+            lambda: (extension(fitted, f),),
+            local=True,
+        )
 
 
 def _nats(height: float) -> float:
@@ -109,18 +111,18 @@ def _chance(height: float, n: int) -> float:
     return float(min(1.0, 0.5 * n * np.sqrt(np.pi * nats / 3.0) * np.exp(-nats)))
 
 
-def _peak(found: Residual, near: float, level: float) -> tuple[float, float]:
+def _peak(fitted: Residual, near: float, level: float) -> tuple[float, float]:
     """Return the height of the peak next to a frequency over a level, and its frequency, Hz."""
-    n, e = len(found.e), np.clip(found.e, -CLIP, CLIP)
-    f, amplitude = _tone(found, near)
+    n, e = len(fitted.e), np.clip(fitted.e, -CLIP, CLIP)
+    f, amplitude = _tone(fitted, near)
     return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e)) * level), f
 
 
-def extension(found: Residual, near: float) -> Line:
+def extension(fitted: Residual, near: float) -> Line:
     """Return the line next to a frequency, Hz."""
-    n, dt = len(found.e), found.channel.interval
-    f, z = _tone(found, near)
-    white = found.spread * float(np.sqrt(found.power_at(f) / dt))
+    n, dt = len(fitted.e), fitted.channel.interval
+    f, z = _tone(fitted, near)
+    white = fitted.spread * float(np.sqrt(fitted.power_at(f) / dt))
     amplitude = abs(z)
     cosine, sine = z.real * white, -z.imag * white
     sd = float(np.sqrt(6.0 / n)) / (np.pi * amplitude * n * dt)
@@ -135,12 +137,12 @@ def extension(found: Residual, near: float) -> Line:
     )
 
 
-def _tone(found: Residual, near: float) -> tuple[float, complex]:
+def _tone(fitted: Residual, near: float) -> tuple[float, complex]:
     """Return the frequency, Hz, next to a given one at which the clipped residuals have most power, and c − i s."""
-    n, dt = len(found.e), found.channel.interval
-    e = np.clip(found.e, -CLIP, CLIP)
+    n, dt = len(fitted.e), fitted.channel.interval
+    e = np.clip(fitted.e, -CLIP, CLIP)
     span = n * dt
-    size = found.channel.block
+    size = fitted.channel.block
     turned = e.reshape(-1, size) @ np.exp(-2j * np.pi * near * dt * np.arange(size))
     start = 2.0 * np.pi * dt * size * np.arange(n // size)
     middle = np.pi * dt * (size - 1)

@@ -9,15 +9,16 @@ with everything that was found besides; its interval covers all orders and kinds
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.static.spectral import LowPass as Effect
 from models.noise import Term, White
 from models.noise.arma import Arma
-from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.causes.base import Extension, Value, plateau_ratio
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
 from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
@@ -35,11 +36,15 @@ MOVED = 0.05
 class LowPass(Extension):
     """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz, `rounding` the sd of codes, scales."""
 
-    cause: ClassVar[str] = "lowpass"
-    meaning: ClassVar[str] = (
-        "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
-    )
-    consequence: ClassVar[str] = (
+    cause = "lowpass"
+    effect = Effect
+    group = "fast spectrum"
+    shares = 3
+    excludes = ("colour",)
+    broad = True
+    view = "spectrum"
+    meaning = "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
+    consequence = (
         "read the white density beyond ten filter time constants; samples closer together are not independent"
     )
     kind: str
@@ -65,13 +70,17 @@ class LowPass(Extension):
         """Return the rounding as white noise."""
         return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
 
+    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
+        """Return the ratio of the white densities at the plateau, with and without, where it is worth saying."""
+        return plateau_ratio(self, before, after)
+
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the squared response of the filter."""
         return self.arma(interval).psd(f, interval=interval)
 
-    def polished(self, found: Residual, index: int) -> LowPass:
+    def refit(self, fitted: Residual, index: int) -> LowPass:
         """Fit the filter again beside everything else, unless that hardly moves it."""
-        data = bins(found, without=found.extensions[index])
+        data = bins(fitted, without=fitted.extensions[index])
         filters = fit_filters(data)
         again = extension(data, filters)
         value, now = self.values["cutoff"], again.values["cutoff"]
@@ -85,14 +94,14 @@ def _invertible(ma: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(0.9995 ** (j + 1) * b for j, b in enumerate(ma))
 
 
-def test(tested: ShapeTest) -> Alarm:
+def test(tested: ShapeTest) -> TestResult:
     """Judge the filters."""
     name = "likelihood ratio of a filtered spectrum"
     if not tested.filters:
-        return Alarm("lowpass", tested.any_p_value, -9.0, 0.0, name)
+        return TestResult("lowpass", tested.any_p_value, -9.0, 0.0, name)
     best = tested.filters[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
-    return Alarm(
+    return TestResult(
         "lowpass",
         tested.any_p_value,
         tested.filter_gain,

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.static.events import Motion as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import BESIDE, Channel
 
@@ -79,15 +80,16 @@ class Stretch(NamedTuple):
 class Motion(Extension):
     """Samples first … last − 1 are not used."""
 
-    cause: ClassVar[str] = "motion"
-    meaning: ClassVar[str] = (
-        "the sensor was not still: an Allan curve of the whole record would be that of the motion"
-    )
-    consequence: ClassVar[str] = "identify from the still parts only; nothing here is sensor noise"
+    cause = "motion"
+    effect = Effect
+    group = "several channels"
+    shares = 0
+    meaning = "the sensor was not still: an Allan curve of the whole record would be that of the motion"
+    consequence = "identify from the still parts only; nothing here is sensor noise"
     first: int
     last: int
 
-    def repair(self, channel: Channel) -> Channel:
+    def clean_samples(self, channel: Channel) -> Channel:
         """Take the stretch out, and the change of level over it as far as a few samples beside tell it.
 
         The template is left with the rest: blocks are too coarse for a change of hundreds of deviations.
@@ -106,6 +108,10 @@ class Motion(Extension):
             return np.empty((channel.blocks, 0))
         place = (np.arange(channel.blocks) + 0.5) * channel.block
         return np.clip((place - self.first) / (self.last - self.first), 0.0, 1.0)[:, None]
+
+    def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:  # noqa: ARG002
+        """Return zeros: elsewhere the level moves otherwise."""
+        return np.zeros_like(self.columns(channel))
 
     def near(self, first: int, last: int, interval: float) -> bool:
         """Return whether an event, samples first … last − 1, lies close to an edge of the stretch."""

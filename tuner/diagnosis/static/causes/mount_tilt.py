@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.effects.static.attitude import Attitude
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
@@ -30,7 +30,7 @@ from tuner.diagnosis.static.model.null_distributions import SHRINK
 from tuner.diagnosis.static.model.profile_likelihood import first_column, track_without
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import PROMISING
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Unexplained
 
 FloatArray = NDArray[np.float64]
@@ -55,17 +55,22 @@ NAME = "likelihood ratio of a level that moves and settles"
 
 
 @dataclass(frozen=True)
-class Yielding(Extension):
+class MountTilt(Extension):
     """A course from 0 to 1 between `begin` and `end`, in blocks."""
 
-    cause: ClassVar[str] = "attitude"
-    repeats: ClassVar[int] = 2
-    meaning: ClassVar[str] = (
+    cause = "attitude"
+    effect = Attitude
+    group = "slow part"
+    tests = 2
+    contained_in = ("telegraph",)
+    repeats = 2
+    meaning = (
         "the mount tilts for a while: gravity moves into an axis across it "
         "(in one axis alone, a bias that moves and settles looks the same)"
     )
-    consequence: ClassVar[str] = (
-        "fix the mount; keep this stretch out of the fit, or the drift of its level is taken for that of the sensor"
+    consequence = (
+        "fix the mount; keep this stretch out of the fit, "
+        "or the drift of its level is taken for that of the sensor"
     )
     begin: float
     end: float
@@ -74,18 +79,53 @@ class Yielding(Extension):
         """Return the course on the blocks, shape (M, 1)."""
         return _course(channel, self.begin, self.end)[:, None]
 
-    def polished(self, found: Residual, index: int) -> Yielding:
+    def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:  # noqa: ARG002
+        """Return zeros: elsewhere the level moves otherwise."""
+        return np.zeros_like(self.columns(channel))
+
+    def refit(self, fitted: Residual, index: int) -> MountTilt:
         """Place begin and end again, with the noise that is left beside the course."""
-        better = _placed(found, track_without(found, index).columns, self.begin, self.end)
-        same = abs(better.begin - self.begin) + abs(better.end - self.end) < 1e-6 * found.channel.blocks
+        better = _placed(fitted, track_without(fitted, index).columns, self.begin, self.end)
+        same = abs(better.begin - self.begin) + abs(better.end - self.end) < 1e-6 * fitted.channel.blocks
         return self if same else better
 
-    def refined(self, found: Residual, index: int, size: Value) -> Yielding:
+    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> MountTilt:
         """Take the angle from the joint fit, its place from the grid of likely ones."""
-        placed = _placed(found, track_without(found, index).columns, self.begin, self.end)
-        factor = found.channel.scale / lever(found.channel)
+        placed = _placed(fitted, track_without(fitted, index).columns, self.begin, self.end)
+        factor = fitted.channel.scale / lever(fitted.channel)
         tilt = Value(factor * size.value, factor * size.lower, factor * size.upper, "rad")
         return replace(self, values={**placed.values, "tilt": tilt})
+
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult | None:
+        """Search an accelerometer axis for a level that moves and settles; None for other channels."""
+        if lever(fitted.channel) == 0.0:
+            return None
+        blocks = fitted.channel.blocks
+        knots = np.linspace(0.0, blocks, CELLS + 1)[1:-1]
+        courses = _courses(fitted, fitted.track.columns, knots)
+        best, crossings = (0.0, 0, 1), 0.0
+        for duration in DURATIONS:
+            p = np.arange(len(knots) - duration)
+            square = courses.score[p, p + duration] ** 2
+            at = int(np.argmax(square))
+            best = max(best, (float(square[at]), at, at + duration))
+            norm = np.sqrt(courses.product(p, p + duration, 0))
+            with np.errstate(
+                divide="ignore", invalid="ignore"
+            ):  # courses within a stretch of motion are nothing
+                beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
+            crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
+        if best[0] < PROMISING:
+            return TestResult("attitude", 1.0, -9.0, best[0], NAME)
+        placed = _placed(fitted, fitted.track.columns, float(knots[best[1]]), float(knots[best[2]]))
+        template = block_transform(placed.columns(fitted.channel), fitted.cleaned, fitted.track.singles)
+        ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
+        chance = float(
+            len(DURATIONS) * chi2.sf(SHRINK * ratio, 1) + crossings * np.exp(-0.5 * SHRINK * ratio)
+        )
+        gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - LEAD - 0.25 * float(np.log(blocks))
+        return TestResult("attitude", min(1.0, chance), gain, ratio, NAME, lambda: (placed,))
 
 
 @dataclass(frozen=True)
@@ -116,48 +156,21 @@ def lever(channel: Channel) -> float:
     return float(np.sqrt(STANDARD**2 - channel.level**2))
 
 
-def test(found: Residual) -> Alarm | None:
-    """Search an accelerometer axis for a level that moves and settles; None for other channels."""
-    if lever(found.channel) == 0.0:
-        return None
-    blocks = found.channel.blocks
-    knots = np.linspace(0.0, blocks, CELLS + 1)[1:-1]
-    courses = _courses(found, found.track.columns, knots)
-    best, crossings = (0.0, 0, 1), 0.0
-    for duration in DURATIONS:
-        p = np.arange(len(knots) - duration)
-        square = courses.score[p, p + duration] ** 2
-        at = int(np.argmax(square))
-        best = max(best, (float(square[at]), at, at + duration))
-        norm = np.sqrt(courses.product(p, p + duration, 0))
-        with np.errstate(divide="ignore", invalid="ignore"):  # courses within a stretch of motion are nothing
-            beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
-        crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
-    if best[0] < PROMISING:
-        return Alarm("attitude", 1.0, -9.0, best[0], NAME)
-    placed = _placed(found, found.track.columns, float(knots[best[1]]), float(knots[best[2]]))
-    template = block_transform(placed.columns(found.channel), found.repaired, found.track.singles)
-    ratio = max(0.0, 2.0 * (found.refit(template).log_likelihood - found.fit.log_likelihood))
-    chance = float(len(DURATIONS) * chi2.sf(SHRINK * ratio, 1) + crossings * np.exp(-0.5 * SHRINK * ratio))
-    gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - LEAD - 0.25 * float(np.log(blocks))
-    return Alarm("attitude", min(1.0, chance), gain, ratio, NAME, lambda: (placed,))
-
-
 def _course(channel: Channel, begin: float, end: float) -> FloatArray:
     """Return the course between two places, in blocks, shape (M,)."""
     middle = np.arange(channel.blocks) + 0.5
     return np.asarray(np.clip((middle - begin) / max(end - begin, 1e-9), 0.0, 1.0))
 
 
-def _courses(found: Residual, known: FloatArray, knots: FloatArray) -> _Courses:
+def _courses(fitted: Residual, known: FloatArray, knots: FloatArray) -> _Courses:
     """Score the courses between all knots, in blocks, beside known templates (K, q), at the noise as fitted."""
-    channel, singles = found.channel, found.track.singles
+    channel, singles = fitted.channel, fitted.track.singles
     pieces = np.stack([(b - a) * _course(channel, a, b) for a, b in pairwise(knots)], axis=1)
-    root = 1.0 / np.sqrt(found.fit.expected[:singles])
+    root = 1.0 / np.sqrt(fitted.fit.expected[:singles])
     basis, _ = np.linalg.qr(known * root[:, None])
-    white = block_transform(pieces, found.repaired, singles) * root[:, None]
+    white = block_transform(pieces, fitted.cleaned, singles) * root[:, None]
     white = white - basis @ (basis.T @ white)
-    target = found.track.grid.amplitude[:singles] * root
+    target = fitted.track.grid.amplitude[:singles] * root
     total = np.concatenate(([0.0], np.cumsum(white.T @ (target - basis @ (basis.T @ target)))))
     covariance = np.pad(np.cumsum(np.cumsum(white.T @ white, axis=0), axis=1), ((1, 0), (1, 0)))
     p, q = np.triu_indices(len(knots), 1)
@@ -169,14 +182,14 @@ def _courses(found: Residual, known: FloatArray, knots: FloatArray) -> _Courses:
     return courses
 
 
-def _placed(found: Residual, known: FloatArray, begin: float, end: float) -> Yielding:
+def _placed(fitted: Residual, known: FloatArray, begin: float, end: float) -> MountTilt:
     """Return the best course about one, with the begins and durations that lose less than χ²₂ at 95 %."""
-    channel = found.channel
+    channel = fitted.channel
     cell = min(channel.blocks / CELLS, 0.5 * (end - begin)) + 1.0
     near = cell * np.linspace(-1.0, 1.0, FINE)
     places = np.concatenate((begin + near, end + near))
     knots = np.unique(np.clip(places, 1.0, channel.blocks - 1.0))
-    square = _courses(found, known, knots).score ** 2
+    square = _courses(fitted, known, knots).score ** 2
     p, q = np.unravel_index(int(np.argmax(square)), square.shape)
     likely = np.nonzero(square > square[p, q] - REGION)
     length, step = channel.block * channel.interval, 2.0 * cell / (FINE - 1)
@@ -195,7 +208,7 @@ def _placed(found: Residual, known: FloatArray, begin: float, end: float) -> Yie
             "s",
         ),
     }
-    return Yielding(float(knots[p]), float(knots[q]), values=values)
+    return MountTilt(float(knots[p]), float(knots[q]), values=values)
 
 
 def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained, ...]:
@@ -212,7 +225,7 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
         Chance below which the length is not kept.
     """
     triad = {axis: found for axis, found in finals.items() if found.channel.unit == "m/s^2"}
-    told = [x for found in triad.values() for x in found.extensions if isinstance(x, Yielding)]
+    told = [x for found in triad.values() for x in found.extensions if isinstance(x, MountTilt)]
     if not told or len(triad) != 3 or len({len(found.channel) for found in triad.values()}) != 1:
         return ()
     clearest = max(told, key=lambda x: abs(x.values["tilt"].value))
@@ -233,17 +246,17 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
     return (Unexplained(name, tuple(triad), chance),)
 
 
-def _moved(found: Residual, course: Yielding) -> tuple[float, float]:
+def _moved(fitted: Residual, course: MountTilt) -> tuple[float, float]:
     """Return how far an axis moves over a course, its own if it has one, and the deviation, m/s².
 
     Twice the deviation of the fit: the slow noise that it rests on is itself an estimate.
     """
-    own = next((i for i, x in enumerate(found.extensions) if isinstance(x, Yielding)), None)
-    fit, at = found.fit, -1
+    own = next((i for i, x in enumerate(fitted.extensions) if isinstance(x, MountTilt)), None)
+    fit, at = fitted.fit, -1
     if own is None:
-        columns = course.columns(found.channel)
-        fit = found.refit(block_transform(columns, found.repaired, found.track.singles))
+        columns = course.columns(fitted.channel)
+        fit = fitted.refit(block_transform(columns, fitted.cleaned, fitted.track.singles))
     else:
-        at = first_column(found, own)
+        at = first_column(fitted, own)
     sd = float(np.sqrt(fit.beta_covariance[at, at]))
-    return float(fit.beta[at]) * found.channel.scale, 2.0 * sd * found.channel.scale
+    return float(fit.beta[at]) * fitted.channel.scale, 2.0 * sd * fitted.channel.scale

@@ -9,7 +9,7 @@ deviations from the samples beside them, go before any noise is fitted: one of t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,12 @@ from scipy.special import expit
 from scipy.stats import chi2 as chi2_law
 from scipy.stats import norm, poisson
 
+from models.effects.static.events import Spikes as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import any_of, maximum
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 
 FloatArray = NDArray[np.float64]
@@ -40,41 +41,44 @@ BESIDE = 4
 class Spikes(Extension):
     """Samples that are taken out: their places, shape (s,)."""
 
-    cause: ClassVar[str] = "spikes"
-    meaning: ClassVar[str] = "single samples far off (glitches of the wire or of the converter)"
-    consequence: ClassVar[str] = (
-        "a gate at five deviations in front of the filter; do not widen the white noise for them"
-    )
+    cause = "spikes"
+    effect = Effect
+    group = "distribution"
+    repeats = 2
+    needs_fine_quantizer = True
+    view = "histogram"
+    meaning = "single samples far off (glitches of the wire or of the converter)"
+    consequence = "a gate at five deviations in front of the filter; do not widen the white noise for them"
     places: tuple[int, ...]
 
-    def repair(self, channel: Channel) -> Channel:
+    def clean_samples(self, channel: Channel) -> Channel:
         """Take the spikes out."""
         missing = np.zeros(len(channel), dtype=bool)
         missing[list(self.places)] = True
         return channel.refilled(missing, np.random.default_rng(len(self.places)))
 
-
-def test(found: Residual) -> Alarm:
-    """Count what lies beyond five deviations."""
-    size = np.abs(found.good)
-    n = len(size)
-    count = int(np.count_nonzero(size > THRESHOLD))
-    expected = n * 2.0 * float(norm.sf(THRESHOLD))
-    many = float(poisson.sf(count - 1, expected)) if count else 1.0
-    largest = any_of(2.0 * float(norm.sf(size.max())), n)
-    p_value = min(1.0, 2.0 * min(many, largest))
-    gain = 0.0
-    if p_value < 1e-3:
-        bins = histogram(found.good)
-        gain = mixture_gain(bins) - 1.5 * float(np.log(n))
-    return Alarm(
-        "spikes",
-        p_value,
-        gain,
-        float(size.max()),
-        f"largest residual; {count} beyond 5 deviations",
-        lambda: (extension(found),),
-    )
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Count what lies beyond five deviations."""
+        size = np.abs(fitted.good)
+        n = len(size)
+        count = int(np.count_nonzero(size > THRESHOLD))
+        expected = n * 2.0 * float(norm.sf(THRESHOLD))
+        many = float(poisson.sf(count - 1, expected)) if count else 1.0
+        largest = any_of(2.0 * float(norm.sf(size.max())), n)
+        p_value = min(1.0, 2.0 * min(many, largest))
+        gain = 0.0
+        if p_value < 1e-3:
+            bins = histogram(fitted.good)
+            gain = mixture_gain(bins) - 1.5 * float(np.log(n))
+        return TestResult(
+            "spikes",
+            p_value,
+            gain,
+            float(size.max()),
+            f"largest residual; {count} beyond 5 deviations",
+            lambda: (extension(fitted),),
+        )
 
 
 def mixture_gain(bins: Histogram) -> float:
@@ -88,7 +92,7 @@ def mixture_gain(bins: Histogram) -> float:
     return bins.normal_cost() - maximum(cost, [[-9.0, 0.0, 2.0], [-5.0, 0.0, 1.0]], scale=0.5)[2]
 
 
-def gross(channel: Channel) -> Alarm | None:
+def gross(channel: Channel) -> TestResult | None:
     """Return the alarm of samples that are far from those beside them; None where there are none."""
     far = np.flatnonzero((np.abs(channel.y) > GROSS) & channel.valid)
     middle = np.clip(far, BESIDE, len(channel) - 1 - BESIDE)
@@ -99,15 +103,15 @@ def gross(channel: Channel) -> Alarm | None:
         return None
     found = _taken_out(far, sizes, channel.span, 1.0, 0.0)
     name = "largest distance from the samples beside"
-    return Alarm("spikes", 0.0, float(sizes.max()), float(sizes.max()), name, lambda: (found,))
+    return TestResult("spikes", 0.0, float(sizes.max()), float(sizes.max()), name, lambda: (found,))
 
 
-def extension(found: Residual) -> Spikes:
+def extension(fitted: Residual) -> Spikes:
     """Return the samples to be taken out, with the rate and the typical size."""
-    e, dt = found.e, found.channel.interval
-    places = np.flatnonzero((np.abs(e) > GATE) & found.valid)
+    e, dt = fitted.e, fitted.channel.interval
+    places = np.flatnonzero((np.abs(e) > GATE) & fitted.valid)
     by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
-    white = found.spread * float(np.sqrt(found.power[-max(1, len(found.power) // 2) :].mean() / dt))
+    white = fitted.spread * float(np.sqrt(fitted.power[-max(1, len(fitted.power) // 2) :].mean() / dt))
     return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
 
 

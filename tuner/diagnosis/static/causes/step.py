@@ -6,137 +6,112 @@ the boundaries. Extension: a template; its time by the profile of the likelihood
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.static.causes.base import Extension, Value
+from models.effects.static.events import Step as Effect
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.dct import block_transform, inverse, transform
-from tuner.diagnosis.static.model.null_distributions import EDGE, SHRINK
+from tuner.diagnosis.static.model import jump
+from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.profile_likelihood import SAME, first_column
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.model.score_scan import Scan, judge, scan_steps, step_column
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.model.score_scan import judge, scan_steps
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 FloatArray = NDArray[np.float64]
 
-CLEAR = 16
-"""Blocks within which a step must lie for its place to be sought to the sample."""
+PLACES_IN_PAIRS = 96
+"""Places that are tried beside another cause: about every hundredth of a record, as wide as a step of them is known."""
 
 
 @dataclass(frozen=True)
-class Step(Extension):
+class Step(Template):
     """A step before sample `first`.
 
     On the blocks it is a template, the block it falls into part of the way. Where its size is known, `jump` in scales,
     its fast part is taken out of the samples.
     """
 
-    cause: ClassVar[str] = "step"
-    repeats: ClassVar[int] = 4
-    meaning: ClassVar[str] = (
-        "the bias jumps once and stays; the noise alone would have to be called a random walk for it"
-    )
-    consequence: ClassVar[str] = (
+    cause = "step"
+    effect = Effect
+    meaning = "the bias jumps once and stays; the noise alone would have to be called a random walk for it"
+    consequence = (
         "keep the jump out of the random walk; a filter that meets such jumps needs its bias variance "
         "opened at that moment"
     )
+    repeats = 4
+    contained_in = ("telegraph",)
+    happens_once = True
+    size = ("size", "{u}")
+    statistic = "likelihood ratio of a step"
+    different_in_pairs = 60.0
+    abrupt = True
     first: int
     jump: float = 0.0
 
-    def repair(self, channel: Channel) -> Channel:
-        """Take out what the slow track does not show of the step."""
-        return replace(channel, y=channel.y - self._course(channel)) if self.jump else channel
-
-    def columns(self, channel: Channel) -> FloatArray:
-        """Return the step on the blocks, shape (M, 1)."""
+    def template(self, channel: Channel) -> FloatArray:
+        """Return the step on the blocks, shape (M,)."""
         share = np.arange(1, channel.blocks + 1) - self.first / channel.block
-        return np.asarray(np.clip(share, 0.0, 1.0)[:, None])
+        return np.asarray(np.clip(share, 0.0, 1.0))
 
-    def polished(self, found: Residual, index: int) -> Step:
+    def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:  # noqa: ARG002
+        """Return zeros: elsewhere the level has no such jump."""
+        return np.zeros((channel.blocks, 1))
+
+    @classmethod
+    def candidates_in_pairs(cls, channel: Channel) -> Sequence[Self]:
+        """Return steps all over the record."""
+        places = np.linspace(0.02, 0.98, PLACES_IN_PAIRS) * channel.blocks
+        return [cls(int(m) * channel.block) for m in places]
+
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Search for a jump of the slow track."""
+        scores, channel = scan_steps(fitted), fitted.channel
+        if not scores.promising:
+            return TestResult(cls.cause, 1.0, NO_GAIN, float(scores.score[scores.best] ** 2), cls.statistic)
+        boundary = scores.best + 1
+        best = cls(boundary * channel.block)
+        template = block_transform(best.columns(channel), fitted.cleaned, fitted.track.singles)
+        result = judge(fitted, template[:, 0], scores.correlation, price=float(np.log(channel.blocks / 8.0)))
+
+        def propose() -> tuple[Step]:
+            return (replace(best, values={"time": jump.likely_time(fitted, scores, boundary)}),)
+
+        return TestResult(cls.cause, result.p_value, result.gain, result.ratio, cls.statistic, propose)
+
+    def likeliest(self, fitted: Residual) -> Self:
+        """Return the best step about as far away as the candidates are apart."""
+        scores, channel = scan_steps(fitted), fitted.channel
+        boundary, reach = self.first // channel.block, channel.blocks // PLACES_IN_PAIRS
+        first = max(1, boundary - reach)
+        best = first + int(np.argmax(np.abs(scores.score[first - 1 : boundary + reach])))
+        time = jump.likely_time(fitted, scores, best)
+        return replace(self, first=best * channel.block, values={"time": time})
+
+    def clean_samples(self, channel: Channel) -> Channel:
+        """Take out what the slow track does not show of the step."""
+        if not self.jump:
+            return channel
+        return replace(channel, y=channel.y - jump.above_slow_track(channel, self.first, self.jump))
+
+    def refit(self, fitted: Residual, index: int) -> Step:
         """Place the step to the sample, with the size it has there."""
-        size = float(found.fit.beta[first_column(found, index)])
+        size = float(fitted.fit.beta[first_column(fitted, index)])
         if self.jump != 0.0 and abs(size - self.jump) < SAME * abs(size):
             return self
-        channel = found.channel
-        begin, end = (
-            round((t - channel.start) / channel.interval)
-            for t in (self.values["time"].lower, self.values["time"].upper)
-        )
-        if end - begin > CLEAR * channel.block:
+        channel, time = fitted.channel, self.values["time"]
+        begin, end = (round((t - channel.start) / channel.interval) for t in (time.lower, time.upper))
+        if end - begin > jump.CLEAR_BLOCKS * channel.block:
             return replace(self, jump=size)
-        whole = replace(found.repaired, y=found.repaired.y + self._course(channel))
-        noise = float(found.power_at(1.0 / (CLEAR * channel.block * channel.interval))) / channel.interval
-        return _placed(whole, begin, end, size, max(noise, 1.0))
-
-    def _course(self, channel: Channel) -> FloatArray:
-        """Return the part of the step above the coefficients of the slow track, shape (n,)."""
-        if self.jump == 0.0:
-            return np.zeros(len(channel))
-        a = transform(np.where(np.arange(len(channel)) >= self.first, self.jump, 0.0), 1.0)
-        a[: channel.blocks // 2 + 1] = 0.0
-        return inverse(a, 1.0)
-
-    def refined(self, found: Residual, index: int, size: Value) -> Step:  # noqa: ARG002
-        """Take the size from the joint fit."""
-        return replace(self, values={**self.values, "size": replace(size, unit="{u}")})
-
-
-def test(found: Residual) -> Alarm:
-    """Search for a jump of the slow track."""
-    scores = scan_steps(found)
-    name = "likelihood ratio of a step"
-    if not scores.promising:
-        return Alarm("step", 1.0, -9.0, float(scores.score[scores.best] ** 2), name)
-    boundary = scores.best + 1
-    template = block_transform(step_column(found, boundary)[:, None], found.repaired, found.track.singles)
-    result = judge(found, template[:, 0], scores.correlation, price=float(np.log(found.channel.blocks / 8.0)))
-    return Alarm(
-        "step", result.p_value, result.gain, result.ratio, name, lambda: (extension(found, scores, boundary),)
-    )
-
-
-def extension(found: Residual, scores: Scan, boundary: int) -> Step:
-    """Return the step with its time."""
-    square = scores.score**2
-    likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE / SHRINK) + 1
-    length = found.channel.block * found.channel.interval
-    start = found.channel.start
-    time = Value(
-        start + boundary * length,
-        start + (float(likely.min()) - 1.0) * length,
-        start + (float(likely.max()) + 1.0) * length,
-        "s",
-    )
-    return Step(boundary * found.channel.block, values={"time": time})
-
-
-def _placed(channel: Channel, begin: int, end: int, size: float, noise: float) -> Step:
-    """Return the step of this size, in scales, whose samples fit best, its first one in begin … end.
-
-    Its level is free, its noise white of this variance; the first sample may lie where that costs `EDGE` nats at most.
-    """
-    flank = CLEAR // 2 * channel.block
-    left, right = max(0, begin - flank), min(len(channel), end + flank)
-    y = channel.y[left:right]
-    after = np.arange(len(y), 0, -1.0)
-    above = np.cumsum(y[::-1])[::-1]
-    square = -2.0 * size * above + size**2 * after - (y.sum() - size * after) ** 2 / len(y)
-    tried = slice(max(1, begin - left), max(2, end - left + 1))
-    cost = 0.5 * square[tried] / noise
-    near = np.flatnonzero(cost < cost.min() + EDGE)
-    first, low, high = (left + tried.start + int(i) for i in (np.argmin(cost), near[0], near[-1]))
-    dt, start = channel.interval, channel.start
-    time = Value(start + first * dt, start + (low - 1) * dt, start + (high + 1) * dt, "s")
-    return Step(first, size, values={"time": time})
-
-
-def near(found: Residual, boundary: int, reach: int) -> Step:
-    """Return the best step within `reach` blocks of a boundary."""
-    scores = scan_steps(found)
-    first = max(1, boundary - reach)
-    window = np.abs(scores.score[first - 1 : boundary + reach])
-    return extension(found, scores, first + int(np.argmax(window)))
+        fast = jump.above_slow_track(channel, self.first, self.jump)
+        whole = replace(fitted.cleaned, y=fitted.cleaned.y + fast)
+        lowest = 1.0 / (jump.CLEAR_BLOCKS * channel.block * channel.interval)
+        noise = float(fitted.power_at(lowest)) / channel.interval
+        first, placed = jump.placed(whole, begin, end, size, max(noise, 1.0))
+        return Step(first, size, values={"time": placed})

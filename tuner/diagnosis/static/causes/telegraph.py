@@ -19,19 +19,19 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
+from models.effects.static.events import Telegraph as Effect
 from models.noise import BiasInstability, GaussMarkov, RandomWalk, Term
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import curvature
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.switching.models import (
     NOTHING,
     STILL,
@@ -75,11 +75,12 @@ class Telegraph(Extension):
         Slow noise beside the path.
     """
 
-    cause: ClassVar[str] = "telegraph"
-    meaning: ClassVar[str] = "the bias switches between two levels (popcorn noise)"
-    consequence: ClassVar[str] = (
-        "a Gauss–Markov bias state of the same variance; a switching filter would do better"
-    )
+    cause = "telegraph"
+    effect = Effect
+    group = "slow part"
+    supersedes = ("gauss_markov",)
+    meaning = "the bias switches between two levels (popcorn noise)"
+    consequence = "a Gauss–Markov bias state of the same variance; a switching filter would do better"
     path: tuple[float, ...]
     sd: float
     time_constant: float
@@ -105,7 +106,7 @@ class Telegraph(Extension):
         alone = likelihood(y - y.mean(), STILL, Slow.of(gaussian, step, self.size**2 / 4.0), r)
         return float(np.logaddexp.reduce(two)) - float(np.log(OFFSETS)) - alone
 
-    def repair(self, channel: Channel) -> Channel:
+    def clean_samples(self, channel: Channel) -> Channel:
         """Take the path out."""
         path = np.repeat(np.array(self.path), channel.block)
         return replace(channel, y=channel.y - path)
@@ -114,54 +115,56 @@ class Telegraph(Extension):
         """Return the Gauss–Markov process of the same autocovariance."""
         return (GaussMarkov(self.sd, self.time_constant),)
 
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Compare two levels with Gaussian noise on the block means."""
+        channel = fitted.channel
+        step = channel.block * channel.interval
+        y = fitted.cleaned.block_mean(fitted.cleaned.y) - fitted.path
+        y = y - y.mean()
+        loud = channel.block_mean(course(fitted))
+        name = "log likelihood of two levels less that of Gaussian noise"
+        more = fitted.fits if fitted.count("gauss_markov") else fitted.with_markov
+        null = -np.inf
+        for fit in (*fitted.fits, *more):
+            terms = fit.terms()
+            slow = Slow.of(expanded(terms, step, channel.span), step)
+            null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * loud))
+        r = block_noise(fitted.fit.terms(), step) * loud
+        besides: type[Term] = GaussMarkov
+        best = _search(y, step, channel.span, r, fitted, null)
+        flicker = BiasInstability in fitted.fit.kinds
+        if flicker and max(fit.log_likelihood for fit in more) > fitted.fit.log_likelihood + HUMP:
+            again = _search(y, step, channel.span, r, fitted, null, BiasInstability)
+            best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
+        price = 1.5 * float(np.log(channel.blocks))
+        if best[0] - null > price:
+            null = max(null, _polished(y, step, channel.span, r, best[1]))
+        lead = best[0] - null
+        p_value = float(chi2.sf(2.0 * max(lead, 0.0), 5))
+        gain = lead - price
+        if gain <= 0.0:
+            return TestResult("telegraph", p_value, gain, lead, name)
+        extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
+        many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
+        if three > two + DOUBT and visits >= 2:
+            return TestResult(
+                "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
+            )
+        size = extension.values["size"]
+        if (
+            switches < FEWEST or not size.lower * size.upper > 0.0
+        ):  # levels that are not told apart have no name
+            return TestResult("telegraph", p_value, -9.0, lead, name)
+        return TestResult("telegraph", p_value, gain, lead, name, lambda: (extension,))
+
 
 @dataclass(frozen=True)
 class ManyLevels(Telegraph):
     """A path between more than two levels."""
 
-    named: ClassVar[bool] = False
-    meaning: ClassVar[str] = "the bias hops between more than two levels"
-
-
-def test(found: Residual) -> Alarm:
-    """Compare two levels with Gaussian noise on the block means."""
-    channel = found.channel
-    step = channel.block * channel.interval
-    y = found.repaired.block_mean(found.repaired.y) - found.path
-    y = y - y.mean()
-    loud = channel.block_mean(course(found))
-    name = "log likelihood of two levels less that of Gaussian noise"
-    more = found.fits if found.found("gauss_markov") else found.with_markov
-    null = -np.inf
-    for fit in (*found.fits, *more):
-        terms = fit.terms()
-        slow = Slow.of(expanded(terms, step, channel.span), step)
-        null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * loud))
-    r = block_noise(found.fit.terms(), step) * loud
-    besides: type[Term] = GaussMarkov
-    best = _search(y, step, channel.span, r, found, null)
-    flicker = BiasInstability in found.fit.kinds
-    if flicker and max(fit.log_likelihood for fit in more) > found.fit.log_likelihood + HUMP:
-        again = _search(y, step, channel.span, r, found, null, BiasInstability)
-        best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
-    price = 1.5 * float(np.log(channel.blocks))
-    if best[0] - null > price:
-        null = max(null, _polished(y, step, channel.span, r, best[1]))
-    lead = best[0] - null
-    p_value = float(chi2.sf(2.0 * max(lead, 0.0), 5))
-    gain = lead - price
-    if gain <= 0.0:
-        return Alarm("telegraph", p_value, gain, lead, name)
-    extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
-    many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
-    if three > two + DOUBT and visits >= 2:
-        return Alarm(
-            "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
-        )
-    size = extension.values["size"]
-    if switches < FEWEST or not size.lower * size.upper > 0.0:  # levels that are not told apart have no name
-        return Alarm("telegraph", p_value, -9.0, lead, name)
-    return Alarm("telegraph", p_value, gain, lead, name, lambda: (extension,))
+    named = False
+    meaning = "the bias hops between more than two levels"
 
 
 def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
@@ -224,12 +227,12 @@ def _search(
     step: float,
     span: float,
     r: FloatArray | float,
-    found: Residual,
+    fitted: Residual,
     null: float,
     besides: type[Term] = GaussMarkov,
 ) -> tuple[float, FloatArray]:
     """Return the greatest log likelihood of two levels, with this noise besides, and where it is."""
-    fit = next(f for f in found.fits if GaussMarkov in f.kinds)
+    fit = next(f for f in fitted.fits if GaussMarkov in f.kinds)
     terms = fit.terms()
     markov = next(t for t in terms if isinstance(t, GaussMarkov))
     walk = next(t for t in terms if isinstance(t, RandomWalk))

@@ -10,55 +10,79 @@ ratio of χ²₁ asks for it at 0.1 %.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.thermal import ThermalLag as Effect
-from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE, centred
+from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
 from tuner.diagnosis.static.model.null_distributions import SHRINK
-from tuner.diagnosis.static.model.profile_likelihood import (
-    SAME,
-    Template,
-    best_constant,
-    first_column,
-    profile,
-)
+from tuner.diagnosis.static.model.profile_likelihood import SAME, best_constant, first_column
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.model.score_scan import judge, likeliest, scan
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.model.score_scan import scan
 
 FloatArray = NDArray[np.float64]
 
-ASKS = 10.8
-"""Likelihood ratio from which a further template is believed: χ²₁ at 0.1 %."""
+FURTHER = 10.8
+"""Likelihood ratio from which a further template is taken: χ²₁ at 0.1 %."""
 
 
 @dataclass(frozen=True)
-class ThermalLag(Extension):
+class ThermalLag(TimeConstantTemplate):
     """Bias in proportion to the lagging temperature L.
 
     `settling`: L may start anywhere. `prompt`: another slope for what is faster than the lag.
     """
 
-    cause: ClassVar[str] = "thermal_lag"
-    meaning: ClassVar[str] = "the bias follows the measured temperature late: a loop of bias over temperature"
-    consequence: ClassVar[str] = (
+    cause = "thermal_lag"
+    effect = Effect
+    meaning = "the bias follows the measured temperature late: a loop of bias over temperature"
+    consequence = (
         "a calibration to apply to the low-passed temperature, slope × (L − T₀) with dL/dt = (T − L)/τ, and where a "
         "prompt slope is given, that × (T − L)"
     )
-    time_constant: float
+    excludes = ("temperature",)
+    supersedes = ("telegraph",)
+    covariate = COVARIATE
+    size = ("slope", "{u}/K")
+    statistic = "likelihood ratio of a lagging temperature"
+    price = float(np.log(8.0))
+    different_in_pairs = 3.0
+    view = "temperature"
     settling: bool = False
     prompt: bool = False
 
+    def template(self, channel: Channel) -> FloatArray:
+        """Return the lagging temperature on the blocks about its mean, K, shape (M,)."""
+        lag = Effect(1.0, self.time_constant)
+        out = lag.lagged(channel.covariates[COVARIATE], channel.block * channel.interval)
+        return np.asarray(out - out.mean())
+
+    def late(self, channel: Channel) -> FloatArray:
+        """Return what the lagging temperature lags by on the blocks, K, shape (M,)."""
+        return centred(channel) - self.template(channel)
+
+    @classmethod
+    def time_constants(cls, channel: Channel) -> FloatArray:
+        """Return the grid of lags, s."""
+        shortest = max(30.0, 4.0 * channel.block * channel.interval)
+        return np.geomspace(shortest, max(channel.span, 2.0 * shortest), 12)
+
+    @classmethod
+    def candidates_in_pairs(cls, channel: Channel) -> Sequence[Self]:
+        """Return three of the candidates: the others differ little from these, or from the temperature itself."""
+        return cls.candidates(channel)[2:7:2]
+
     def columns(self, channel: Channel) -> FloatArray:
         """Return the lagging temperature on the blocks, what it lags by and what settles, shape (M, 1 … 3)."""
-        main = lagged(channel, self.time_constant)
+        main = self.template(channel)
         parts = [main]
         if self.prompt:
             parts.append(centred(channel) - main)
@@ -66,82 +90,51 @@ class ThermalLag(Extension):
             parts.append(self._start(channel))
         return np.stack(parts, axis=1)
 
-    def polished(self, found: Residual, index: int) -> ThermalLag:
-        """Fit the lag again; take the further templates that the record asks for."""
-        constant = best_constant(found, index, self._template(found.channel), self.time_constant)
-        settling = self.settling or asks(found, self._start(found.channel)) > ASKS
-        late = centred(found.channel) - lagged(found.channel, self.time_constant)
-        prompt = self.prompt or asks(found, late) > ASKS
-        new = replace(self, time_constant=constant, settling=settling, prompt=prompt)
+    def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:
+        """Return its templates; of another record only the lagging temperature: what settles there is not known."""
+        columns = self.columns(channel)
+        if not same_record:
+            columns[:, 1:] = 0.0
+        return columns
+
+    def refit(self, fitted: Residual, index: int) -> Self:
+        """Fit the lag again; take the further templates that the record shows."""
+        constant = best_constant(
+            fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
+        )
+        settling = self.settling or further_ratio(fitted, self._start(fitted.channel)) > FURTHER
+        prompt = self.prompt or further_ratio(fitted, self.late(fitted.channel)) > FURTHER
         moved = abs(np.log(constant / self.time_constant)) >= SAME
+        new = replace(self, time_constant=constant, settling=settling, prompt=prompt)
         return new if moved or (settling, prompt) != (self.settling, self.prompt) else self
 
     def _start(self, channel: Channel) -> FloatArray:
         return np.asarray(np.exp(-channel.block_time / self.time_constant))
 
-    def refined(self, found: Residual, index: int, size: Value) -> ThermalLag:
+    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
         """Take slope and lag from the joint fit."""
-        reach = profile(found, index, self._template(found.channel), self.time_constant, size)
-        values = {"time_constant": reach.constant, "slope": replace(size, unit="{u}/K").owing(reach.drift)}
-        if self.prompt:
-            at = first_column(found, index) + 1
-            sd = float(np.sqrt(found.fit.beta_covariance[at, at]))
-            values["prompt_slope"] = Value.of(float(found.fit.beta[at]), sd, "{u}/K")
-        return replace(self, values=values)
-
-    def _template(self, channel: Channel) -> Template:
-        return lambda constant: replace(self, time_constant=constant).columns(channel)
+        joint = super().with_joint_estimate(fitted, index, size)
+        if not self.prompt:
+            return joint
+        at = first_column(fitted, index) + 1
+        sd = float(np.sqrt(fitted.fit.beta_covariance[at, at]))
+        prompt_slope = Value.of(float(fitted.fit.beta[at]), sd, "{u}/K")
+        return replace(joint, values={**joint.values, "prompt_slope": prompt_slope})
 
 
-def asks(found: Residual, template: FloatArray) -> float:
+def further_ratio(fitted: Residual, template: FloatArray) -> float:
     """Return the likelihood ratio of a further template, given on the blocks (M,)."""
-    fit = found.refit(block_transform(template[:, None], found.repaired, found.track.singles))
-    return 2.0 * SHRINK * (fit.log_likelihood - found.fit.log_likelihood)
+    fit = fitted.refit(block_transform(template[:, None], fitted.cleaned, fitted.track.singles))
+    return 2.0 * SHRINK * (fit.log_likelihood - fitted.fit.log_likelihood)
 
 
-def lagged(channel: Channel, time_constant: float) -> FloatArray:
-    """Return the lagging temperature on the blocks about its mean, K, shape (M,)."""
-    effect = Effect(1.0, time_constant)
-    out = effect.lagged(channel.covariates[COVARIATE], channel.block * channel.interval)
-    return np.asarray(out - out.mean())
-
-
-def lags(channel: Channel) -> FloatArray:
-    """Return the grid of lags, s."""
-    shortest = max(30.0, 4.0 * channel.block * channel.interval)
-    return np.geomspace(shortest, max(channel.span, 2.0 * shortest), 12)
-
-
-def test(found: Residual) -> Alarm | None:
-    """Search for a lag between temperature and bias; None where no temperature was measured."""
-    channel = found.channel
-    if COVARIATE not in channel.covariates:
-        return None
-    grid = lags(channel)
-    scores, templates = scan(found, np.stack([lagged(channel, t) for t in grid], axis=1))
-    name = "likelihood ratio of a lagging temperature"
-    if not scores.promising:
-        return Alarm("thermal_lag", 1.0, -9.0, float(scores.score[scores.best] ** 2), name)
-    result = judge(found, templates[:, scores.best], scores.correlation, price=float(np.log(8.0)))
-    near = float(grid[scores.best])
-    return Alarm(
-        "thermal_lag", result.p_value, result.gain, result.ratio, name, lambda: (extension(found, near),)
-    )
-
-
-def extension(found: Residual, near: float) -> ThermalLag:
-    """Return the lag next to a time constant, s."""
-    return ThermalLag(likeliest(found, lambda constant: lagged(found.channel, constant), near))
-
-
-def beside(found: Residual) -> tuple[ThermalLag, float]:
+def beside_temperature(fitted: Residual) -> tuple[ThermalLag, float]:
     """Return the lag that explains most beside a temperature that a residual has, and its likelihood ratio.
 
     The bias then follows the temperature in two ways, one of them late.
     """
-    channel = found.channel
-    grid, now = lags(channel), centred(channel)
-    scores, _ = scan(found, np.stack([now - lagged(channel, t) for t in grid], axis=1))
-    best = float(grid[scores.best])
-    ratio = asks(found, now - lagged(channel, best)) if scores.promising else 0.0
-    return ThermalLag(best, prompt=True), ratio
+    tried = ThermalLag.candidates(fitted.channel)
+    scores, _ = scan(fitted, np.stack([one.late(fitted.channel) for one in tried], axis=1))
+    best = tried[scores.best]
+    ratio = further_ratio(fitted, best.late(fitted.channel)) if scores.promising else 0.0
+    return replace(best, prompt=True), ratio

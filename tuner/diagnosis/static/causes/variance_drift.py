@@ -14,17 +14,17 @@ Extension: the residuals are divided by √v.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from models.effects.static.distribution import VarianceDrift as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.level import BLOCKS, block_loudness
 from tuner.diagnosis.static.variance.white_share import dilution
 
@@ -40,11 +40,13 @@ MOST = 12.0
 class VarianceDrift(Extension):
     """Log of the variance at the middles of `BLOCKS` even parts of the record, shape (`BLOCKS`,)."""
 
-    cause: ClassVar[str] = "variance_drift"
-    meaning: ClassVar[str] = "the white noise grows (or fades) through the record"
-    consequence: ClassVar[str] = (
-        "one white density does not serve the whole record: take the larger end, or make it follow"
-    )
+    cause = "variance_drift"
+    effect = Effect
+    group = "distribution"
+    only_if_clearest = True
+    view = "variance"
+    meaning = "the white noise grows (or fades) through the record"
+    consequence = "one white density does not serve the whole record: take the larger end, or make it follow"
     course: tuple[float, ...]
 
     def whiten(self, e: FloatArray) -> FloatArray:
@@ -64,42 +66,54 @@ class VarianceDrift(Extension):
         return np.arange(float(len(channel))) * channel.interval
 
     @property
-    def inflation(self) -> float:
+    def largest_ratio(self) -> float:
         """Largest over usual standard deviation of the noise."""
         return float(np.exp(0.5 * max(self.course)))
+
+    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str]:  # noqa: ARG002
+        """Return the ratio at the louder end."""
+        return self.largest_ratio, "variance_drift: the noise at its louder end"
+
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Regress the log variance of blocks on time, and on the temperature where it was measured."""
+        span = fitted.channel.span
+        alarms = [
+            _regression(
+                fitted,
+                middles() - 0.5,
+                "change of the log variance over the record",
+                span,
+                "1/s",
+                VarianceDrift,
+            )
+        ]
+        if COVARIATE in fitted.channel.covariates:
+            celsius = on_blocks(fitted.channel, fitted.channel.covariates[COVARIATE])
+            name = "change of the log variance a kelvin"
+            alarms.append(_regression(fitted, celsius, name, 1.0, "1/K", VarianceByHeat))
+        best = max(alarms, key=lambda alarm: alarm.gain)
+        return TestResult(
+            best.cause,
+            min(1.0, len(alarms) * best.p_value),
+            best.gain,
+            best.statistic,
+            best.name,
+            best.propose,
+        )
 
 
 @dataclass(frozen=True)
 class VarianceByHeat(VarianceDrift):
     """The same, in proportion to the temperature."""
 
-    meaning: ClassVar[str] = "the log of the variance of the white noise follows the measured temperature"
-    consequence: ClassVar[str] = (
-        "one white density does not serve all temperatures: take the larger end, or make it follow"
-    )
+    meaning = "the log of the variance of the white noise follows the measured temperature"
+    consequence = "one white density does not serve all temperatures: take the larger end, or make it follow"
 
     def _follows(self, channel: Channel) -> FloatArray:
         """Return the temperature of the samples, shape (n,)."""
         at = (np.arange(channel.blocks) + 0.5) * channel.block
         return np.interp(np.arange(len(channel)), at, channel.covariates[COVARIATE])
-
-
-def test(found: Residual) -> Alarm:
-    """Regress the log variance of blocks on time, and on the temperature where it was measured."""
-    span = found.channel.span
-    alarms = [
-        _regression(
-            found, middles() - 0.5, "change of the log variance over the record", span, "1/s", VarianceDrift
-        )
-    ]
-    if COVARIATE in found.channel.covariates:
-        celsius = on_blocks(found.channel, found.channel.covariates[COVARIATE])
-        name = "change of the log variance a kelvin"
-        alarms.append(_regression(found, celsius, name, 1.0, "1/K", VarianceByHeat))
-    best = max(alarms, key=lambda alarm: alarm.gain)
-    return Alarm(
-        best.cause, min(1.0, len(alarms) * best.p_value), best.gain, best.statistic, best.name, best.propose
-    )
 
 
 def middles() -> FloatArray:
@@ -113,12 +127,12 @@ def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
 
 
 def _regression(
-    found: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
-) -> Alarm:
+    fitted: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
+) -> TestResult:
     """Fit an exponential variance of the white noise in x, shape (`BLOCKS`,), to the blocks; it counts per x/width."""
-    square, weight, usual = block_loudness(found)
+    square, weight, usual = block_loudness(fitted)
     x = x - weight @ x / weight.sum()
-    white = dilution(found)
+    white = dilution(fitted)
     most = MOST / (float(np.ptp(x)) + 1e-300)
     change = 0.0
     for _ in range(STEPS):
@@ -127,15 +141,15 @@ def _regression(
         information = float(weight @ slope**2) + 1e-300
         change = float(np.clip(change + score / information, -most, most))
     course, slope = _course(change, x, weight, white.variance)
-    fitted, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
-    kappa = max((usual + 1.0) * weight.sum() / float(weight @ fitted**2) - 1.0, 0.1)
-    gain = float(weight @ (np.log(flat) + square / flat - np.log(fitted) - square / fitted)) / kappa
+    expected, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
+    kappa = max((usual + 1.0) * weight.sum() / float(weight @ expected**2) - 1.0, 0.1)
+    gain = float(weight @ (np.log(flat) + square / flat - np.log(expected) - square / expected)) / kappa
     sd = float(np.hypot((float(weight @ slope**2) / kappa + 1e-300) ** -0.5, change * white.error))
     values = {"slope": Value.of(change / width, sd / width, unit)}
-    return Alarm(
+    return TestResult(
         "variance_drift",
         float(chi2.sf(max(2.0 * gain, 0.0), 1)),
-        gain - 0.5 * float(np.log(len(found.e))),
+        gain - 0.5 * float(np.log(len(fitted.e))),
         change,
         name,
         lambda: (kind(tuple(course.tolist()), values=values),),

@@ -12,19 +12,20 @@ level that may slope.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, betaln
 
+from models.effects.static.spectral import Vibration as Effect
 from models.noise import Term
 from models.noise.arma import Arma
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.background import FIRST, local_level
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.spectrum.shape import ShapeTest
@@ -52,11 +53,16 @@ CAP = 25.0
 class Vibration(Extension):
     """An AR(2) resonance, standard deviation in scales."""
 
-    cause: ClassVar[str] = "vibration"
-    repeats: ClassVar[int] = 4
-    meaning: ClassVar[str] = "a narrow-band resonance: a hump in the spectrum, wider than a line"
-    consequence: ClassVar[str] = (
-        "distrust this band: damp or notch it; where it cannot be removed it calls for a two-state shaping filter"
+    cause = "vibration"
+    effect = Effect
+    group = "fast spectrum"
+    shares = 3
+    view = "peak"
+    repeats = 4
+    meaning = "a narrow-band resonance: a hump in the spectrum, wider than a line"
+    consequence = (
+        "distrust this band: damp or notch it; "
+        "where it cannot be removed it calls for a two-state shaping filter"
     )
     frequency: float
     quality: float
@@ -82,14 +88,14 @@ class Vibration(Extension):
         """Return its spectrum, c/(|1 − r exp i(θ − x)|² |1 − r exp i(θ + x)|²) with poles r exp ±iθ, x = 2πfΔ."""
         return np.asarray(resonance(f, interval, *self.pole(interval), self.sd))
 
-    def overlaps(self, found: Residual) -> bool:
+    def overlaps(self, fitted: Residual) -> bool:
         """Return whether a resonance that was accepted already lies under this one, or its size is not known."""
         unknown = self.values["sd"].upper > 3.0 * self.sd
-        return unknown or bool(taken(found, np.array([self.frequency]))[0])
+        return unknown or bool(taken(fitted, np.array([self.frequency]))[0])
 
-    def polished(self, found: Residual, index: int) -> Vibration:  # noqa: ARG002
+    def refit(self, fitted: Residual, index: int) -> Vibration:  # noqa: ARG002
         """Fit the hump again, over the noise as fitted with it, whose level may slope beside it."""
-        dt, n = found.channel.interval, len(found.coefficients)
+        dt, n = fitted.channel.interval, len(fitted.coefficients)
         df = 0.5 / (n * dt)
         reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
         first, last = (int((self.frequency + sign * reach) / df) for sign in (-1, 1))
@@ -98,12 +104,13 @@ class Vibration(Extension):
         number = (last - first) // size
         around = slice(max(first - NEAR, 0), last + NEAR)
         square = (
-            _lines_cut(found.coefficients[1:][around] ** 2 / found.power[around], CAP) * found.power[around]
+            _lines_cut(fitted.coefficients[1:][around] ** 2 / fitted.power[around], CAP)
+            * fitted.power[around]
         )
         inside = slice(first, first + number * size)
         mean = square[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
         f = np.asarray((first + 1 + (np.arange(number) + 0.5) * size - 0.5) * df, dtype=float)
-        expected = found.power[inside].reshape(number, size).mean(axis=1)
+        expected = fitted.power[inside].reshape(number, size).mean(axis=1)
         other = np.maximum(expected - self.power(f, dt), 1e-3 * expected)
         place = (f - f.mean()) / (f[-1] - f[0])
         level = np.stack((other * (0.5 - place), other * (0.5 + place)))
@@ -159,18 +166,18 @@ def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray,
     return total
 
 
-def test(found: Residual, tested: ShapeTest) -> Alarm:
+def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     """Search the spectrum of the residuals for a hump on the best spectrum that has none."""
-    df = 1.0 / (len(found.e) * found.channel.interval)
-    background = tested.background(df * np.arange(1.0, len(found.periodogram) + 1.0))
-    power = found.periodogram / background
+    df = 1.0 / (len(fitted.e) * fitted.channel.interval)
+    background = tested.background(df * np.arange(1.0, len(fitted.periodogram) + 1.0))
+    power = fitted.periodogram / background
     total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, CAP))))
     widths = [width for width in WINDOWS if width <= len(power) // 24]
     best = (np.inf, 8, FIRST, 1.0)
     for width in widths:
         start = np.arange(FIRST, len(power) - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
-        ratio[taken(found, (start + 1 + 0.5 * width) * df)] = 1.0
+        ratio[taken(fitted, (start + 1 + 0.5 * width) * df)] = 1.0
         largest = _largest(ratio, 8)
         nats = -np.array([_log_tail(ratio[i], width, beside[i]) for i in largest])
         at = largest[int(np.argmax(nats))]
@@ -182,20 +189,20 @@ def test(found: Residual, tested: ShapeTest) -> Alarm:
     centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
     if p_value > PROMISING:
-        return Alarm("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
-    gain, fitted = extension(found, background, centre, half)
-    covered = float(np.clip(fitted.frequency / fitted.quality / df, WINDOWS[0], widths[-1]))
+        return TestResult("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
+    gain, found = extension(fitted, background, centre, half)
+    covered = float(np.clip(found.frequency / found.quality / df, WINDOWS[0], widths[-1]))
     price = float(np.log(len(widths) * 2.0 * len(power) / covered))
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
-    if fitted.quality < NARROW or fitted.overlaps(found):
+    if found.quality < NARROW or found.overlaps(fitted):
         gain = -np.inf
-    return Alarm("vibration", p_value, gain - price, mean, name, lambda: (fitted,), local=True)
+    return TestResult("vibration", p_value, gain - price, mean, name, lambda: (found,), local=True)
 
 
-def taken(found: Residual, frequency: FloatArray) -> BoolArray:
+def taken(fitted: Residual, frequency: FloatArray) -> BoolArray:
     """Return which frequencies lie within the width of an accepted resonance: its form is no further one."""
     inside = np.zeros(len(frequency), dtype=bool)
-    for x in found.extensions:
+    for x in fitted.extensions:
         if isinstance(x, Vibration):
             inside |= np.abs(frequency - x.frequency) < x.frequency / x.quality
     return inside
@@ -228,18 +235,18 @@ def _largest(values: FloatArray, number: int) -> IntArray:
     return some[np.argsort(values[some])]
 
 
-def wide(tested: ShapeTest, found: Residual) -> Alarm:
+def wide(tested: ShapeTest, fitted: Residual) -> TestResult:
     """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
     name = "excess of the fast spectrum over white noise"
     if tested.hump is None:
-        return Alarm("vibration", tested.any_p_value, -9.0, 0.0, name)
+        return TestResult("vibration", tested.any_p_value, -9.0, 0.0, name)
     hump = tested.hump
     scale = np.array([1.0, 1.0, 0.5])
     spread = scale * np.sqrt(np.diag(hump.covariance))
-    fitted = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
+    found = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
     ratio = 2.0 * (tested.null.cost - hump.cost)
-    gain = -np.inf if fitted.quality < NARROW or fitted.overlaps(found) else tested.gain(hump)
-    return Alarm("vibration", tested.any_p_value, gain, ratio, name, lambda: (fitted,))
+    gain = -np.inf if found.quality < NARROW or found.overlaps(fitted) else tested.gain(hump)
+    return TestResult("vibration", tested.any_p_value, gain, ratio, name, lambda: (found,))
 
 
 def _lines_cut(power: FloatArray, cap: float) -> FloatArray:
@@ -257,42 +264,42 @@ def _log_tail(ratio: float, width: float, reference: float) -> float:
     return float(log_density - np.log(reference))
 
 
-def rival(found: Residual, frequency: float, height: float) -> Alarm | None:
+def rival(fitted: Residual, frequency: float, height: float) -> TestResult | None:
     """Return the alarm of a resonance that explains a peak of the spectrum better than a line of that height.
 
     A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
     """
-    n, dt = len(found.e), found.channel.interval
-    gain, fitted = extension(found, np.ones_like(found.periodogram), frequency, 8.0 / (n * dt), cap=np.inf)
-    if gain < height + float(np.log(n)) or not NARROW < fitted.quality < frequency * n * dt:
+    n, dt = len(fitted.e), fitted.channel.interval
+    gain, found = extension(fitted, np.ones_like(fitted.periodogram), frequency, 8.0 / (n * dt), cap=np.inf)
+    if gain < height + float(np.log(n)) or not NARROW < found.quality < frequency * n * dt:
         return None
     name = "likelihood of a resonance in place of a line"
     p_value = float(np.exp(-gain)) * n
-    if found.found("vibration") >= Vibration.repeats:
-        return Alarm("vibration", p_value, 0.0, gain, f"{name}, at {fitted.frequency:.4g} Hz")
-    return Alarm("vibration", p_value, gain, gain, name, lambda: (fitted,), local=True)
+    if fitted.count("vibration") >= Vibration.repeats:
+        return TestResult("vibration", p_value, 0.0, gain, f"{name}, at {found.frequency:.4g} Hz")
+    return TestResult("vibration", p_value, gain, gain, name, lambda: (found,), local=True)
 
 
 def extension(
-    found: Residual, background: FloatArray, middle: float, half: float, *, cap: float = CAP
+    fitted: Residual, background: FloatArray, middle: float, half: float, *, cap: float = CAP
 ) -> tuple[float, Vibration]:
     """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains.
 
     `background` is the power beside it ÷ that of the residual at the Fourier frequencies.
     """
-    dt, n = found.channel.interval, len(found.periodogram)
-    df = 1.0 / (len(found.e) * dt)
+    dt, n = fitted.channel.interval, len(fitted.periodogram)
+    df = 1.0 / (len(fitted.e) * dt)
     reach = max(12.0 * half, 100.0 * df)
     first, last = max(FIRST, int((middle - reach) / df)), min(n, int((middle + reach) / df))
     size = max(1, (last - first) // 500)
     number = (last - first) // size
     around = slice(max(first // NEAR - 1, 0) * NEAR, (last // NEAR + 2) * NEAR)
-    power = _lines_cut(found.periodogram[around] / background[around], cap)
+    power = _lines_cut(fitted.periodogram[around] / background[around], cap)
     mean = power[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
     f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)
     beside = background[around]
     there = np.interp(f, df * np.arange(around.start + 1.0, around.start + 1.0 + len(beside)), beside)
-    white = found.spread**2 * found.power_at(f) * there
+    white = fitted.spread**2 * fitted.power_at(f) * there
     place, none = (f - middle) / reach, np.zeros(number)
 
     def cost(x: FloatArray) -> float:

@@ -50,74 +50,74 @@ class Profile:
     drift: float
 
 
-def first_column(found: Residual, index: int) -> int:
+def first_column(fitted: Residual, index: int) -> int:
     """Return the place of the first template of extension `index` among the columns of the track."""
-    return 1 + sum(int(x.columns(found.channel).shape[1]) for x in found.extensions[:index])
+    return 1 + sum(int(x.columns(fitted.channel).shape[1]) for x in fitted.extensions[:index])
 
 
-def track_without(found: Residual, index: int) -> Track:
+def track_without(fitted: Residual, index: int) -> Track:
     """Return the track without the templates of extension `index`."""
-    at = first_column(found, index)
-    width = found.extensions[index].columns(found.channel).shape[1]
-    kept = np.delete(found.track.columns, np.arange(at, at + width), axis=1)
-    return replace(found.track, columns=kept)
+    at = first_column(fitted, index)
+    width = fitted.extensions[index].columns(fitted.channel).shape[1]
+    kept = np.delete(fitted.track.columns, np.arange(at, at + width), axis=1)
+    return replace(fitted.track, columns=kept)
 
 
-def best_constant(found: Residual, index: int, template: Template, near: float) -> float:
+def best_constant(fitted: Residual, index: int, template: Template, near: float) -> float:
     """Return the time constant next to `near`, s, of greatest likelihood at the fitted noise."""
-    explained = _explained(found, index, template)
+    explained = _explained(fitted, index, template)
     bounds = (np.log(near / 2.0), np.log(near * 2.0))
     best = minimize_scalar(lambda x: -explained(x), bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(np.exp(best.x))
 
 
-def _explained(found: Residual, index: int, template: Template) -> Callable[[float], float]:
+def _explained(fitted: Residual, index: int, template: Template) -> Callable[[float], float]:
     """Return the squares that the templates explain at the fitted noise, for the logarithm of a time constant."""
-    track = track_without(found, index)
+    track = track_without(fitted, index)
     singles = track.singles
-    root = 1.0 / np.sqrt(found.fit.expected[:singles])
+    root = 1.0 / np.sqrt(fitted.fit.expected[:singles])
     known = track.columns * root[:, None]
     target = track.grid.amplitude[:singles] * root
 
     def explained(log_constant: float) -> float:
-        columns = block_transform(template(float(np.exp(log_constant))), found.repaired, singles)
+        columns = block_transform(template(float(np.exp(log_constant))), fitted.cleaned, singles)
         basis, _ = np.linalg.qr(np.concatenate((known, columns * root[:, None]), axis=1))
         return float(np.sum((basis.T @ target) ** 2))
 
     return explained
 
 
-def profile(found: Residual, index: int, template: Template, centre: float, size: Value) -> Profile:
+def profile(fitted: Residual, index: int, template: Template, centre: float, size: Value) -> Profile:
     """Return the 95 % interval of the time constant of an extension, s.
 
     `size` is that of its template at this time constant. As far as its interval is wider than the fitted noise
     has it, so is the interval of the time constant.
     """
-    track = track_without(found, index)
+    track = track_without(fitted, index)
     column = track.columns.shape[1]
-    sd = float(np.sqrt(found.fit.beta_covariance[first_column(found, index), first_column(found, index)]))
+    sd = float(np.sqrt(fitted.fit.beta_covariance[first_column(fitted, index), first_column(fitted, index)]))
     wider = max(1.0, (size.upper - size.lower) / (3.92 * sd))
-    explained, middle = _explained(found, index, template), float(np.log(centre))
+    explained, middle = _explained(fitted, index, template), float(np.log(centre))
     most = explained(middle)
-    followed = [f for f in found.fits if f.log_likelihood > found.fit.log_likelihood - HOPELESS]
+    followed = [f for f in fitted.fits if f.log_likelihood > fitted.fit.log_likelihood - HOPELESS]
 
     def held(log_factor: float) -> float:
         return most - explained(middle + log_factor)
 
     def refitted(log_factor: float) -> float:
         constant = centre * float(np.exp(log_factor))
-        trial = track.with_columns(block_transform(template(constant), found.repaired, track.singles))
+        trial = track.with_columns(block_transform(template(constant), fitted.cleaned, track.singles))
         best = max(trial.fit(f.kinds, f.theta).log_likelihood for f in followed)
-        return SHRINK * 2.0 * (found.fit.log_likelihood - best)
+        return SHRINK * 2.0 * (fitted.fit.log_likelihood - best)
 
     ends = []
     for sign in (-1.0, 1.0):
         ends.append(sign * max(_reach(refitted, sign), wider * _reach(held, sign)))
     sizes = []
     for end in ends:
-        columns = block_transform(template(centre * float(np.exp(end))), found.repaired, track.singles)
+        columns = block_transform(template(centre * float(np.exp(end))), fitted.cleaned, track.singles)
         weighted = track.with_columns(columns)
-        root = 1.0 / np.sqrt(found.fit.expected[: track.singles])
+        root = 1.0 / np.sqrt(fitted.fit.expected[: track.singles])
         target = track.grid.amplitude[: track.singles] * root
         sizes.append(float(np.linalg.lstsq(weighted.columns * root[:, None], target)[0][column]))
     low, high = (centre * float(np.exp(end)) for end in ends)

@@ -44,8 +44,8 @@ class Residual:
     ----------
     channel : Channel
         As measured.
-    repaired : Channel
-        After the repairs of the extensions.
+    cleaned : Channel
+        After the cleaners of the extensions.
     extensions : tuple of Extension
         What has been accepted.
     track : Track
@@ -53,7 +53,7 @@ class Residual:
     fits : tuple of Fit
         Fits of the kinds of slow noise, the best first.
     coefficients : ndarray, shape (n,)
-        Cosine coefficients of the repaired samples.
+        Cosine coefficients of the cleaned samples.
     shapes : dict
         Power of each extension at coefficients 1 … n-1, shape (n − 1,), where it is known.
     known : dict
@@ -61,7 +61,7 @@ class Residual:
     """
 
     channel: Channel
-    repaired: Channel
+    cleaned: Channel
     extensions: tuple[Extension, ...]
     track: Track
     fits: tuple[Fit, ...]
@@ -85,11 +85,11 @@ class Residual:
         return tuple(fit.kinds for fit in self.fits)
 
     @property
-    def repairs(self) -> tuple[Extension, ...]:
+    def cleaners(self) -> tuple[Extension, ...]:
         """Extensions that change samples."""
         return _repairs(self.extensions)
 
-    def found(self, *causes: str) -> int:
+    def count(self, *causes: str) -> int:
         """Return how many extensions have one of these causes."""
         return sum(extension.cause in causes for extension in self.extensions)
 
@@ -129,7 +129,7 @@ class Residual:
     @cached_property
     def power(self) -> FloatArray:
         """Expected power of each coefficient 1 … n-1."""
-        n, dt, low = len(self.repaired), self.channel.interval, self.track.singles
+        n, dt, low = len(self.cleaned), self.channel.interval, self.track.singles
         white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
         others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
         order = np.arange(low + 1.0, n)
@@ -142,7 +142,7 @@ class Residual:
     @cached_property
     def peaks(self) -> FloatArray:
         """Power that the extensions add to each coefficient 1 … n-1."""
-        n, dt = len(self.repaired), self.channel.interval
+        n, dt = len(self.cleaned), self.channel.interval
         total, f = np.zeros(n - 1), np.arange(1.0, n) / (2.0 * n * dt)
         for extension in self.extensions:
             if type(extension).power is not Extension.power:
@@ -159,7 +159,7 @@ class Residual:
     @cached_property
     def path(self) -> FloatArray:
         """What the templates as fitted make of the block means, shape (M,): straight where nothing was measured."""
-        return np.asarray(self.repaired.bridged(_columns(self.channel, self.extensions)) @ self.fit.beta)
+        return np.asarray(self.cleaned.bridged(_columns(self.channel, self.extensions)) @ self.fit.beta)
 
     @property
     def spread(self) -> float:
@@ -181,8 +181,8 @@ class Residual:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Samples that were measured and not repaired."""
-        return self.repaired.valid
+        """Samples that were measured and not cleaned."""
+        return self.cleaned.valid
 
     @cached_property
     def good(self) -> FloatArray:
@@ -204,7 +204,7 @@ class Residual:
 
     def power_at(self, f: FloatArray | float) -> FloatArray:
         """Return the expected spectrum at frequencies `f`, Hz, by interpolation."""
-        n = len(self.repaired)
+        n = len(self.cleaned)
         place = np.clip(np.asarray(f) * (2.0 * n * self.channel.interval) - 1.0, 0.0, n - 2.0)
         below = np.minimum(place.astype(np.intp), n - 3)
         return np.asarray(self.power[below] + (place - below) * (self.power[below + 1] - self.power[below]))
@@ -223,10 +223,10 @@ def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
     """Return the function, which keeps what it makes of a residual with that residual: it is asked by several tests."""
 
     @wraps(make)
-    def kept(found: Residual) -> T:
-        if make not in found.known:
-            found.known[make] = make(found)
-        value: T = found.known[make]
+    def kept(fitted: Residual) -> T:
+        if make not in fitted.known:
+            fitted.known[make] = make(fitted)
+        value: T = fitted.known[make]
         return value
 
     return kept
@@ -240,7 +240,7 @@ def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:
 
 def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
     """Return the extensions that change samples."""
-    return tuple(x for x in extensions if type(x).repair is not Extension.repair)
+    return tuple(x for x in extensions if type(x).clean_samples is not Extension.clean_samples)
 
 
 def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
@@ -308,20 +308,20 @@ def residual(
     starts : dict, optional
         Logs of the parameters of each kind of noise to start from.
     near : Residual, optional
-        One of the same channel, whose coefficients serve again where the repairs are the same.
+        One of the same channel, whose coefficients serve again where the cleaners are the same.
     """
     singles = channel.blocks // 2
-    if near is not None and near.channel is channel and near.repairs == _repairs(extensions):
-        repaired, a, cells = near.repaired, near.coefficients, near.track.grid
+    if near is not None and near.channel is channel and near.cleaners == _repairs(extensions):
+        cleaned, a, cells = near.cleaned, near.coefficients, near.track.grid
     else:
-        repaired = channel
+        cleaned = channel
         for extension in extensions:
-            repaired = extension.repair(repaired)
-        a = transform(repaired.y, channel.interval)
+            cleaned = extension.clean_samples(cleaned)
+        a = transform(cleaned.y, channel.interval)
         cells = grid(a, channel.interval, singles)
     track = Track(
         cells,
-        block_transform(_columns(channel, extensions), repaired, singles),
+        block_transform(_columns(channel, extensions), cleaned, singles),
         gain_of(extensions, cells.frequency, channel.interval),
         power_of(extensions, cells.frequency, channel.interval),
     )
@@ -331,21 +331,21 @@ def residual(
     fits = sorted((track.fit(kind, known.get(kind)) for kind in kinds), key=lambda fit: -fit.log_likelihood)
     shapes = near.shapes if near is not None and near.channel is channel else {}
     same = {extension: shapes[extension] for extension in extensions if extension in shapes}
-    return Residual(channel, repaired, extensions, track, tuple(fits), a, same)
+    return Residual(channel, cleaned, extensions, track, tuple(fits), a, same)
 
 
-def without(found: Residual, index: int) -> Residual:
+def without(fitted: Residual, index: int) -> Residual:
     """Return the residual with one extension taken out."""
-    kept = tuple(x for i, x in enumerate(found.extensions) if i != index)
-    return residual(found.channel, kept, starts=found.starts, near=found)
+    kept = tuple(x for i, x in enumerate(fitted.extensions) if i != index)
+    return residual(fitted.channel, kept, starts=fitted.starts, near=fitted)
 
 
-def extended(found: Residual, extension: Extension) -> Residual:
+def extended(fitted: Residual, extension: Extension) -> Residual:
     """Return the residual with one extension more."""
-    return residual(found.channel, (*found.extensions, extension), starts=found.starts, near=found)
+    return residual(fitted.channel, (*fitted.extensions, extension), starts=fitted.starts, near=fitted)
 
 
-def relabelled(found: Residual, extensions: tuple[Extension, ...]) -> Residual:
+def relabelled(fitted: Residual, extensions: tuple[Extension, ...]) -> Residual:
     """Return the same residual whose extensions carry other values."""
-    same = {extension: found.shapes[extension] for extension in extensions if extension in found.shapes}
-    return replace(found, extensions=extensions, shapes=same)
+    same = {extension: fitted.shapes[extension] for extension in extensions if extension in fitted.shapes}
+    return replace(fitted, extensions=extensions, shapes=same)

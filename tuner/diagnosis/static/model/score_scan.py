@@ -64,20 +64,20 @@ class Judgement:
     gain: float
 
 
-def weights(found: Residual) -> FloatArray:
+def weights(fitted: Residual) -> FloatArray:
     """Return 1/E of the single coefficients, shape (K,)."""
-    return 1.0 / found.fit.expected[: found.track.singles]
+    return 1.0 / fitted.fit.expected[: fitted.track.singles]
 
 
-def rest(found: Residual) -> FloatArray:
+def rest(fitted: Residual) -> FloatArray:
     """Return what the templates of the model leave, a − N β, shape (K,)."""
-    return found.track.grid.amplitude[: found.track.singles] - found.track.columns @ found.fit.beta
+    return fitted.track.grid.amplitude[: fitted.track.singles] - fitted.track.columns @ fitted.fit.beta
 
 
-def project(found: Residual, templates: FloatArray) -> tuple[FloatArray, FloatArray]:
+def project(fitted: Residual, templates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return whitened templates (K, p) free of those of the model, and their norms (p,)."""
-    root = np.sqrt(weights(found))[:, None]
-    basis, _ = np.linalg.qr(found.track.columns * root)
+    root = np.sqrt(weights(fitted))[:, None]
+    basis, _ = np.linalg.qr(fitted.track.columns * root)
     white = templates * root
     norm_before = np.sqrt(np.sum(white * white, axis=0))
     white = white - basis @ (basis.T @ white)
@@ -86,32 +86,32 @@ def project(found: Residual, templates: FloatArray) -> tuple[FloatArray, FloatAr
     return white / norm, norm
 
 
-def scan(found: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
+def scan(fitted: Residual, columns: FloatArray) -> tuple[Scan, FloatArray]:
     """Score templates given on the blocks, shape (M, p); return their coefficients (K, p) too."""
-    templates = block_transform(columns, found.repaired, found.track.singles)
-    white, _ = project(found, templates)
-    score = white.T @ (rest(found) * np.sqrt(weights(found)))
+    templates = block_transform(columns, fitted.cleaned, fitted.track.singles)
+    white, _ = project(fitted, templates)
+    score = white.T @ (rest(fitted) * np.sqrt(weights(fitted)))
     return Scan(score, np.sum(white[:, :-1] * white[:, 1:], axis=0)), templates
 
 
-def likeliest(found: Residual, column: Callable[[float], FloatArray], near: float) -> float:
+def likeliest(fitted: Residual, column: Callable[[float], FloatArray], near: float) -> float:
     """Return the time constant within a factor of two of `near`, s, whose template, shape (M,), scores most."""
-    singles = found.track.singles
-    target = rest(found) * np.sqrt(weights(found))
+    singles = fitted.track.singles
+    target = rest(fitted) * np.sqrt(weights(fitted))
 
     def loss(log_constant: float) -> float:
-        template = block_transform(column(float(np.exp(log_constant)))[:, None], found.repaired, singles)
-        return -float((project(found, template)[0][:, 0] @ target) ** 2)
+        template = block_transform(column(float(np.exp(log_constant)))[:, None], fitted.cleaned, singles)
+        return -float((project(fitted, template)[0][:, 0] @ target) ** 2)
 
     best = minimize_scalar(loss, bounds=(np.log(near / 2.0), np.log(near * 2.0)), method="bounded")
     return float(np.exp(best.x))
 
 
-def scan_steps(found: Residual) -> Scan:
+def scan_steps(fitted: Residual) -> Scan:
     """Score a step at each block boundary 1 … M − 1."""
-    channel, w = found.channel, weights(found)
-    m, k = channel.blocks, np.arange(1, found.track.singles + 1)
-    score = step_sums(w * rest(found), channel)
+    channel, w = fitted.channel, weights(fitted)
+    m, k = channel.blocks, np.arange(1, fitted.track.singles + 1)
+    score = step_sums(w * rest(fitted), channel)
     g = np.zeros(m, dtype=complex)
     g[1 : len(k) + 1] = step_scale(channel, len(k)) ** 2 * w
     total = float(g.real.sum())
@@ -119,8 +119,8 @@ def scan_steps(found: Residual) -> Scan:
     twice = _cosine_sums(g.real, m)[place]
     shifted = np.real(np.fft.fft(g * np.exp(-1j * np.pi * np.arange(m) / m)))[place]
     beside = float(g.real[1 : len(k) + 1] @ np.cos(np.pi * k / m))
-    cross = np.stack([step_sums(w * column, channel) for column in found.track.columns.T], axis=1)
-    inverse = np.linalg.pinv(found.track.columns.T @ (found.track.columns * w[:, None]), hermitian=True)
+    cross = np.stack([step_sums(w * column, channel) for column in fitted.track.columns.T], axis=1)
+    inverse = np.linalg.pinv(fitted.track.columns.T @ (fitted.track.columns * w[:, None]), hermitian=True)
     variance = 0.5 * (total - twice) - np.sum((cross @ inverse) * cross, axis=1)
     covariance = 0.5 * (beside - shifted[:-1]) - np.sum((cross[:-1] @ inverse) * cross[1:], axis=1)
     usable = variance > 1e-6 * variance.max()
@@ -136,13 +136,13 @@ def _cosine_sums(g: FloatArray, m: int) -> FloatArray:
     return np.concatenate((half, half[1 : m - len(half) + 1][::-1]))
 
 
-def step_column(found: Residual, boundary: int) -> FloatArray:
+def step_column(fitted: Residual, boundary: int) -> FloatArray:
     """Return a step on the blocks, shape (M,)."""
-    return (np.arange(found.channel.blocks) >= boundary).astype(float)
+    return (np.arange(fitted.channel.blocks) >= boundary).astype(float)
 
 
-def judge(found: Residual, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
+def judge(fitted: Residual, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
     """Judge a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
-    ratio = max(0.0, 2.0 * (found.refit(template).log_likelihood - found.fit.log_likelihood))
-    gain = 0.5 * ratio - price - 0.25 * float(np.log(found.channel.blocks))
+    ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
+    gain = 0.5 * ratio - price - 0.25 * float(np.log(fitted.channel.blocks))
     return Judgement(ratio, davies(SHRINK * ratio, correlation), gain)

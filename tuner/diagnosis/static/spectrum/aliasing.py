@@ -28,19 +28,21 @@ RISING = 1.5
 """Noise at half the rate ÷ that at a tenth of it from which it rises."""
 
 
-def rises(found: Residual) -> bool:
+def rises(fitted: Residual) -> bool:
     """Tell whether the noise at half the rate is more than `RISING` times that at a tenth of it, peaks apart."""
-    dt = found.channel.interval
+    dt = fitted.channel.interval
     f = np.array([0.1, 0.499]) / dt
-    white = sum(t.density**2 for t in found.fit.terms() if isinstance(t, White))
-    low, high = (found.model.psd(f, interval=dt) + white * (gain_of(found.extensions, f, dt) - 1.0)).tolist()
+    white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White))
+    low, high = (
+        fitted.model.psd(f, interval=dt) + white * (gain_of(fitted.extensions, f, dt) - 1.0)
+    ).tolist()
     return bool(high > RISING * low)
 
 
-def bandwidth(found: Residual) -> tuple[float, bool]:
+def bandwidth(fitted: Residual) -> tuple[float, bool]:
     """Return the equivalent noise bandwidth of a channel, Hz, and whether it may as well be larger."""
-    dt = found.channel.interval
-    for shape in found.extensions:
+    dt = fitted.channel.interval
+    for shape in fitted.extensions:
         if isinstance(shape, LowPass):
             return float(0.5 * np.pi / shape.order / np.sin(0.5 * np.pi / shape.order)) * shape.cutoff, False
         if isinstance(shape, Colour):

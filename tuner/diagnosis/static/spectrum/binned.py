@@ -91,34 +91,34 @@ class Sizes:
     cost: float
 
 
-def bins(found: Residual, without: Extension | None = None) -> Bins:
+def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
-    dt, n = found.channel.interval, len(found.coefficients) - 1
+    dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
     first = int(2.0 * LOWEST * n)
     width = (n - first) // BINS
     inside = slice(first, first + width * BINS)
-    square = (found.coefficients[1:][inside] ** 2).reshape(BINS, width)
+    square = (fitted.coefficients[1:][inside] ** 2).reshape(BINS, width)
     level = np.median(square, axis=1, keepdims=True) / MEDIAN
-    total = found.power[inside].reshape(BINS, width).mean(axis=1)
+    total = fitted.power[inside].reshape(BINS, width).mean(axis=1)
     cycles = np.asarray((first + (np.arange(BINS) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
-    terms = found.fit.terms()
+    terms = fitted.fit.terms()
     white = sum(t.density**2 for t in terms if isinstance(t, White))
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
-    known = tuple(x for x in found.extensions if x is not without)
+    known = tuple(x for x in fitted.extensions if x is not without)
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
-    rounding = found.channel.lattice**2 / 12.0 * dt
-    peaks = found.peaks[inside]
+    rounding = fitted.channel.lattice**2 / 12.0 * dt
+    peaks = fitted.peaks[inside]
     if without is not None:
         f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
         peaks = peaks - without.power(f, dt)
     peaks = peaks.reshape(BINS, width).mean(axis=1)
-    told = power_of(found.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
-    rest = total - told - white * gain_of(found.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    told = power_of(fitted.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
+    rest = total - told - white * gain_of(fitted.extensions, cycles / dt, dt) - quantization * rise(cycles)
     return Bins(
         dt,
         cycles,
         np.minimum(square, CAP * level).mean(axis=1),
-        np.full(BINS, width / float(np.mean(course(found) ** 2))),
+        np.full(BINS, width / float(np.mean(course(fitted) ** 2))),
         gain_of(known, cycles / dt, dt),
         np.maximum(rest, 0.0),
         peaks,

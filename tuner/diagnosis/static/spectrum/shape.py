@@ -268,16 +268,16 @@ class ShapeTest:
         return min(even, key=lambda fitted: fitted.cost, default=None)
 
 
-def shape_test(found: Residual) -> ShapeTest:
+def shape_test(fitted: Residual) -> ShapeTest:
     """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm, none where one is known."""
-    return many_shapes(few_shapes(found))
+    return many_shapes(few_shapes(fitted))
 
 
-def few_shapes(found: Residual) -> ShapeTest:
+def few_shapes(fitted: Residual) -> ShapeTest:
     """Fit the colours of first order and, where they or the bins alarm, the filters: what a background asks for."""
-    data = bins(found)
+    data = bins(fitted)
     null = fit_white(data)
-    if found.found("lowpass", "colour"):
+    if fitted.count("lowpass", "colour"):
         return ShapeTest(data, null, 1.0, misfit(data, null), (), (), None, 1.0)
     first = tuple(fit_colour(data, name) for name in FIRST_ORDER)
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))

@@ -72,11 +72,11 @@ class Loudness:
 
 
 @once
-def loudness(found: Residual) -> Loudness:
+def loudness(fitted: Residual) -> Loudness:
     """Return how loud every sample is."""
-    e = np.clip(found.e, -CLIP, CLIP)
-    square, told = e * e, found.valid
-    cell = cell_moments(found)
+    e = np.clip(fitted.e, -CLIP, CLIP)
+    square, told = e * e, fitted.valid
+    cell = cell_moments(fitted)
     if cell is not None:
         told = told & np.isfinite(cell[1])
         square = square / cell[0]
@@ -94,10 +94,10 @@ def loudness(found: Residual) -> Loudness:
 
 
 @once
-def course(found: Residual) -> FloatArray:
+def course(fitted: Residual) -> FloatArray:
     """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions know it."""
-    deviate = np.ones(len(found.e))
-    for extension in found.extensions:
+    deviate = np.ones(len(fitted.e))
+    for extension in fitted.extensions:
         if extension.cause in ("burst", "variance_drift"):
             deviate = extension.whiten(deviate)
     variance = deviate**-2
@@ -105,13 +105,13 @@ def course(found: Residual) -> FloatArray:
 
 
 @once
-def block_loudness(found: Residual) -> tuple[FloatArray, FloatArray, float]:
+def block_loudness(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
     """Return the mean squares of `BLOCKS` even parts, their weights, shapes (`BLOCKS`,), and κ.
 
     The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.
     """
-    loud = loudness(found)
-    size = len(found.e) // BLOCKS
+    loud = loudness(fitted)
+    size = len(fitted.e) // BLOCKS
     inside = slice(0, size * BLOCKS)
     told = loud.scatter[inside] > 0.0
     count = told.reshape(BLOCKS, size).sum(axis=1).astype(float)

@@ -30,7 +30,7 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.level import BLOCKS, block_loudness
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 
@@ -42,16 +42,16 @@ EMPTY = 0.5
 """Share of the usual number of samples below which a block says nothing."""
 
 
-def test(found: Residual) -> tuple[Alarm, Alarm, Alarm]:
+def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
     """Test the loudness of the blocks against periods, against the bias, and against being even."""
-    deviate, basis = _deviates(found)
+    deviate, basis = _deviates(fitted)
     periodic, cycles = _periodic(deviate, basis)
-    bias = _beside(bias_track(found), basis)
+    bias = _beside(bias_track(fitted), basis)
     by_bias = float(bias @ deviate) ** 2
     scatter = float(deviate @ deviate) - max(periodic, by_bias)
-    chance = 1.0 if is_coarse(found) else float(chi2.sf(by_bias, 1))
+    chance = 1.0 if is_coarse(fitted) else float(chi2.sf(by_bias, 1))
     freedom = int(np.count_nonzero(deviate)) - basis.shape[1] - 2
-    period = found.channel.span / cycles
+    period = fitted.channel.span / cycles
     return (
         _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
                  f"the variance of the white noise swells and ebbs with a period of {period:.4g} s"),
@@ -62,19 +62,19 @@ def test(found: Residual) -> tuple[Alarm, Alarm, Alarm]:
     )  # fmt: skip
 
 
-def _unnamed(family: str, p_value: float, statistic: float, name: str) -> Alarm:
-    return Alarm(family, p_value, 0.0, statistic, name)
+def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestResult:
+    return TestResult(family, p_value, 0.0, statistic, name)
 
 
-def _deviates(found: Residual) -> tuple[FloatArray, FloatArray]:
+def _deviates(fitted: Residual) -> tuple[FloatArray, FloatArray]:
     """Return the deviates of the blocks, shape (`BLOCKS`,), and what was taken out of them: orthonormal columns."""
-    square, weight, kappa = block_loudness(found)
+    square, weight, kappa = block_loudness(fitted)
     told = weight > EMPTY * float(np.median(weight))
     level = float(weight[told] @ square[told] / weight[told].sum())
     deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
     known = [np.ones(BLOCKS), middles() - 0.5]
-    if COVARIATE in found.channel.covariates:
-        known.append(on_blocks(found.channel, found.channel.covariates[COVARIATE]))
+    if COVARIATE in fitted.channel.covariates:
+        known.append(on_blocks(fitted.channel, fitted.channel.covariates[COVARIATE]))
     basis = np.empty((BLOCKS, 0))
     for column in known:
         basis = np.column_stack((basis, _beside(column * told, basis)))
@@ -102,12 +102,12 @@ def _periodic(deviate: FloatArray, basis: FloatArray) -> tuple[float, float]:
     return float(value[best]), float(CYCLES[best])
 
 
-def bias_track(found: Residual) -> FloatArray:
+def bias_track(fitted: Residual) -> FloatArray:
     """Return the slow part of the samples as the model sees it, at the blocks of the variance, shape (`BLOCKS`,)."""
-    track, fit = found.track, found.fit
+    track, fit = fitted.track, fitted.fit
     low = slice(0, BLOCKS - 1)
     slow = NoiseModel(t for t in fit.terms() if not isinstance(t, White | Quantization))
-    power = slow.psd(track.grid.frequency[low], interval=found.channel.interval)
+    power = slow.psd(track.grid.frequency[low], interval=fitted.channel.interval)
     means = track.columns[low] @ fit.beta
     coefficients = means + power / fit.expected[low] * (track.grid.amplitude[low] - means)
     return np.asarray(idct(np.concatenate(([0.0], coefficients)), norm="ortho"))

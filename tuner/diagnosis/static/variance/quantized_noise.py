@@ -115,15 +115,15 @@ def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
     return Moments(reach, place, (1.0 + 1e-12) * place + shift, variance, scatter)
 
 
-def cell_moments(found: Residual) -> tuple[FloatArray, FloatArray] | None:
+def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
     """Return the variance of every sample ÷ that of the usual one, and κ; shapes (n,). None where rounding is fine.
 
     Samples that say nothing of their noise have κ = ∞.
     """
-    channel, step = found.channel, found.channel.lattice
+    channel, step = fitted.channel, fitted.channel.lattice
     if step <= 0.5 * FINE:
         return None
-    slow, noise, unsure = slow_track(found)
+    slow, noise, unsure = slow_track(fitted)
     seen = noise / step**2
     if channel.deadband == 0.0 and seen - 1.0 / 12.0 >= FINE**-2:
         return None
@@ -142,28 +142,28 @@ def cell_moments(found: Residual) -> tuple[FloatArray, FloatArray] | None:
     return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
 
 
-def is_coarse(found: Residual) -> bool:
+def is_coarse(fitted: Residual) -> bool:
     """Return whether a step exceeds `COARSE` sd of the white noise: the place in a cell is felt."""
-    white = sum(t.density**2 for t in found.fit.terms() if isinstance(t, White)) / found.channel.interval
-    step = found.channel.lattice
-    return step**2 > COARSE**2 * max(found.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
+    white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
+    step = fitted.channel.lattice
+    return step**2 > COARSE**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
 
 
-def slow_track(found: Residual) -> tuple[FloatArray, float, float]:
+def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
     """Return the samples without their white noise and quantization, as the model sees them, shape (n,), in scales.
 
     In the cosine domain s = Cβ + (1 − W/E)(a − Cβ), with W the power of the noise. Its variance comes with it, mean W,
     and that of the track, mean W (1 − W/E).
     """
-    dt, n = found.channel.interval, len(found.coefficients)
+    dt, n = fitted.channel.interval, len(fitted.coefficients)
     f = np.linspace(0.0, 0.5 / dt, GRID**2)
-    noise = NoiseModel(t for t in found.fit.terms() if isinstance(t, White | Quantization)).psd(
+    noise = NoiseModel(t for t in fitted.fit.terms() if isinstance(t, White | Quantization)).psd(
         f, interval=dt
     )
-    power = np.minimum(np.interp(np.arange(1.0, n) / (2.0 * n * dt), f, noise), found.power)
-    a = found.coefficients.copy()
+    power = np.minimum(np.interp(np.arange(1.0, n) / (2.0 * n * dt), f, noise), fitted.power)
+    a = fitted.coefficients.copy()
     means = np.zeros(n - 1)
-    means[: found.track.singles] = found.track.columns @ found.fit.beta
-    a[1:] = means + (1.0 - power / found.power) * (a[1:] - means)
-    unsure = float(np.mean(power * (1.0 - power / found.power))) / dt
-    return inverse(a, dt), found.spread**2 * float(power.mean()) / dt, unsure
+    means[: fitted.track.singles] = fitted.track.columns @ fitted.fit.beta
+    a[1:] = means + (1.0 - power / fitted.power) * (a[1:] - means)
+    unsure = float(np.mean(power * (1.0 - power / fitted.power))) / dt
+    return inverse(a, dt), fitted.spread**2 * float(power.mean()) / dt, unsure

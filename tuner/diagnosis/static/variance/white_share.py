@@ -51,15 +51,15 @@ class Dilution:
         return max(1.0 + excess / max(a - excess * (1.0 - a) * share, LEAST * a), 1e-3)
 
 
-def dilution(found: Residual) -> Dilution:
+def dilution(fitted: Residual) -> Dilution:
     """Return what of the residuals is white noise."""
-    dt = found.channel.interval
+    dt = fitted.channel.interval
     f = np.linspace(0.0, 0.5 / dt, GRID + 1)
-    order = next(i for i, term in enumerate(found.fit.terms()) if isinstance(term, White))
-    at = sum(len(kind.PARAMETERS) for kind in found.fit.kinds[:order])
-    density = float(np.exp(2.0 * found.fit.theta[at]))
-    own = max(density - found.channel.lattice**2 * dt / 12.0, LEAST * density)
-    response = np.sqrt(np.minimum(own * gain_of(found.extensions, f, dt) / found.power_at(f), 1.0))
+    order = next(i for i, term in enumerate(fitted.fit.terms()) if isinstance(term, White))
+    at = sum(len(kind.PARAMETERS) for kind in fitted.fit.kinds[:order])
+    density = float(np.exp(2.0 * fitted.fit.theta[at]))
+    own = max(density - fitted.channel.lattice**2 * dt / 12.0, LEAST * density)
+    response = np.sqrt(np.minimum(own * gain_of(fitted.extensions, f, dt) / fitted.power_at(f), 1.0))
     h = np.fft.irfft(response)
-    error = 2.0 * float(np.sqrt(found.fit.covariance[at, at]))
+    error = 2.0 * float(np.sqrt(fitted.fit.covariance[at, at]))
     return Dilution(max(float(h @ h), LEAST), max(float(np.sum(h**4)), LEAST**2), error * density / own)

@@ -1,0 +1,64 @@
+"""Causes that lie in the samples themselves: what they are and what they ask of a filter."""
+
+from __future__ import annotations
+
+from models.effects.static import sampling
+from tuner.diagnosis.cause import Cause
+
+
+class Duplicates(Cause):
+    """Readings that repeat the one before; tested as single repetitions and as stretches that are frozen."""
+
+    cause = "duplicates"
+    effect = sampling.Duplicates
+    group = "samples"
+    tests = 2
+    meaning = "readings repeat the one before: the register is polled faster than it is filled"
+    consequence = (
+        "drop the repetitions: the true rate is lower, "
+        "and the white density read from all samples is too small"
+    )
+    view = "values"
+
+
+class Frozen(Duplicates):
+    """Readings that stay the same for long."""
+
+    meaning = "one reading is given over and over: the register, or the link to it, was stuck"
+    consequence = (
+        "leave these stretches out: a filter that takes them for measurements believes a sensor without noise"
+    )
+
+
+class Timing(Cause):
+    """Time stamps of an uneven clock."""
+
+    cause = "timing"
+    effect = sampling.Timing
+    group = "samples"
+    shares = 0
+    meaning = "the time stamps are not those of an even clock"
+    consequence = "put the samples on an even grid, or let the filter use their own times"
+    view = "time stamps"
+
+
+class Clipping(Cause):
+    """Samples that end at rails."""
+
+    cause = "clipping"
+    effect = sampling.Clipping
+    group = "samples"
+    meaning = "the samples end at rails"
+    consequence = "a wider range, or a likelihood that knows the rails"
+    view = "values"
+
+
+class Lattice(Cause):
+    """A quantizer that is coarse beside the noise."""
+
+    cause = "lattice"
+    effect = sampling.Lattice
+    group = "samples"
+    meaning = "the codes are too coarse for the noise to blur them, or some never come"
+    consequence = "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted"
+    view = "values"

@@ -1,0 +1,94 @@
+"""The registry of static causes; every table of causes is computed from it.
+
+Another package adds a cause by an entry point in the group ``tuner.causes`` that names its class
+(`docs/extending/cause.md`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from inspect import isclass
+from typing import Any
+
+from models.effects import EFFECTS
+from models.registry import Registry
+from tuner.diagnosis.cause import Cause
+from tuner.diagnosis.data_quality.causes import Clipping, Duplicates, Lattice, Timing
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.burst import Burst
+from tuner.diagnosis.static.causes.chirp import Sweep
+from tuner.diagnosis.static.causes.colour import Colour
+from tuner.diagnosis.static.causes.cross_axis import CrossAxis
+from tuner.diagnosis.static.causes.gauss_markov import MoreMarkov
+from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
+from tuner.diagnosis.static.causes.line import Line
+from tuner.diagnosis.static.causes.lowpass import LowPass
+from tuner.diagnosis.static.causes.motion import Motion
+from tuner.diagnosis.static.causes.mount_tilt import MountTilt
+from tuner.diagnosis.static.causes.spikes import Spikes
+from tuner.diagnosis.static.causes.step import Step
+from tuner.diagnosis.static.causes.telegraph import Telegraph
+from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_times_time import Ageing
+from tuner.diagnosis.static.causes.thermal_lag import ThermalLag
+from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
+from tuner.diagnosis.static.causes.vibration import Vibration
+from tuner.diagnosis.static.causes.warmup import Warmup
+
+WORDS = ("cause", "meaning", "consequence", "group")
+"""What every declaration has."""
+
+
+def _complete(declared: object) -> None:
+    """Refuse a declaration that lacks something."""
+    cause: Any = declared
+    if not (isclass(cause) and issubclass(cause, Cause)):
+        msg = f"expected a subclass of tuner.diagnosis.cause.Cause, got {cause!r}"
+        raise TypeError(msg)
+    missing = [name for name in WORDS if not hasattr(cause, name)]
+    if missing:
+        msg = f"the class needs {', '.join(missing)}"
+        raise TypeError(msg)
+    if cause.effect is not None and cause.effect.name != cause.cause:
+        msg = f"its effect has the code '{cause.effect.name}'; give both the same"
+        raise ValueError(msg)
+
+
+class CauseRegistry(Registry[type[Cause]]):
+    """Causes by code; the effect of each can be hidden in simulated logs by the same code."""
+
+    def add(self, declaration: type[Cause]) -> type[Cause]:
+        """Add a cause, and its effect to those of simulations."""
+        added = super().add(declaration)
+        if added.effect is not None:
+            EFFECTS.add(added.effect)
+        return added
+
+    @contextmanager
+    def added(self, declaration: type[Cause]) -> Iterator[type[Cause]]:
+        """Declare a cause and its effect for the length of a ``with`` block."""
+        with super().added(declaration):
+            if declaration.effect is None:
+                yield declaration
+            else:
+                with EFFECTS.added(declaration.effect):
+                    yield declaration
+
+    def extensions(self) -> dict[str, type[Extension]]:
+        """Return the causes of single channels, by code."""
+        return {code: cause for code, cause in self.items() if issubclass(cause, Extension)}
+
+    def shares(self) -> int:
+        """Return the shares of the budget of false alarms that the tests of all causes have together."""
+        return sum(cause.shares * cause.tests for cause in self.values() if cause.tested_with is None)
+
+
+CAUSES = CauseRegistry("cause", "tuner.causes", name_of=lambda cause: cause.cause, check=_complete)
+CAUSES.extend(
+    (
+        Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
+        Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Duplicates, Timing, Clipping,
+        Lattice,
+    )
+)  # fmt: skip

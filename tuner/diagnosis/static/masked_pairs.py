@@ -1,0 +1,157 @@
+"""Masked pairs: two causes of which neither is found alone, because the noise, refitted, takes up what is left.
+
+When no other test raises an alarm, the noise is fitted under a saturated mean (temperature and its lags, transients,
+and the best pair at the noise as fitted): if that gains more than chance at 2 %, all pairs of templates are
+scored with this noise, and the best pair is judged by a likelihood ratio with the noise refitted, χ²₂ times
+the number of pairs that differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.causes.step import Step
+from tuner.diagnosis.static.causes.template import Template
+from tuner.diagnosis.static.hypothesis_tests import is_open
+from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.residual import Residual, extended, without
+from tuner.diagnosis.static.outcome import TestResult
+
+FloatArray = NDArray[np.float64]
+
+PAIR = "pair"
+"""Name of the test in results."""
+OMNIBUS_LEVEL = 0.02
+"""Chance below which a saturated mean is worth a search for pairs: one record in fifty costs that time in vain."""
+
+
+def test(fitted: Residual) -> TestResult | None:
+    """Search for a masked pair; None where there is no room for one."""
+    candidates = [] if fitted.count("telegraph") else _candidates(fitted)
+    if len(candidates) < 2:
+        return None
+    templates = np.stack([c.template(fitted.channel) for c in candidates], axis=1)
+    columns = block_transform(templates, fitted.cleaned, fitted.track.singles)
+    hint = _best_pairs(fitted, candidates, columns, fitted.fit.expected)
+    chosen = sorted({*_saturating(candidates), *hint[0]}) if hint else []
+    if not chosen:
+        return None
+    full = fitted.refit(columns[:, chosen])
+    ratio = max(0.0, 2.0 * (full.log_likelihood - fitted.fit.log_likelihood))
+    if float(chi2.sf(ratio, len(chosen))) > OMNIBUS_LEVEL:
+        return None
+    first = _best_pairs(fitted, candidates, columns, full.expected)
+    judged = [(fitted.refit(columns[:, list(pair)]).log_likelihood, pair) for pair in first[:3]]
+    value, pair = max(judged, key=lambda item: item[0])
+    ratio = max(0.0, 2.0 * (value - fitted.fit.log_likelihood))
+    price = float(np.prod([_number(candidates[i]) for i in pair]))
+    p_value = min(1.0, price * float(chi2.sf(SHRINK * ratio, 2)))
+    gain = 0.5 * ratio - float(np.log(price)) - 0.5 * float(np.log(fitted.channel.blocks))
+    return TestResult(
+        PAIR,
+        p_value,
+        gain,
+        ratio,
+        "likelihood ratio of a pair of slow templates",
+        lambda: _extensions(fitted, [candidates[i] for i in pair]),
+    )
+
+
+def replacing_pair(fitted: Residual, threshold: float) -> tuple[int, TestResult] | None:
+    """Return the one slow extension that a pair should replace, and the result of that pair; None where none should.
+
+    One of two effects that hide each other may have been accepted alone, in the shape of both.
+    """
+    slow = [i for i, x in enumerate(fitted.extensions) if x.cause in _causes()]
+    if len(slow) != 1:
+        return None
+    fewer = without(fitted, slow[0])
+    pair = test(fewer)
+    if pair is None:
+        return None
+    places = Step.different_in_pairs
+    ratio = pair.statistic - 2.0 * max(0.0, fitted.fit.log_likelihood - fewer.fit.log_likelihood)
+    p_value = min(1.0, places * float(chi2.sf(SHRINK * max(ratio, 0.0), 1)))
+    if p_value > threshold or 0.5 * ratio < np.log(places) + 0.25 * np.log(fitted.channel.blocks):
+        return None
+    return slow[0], replace(pair, p_value=min(pair.p_value, p_value))
+
+
+def _causes() -> dict[str, type[Template]]:
+    """Return the causes that can mask each other, by code."""
+    return {
+        code: cause
+        for code, cause in CAUSES.items()
+        if issubclass(cause, Template) and cause.different_in_pairs is not None
+    }
+
+
+def _number(candidate: Template) -> float:
+    """Return how many candidates of its kind differ."""
+    return 1.0 if candidate.different_in_pairs is None else candidate.different_in_pairs
+
+
+def _candidates(fitted: Residual) -> list[Template]:
+    """Return what is tried of every cause that is still open."""
+    out: list[Template] = []
+    for code, cause in _causes().items():
+        if cause.applies(fitted.channel) and is_open(fitted, code):
+            out += cause.candidates_in_pairs(fitted.channel)
+    return out
+
+
+def _saturating(candidates: list[Template]) -> list[int]:
+    """Return the candidates of a saturated mean: some of everything that is smooth."""
+    smooth = [i for i, c in enumerate(candidates) if not c.abrupt]
+    return smooth[:1] + smooth[2::3]
+
+
+def _best_pairs(
+    fitted: Residual, candidates: list[Template], columns: FloatArray, expected: FloatArray
+) -> list[tuple[int, int]]:
+    """Return the pairs of greatest score at a given noise, the best first; of two steps and of other kinds."""
+    singles = fitted.track.singles
+    root = 1.0 / np.sqrt(expected[:singles])
+    basis, _ = np.linalg.qr(fitted.track.columns * root[:, None])
+    target = fitted.track.grid.amplitude[:singles] * root
+    target = target - basis @ (basis.T @ target)
+    white = columns * root[:, None]
+    white = white - basis @ (basis.T @ white)
+    gram, score = white.T @ white, white.T @ target
+    diagonal = np.diag(gram)
+    determinant = np.outer(diagonal, diagonal) - gram**2
+    allowed = determinant > 0.02 * np.outer(diagonal, diagonal)
+    allowed &= ~_exclusive(candidates)
+    square = score**2
+    value = np.outer(square, diagonal) + np.outer(diagonal, square) - 2.0 * np.outer(score, score) * gram
+    value = np.where(np.triu(allowed, 1), value / np.where(allowed, determinant, 1.0), -np.inf)
+    price = np.log([_number(c) for c in candidates])
+    value = value - 2.0 * (price[:, None] + price[None, :])
+    order = np.argsort(value, axis=None)[::-1][:40]
+    pairs = [(int(i), int(j)) for i, j in zip(*np.unravel_index(order, value.shape), strict=True)]
+    kinds: dict[tuple[str, str], tuple[int, int]] = {}
+    for pair in pairs:
+        kinds.setdefault((candidates[pair[0]].cause, candidates[pair[1]].cause), pair)
+    return [pair for pair in kinds.values() if np.isfinite(value[pair])]
+
+
+def _exclusive(candidates: list[Template]) -> NDArray[np.bool_]:
+    """Return which candidates a channel has one of at most, shape (c, c)."""
+    codes = [c.cause for c in candidates]
+    return np.array(
+        [[c.repeats == 1 and code in (c.cause, *c.excludes) for code in codes] for c in candidates]
+    )
+
+
+def _extensions(fitted: Residual, chosen: list[Template]) -> tuple[Extension, ...]:
+    """Return the extensions of a pair, each placed with the other one in the model."""
+    one = chosen[0].likeliest(extended(fitted, chosen[1]))
+    other = chosen[1].likeliest(extended(fitted, one))
+    return one, other
