@@ -24,8 +24,8 @@ from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive import RECOVERY, drive_filter
 from tuner.consistency.drive_scores import reference_at
-from tuner.exporters import kf_gins
 from tuner.navigation.drive.run import navigate, prepare
+from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.types.records import Drive
@@ -75,7 +75,7 @@ def ours(
 ) -> tuple[FloatArray, Track]:
     """Return times of the fixes and what our filter says of them."""
     states = {"time_offset": 1e-6} if clocks_agree else None
-    filtering, _ = drive_filter(drive, kf_gins.load(settings), states=states)
+    filtering, _ = drive_filter(drive, kf_gins_settings.load(settings), states=states)
     stretches, _ = prepare(drive, filtering, timed=clocks_agree)
     solution = navigate(stretches, filtering, windows)[0]
     sds = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2))[:, :9]

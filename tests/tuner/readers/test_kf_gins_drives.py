@@ -19,8 +19,8 @@ from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
-from tuner.exporters import kf_gins
 from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
+from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.types.records import DataError
 
@@ -117,7 +117,7 @@ def test_truth_beside_the_settings_is_read(tmp_path, name):
 def test_sds_of_the_fixes_hold_where_no_receiver_is_named(configuration, file, tmp_path):
     settings = tmp_path / "k.yaml"
     write_drive(read_drive(file), configuration(), settings)
-    found = navigate_drive(read_drive(settings), kf_gins.load(settings))
+    found = navigate_drive(read_drive(settings), kf_gins_settings.load(settings))
     np.testing.assert_allclose(
         found.stretches[0].fixes.sd[:, :3], np.tile([0.4, 0.4, 0.8], (len(found.stretches[0].fixes), 1))
     )
@@ -232,7 +232,7 @@ def test_the_program_reads_what_it_wrote(written, tmp_path):
     found = json.loads(out.read_text(encoding="utf-8"))
     assert abs(found["source"]["estimates"]["time_offset"][0]["value"]) < 0.1
     drive = read_drive(written)
-    result = navigate_drive(drive, kf_gins.load(written))
+    result = navigate_drive(drive, kf_gins_settings.load(written))
     assert not result.consistency.diverged
     assert result.consistency.gated < 0.02
 

@@ -121,14 +121,14 @@ def load_filter(
     from dataclasses import replace
 
     from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
-    from tuner.exporters import kf_gins
     from tuner.formats import native
+    from tuner.readers import kf_gins_settings
     from tuner.synthesis import synthesize
 
     if is_file(source):
         path = Path(source)
-        theirs = path.suffix in (".yaml", ".yml") and kf_gins.is_settings(_content(path))
-        config = kf_gins.load(path) if theirs else native.load(path)
+        theirs = path.suffix in (".yaml", ".yml") and kf_gins_settings.is_settings(_content(path))
+        config = kf_gins_settings.load(path) if theirs else native.load(path)
         return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
         msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
