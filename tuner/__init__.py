@@ -1,13 +1,23 @@
 """From inertial-sensor recordings to navigation-filter settings one can trust.
 
-The verbs, in the order of the work::
+The whole way, from a log (and perhaps a measured drive) to a configuration and its check::
 
-    records = tuner.read("static.csv")
-    found = tuner.identify(records)
-    config = tuner.synthesize(found)
-    text = tuner.export(config, "kalibr")
+    result = tuner.tune("static.csv", drive="drive.npz")
+    result.config, result.diagnosis, result.check
 
-They are imported when first used, so that starting is quick.
+and its parts, in the order of the work::
+
+    records = tuner.read("static.csv")                  # a log, in SI units
+    noise = tuner.identify(records)                     # noise terms with intervals
+    diagnosis = tuner.diagnose(records)                 # what a simulation of that noise gets wrong, and why
+    config = tuner.synthesize(noise, gnss=receiver)     # settings of a navigation filter
+    verdict = tuner.check(config)                       # Monte-Carlo consistency of that filter
+    scores = tuner.navigate("drive.npz", config)        # the same filter on a measured drive
+    table = tuner.compare("static.csv", "mpu9250")      # sensors side by side
+    text = tuner.export(config, "kalibr")               # the dialect of another filter
+
+Every function returns a frozen result, prints nothing and writes no file; `tuner.report` draws and writes. They are
+imported when first used, so that starting is quick.
 """
 
 from __future__ import annotations
@@ -16,23 +26,51 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tuner.consistency.check import check
+    from tuner.consistency.drive import navigate_drive as navigate
+    from tuner.diagnosis import diagnose
     from tuner.exporters import export
     from tuner.identification import identify
+    from tuner.identification.compare_sources import compare
+    from tuner.pipeline import tune
     from tuner.readers import read
     from tuner.synthesis import synthesize
 
-__all__ = ["export", "identify", "read", "synthesize"]
+__all__ = [
+    "check",
+    "compare",
+    "diagnose",
+    "export",
+    "identify",
+    "navigate",
+    "read",
+    "synthesize",
+    "tune",
+]
 
 _HOMES = {
-    "read": "tuner.readers",
-    "identify": "tuner.identification",
-    "synthesize": "tuner.synthesis",
-    "export": "tuner.exporters",
+    "tune": ("tuner.pipeline", "tune"),
+    "read": ("tuner.readers", "read"),
+    "identify": ("tuner.identification", "identify"),
+    "diagnose": ("tuner.diagnosis", "diagnose"),
+    "synthesize": ("tuner.synthesis", "synthesize"),
+    "check": ("tuner.consistency.check", "check"),
+    "navigate": ("tuner.consistency.drive", "navigate_drive"),
+    "compare": ("tuner.identification.compare_sources", "compare"),
+    "export": ("tuner.exporters", "export"),
 }
+"""Module and name of each function."""
 
 
 def __getattr__(name: str) -> Any:
+    """Return a function of the package, imported when first used."""
     if name not in _HOMES:
         msg = f"module 'tuner' has no attribute {name!r}"
         raise AttributeError(msg)
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    module, attribute = _HOMES[name]
+    return getattr(importlib.import_module(module), attribute)
+
+
+def __dir__() -> list[str]:
+    """Return the names of the package with the functions that are not imported yet."""
+    return sorted({*globals(), *__all__})

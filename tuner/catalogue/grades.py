@@ -29,6 +29,8 @@ from tuner.types import (
 from tuner.types.records import DataError
 
 GNSS_FORMAT = "tuner-gnss/1"
+DEFAULT_RECEIVER = "spp"
+"""Built-in receiver where nobody names one: single-point positioning, the least that any receiver does."""
 
 _SINGLE = {
     "quantization": "increment_sd",

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 from models.trajectory.motion import Motion
+from tuner.catalogue.grades import DEFAULT_RECEIVER
+from tuner.catalogue.trajectories import load_trajectory
 from tuner.consistency.attribution import attribute
 from tuner.consistency.attribution.sensitivity import score_sensitivity
 from tuner.consistency.divergence import divergence
@@ -20,7 +23,9 @@ from tuner.consistency.scores import evaluate
 from tuner.consistency.verdicts import verdicts, with_explanations
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import Sensor, sensor_of_config
+from tuner.simulation.load_sensor import load_sensor
 from tuner.simulation.monte_carlo import resolution, scenario, simulate
+from tuner.synthesis.load_config import load_config
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Check, Explanation
 from tuner.types.records import DataError
@@ -34,28 +39,32 @@ MIN_INTERVAL = 0.01
 
 
 def check(
-    config: FilterConfig,
-    motion: Motion,
+    config: FilterConfig | str | Path,
+    trajectory: Motion | str = "city",
     *,
-    sensor: Sensor | None = None,
+    duration: float = DURATION,
+    truth: Sensor | str | Path | None = None,
     receiver: GnssNoise | None = None,
     runs: int = RUNS,
     seed: int = 0,
     budget: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Check:
-    """Run the filter of a configuration on many simulated switch-ons of a sensor and score it.
+    """Run a configured filter on many simulated switch-ons and score its errors against its covariances.
 
     Parameters
     ----------
-    config : FilterConfig
-        Configuration of the filter.
-    motion : Motion
-        Trajectory; outages are those of `tuner.simulation.monte_carlo.outage_windows`.
-    sensor : Sensor, optional
-        The true inertial unit; by default what the configuration identified.
+    config : FilterConfig, str or Path
+        The filter: a configuration, its file, or the name of a built-in grade.
+    trajectory : Motion or str
+        Trajectory, or the name of a built-in one; outages are those of `simulation.monte_carlo`.
+    duration : float
+        Length of a run on a built-in trajectory, s.
+    truth : Sensor, str or Path, optional
+        The simulated inertial unit, or a configuration file or grade that describes it; by default what the
+        configuration identified.
     receiver : GnssNoise, optional
-        The true receiver; by default that of the configuration.
+        The simulated receiver; by default that of `truth`, where it names one, else that of the configuration.
     runs : int
         Simulated switch-ons.
     seed : int
@@ -70,19 +79,24 @@ def check(
     DataError
         Where the configuration lacks an axis or the receiver.
     """
+    if isinstance(config, str | Path):
+        config = load_config(config, default_gnss=DEFAULT_RECEIVER)
+    motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
+    sensor, its_receiver = load_sensor(truth) if isinstance(truth, str | Path) else (truth, None)
+    receiver = receiver or its_receiver
     settings = filter_settings(config)
     if config.gnss is None:
         msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
         raise DataError(msg)
-    truth = sensor or sensor_of_config(config)
-    notes = list(truth.notes)
+    sensor = sensor or sensor_of_config(config)
+    notes = list(sensor.notes)
     if config.interval < 0.999 * MIN_INTERVAL:
         notes.append(f"simulated at {1.0 / MIN_INTERVAL:g} Hz, not {1.0 / config.interval:g} Hz")
     plan = scenario(motion, receiver or config.gnss, max(config.interval, MIN_INTERVAL))
-    simulated = simulate(settings, truth, plan, runs=runs, seed=seed, progress=progress)
+    simulated = simulate(settings, sensor, plan, runs=runs, seed=seed, progress=progress)
     found = evaluate(simulated, plan.outages)
     if found.diverged:
-        reasons = divergence(simulated, plan, settings, truth)
+        reasons = divergence(simulated, plan, settings, sensor)
         return Check(replace(found, verdicts=reasons), settings.size, tuple(notes))
     if found.consistent and not budget:
         return Check(replace(found, verdicts=verdicts(found)), settings.size, tuple(notes))
@@ -92,7 +106,7 @@ def check(
     spurious = spurious_information(simulated, shares) if optimistic else None
     explanations: tuple[Explanation, ...] = ()
     if not found.consistent and spurious is None:
-        sensitivity = score_sensitivity(settings, plan, shares, window=resolution(settings, truth))
+        sensitivity = score_sensitivity(settings, plan, shares, window=resolution(settings, sensor))
         explanations = attribute(found, simulated, sensitivity)
     reasons = (
         with_explanations(found, explanations) if spurious is None else (spurious.verdict, *verdicts(found))

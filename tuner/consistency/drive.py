@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -46,8 +47,10 @@ from tuner.navigation.drive.vehicle_constraints import (
     turned_from,
 )
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
+from tuner.readers.drive import read_drive
 from tuner.simulation.imu import sensor_of_config
-from tuner.types import FilterConfig
+from tuner.synthesis.from_drive import config_for_drive, receiver_of
+from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
 from tuner.types.records import DataError, Drive, Reference
 
@@ -66,6 +69,12 @@ UNKNOWN_LEVER_ARM = 1.0
 """Prior of a lever arm that nobody gave, m."""
 
 
+AS_REPORTED = (
+    "no receiver is named: fixes are believed to err as they report, each by itself; name one (--gnss GRADE) for "
+    "errors that stay"
+)
+
+
 @dataclass(frozen=True)
 class DriveResult:
     """What a filter made of a drive.
@@ -74,6 +83,8 @@ class DriveResult:
     ----------
     consistency : Consistency
         Scores and verdicts.
+    config : FilterConfig
+        What the filter was configured with.
     settings : FilterSettings
         The filter.
     stretches : tuple of Stretch
@@ -87,6 +98,7 @@ class DriveResult:
     """
 
     consistency: Consistency
+    config: FilterConfig
     settings: FilterSettings
     stretches: tuple[Stretch, ...]
     solutions: tuple[Solution, ...]
@@ -111,20 +123,23 @@ def drive_filter(
 
 
 def navigate_drive(
-    drive: Drive,
-    config: FilterConfig,
+    drive: Drive | str | Path,
+    config: FilterConfig | str | Path,
     *,
+    gnss: GnssNoise | str | None = None,
     states: Mapping[str, float] | None = None,
     vehicle: Vehicle = NOTHING_ASSUMED,
 ) -> DriveResult:
-    """Filter a drive, with and without its fixes.
+    """Filter a measured drive, with and without its fixes, and score the filter.
 
     Parameters
     ----------
-    drive : Drive
-        The drive.
-    config : FilterConfig
-        What the filter believes of the sensor.
+    drive : Drive, str or Path
+        The drive, or where it is stored.
+    config : FilterConfig, str or Path
+        The filter: a configuration, its file, or the name of a built-in grade.
+    gnss : GnssNoise or str, optional
+        Receiver, or the name of a built-in one, in place of that of the configuration.
     states : mapping of str to float, optional
         Further states, names of `models.state_layout.OPTIONAL`, with the sd of their prior.
     vehicle : Vehicle
@@ -135,11 +150,14 @@ def navigate_drive(
     DataError
         Where the configuration lacks an axis or the drive cannot be aligned.
     """
+    drive = drive if isinstance(drive, Drive) else read_drive(drive)
+    as_reported = receiver_of(drive)
+    config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
-    gnss, positions, velocities = without_outliers(drive.gnss)
+    fixes, positions, velocities = without_outliers(drive.gnss)
     left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
     if positions or velocities:
-        drive = replace(drive, gnss=gnss, notes=(*drive.notes, left_out))
+        drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
     settings, assumed = drive_filter(drive, config, states=states)
@@ -194,8 +212,11 @@ def navigate_drive(
         notes = (*notes, wrong)
     if drive.reference is None and found.blocks:
         notes = (*notes, "no reference: position, velocity and attitude are compared with the smoother")
+    if config.gnss == as_reported and not as_reported.correlated:
+        notes = (*notes, AS_REPORTED)
     return DriveResult(
         replace(found, verdicts=verdicts(found)),
+        config,
         settings,
         stretches,
         solutions,

@@ -49,7 +49,7 @@ class Comparison:
     axes: Mapping[str, tuple[ComparedCoefficient, ...]]
 
 
-def compare(names: Sequence[str], found: Sequence[Identification]) -> Comparison:
+def compare_identifications(names: Sequence[str], found: Sequence[Identification]) -> Comparison:
     """Compare identifications axis by axis; ratios are of the last source to the first."""
     axes = list(dict.fromkeys(axis for one in found for axis in one.channels))
     units = {axis: next(one.channels[axis].unit for one in found if axis in one.channels) for axis in axes}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from models.units import canonical_unit, unit_value
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
-from tuner.readers.drive_npz import read_drive_npz
+from tuner.readers.drive_npz import FARTHEST, read_drive_npz
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.types.records import DataError, Drive, Gnss, Reference
@@ -117,6 +118,45 @@ def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:
         return rotation.mat_from_rpy(np.radians(np.asarray(rpy_deg, dtype=float)))
     key = (frame or "").strip().upper()
     return rotation.mat_from_rpy(np.radians(FRAMES[key])) if key in FRAMES else None
+
+
+def with_mounting(
+    drive: Drive,
+    *,
+    frame: str | None = None,
+    rpy_deg: tuple[float, float, float] | None = None,
+    lever_arm: tuple[float, float, float] | None = None,
+) -> Drive:
+    """Return a drive with mounting and lever arm as its user states them, in place of those of the file.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    frame : str, optional
+        Axes of the sensor in the vehicle, a key of `FRAMES`.
+    rpy_deg : tuple of 3 floats, optional
+        Mounting angles roll, pitch, yaw, deg; they go before `frame`.
+    lever_arm : tuple of 3 floats, optional
+        From the inertial unit to the antenna, forward, right, down, m.
+
+    Raises
+    ------
+    DataError
+        For an unknown frame, or a lever arm longer than `FARTHEST`.
+    """
+    if frame is not None and frame.upper() not in FRAMES:
+        msg = f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}"
+        raise DataError(msg)
+    if lever_arm is not None and max(map(abs, lever_arm)) > FARTHEST:
+        msg = f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {FARTHEST:g} m at most"
+        raise DataError(msg)
+    mounting = mounting_of(frame, rpy_deg)
+    return replace(
+        drive,
+        mounting=drive.mounting if mounting is None else mounting,
+        lever_arm=drive.lever_arm if lever_arm is None else lever_arm,
+    )
 
 
 def _npz(path: Path) -> Drive:

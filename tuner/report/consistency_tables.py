@@ -10,7 +10,7 @@ from rich.table import Table
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.report.verdict_text import observability_text, verdict_text
-from tuner.types.consistency import Consistency, ErrorBudget, Observability, Score
+from tuner.types.consistency import Check, Consistency, ErrorBudget, Observability, Score
 
 _TITLES = {
     "nees": "NEES, all",
@@ -63,6 +63,14 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     answer.append("consistent" if found.consistent else "NOT consistent")
     answer += [f"  {verdict_text(verdict)}" for verdict in found.verdicts]
     return answer
+
+
+def check_tables(found: Check, *, budget: bool) -> list[Table | str]:
+    """Return the tables of a Monte-Carlo check, the error budget before them where wanted."""
+    tables = consistency_tables(found.consistency, found.notes)
+    if budget and found.budget is not None and found.observability is not None:
+        return [*budget_tables(found.budget, found.observability), *tables]
+    return tables
 
 
 def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]:

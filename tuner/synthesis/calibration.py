@@ -1,4 +1,4 @@
-"""What a calibration from poses changes in a configuration, in plain values and in words."""
+"""What a calibration from poses changes in a configuration, in plain values."""
 
 from __future__ import annotations
 
@@ -25,19 +25,6 @@ def calibration_json(found: PoseCalibration) -> dict[str, Any]:
         "misfit": plain(found.misfit),
         "notes": list(found.notes),
     }
-
-
-def calibration_words(found: PoseCalibration) -> list[str]:
-    """Return a calibration in lines."""
-    lines = [
-        f"  calibration from {found.poses} stand-stills, {found.different} of them in poses of their own (SI, 95 %):"
-    ]
-    for sensor, coefficients in (("accel", found.accel), ("gyro", found.gyro)):
-        for name, c in coefficients.items():
-            assert c.value is not None
-            unit = "" if c.unit == "1" else f" {c.unit}"
-            lines.append(f"    {sensor} {name.replace('_', ' ')} {c.value:.6g} ± {_half(c):.2g}{unit}")
-    return lines + [f"    {note}" for note in found.notes]
 
 
 def with_calibration(config: FilterConfig, found: PoseCalibration) -> FilterConfig:

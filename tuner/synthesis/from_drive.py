@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,15 @@ from scipy.fft import rfft, rfftfreq
 
 from models.earth import ned_between
 from models.effects.drive.imu import NORMAL_MAD
-from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
-from tuner.synthesis import synthesize
+from tuner.catalogue.grades import (
+    DEFAULT_RECEIVER,
+    grade_identification,
+    grade_names,
+    load_gnss,
+    load_grade,
+)
+from tuner.synthesis.load_config import load_config
+from tuner.synthesis.synthesize import synthesize
 from tuner.types import Coefficient, FilterConfig, GnssNoise, Identification, TermEstimate
 from tuner.types.records import Drive
 
@@ -39,8 +47,6 @@ BAND = 5.0
 """Frequency above which no vehicle manoeuvres, Hz."""
 CONSERVATIVE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
-RECEIVER = "spp"
-"""Receiver of which nothing is known."""
 SENSORS = ("gyro", "accel")
 
 
@@ -130,13 +136,33 @@ def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = N
     return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss or receiver_of(drive))
 
 
+def config_for_drive(
+    drive: Drive, config: FilterConfig | str | Path, *, gnss: GnssNoise | str | None = None
+) -> FilterConfig:
+    """Return the configuration to filter a drive with; a grade gets the receiver that the fixes of the drive report.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    config : FilterConfig, str or Path
+        A configuration, its file, or the name of a built-in grade.
+    gnss : GnssNoise or str, optional
+        Receiver, or the name of a built-in one, in place of that of the configuration.
+    """
+    receiver = load_gnss(gnss) if isinstance(gnss, str) else gnss
+    if isinstance(config, FilterConfig):
+        return config if receiver is None else replace(config, gnss=receiver)
+    return load_config(config, gnss=receiver, default_gnss=receiver_of(drive))
+
+
 def receiver_of(drive: Drive) -> GnssNoise:
     """Return what is supposed of a receiver that nobody names.
 
     What its fixes report is believed, the median as typical, and then nothing is supposed of a correlated part: an RTK
     receiver has none of that of a single one.
     """
-    single, fixes = load_gnss(RECEIVER), drive.gnss
+    single, fixes = load_gnss(DEFAULT_RECEIVER), drive.gnss
     position, velocity = _typical(fixes.position_sd), _typical(fixes.velocity_sd)
     if position is None:
         return single

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from models.trajectory.catalogue import TRAJECTORIES
+from tuner import pipeline
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
-from tuner.cli.commands import tune
-from tuner.cli.commands.inputs import is_drive
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import native
 from tuner.formats.logs import write_drive
+from tuner.readers.source_kind import is_drive
 from tuner.report.drive_tables import drive_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
@@ -70,8 +70,8 @@ def found(file):
 def tuned(file):
     """Configuration without a static log, the closing check cut to two short flights."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(tune, "CHECK_RUNS", 2)
-    patch.setattr("tuner.consistency.check.DURATION", 300.0)
+    patch.setattr(pipeline, "CHECK_RUNS", 2)
+    patch.setattr(pipeline, "CHECK_DURATION", 300.0)
     folder = file.with_name("out")
     assert run(["tune", "--drive", str(file), "-o", str(folder), "--quiet"]) == 0
     patch.undo()
@@ -131,11 +131,14 @@ def test_the_report_shows_the_drive(tuned):
 def test_bad_input_is_one_line(tmp_path, file, capsys):
     empty = tmp_path / "empty"
     empty.mkdir()
+    log = tmp_path / "log.npz"
+    np.savez(log, gyro=1e-3 * np.random.default_rng(1).standard_normal((400, 3)), t=np.arange(400) / 100.0)
     for arguments, told in (
         (["diagnose", str(empty)], "imu.csv"),
         (["diagnose", str(file), "--holdout", str(file)], "--holdout"),
         (["diagnose", str(file), "--config", "nothing"], "nothing"),
-        (["diagnose", str(tmp_path / "absent.npz"), "--config", "mpu9250"], "--config"),
+        (["diagnose", str(log), "--config", "mpu9250"], "--config"),
+        (["diagnose", str(tmp_path / "absent.npz")], "absent.npz"),
         (["tune", "--drive", str(tmp_path / "absent.npz")], "absent.npz"),
     ):
         assert run([*arguments, "--quiet"]) == 2

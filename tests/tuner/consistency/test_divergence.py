@@ -51,7 +51,7 @@ def test_gyros_whose_constants_are_too_large_for_a_linear_start_are_named(consta
 
 def test_a_truth_far_from_the_configuration_is_named():
     verdicts = check(
-        grade("fog"), TOWN, sensor=sensor_of_config(grade("mpu9250")), runs=8
+        grade("fog"), TOWN, truth=sensor_of_config(grade("mpu9250")), runs=8
     ).consistency.verdicts
     assert verdicts[1].code is VerdictCode.TRUTH_FAR
     ratio = load_grade("mpu9250").gyro.white.value / load_grade("fog").gyro.white.value
@@ -66,7 +66,7 @@ def test_errors_smaller_than_configured_are_no_reason_to_diverge():
         config, channels={a: replace(c, white_density=9.0 * c.white_density) for a, c in few.items()}
     )
     truth = sensor_of_config(with_gyro_constants(config, np.radians(20.0)))
-    verdicts = check(wrong, TOWN, sensor=truth, runs=8, seed=1).consistency.verdicts
+    verdicts = check(wrong, TOWN, truth=truth, runs=8, seed=1).consistency.verdicts
     assert verdicts[1].numbers["gyro constants"] == np.inf
     assert not any("white noise" in name for name in verdicts[1].numbers)
 

@@ -15,7 +15,6 @@ from models.measurements import perfect_fixes
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
-from tuner.cli.commands.check import load_filter
 from tuner.consistency.drive import drive_filter, navigate_drive
 from tuner.consistency.drive_scores import differences, errors
 from tuner.navigation.data import Steps
@@ -26,6 +25,7 @@ from tuner.navigation.drive.vehicle_constraints import Vehicle, accounts, forwar
 from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import receiver_of
+from tuner.synthesis.load_config import load_config
 from tuner.types.records import DataError, Gnss
 
 INTERVAL = 0.02
@@ -316,8 +316,8 @@ def test_a_receiver_nobody_names_is_what_its_fixes_report(file):
     assert found.interval == pytest.approx(np.median(np.diff(drive.gnss.t)))
     silent = replace(drive.gnss, position_sd=np.full_like(drive.gnss.position_sd, np.nan))
     assert receiver_of(replace(drive, gnss=silent)) == load_gnss("spp")
-    assert load_filter("mti1", None, supposed=receiver_of(drive)).gnss.correlated == ()
-    assert load_filter("mti1", load_gnss("dgnss"), supposed=receiver_of(drive)).gnss == load_gnss("dgnss")
+    assert load_config("mti1", default_gnss=receiver_of(drive)).gnss.correlated == ()
+    assert load_config("mti1", gnss="dgnss", default_gnss=receiver_of(drive)).gnss == load_gnss("dgnss")
 
 
 def test_a_drive_that_ends_before_the_filter_settles_is_refused(file, configuration):

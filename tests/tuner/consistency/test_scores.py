@@ -105,7 +105,7 @@ def test_runs_do_not_depend_on_threads(town):
 
 def test_truth_of_another_sensor_is_noticed():
     config = configuration("adis16465", "dgnss")
-    found = check(config, TRAJECTORIES["city"](600.0), sensor=sensor_of_grade(load_grade("mpu9250")), runs=6)
+    found = check(config, TRAJECTORIES["city"](600.0), truth=sensor_of_grade(load_grade("mpu9250")), runs=6)
     assert not found.consistency.consistent
     assert found.consistency.nees.ratio > 1.5
     assert found.consistency.verdicts

@@ -6,7 +6,7 @@ from scipy.stats import binom
 
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.identification import identify
-from tuner.identification.comparison import compare
+from tuner.identification.comparison import compare_identifications
 from tuner.types.records import Record
 
 
@@ -17,7 +17,7 @@ def white_log(density, seed, n=4000, interval=0.01):
 
 def test_a_grade_agrees_with_itself():
     grade = grade_identification(load_grade("stim300"))
-    comparison = compare(["a", "b"], [grade, grade])
+    comparison = compare_identifications(["a", "b"], [grade, grade])
     for rows in comparison.axes.values():
         for row in rows:
             assert row.ratio in (None, pytest.approx(1.0))
@@ -29,7 +29,7 @@ def row_of(comparison, name):
 
 
 def test_a_real_difference_is_reported():
-    row = row_of(compare(["a", "b"], [white_log(1.0, 1), white_log(2.0, 2)]), "white.density")
+    row = row_of(compare_identifications(["a", "b"], [white_log(1.0, 1), white_log(2.0, 2)]), "white.density")
     assert row.differs
     assert row.ratio_interval[0] < row.ratio < row.ratio_interval[1]
     assert row.ratio == pytest.approx(2.0, rel=0.06)
@@ -38,6 +38,7 @@ def test_a_real_difference_is_reported():
 def test_equal_sensors_differ_at_the_stated_rate():
     runs = [white_log(1.0, seed) for seed in range(60)]
     found = [
-        row_of(compare(["a", "b"], [runs[i], runs[i + 1]]), "white.density").differs for i in range(0, 60, 2)
+        row_of(compare_identifications(["a", "b"], [runs[i], runs[i + 1]]), "white.density").differs
+        for i in range(0, 60, 2)
     ]
     assert sum(found) <= binom.ppf(1 - 1e-5, 30, 0.05)

@@ -11,9 +11,8 @@ from scipy.signal import lfilter
 
 from models.earth import llh_displaced
 from tuner.cli import run
-from tuner.cli.commands.inputs import load_receiver
-from tuner.cli.progress import Messages
 from tuner.identification.gnss_receiver import identify_receiver
+from tuner.identification.identify_source import receiver_of_source
 from tuner.readers.gnss_log import is_fixes, read_fixes
 from tuner.types.records import DataError, Gnss
 
@@ -89,7 +88,6 @@ def test_identify_knows_a_log_of_fixes(log: Path, tmp_path: Path) -> None:
 
 
 def test_a_log_of_fixes_stands_for_a_grade(log: Path) -> None:
-    messages = Messages(quiet=True)
-    told = load_receiver(str(log), messages)
-    assert told.correlated[0].time_constant == pytest.approx(TIME, rel=0.6)
-    assert load_receiver("spp", messages).position_sd
+    identified = receiver_of_source(log)
+    assert identified.correlated[0].time_constant == pytest.approx(TIME, rel=0.6)
+    assert receiver_of_source("spp").position_sd

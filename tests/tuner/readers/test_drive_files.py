@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tuner.cli import run
-from tuner.cli.commands.check import load_filter
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
 from tuner.formats import native
 from tuner.readers.drive import read_drive
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.synthesis.load_config import load_config
 from tuner.types.records import DataError
 
 LEVER = (0.5, -0.3, -1.2)
@@ -74,7 +74,7 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     settings = tmp_path / "kf-gins.yaml"
     paths = "imupath: imu.txt\ngnsspath: gnss.txt\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n"
     settings.write_text(paths + exported, encoding="utf-8")
-    theirs = load_filter(str(settings), None)
+    theirs = load_config(settings)
     memory = 100.0  # over which the single state wanders as far as the states it stands for
     for name, ours in config.channels.items():
         channel = theirs.channels[name]
@@ -97,7 +97,7 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     broken = tmp_path / "broken.yaml"
     broken.write_text(exported.replace("corrtime", "correlation"), encoding="utf-8")
     with pytest.raises(DataError, match="corrtime"):
-        load_filter(str(broken), None)
+        load_config(broken)
 
 
 @pytest.mark.parametrize(

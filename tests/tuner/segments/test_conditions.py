@@ -9,7 +9,7 @@ import pytest
 from tuner.cli import run
 from tuner.formats.logs import write_log
 from tuner.identification import identify
-from tuner.identification.comparison import compare
+from tuner.identification.comparison import compare_identifications
 from tuner.segments.conditions import at_rest, still_parts, temperature_parts
 from tuner.types.records import DataError, Record
 
@@ -66,7 +66,7 @@ def test_sensors_on_clocks_of_their_own_are_judged_apart():
 def test_stretches_at_rest_differ_by_the_ratio_of_their_noise():
     parts = still_parts([moved(loud=2.0)])
     assert len(parts) == 2
-    found = compare([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
+    found = compare_identifications([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
     for rows in found.axes.values():
         row = next(r for r in rows if r.name == "white.density")
         # sd(ln N) = 1/√(2n) = 0.7 % a part, 1 % for the ratio: five of them.
@@ -84,7 +84,7 @@ def test_bins_of_temperature_are_ordered_and_share_the_samples():
         chosen = np.concatenate([np.arange(a, b) for a, b in record.segments])
         means.append(record.covariates["temperature"][chosen].mean())
     assert means == sorted(means)
-    found = compare([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
+    found = compare_identifications([p.name for p in parts], [identify(p.records, arma=None) for p in parts])
     row = next(r for r in found.axes["gyro_x"] if r.name == "white.density")
     # Noise of the bins: root mean squares of T/20 over thirds of 20 … 40 °C.
     rms = [np.sqrt(np.mean(np.linspace(a, b, 999) ** 2)) for a, b in ((20.0, 26.667), (33.333, 40.0))]
@@ -100,7 +100,7 @@ def test_a_mean_that_moved_is_said_without_a_ratio():
         logs.append(
             identify([Record("gyro", np.arange(20_000) / RATE, y, AXES, "rad/s", 1 / RATE)], arma=None)
         )
-    row = next(r for r in compare(["off", "on"], logs).axes["gyro_x"] if r.name == "mean")
+    row = next(r for r in compare_identifications(["off", "on"], logs).axes["gyro_x"] if r.name == "mean")
     assert row.ratio is None
     assert row.differs
 

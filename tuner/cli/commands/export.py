@@ -35,20 +35,17 @@ def command(
     messages: Messages,
 ) -> None:
     """Export CONFIG, a noise.yaml of tune or the name of a built-in grade."""
-    from tuner.cli.commands.configs import load_config
-    from tuner.exporters import DIALECTS, export
+    from tuner import export
+    from tuner.exporters import DIALECTS
     from tuner.formats.files import write_text
     from tuner.report.tables import dialect_tables, show
+    from tuner.synthesis.load_config import load_config
 
     if list_dialects:
         if output.tables:
             show(dialect_tables(DIALECTS))
-        output.write(
-            {
-                "schema": "tuner.dialects/1",
-                "dialects": {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()},
-            }
-        )
+        titles = {k: {"title": d.title, "units": d.units} for k, d in DIALECTS.items()}
+        output.write({"schema": "tuner.dialects/1", "dialects": titles})
         return
     if config is None or dialect is None:
         msg = "export: expected CONFIG and --to DIALECT; --list shows the dialects"
@@ -60,23 +57,25 @@ def command(
         if dialect != "kf-gins" or output_file is None:
             msg = "--drive: expected --to kf-gins and -o FILE with it"
             raise click.UsageError(msg)
-        from tuner.cli.commands.check import load_filter
-        from tuner.cli.commands.inputs import load_drive
-        from tuner.exporters.kf_gins_drive import write_drive
-        from tuner.synthesis.from_drive import receiver_of
-
-        measured = load_drive(drive)
-        believed = load_filter(config, None, supposed=receiver_of(measured))
-        for note in write_drive(measured, believed, output_file):
-            messages.say(note)
-        messages.say(f"wrote {output_file} and its files")
-        output.write({"schema": "tuner.export/1", "dialect": dialect, "text": output_file.read_text("utf-8")})
-        return
-    text = export(load_config(config), dialect)
-    if output_file is None:
-        if output.tables:
-            sys.stdout.write(text)
+        _write_with_drive(config, drive, output_file, messages)
+        text = output_file.read_text("utf-8")
     else:
-        write_text(output_file, text)
-        messages.say(f"wrote {output_file}")
+        text = export(load_config(config), dialect)
+        if output_file is not None:
+            write_text(output_file, text)
+            messages.say(f"wrote {output_file}")
+        elif output.tables:
+            sys.stdout.write(text)
     output.write({"schema": "tuner.export/1", "dialect": dialect, "text": text})
+
+
+def _write_with_drive(config: str, drive: str, path: Path, messages: Messages) -> None:
+    """Write settings of KF-GINS and, beside them, the drive as KF-GINS reads it."""
+    from tuner.exporters.kf_gins_drive import write_drive
+    from tuner.readers.drive import read_drive
+    from tuner.synthesis.from_drive import config_for_drive
+
+    measured = read_drive(drive)
+    for note in write_drive(measured, config_for_drive(measured, config), path):
+        messages.say(note)
+    messages.say(f"wrote {path} and its files")

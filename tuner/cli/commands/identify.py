@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tuner.cli.commands.inputs import load_at_rest, load_identification, source_name
+from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import Finite, Output, Reading, common, reading, term_list
 from tuner.cli.progress import Messages
 
@@ -70,26 +70,27 @@ def command(
     of the receiver.
     """
     from tuner.formats.identification import identification_json
+    from tuner.identification.identify_source import identify_fixes, identify_source
     from tuner.identification.several_logs import pool
     from tuner.readers.gnss_log import is_fixes
+    from tuner.readers.source_kind import source_name
     from tuner.report.json.views import pooled_json, receiver_json
     from tuner.report.tables import identification_tables, pooled_tables, receiver_words, show
 
     if len(logs) == 1 and is_fixes(logs[0]):
-        receiver = load_at_rest(logs[0], messages)
+        receiver = identify_fixes(logs[0], messages.say)
         if output.tables:
             show(receiver_words(receiver))
         output.write(receiver_json(receiver))
         return
     found = [
-        load_identification(
-            log,
-            reading,
-            messages,
+        identify_source(
+            load_source(log, reading, messages) or log,
             terms=terms,
             method=method,
             arma=ARMA[arma],
             latitude=latitude,
+            progress=messages.say,
         )
         for log in logs
     ]

@@ -87,6 +87,24 @@ def common(command: Command) -> Command:
     return wrapped
 
 
+def strict(verdict: str) -> Callable[[Command], Command]:
+    """Add ``--strict``: exit status 1 where the verdict is the one given."""
+    return click.option("--strict", is_flag=True, help=f"Exit status 1 where {verdict}.")
+
+
+def replicas(command: Command) -> Command:
+    """Add ``--replicas``."""
+    option = click.option(
+        "--replicas",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        metavar="N",
+        help="Simulated records a finding, for bands.",
+    )
+    return option(command)
+
+
 def reading(command: Command) -> Command:
     """Add the options that say how to understand a log; the command receives `reading`."""
 
@@ -135,6 +153,40 @@ def term_list(
         msg = f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}"
         raise click.BadParameter(msg)
     return names
+
+
+def three_numbers(
+    _context: click.Context, parameter: click.Parameter, value: str | None
+) -> tuple[float, float, float] | None:
+    """Turn ``1,2.5,-3`` into three finite numbers (a callback of click)."""
+    if value is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in value.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not math.isfinite(x + y + z):
+        msg = f"{parameter.opts[0]} {value}: expected three numbers with commas between"
+        raise click.UsageError(msg)
+    return x, y, z
+
+
+def state(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
+    """Turn ``NAME=SD`` texts into prior sds of optional states of the filter (a callback of click)."""
+    from models.state_layout import OPTIONAL
+
+    states = {}
+    for text in values:
+        name, _, value = text.partition("=")
+        try:
+            sd = float(value)
+        except ValueError:
+            sd = -1.0
+        if name not in OPTIONAL or not 0.0 < sd < math.inf:
+            msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(OPTIONAL)} and a positive SD"
+            raise click.UsageError(msg)
+        states[name] = sd
+    return states
 
 
 def _json_file(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str | None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import click
 
-from tuner.cli.commands.inputs import load_identification, source_name
+from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import Output, Reading, common, reading
 from tuner.cli.progress import Messages
-from tuner.types.records import DataError
 
 
 @click.command("plan", short_help="How long a static test must be.")
@@ -31,17 +30,15 @@ def command(
 
     The noise to expect comes from a built-in grade, a datasheet or an earlier log of the sensor.
     """
-    from tuner.identification.record_length import plan
+    from tuner.identification.identify_source import identify_source
+    from tuner.identification.record_length import plan_test
+    from tuner.readers.source_kind import source_name
     from tuner.report.json.views import plan_json
     from tuner.report.tables import plan_tables, show
 
-    identification = load_identification(source, reading, messages, arma=None)
-    plans = {}
-    for axis, channel in identification.channels.items():
-        try:
-            plans[axis] = plan(channel.model, interval=channel.interval, hours=hours, accuracy=accuracy)
-        except ValueError as error:
-            raise DataError(f"plan: {error}") from error  # noqa: EM102
+    loaded = load_source(source, reading, messages) or source
+    identification = identify_source(loaded, arma=None, progress=messages.say)
+    plans = plan_test(identification, hours=hours, accuracy=accuracy)
     if output.tables:
         for axis, one in plans.items():
             show(plan_tables(one, identification.channels[axis].unit, f"{source_name(source)} {axis}"))

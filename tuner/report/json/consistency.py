@@ -6,9 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tuner.consistency.drive import DriveResult
 from tuner.consistency.error_budget import blind_spots, table
+from tuner.navigation.drive.vehicle_constraints import accounts
 from tuner.report.verdict_text import explanation_text, verdict_text
-from tuner.types.consistency import Consistency, ErrorBudget, Explanation, Observability, Score, Verdict
+from tuner.types.consistency import (
+    Check,
+    Consistency,
+    ErrorBudget,
+    Explanation,
+    Observability,
+    Score,
+    Verdict,
+)
+from tuner.types.records import Drive
 
 
 def consistency_json(
@@ -75,6 +86,33 @@ def explanation_json(explanation: Explanation) -> dict[str, Any]:
         "misfit": explanation.misfit,
         "text": explanation_text(explanation),
     }
+
+
+def check_json(found: Check, *, source: Mapping[str, Any], budget: bool) -> dict[str, Any]:
+    """Return scores, causes and, where wanted, the error budget of a Monte-Carlo check."""
+    content = consistency_json(found.consistency, source=source, notes=found.notes)
+    content["causes"] = [explanation_json(explanation) for explanation in found.explanations]
+    if budget and found.budget is not None and found.observability is not None:
+        content["budget"] = budget_json(found.budget, found.observability)
+    return content
+
+
+def navigation_json(found: DriveResult, drive: Drive, *, notes: Sequence[str], seed: int) -> dict[str, Any]:
+    """Return scores of a filter on a measured drive, with its final estimates of constants and its constraints."""
+    source = {
+        "drive": drive.source,
+        "digest": drive.digest,
+        "config": found.config.name,
+        "states": found.settings.size,
+        "fixes": sum(len(stretch.fixes) for stretch in found.stretches),
+        "estimates": {
+            name: [{"value": value, "sd": sd} for value, sd in values]
+            for name, values in found.estimates.items()
+        },
+        "constraints": {name: vars(one) for name, one in accounts(found.solutions).items()},
+        "seed": seed,
+    }
+    return consistency_json(found.consistency, source=source, notes=notes)
 
 
 def budget_json(budget: ErrorBudget, seen: Observability) -> dict[str, Any]:

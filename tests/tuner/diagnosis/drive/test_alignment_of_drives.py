@@ -10,13 +10,13 @@ import pytest
 from models import rotation
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.cli.commands.check import load_filter
 from tuner.consistency.drive import navigate_drive
 from tuner.consistency.drive_scores import differences
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
 from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
 
 AXES = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 ARM = (1.0, 0.5, -1.2)
@@ -25,7 +25,7 @@ GAP = (100.0, 160.0)
 
 @pytest.fixture(scope="module")
 def configuration():
-    return load_filter("stim300", load_gnss("rtk"))
+    return load_config("stim300", gnss=load_gnss("rtk"))
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
 @pytest.fixture(scope="module")
 def coarse():
     """A sensor with gyro biases of 3°/s, a receiver of 2.5 m, and the configuration of a filter for both."""
-    return load_grade("adis16405"), load_gnss("spp"), load_filter("adis16405", load_gnss("spp"))
+    return load_grade("adis16405"), load_gnss("spp"), load_config("adis16405", gnss=load_gnss("spp"))
 
 
 @pytest.mark.parametrize("trajectory", ["city", "s_turns", "straight", "climb"])
@@ -160,5 +160,5 @@ def test_clean_simulated_drives_have_no_finding(grade):
         driven, _ = simulate_drive(
             load_grade(grade), TRAJECTORIES[trajectory](duration), told, rate=50.0, seed=50 + seed
         )
-        found += [f.cause for f in diagnose_drive(driven, load_filter(grade, told)).findings][:1]
+        found += [f.cause for f in diagnose_drive(driven, load_config(grade, gnss=told)).findings][:1]
     assert len(found) <= 2, found

@@ -9,11 +9,11 @@ import pytest
 
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.cli.commands.check import load_filter
 from tuner.diagnosis.drive import diagnose_drive, examine_drive
 from tuner.diagnosis.drive.errors_in_variables_bias import errors_in_variables_bias, with_more_noise
 from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter
 from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
 
 RECEIVER = replace(load_gnss("spp"), interval=2.4)
@@ -25,7 +25,7 @@ def hour():
     drive, _ = simulate_drive(
         load_grade("adis16405"), TRAJECTORIES["city"](3600.0), RECEIVER, rate=25.0, seed=5
     )
-    drive, config = in_sensor_axes(drive), load_filter("adis16405", RECEIVER)
+    drive, config = in_sensor_axes(drive), load_config("adis16405", gnss=RECEIVER)
     return drive, config, run_filter(drive, Hypothesis.first(drive, config))
 
 
@@ -74,7 +74,7 @@ def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
         seed=44,
         hidden=("time_offset:delay=0.06",),
     )
-    found = examine_drive(drive, load_filter("adis16465", receiver))
+    found = examine_drive(drive, load_config("adis16465", gnss=receiver))
     final = found.search.final
     assert [finding.cause for finding in found.diagnosis.findings] == ["time_offset"]
     place = final.linearized.parameters.index(Parameter("time_offset", "delay"))

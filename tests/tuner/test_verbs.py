@@ -1,0 +1,157 @@
+"""The verbs in Python: the same answers as the commands, frozen, silent, and without files."""
+
+import json
+from dataclasses import FrozenInstanceError
+
+import pytest
+
+import tuner
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner import pipeline
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.cli import run
+from tuner.formats import native
+from tuner.report.result_set import write_tune_result
+from tuner.simulation.drive import simulate_drive
+from tuner.simulation.static import simulate
+from tuner.types import Diagnosis, DriveDiagnosis
+from tuner.types.records import DataError
+
+LINE = "line@gyro_x:frequency=12.5,amplitude=1e-3"
+
+
+@pytest.fixture(scope="module")
+def short_check():
+    """The closing check of tune cut to two short runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "CHECK_RUNS", 2)
+        patch.setattr(pipeline, "CHECK_DURATION", 120.0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Five minutes of a unit with a line in one gyro, on file."""
+    path = tmp_path_factory.mktemp("log") / "unit.npz"
+    arguments = ["simulate", "mpu9250", "--hours", "0.05", "--seed", "3", "--hide", LINE]
+    assert run([*arguments, "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Three minutes of city driving."""
+    grade, motion = load_grade("mpu9250"), TRAJECTORIES["city"](180.0)
+    return simulate_drive(grade, motion, load_gnss("spp"), rate=25.0, seed=3)[0]
+
+
+@pytest.fixture(scope="module")
+def result(log, short_check, tmp_path_factory):
+    """The result of tune, computed in an empty folder that must stay empty."""
+    folder = tmp_path_factory.mktemp("here")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        found = tuner.tune(log, gnss="spp", seed=4)
+    assert list(folder.iterdir()) == []
+    return found
+
+
+def test_every_verb_is_there_and_says_what_it_does():
+    assert set(tuner.__all__) <= set(dir(tuner))
+    for name in tuner.__all__:
+        assert len(getattr(tuner, name).__doc__.splitlines()[0]) > 20
+    with pytest.raises(AttributeError, match="'tuner' has no attribute 'drives'"):
+        tuner.drives  # noqa: B018
+
+
+def test_tune_in_python_is_the_command(result, log, short_check, tmp_path):
+    arguments = ["tune", str(log), "--gnss", "spp", "--seed", "4", "-o", str(tmp_path / "command")]
+    assert run([*arguments, "--quiet"]) == 0
+    assert native.load(tmp_path / "command" / "noise.yaml") == result.config
+    write_tune_result(result, tmp_path / "python")
+    files = {path.name: path.read_bytes() for path in (tmp_path / "command").glob("*.*")}
+    assert {path.name for path in (tmp_path / "python").glob("*.*")} == set(files)
+    for name in (*result.exports, "result.json"):
+        assert (tmp_path / "python" / name).read_bytes() == files[name]
+
+
+def test_the_result_holds_every_part_and_is_frozen(result):
+    assert result.name == "unit"
+    assert [finding.cause for finding in result.diagnosis.findings] == ["line"]
+    assert result.check is not None
+    assert result.drive is None
+    assert result.absent == {}
+    assert set(result.exports) == {"noise.yaml", "kalibr.yaml", "kf-gins.yaml"}
+    with pytest.raises(FrozenInstanceError):
+        result.config = None
+    with pytest.raises(TypeError):
+        result.exports["noise.yaml"] = ""
+
+
+def test_verbs_print_nothing_and_say_each_step_to_the_callback(log, short_check, capfd):
+    said = []
+    tuner.tune(log, progress=said.append)
+    assert any("identifying" in line for line in said)
+    assert any("diagnosing" in line for line in said)
+    tuner.compare(log, "mpu9250", "stim300")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_part_that_cannot_be_run_is_absent_with_its_reason(log, short_check):
+    found = tuner.tune(tuner.read(log))
+    assert found.check is None
+    assert "GNSS" in found.absent["consistency"]
+    assert tuner.tune("stim300", gnss="spp").absent == {"diagnosis": pipeline.NO_SAMPLES}
+
+
+def test_diagnose_takes_records_or_a_drive(log, drive):
+    assert isinstance(tuner.diagnose(tuner.read(log)), Diagnosis)
+    found = tuner.diagnose(drive, config="mpu9250")
+    assert isinstance(found, DriveDiagnosis)
+    assert found.noise_scales
+    with pytest.raises(DataError, match="--config"):
+        tuner.diagnose(tuner.read(log), config="mpu9250")
+    with pytest.raises(DataError, match="--holdout"):
+        tuner.diagnose(drive, holdout=tuner.read(log))
+
+
+def test_check_takes_names_and_answers_as_the_command_does(tmp_path):
+    found = tuner.check("mpu9250", "circle", duration=90.0, truth="adis16465", runs=3, seed=2)
+    out = tmp_path / "check.json"
+    arguments = ["check", "mpu9250", "--trajectory", "circle", "--duration", "90", "--truth", "adis16465"]
+    assert run([*arguments, "--runs", "3", "--seed", "2", "--json", str(out), "--quiet"]) == 0
+    content = json.loads(out.read_text())
+    assert content["nis"]["mean"] == found.consistency.nis[0].mean
+    assert content["consistent"] == found.consistency.consistent
+    with pytest.raises(DataError, match="trajectory"):
+        tuner.check("mpu9250", "nowhere")
+
+
+def test_navigate_takes_a_drive_and_the_name_of_a_filter(drive):
+    found = tuner.navigate(drive, "mpu9250")
+    assert found.config.gnss.correlated == ()
+    assert any("no receiver is named" in note for note in found.notes)
+    named = tuner.navigate(drive, "mpu9250", gnss="spp")
+    assert named.config.gnss == load_gnss("spp")
+
+
+def test_compare_names_its_sources_and_refuses_one_alone(log):
+    noise = tuner.identify(tuner.read(log), arma=None)
+    table = tuner.compare(log, noise, "mpu9250")
+    assert table.names == ("unit", "unit", "mpu9250")
+    white = next(row for row in table.axes["gyro_y"] if row.name == "white.density")
+    assert white.values[0] == white.values[1]
+    with pytest.raises(DataError, match="two sources"):
+        tuner.compare("mpu9250")
+
+
+def test_a_simulated_unit_stands_in_where_nothing_is_given(short_check, monkeypatch):
+    def brief(seed):
+        grade = load_grade("mpu9250")
+        return simulate(grade, duration=120.0, rate=100.0, seed=seed, hidden=("spikes@gyro_x",))
+
+    monkeypatch.setattr(pipeline, "demo", brief)
+    found = tuner.tune(seed=7)
+    assert found.name == "simulated-7"
+    assert found.key["hidden"][0]["cause"] == "spikes"
+    assert found.config.gnss == load_gnss("spp")

@@ -1,0 +1,87 @@
+"""The noise of whatever a source is: a built-in grade, a datasheet, a stored result, an Allan curve or a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tuner.catalogue.datasheet import is_datasheet, read_datasheet
+from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
+from tuner.identification.arma import Likelihood
+from tuner.identification.from_curve import identify_curve
+from tuner.identification.gnss_receiver import ReceiverErrors, identify_receiver
+from tuner.identification.identify import identify
+from tuner.readers import is_curve, read, read_curve
+from tuner.readers.gnss_log import read_fixes
+from tuner.readers.source_kind import is_file, source_name
+from tuner.readers.stored import is_stored, read_stored
+from tuner.segments.conditions import at_rest
+from tuner.segments.multi_position import calibrate
+from tuner.types import GnssNoise, Identification
+from tuner.types.progress import Progress, silent
+from tuner.types.records import DataError, Record
+
+SEVERAL_POSES = "several poses: `tuner tune` also calibrates the sensors from them"
+
+
+def identify_source(
+    source: str | Path | Sequence[Record],
+    *,
+    terms: Sequence[str] | None = None,
+    method: str = "likelihood",
+    arma: Likelihood | None = "fast",
+    latitude: float | None = None,
+    progress: Progress = silent,
+) -> Identification:
+    """Return the noise of a sensor, whatever describes it.
+
+    Parameters
+    ----------
+    source : str, Path or sequence of Record
+        The name of a built-in grade; the path of a datasheet, a noise.yaml, the JSON of an identification, an Allan
+        curve or a log; or the records of a log.
+    terms, method, arma, latitude
+        As of `tuner.identify`; a grade, a datasheet and a stored result are taken as they are.
+    progress : callable, optional
+        Called with one line at each step.
+
+    Raises
+    ------
+    DataError
+        If the source is none of these, or cannot be identified.
+    """
+    if isinstance(source, str | Path):
+        if not is_file(source):
+            if source not in grade_names():
+                msg = f"{source}: expected a file or a built-in grade ({' '.join(grade_names())}), found neither"
+                raise DataError(msg)
+            return grade_identification(load_grade(str(source)))
+        path = Path(source)
+        if is_datasheet(path):
+            return read_datasheet(path)
+        if is_stored(path):
+            return read_stored(path)
+        if is_curve(path):
+            return identify_curve(read_curve(path), source=source_name(path), terms=terms)
+        source = read(path)
+    records = at_rest(source, progress)
+    if calibrate(source) is not None:
+        progress(SEVERAL_POSES)
+    progress("identifying")
+    return identify(records, terms=terms, method=method, arma=arma, latitude=latitude)
+
+
+def identify_fixes(log: str | Path, progress: Progress = silent) -> ReceiverErrors:
+    """Return the errors of a GNSS receiver from a log of its fixes at rest (a CSV ``t,lat,lon,height,…``)."""
+    progress(f"identifying the receiver from {Path(log).name}")
+    return identify_receiver(read_fixes(log), name=source_name(log))
+
+
+def receiver_of_source(source: str | Path, progress: Progress = silent) -> GnssNoise:
+    """Return the errors of a GNSS receiver: of a built-in grade, or identified from a log of fixes at rest."""
+    return identify_fixes(source, progress).noise if is_file(source) else load_gnss(str(source))
+
+
+def records_name(records: Sequence[Record]) -> str:
+    """Return the short name of the log that records come from."""
+    return source_name(records[0].source) if records[0].source else records[0].name

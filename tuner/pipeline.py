@@ -1,0 +1,322 @@
+"""From a log, a measured drive or both to a filter configuration: identify, diagnose, synthesise, check.
+
+`tune` runs the stages in order; each is a function of its own from frozen values to frozen values. Nothing is printed
+and no file is written: `tuner.report.result_set` does that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from models.sensors import SensorGrade
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_grade
+from tuner.consistency.check import check
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.drive import ExaminedDrive
+from tuner.diagnosis.drive.config_after_drive import config_after_drive
+from tuner.diagnosis.drive.explained_drive import examine_and_explain
+from tuner.exporters import export
+from tuner.formats import native
+from tuner.identification import identify
+from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
+from tuner.readers import read
+from tuner.readers.drive import read_drive
+from tuner.readers.source_kind import is_log, source_name
+from tuner.segments.conditions import at_rest
+from tuner.segments.multi_position import PoseCalibration, calibrate
+from tuner.simulation.static import demo
+from tuner.synthesis import inflate, synthesize
+from tuner.synthesis.calibration import with_calibration
+from tuner.synthesis.findings import agreed, findings_for_config, settled_inflations
+from tuner.synthesis.from_drive import identification_of_drive, receiver_of, standing
+from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
+from tuner.types.consistency import Check
+from tuner.types.progress import Progress, silent
+from tuner.types.records import DataError, Drive, Record
+
+CHECK_RUNS = 20
+"""Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
+CHECK_TRAJECTORY = "city"
+CHECK_DURATION = 3600.0
+"""Length of each run, s: as long as a GNSS-aided filter takes to show a bias that is modelled too small."""
+EXPORTED_DIALECTS = ("kalibr", "kf-gins")
+"""Dialects that `tune` adds to the native configuration; `tuner.export` writes the others."""
+NO_SAMPLES = "the source holds no samples that could be compared with a simulation"
+NO_LOG = "without a static log; of the unit only the standing parts of the drive are known"
+
+
+@dataclass(frozen=True)
+class TuneInputs:
+    """What a configuration is made from.
+
+    Attributes
+    ----------
+    name : str
+        Name of the log, the drive, or both.
+    records : tuple of Record
+        Static log; empty where there is none.
+    source : str or Path or Identification or None
+        What stands for a log without samples: a datasheet, a grade, an Allan curve, a stored identification.
+    drive : Drive or None
+        Measured drive.
+    receiver : GnssNoise or None
+        Errors of the aiding.
+    key : mapping or None
+        Ground truth of a simulated log.
+    """
+
+    name: str
+    records: tuple[Record, ...]
+    source: str | Path | Identification | None
+    drive: Drive | None
+    receiver: GnssNoise | None
+    key: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class LogResult:
+    """Noise of the unit, what a simulation of it gets wrong, and the parts that are absent, each with the reason."""
+
+    identification: Identification
+    diagnosis: Diagnosis | None
+    absent: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class TuneResult:
+    """A filter configuration with everything it rests on.
+
+    Attributes
+    ----------
+    name : str
+        Name of the log, the drive, or both.
+    records : tuple of Record
+        Static log; empty where there is none.
+    identification : Identification
+        Noise terms of every channel.
+    diagnosis : Diagnosis or None
+        What a simulation of the noise gets wrong.
+    drive : ExaminedDrive or None
+        What the drive shows to be wrong with the filter.
+    calibration : PoseCalibration or None
+        Calibration, where the log has several poses.
+    config : FilterConfig
+        Settings of the filter.
+    check : Check or None
+        Monte-Carlo consistency of the filter.
+    absent : mapping of str to str
+        Parts that were not run, each with the reason.
+    exports : mapping of str to str
+        Text of each configuration file by its name: ``noise.yaml`` and the dialects.
+    key : mapping or None
+        Ground truth of a simulated log.
+    replicas, seed : int
+        As given.
+    """
+
+    name: str
+    records: tuple[Record, ...]
+    identification: Identification
+    diagnosis: Diagnosis | None
+    drive: ExaminedDrive | None
+    calibration: PoseCalibration | None
+    config: FilterConfig
+    check: Check | None
+    absent: Mapping[str, str]
+    exports: Mapping[str, str]
+    key: Mapping[str, Any] | None = None
+    replicas: int = 0
+    seed: int = 0
+
+
+def tune(
+    log: str | Path | Sequence[Record] | Identification | None = None,
+    *,
+    drive: str | Path | Drive | None = None,
+    horizon: float = 1000.0,
+    complete: str | SensorGrade | None = None,
+    gnss: str | Path | GnssNoise | None = None,
+    terms: Sequence[str] | None = None,
+    latitude: float | None = None,
+    replicas: int = 0,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> TuneResult:
+    """Turn a static log, a measured drive or both into a filter configuration, and check that filter.
+
+    Parameters
+    ----------
+    log : str, Path, sequence of Record or Identification, optional
+        Records of a static log, or anything `identify_source` takes. Without it the standing parts of the drive
+        are the log; without a drive either, a simulated unit with a hidden effect, drawn from the seed.
+    drive : str, Path or Drive, optional
+        A measured drive of the unit: what it shows enters the configuration.
+    horizon : float, optional
+        Longest time the filter must predict without aiding, s.
+    complete : str or SensorGrade, optional
+        Grade that stands in for a sensor the log lacks.
+    gnss : str, Path or GnssNoise, optional
+        Receiver: a built-in grade, a log of fixes at rest, or its errors; by default what the fixes of the drive
+        report.
+    terms : sequence of str, optional
+        Fit exactly this sum of noise terms.
+    latitude : float, optional
+        Degrees; takes the Earth's rate out of the gyro means.
+    replicas : int, optional
+        Simulated records a finding, for bands.
+    seed : int, optional
+        Seed of everything random.
+    progress : callable, optional
+        Called with one line at each step.
+
+    Returns
+    -------
+    TuneResult
+
+    Raises
+    ------
+    DataError
+        Where log, drive, grade or receiver cannot be used: one line.
+    """
+    completion = load_grade(complete) if isinstance(complete, str) else complete
+    inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
+    noise = identify_and_diagnose(
+        inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
+    )
+    progress("synthesising the filter configuration")
+    calibration = calibrate(inputs.records) if inputs.records else None
+    config = configure(
+        inputs, noise, calibration=calibration, horizon=horizon, complete=completion, seed=seed
+    )
+    examined = None
+    if inputs.drive is not None:
+        examined = examine_and_explain(inputs.drive, config, progress=progress)
+        config = config_after_drive(examined)
+    exports = {"noise.yaml": native.dumps(config)}
+    exports |= {f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED_DIALECTS}
+    checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
+    return TuneResult(
+        inputs.name,
+        inputs.records,
+        noise.identification,
+        noise.diagnosis,
+        examined,
+        calibration,
+        config,
+        checked,
+        MappingProxyType({**noise.absent, **unchecked}),
+        MappingProxyType(exports),
+        inputs.key,
+        replicas,
+        seed,
+    )
+
+
+def gather_inputs(
+    log: str | Path | Sequence[Record] | Identification | None,
+    drive: str | Path | Drive | None,
+    gnss: str | Path | GnssNoise | None,
+    *,
+    seed: int,
+    progress: Progress,
+) -> TuneInputs:
+    """Read what is named by a path, choose name and receiver, and simulate where there is neither log nor drive."""
+    measured = read_drive(drive) if isinstance(drive, str | Path) else drive
+    key: Mapping[str, Any] | None = None
+    records: tuple[Record, ...] = ()
+    source: str | Path | Identification | None = None
+    if isinstance(log, Identification) or (isinstance(log, str | Path) and not is_log(log)):
+        source = log
+    elif isinstance(log, str | Path):
+        records = read(log)
+    elif log is not None:
+        records = tuple(log)
+    if gnss is None and measured is not None:
+        receiver: GnssNoise | None = receiver_of(measured)
+    elif isinstance(gnss, GnssNoise):
+        receiver = gnss
+    elif gnss is not None or log is None:
+        receiver = receiver_of_source(gnss or DEFAULT_RECEIVER, progress)
+    else:
+        receiver = None
+    if log is None and measured is None:
+        progress("simulating an IMU with a hidden effect")
+        records, key = demo(seed)
+        return TuneInputs(f"simulated-{seed}", records, None, None, receiver, key)
+    names = [] if log is None else [_log_name(log, records)]
+    names += [] if measured is None else [measured.name]
+    return TuneInputs("-".join(names), records, source, measured, receiver, key)
+
+
+def _log_name(log: str | Path | Sequence[Record] | Identification, records: Sequence[Record]) -> str:
+    if isinstance(log, Identification):
+        return str(log.source.get("name", "unnamed"))
+    return source_name(log) if isinstance(log, str | Path) else records_name(records)
+
+
+def identify_and_diagnose(
+    inputs: TuneInputs,
+    *,
+    terms: Sequence[str] | None,
+    latitude: float | None,
+    replicas: int,
+    seed: int,
+    progress: Progress,
+) -> LogResult:
+    """Return the noise of the unit and, where there are samples, what a simulation of that noise gets wrong."""
+    if inputs.records:
+        still = at_rest(inputs.records, progress)
+        progress("identifying")
+        found = identify(still, terms=terms, latitude=latitude)
+        try:
+            diagnosis = diagnose(inputs.records, replicas=replicas, seed=seed, progress=progress)
+        except DataError as error:
+            return LogResult(found, None, {"diagnosis": str(error)})
+        return LogResult(found if terms is not None else agreed(still, found, diagnosis), diagnosis, {})
+    if isinstance(inputs.source, Identification):
+        return LogResult(inputs.source, None, {"diagnosis": NO_SAMPLES})
+    if inputs.source is not None:
+        found = identify_source(inputs.source, terms=terms, latitude=latitude, progress=progress)
+        return LogResult(found, None, {"diagnosis": NO_SAMPLES})
+    assert inputs.drive is not None
+    found = identification_of_drive(inputs.drive, standing(inputs.drive))
+    return LogResult(found, None, {"static diagnosis": NO_LOG})
+
+
+def configure(
+    inputs: TuneInputs,
+    noise: LogResult,
+    *,
+    calibration: PoseCalibration | None,
+    horizon: float,
+    complete: SensorGrade | None,
+    seed: int,
+) -> FilterConfig:
+    """Return the configuration that noise, findings and calibration of the static log ask for."""
+    config = synthesize(
+        noise.identification,
+        name=inputs.name,
+        horizon=horizon,
+        complete=complete,
+        gnss=inputs.receiver,
+        seed=seed,
+        findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
+    )
+    if noise.diagnosis is not None:
+        config = inflate(config, settled_inflations(noise.diagnosis, config))
+    return config if calibration is None else with_calibration(config, calibration)
+
+
+def check_or_reason(
+    config: FilterConfig, *, seed: int, progress: Progress
+) -> tuple[Check | None, Mapping[str, str]]:
+    """Return the consistency check of a configuration, or None and the reason why it cannot be checked."""
+    progress(f"checking the filter on {CHECK_RUNS} simulated hours")
+    try:
+        return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
+    except DataError as error:
+        return None, {"consistency": str(error)}

@@ -1,0 +1,41 @@
+"""What a source named by a user is: a log, a drive, a stored result, or the name of a built-in grade."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+
+def source_name(source: str | Path) -> str:
+    """Return the short name of a source: its file name without suffixes, or the name of the grade."""
+    name = Path(source).name
+    return name.split(".")[0] or name
+
+
+def is_file(source: str | Path) -> bool:
+    """Tell a path from the name of a built-in grade: a path exists, or looks like one."""
+    return isinstance(source, Path) or Path(source).exists() or "/" in source or "." in source
+
+
+def is_log(source: str | Path) -> bool:
+    """Tell a log from a grade, a datasheet, a stored identification and a measured Allan curve."""
+    from tuner.catalogue.datasheet import is_datasheet
+    from tuner.readers.allan_curve import is_curve
+    from tuner.readers.stored import is_stored
+
+    path = Path(source)
+    return is_file(source) and not (is_datasheet(path) or is_stored(path) or is_curve(path))
+
+
+def is_drive(source: str | Path) -> bool:
+    """Tell a drive (a folder, an NPZ with fixes, a YAML of KF-GINS) from a log of the inertial unit alone."""
+    path = Path(source)
+    if path.is_dir():
+        return True
+    if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as file:
+            return "gnss_t.npy" in file.namelist()
+    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+        head = path.read_text(encoding="utf-8", errors="replace")
+        return "imupath" in head and "gnsspath" in head
+    return False

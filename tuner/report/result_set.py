@@ -1,0 +1,131 @@
+"""The results of `tune` as a folder of files, as JSON, and as tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from tuner.formats.configuration import config_json
+from tuner.formats.diagnosis import diagnosis_json
+from tuner.formats.files import json_text, write_text
+from tuner.formats.identification import identification_json
+from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
+from tuner.report.allan_figure import draw_allan
+from tuner.report.calibration_words import calibration_words
+from tuner.report.consistency_tables import consistency_tables
+from tuner.report.diagnosis_figure import draw_findings
+from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
+from tuner.report.drive_figure import draw_drive
+from tuner.report.drive_tables import drive_tables
+from tuner.report.json.consistency import consistency_json
+from tuner.report.page import write_page
+from tuner.report.tables import identification_tables
+from tuner.synthesis.calibration import calibration_json
+from tuner.synthesis.findings import judge_hidden
+from tuner.types import BoundUsed, Enlargement
+
+Section = tuple[str, Sequence[Table | str]]
+
+
+def write_tune_result(result: TuneResult, directory: Path) -> None:
+    """Write configurations, figures, ``report.html``, ``result.json`` and the key of a simulated log.
+
+    Parameters
+    ----------
+    result : TuneResult
+        Of `tuner.tune`.
+    directory : Path
+        Made where it does not exist; each file is written whole or not at all.
+    """
+    found = result.identification
+    if any(channel.allan.tau.size for channel in found.channels.values()):
+        draw_allan(found, [directory / "allan.png", directory / "allan.svg"], title=result.name)
+    figures: list[tuple[str, Path]] = []
+    if result.diagnosis is not None:
+        figures += draw_findings(result.records, result.diagnosis, directory, result.replicas, result.seed)
+    if result.drive is not None:
+        figures += draw_drive(result.drive, directory)
+    for file, text in result.exports.items():
+        write_text(directory / file, text)
+    page = write_page(
+        found,
+        result.config,
+        title=result.name,
+        sections=tune_sections(result),
+        figures=figures,
+        absent=result.absent,
+    )
+    write_text(directory / "report.html", page)
+    if result.key is not None:
+        write_text(directory / "key.json", json_text(result.key))
+    write_text(directory / "result.json", json_text(tune_json(result)))
+
+
+def tune_json(result: TuneResult) -> dict[str, Any]:
+    """Return the result in the form ``tuner.result/1``; parts that were not run stand under ``absent``."""
+    content: dict[str, Any] = {
+        "schema": "tuner.result/1",
+        "identification": identification_json(result.identification),
+    }
+    if result.diagnosis is not None:
+        content["diagnosis"] = diagnosis_json(result.diagnosis)
+        if result.key is not None:
+            content["hidden"] = judge_hidden(result.key, result.diagnosis)
+    if result.drive is not None:
+        content["drive"] = diagnosis_json(result.drive.diagnosis)
+    if result.calibration is not None:
+        content["calibration"] = calibration_json(result.calibration)
+    if result.check is not None:
+        content["consistency"] = consistency_json(
+            result.check.consistency,
+            source={
+                "config": result.config.name,
+                "trajectory": CHECK_TRAJECTORY,
+                "runs": CHECK_RUNS,
+                "seed": result.seed,
+            },
+            notes=result.check.notes,
+        )
+    return {**content, "config": config_json(result.config), "absent": dict(result.absent)}
+
+
+def tune_sections(result: TuneResult) -> list[Section]:
+    """Return the parts of the result beyond noise and configuration, each with its heading."""
+    sections: list[Section] = []
+    if result.diagnosis is not None:
+        judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
+        content = [*diagnosis_tables(result.diagnosis), *hidden_words(judged)]
+        if content:
+            sections.append(("What a simulation of it gets wrong", content))
+    if result.calibration is not None:
+        sections.append(("Calibration from poses", calibration_words(result.calibration)))
+    if result.drive is not None:
+        sections.append(("What the drive says", drive_tables(result.drive.diagnosis)))
+    if result.check is not None:
+        tables = consistency_tables(result.check.consistency, result.check.notes)
+        sections.append(("Is the filter honest?", tables))
+    return sections
+
+
+def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
+    """Return everything `tune` prints: noise, each section, and a summary of the configuration in `directory`."""
+    tables = [block for _, content in tune_sections(result) for block in content]
+    return [*identification_tables(result.identification), *tables, *_summary(result, directory)]
+
+
+def _summary(result: TuneResult, directory: Path) -> list[str]:
+    config = result.config
+    lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
+    bounded = [str(i.quantity) for i in config.inflations if isinstance(i, BoundUsed)]
+    if bounded:
+        lines.append(f"  only bounded, half of the 95 % limit is used: {', '.join(bounded)}")
+    lines += [
+        f"  {i.quantity} × {i.factor:.4g}: {i.reason}"
+        for i in config.inflations
+        if isinstance(i, Enlargement)
+    ]
+    lines += [f"  {note}" for note in config.notes if note not in result.identification.notes]
+    return lines + [f"  no {part}: {reason}" for part, reason in result.absent.items()]

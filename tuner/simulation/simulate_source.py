@@ -1,0 +1,116 @@
+"""A simulated log or drive of a built-in grade, or of a configuration with the findings that `tune` stored in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_names, load_gnss, load_grade
+from tuner.catalogue.trajectories import load_trajectory
+from tuner.formats import native
+from tuner.readers.source_kind import is_file
+from tuner.simulation.drive import simulate_drive
+from tuner.simulation.from_config import remade, remade_drive
+from tuner.simulation.static import simulate
+from tuner.types import FilterConfig
+from tuner.types.records import DataError, Drive, Record
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated log or drive, its ground truth, and notes on findings that could not be simulated."""
+
+    name: str
+    data: tuple[Record, ...] | Drive
+    key: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+
+def simulate_source(
+    source: str,
+    *,
+    trajectory: str | None = None,
+    gnss: str | None = None,
+    duration: float = 3600.0,
+    rate: float | None = None,
+    hidden: tuple[str, ...] = (),
+    seed: int = 0,
+) -> Simulated:
+    """Simulate a static log, or a drive along a trajectory with a receiver.
+
+    Parameters
+    ----------
+    source : str
+        Name of a built-in grade, or a noise.yaml, whose noise and findings are simulated again.
+    trajectory : str, optional
+        Name of a built-in trajectory; without it, a static log.
+    gnss : str, optional
+        Built-in receiver of a drive; default that of the configuration, or `DEFAULT_RECEIVER`.
+    duration : float
+        s.
+    rate : float, optional
+        Hz; default that of the source.
+    hidden : tuple of str
+        Effects, as of `tuner.simulation.effect_spec`.
+    seed : int
+        Seed of everything random.
+
+    Raises
+    ------
+    DataError
+        For an unknown source, trajectory, receiver or effect.
+    """
+    grade = source in grade_names()
+    if not grade and not is_file(source):
+        msg = f"{source}: expected a built-in grade ({' '.join(grade_names())}) or a noise.yaml"
+        raise DataError(msg)
+    if gnss is not None and trajectory is None:
+        msg = f"--gnss {gnss}: expected --trajectory with it; a static log has no receiver"
+        raise DataError(msg)
+    if trajectory is not None:
+        motion = load_trajectory(trajectory, duration)
+        if not grade:
+            return _drive_of_config(native.load(Path(source)), trajectory, gnss, duration, rate, hidden, seed)
+        receiver = load_gnss(gnss or DEFAULT_RECEIVER)
+        drive, key = simulate_drive(load_grade(source), motion, receiver, rate=rate, seed=seed, hidden=hidden)
+        return Simulated(source, drive, key)
+    if grade:
+        records, key = simulate(load_grade(source), duration=duration, rate=rate, seed=seed, hidden=hidden)
+        return Simulated(source, records, key)
+    config = native.load(Path(source))
+    channels, findings, notes = remade(config)
+    records, key = simulate(
+        channels,
+        duration=duration,
+        rate=rate or 1.0 / config.interval,
+        seed=seed,
+        hidden=(*findings, *hidden),
+    )
+    return Simulated(config.name, records, key, notes)
+
+
+def _drive_of_config(
+    config: FilterConfig,
+    trajectory: str,
+    gnss: str | None,
+    duration: float,
+    rate: float | None,
+    hidden: tuple[str, ...],
+    seed: int,
+) -> Simulated:
+    """Simulate a drive of the unit and the receiver that a configuration describes, with its findings."""
+    own = config.gnss if gnss is None else None
+    channels, at_rest, notes = remade(config, drive=True)
+    effects, more = remade_drive(config, receiver=own is not None)
+    drive, key = simulate_drive(
+        channels,
+        load_trajectory(trajectory, duration),
+        own or load_gnss(gnss or DEFAULT_RECEIVER),
+        rate=rate or 1.0 / config.interval,
+        seed=seed,
+        hidden=(*effects, *hidden),
+        at_rest=at_rest,
+        name=config.name,
+    )
+    return Simulated(config.name, drive, key, (*notes, *more))
