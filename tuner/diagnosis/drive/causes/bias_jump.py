@@ -1,13 +1,12 @@
-"""A bias that jumps once: score of an impulse in the biases after every fix, from one pass.
+"""A jump of a bias: score of an impulse in the bias states after every fix, from one backward recursion.
 
-For an impulse δ in three bias states just after fix k, score s_k and information N_k come with the backward pass
+For an impulse δ in three bias states just after fix k, score s_k and information N_k come with the backward recursion
 of the likelihood [2]_; with them the statistic of Willsky and Jones [1]_::
 
     Λ_k = s_kᵀ N_k⁻¹ s_k ~ χ²₃,    δ = N_k⁻¹ s_k,    var δ = N_k⁻¹
 
-for every k at the price of one. The scan is paid for by Davies' bound [3]_: with V, the sum of |Δ√Λ| over the scan,
-P(max Λ > u) ≤ P(χ²₃ > u) + V u e^{−u/2} / (2^{3/2} Γ(3/2)). Extension: the impulse as three more columns of the
-record.
+for every k at the cost of one. The scan over k is allowed for by Davies' bound [3]_: with V, the sum of |Δ√Λ| over the
+scan, P(max Λ > u) ≤ P(χ²₃ > u) + V u e^{−u/2} / (2^{3/2} Γ(3/2)). An accepted jump is three further columns of B.
 
 References
 ----------
@@ -42,21 +41,21 @@ FloatArray = NDArray[np.float64]
 
 CAUSE = "bias_jump"
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
-"""Places of the biases among those that are scored, and their units."""
+"""Bias states whose impulses are scored, and their units, by sensor."""
 MAX_JUMPS = 2
 """Most jumps that are named: of more, a slow change of the bias is the likelier explanation."""
 MAX_JUMP_SIZE = {"gyro": 0.05, "accel": 1.0}
 """Size of a jump, rad/s and m/s², from which it is not credible: no sensor in working order jumps so far."""
 N_EDGE_FIXES = 5
-"""Fixes at either end of the record that are left out: the prior of the biases stands for jumps there."""
+"""Fixes at either end of the run that are left out: there a jump cannot be told from the prior of the biases."""
 CHI2_1_QUANTILE_95 = 3.841
-"""Drop of the statistic within which a time is in its 95 % interval."""
+"""Drop of the statistic within which a time is in its 95 % interval: the 95 % quantile of χ²₁."""
 _SINGULAR_VALUE_CUTOFF = 1e-9
 
 
 @dataclass(frozen=True)
 class JumpScan:
-    """Statistic, sizes and their covariances of a jump of one sensor after every fix, (k,), (k, 3), (k, 3, 3)."""
+    """Statistic, size and covariance of a jump of one sensor after every fix; shapes (k,), (k, 3), (k, 3, 3)."""
 
     statistic: FloatArray
     size: FloatArray
@@ -64,7 +63,7 @@ class JumpScan:
 
 
 def bias_jump(noise: NoiseHypothesis) -> CauseTest:
-    """Test the biases for one jump; see `jump_sensor` for whose it is."""
+    """Test the biases for one jump; `jump_sensor` says of which sensor."""
     title = "likelihood ratio of a jump of a bias"
     settled = replace(
         noise, linearized=replace(noise.linearized, scored=np.ones(len(noise.linearized.t), dtype=bool))
@@ -108,7 +107,7 @@ def scan(score: FloatArray, information: FloatArray) -> JumpScan:
 
 
 def davies_bound(ratio: float, root: FloatArray) -> float:
-    """Return the bound on the chance that a scan of χ²₃ exceeds `ratio`; `root` are its square roots (k,)."""
+    """Return the bound on the probability that a scan of χ²₃ exceeds `ratio`; `root` are its square roots (k,)."""
     variation = float(np.abs(np.diff(root)).sum())
     crossings = variation * ratio * np.exp(-0.5 * ratio) / (2.0**1.5 * gamma(1.5))
     return float(min(1.0, chi2.sf(ratio, 3) + crossings))

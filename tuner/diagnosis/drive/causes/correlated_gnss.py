@@ -1,10 +1,10 @@
 """Correlated errors of the position fixes: a Gauss–Markov process beside their white part.
 
-Pre-test: correlations of the whitened position innovations summed over lags 1 … L; those of velocity are not looked
-at, since a Q that is too small shows in both. Then a likelihood ratio of three more states, with sd of the
-horizontal and of the vertical error and one time constant, the white part refitted under both hypotheses: a wrong R
-alone gains nothing. Under the null the sds are at their bound 0 and the time constant roams: the ratio lies below
-χ²₃ nearly everywhere (measured on replicas, see the tests). Which cause is named, Q, R or this one, is left to the
+Pre-test: correlations of the whitened position innovations summed over lags 1 … L; those of velocity are not used,
+since a Q that is too small shows in both. Then a likelihood ratio of three more states, with sd of the horizontal and
+of the vertical error and one time constant, the white part refitted under both hypotheses, so that a wrong R alone
+gains nothing. Under the null the sds are at their bound 0 and the time constant is not identified: the ratio lies
+below χ²₃ nearly everywhere (measured on replicas, see the tests). Which of Q, R and this cause is named depends on the
 gain.
 """
 
@@ -38,17 +38,19 @@ CAUSE = "correlated_gnss"
 LAGS = (1, 2, 4, 8, 16, 32)
 """Numbers of lags over which correlations are summed."""
 EFFECTIVE_TESTS = 4.0
-"""Independent tests that so many sums over nested lags are worth."""
+"""Independent tests that so many sums over nested lags are equivalent to."""
 PRETEST_P_VALUE = 0.05
-"""Chance of the pre-test below which states are fitted."""
+"""p value of the pre-test below which states are fitted."""
 TRIAL_SHARES = (0.3, 0.6, 1.0)
-"""Sds of the correlated part that are tried, relative to the white one: the second at all times, all at the best."""
+"""Sds of the correlated part, relative to the white one, that a fit begins with: the second at all times, all at the
+best one.
+"""
 N_TRIAL_TIMES = 7
-"""Time constants that are tried, from twice the interval of the fixes to a quarter of the record."""
+"""Time constants to begin the fit with, from twice the interval of the fixes to a quarter of the run."""
 
 
 def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest:
-    """Test position fixes for a correlated error; `likelihood` is the likelihood of the noise."""
+    """Test position fixes for a correlated error; the likelihood is that of the noise hypothesis."""
     title = "likelihood ratio of correlated position errors"
     if not noise.counted[:, :3].any():
         return not_significant(CAUSE, noise, 1.0, 0.0, title)
@@ -71,7 +73,7 @@ def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest
 
 
 def pretest(white: FloatArray) -> float:
-    """Return the chance of the summed lag correlations of whitened innovations (k, a), 0 where there is none."""
+    """Return the p value of the summed lag correlations of whitened innovations (k, a), 0 where a row has none."""
     largest = 0.0
     total = 0.0
     for lag in range(1, min(LAGS[-1], len(white) - 1) + 1):
@@ -88,7 +90,7 @@ def fit_correlated(noise: NoiseHypothesis) -> NoiseFit:
     Parameters
     ----------
     noise : NoiseHypothesis
-        Its sds of the fixes are the scale of what is tried.
+        Its sds of the fixes are the scale of the first guesses.
     """
     linearized = noise.linearized
     rows = noise.counted[:, :3]

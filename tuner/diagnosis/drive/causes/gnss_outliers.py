@@ -39,28 +39,29 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 ROWS_OF_CAUSE = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
-"""Rows of a block by the cause that its outliers are called."""
+"""Rows of a block, by the cause that its outliers have."""
 UNITS = {"gnss_outliers": "m", "gnss_velocity": "m/s"}
+"""SI unit of the error of a block."""
 EXPECTED_FALSE_OUTLIERS = 0.05
-"""Expected number of good blocks that a mask takes."""
+"""Expected number of good blocks that are left out."""
 TAIL_PROBABILITY = 1e-3
-"""Chance of a block beyond which blocks are counted."""
+"""p value of a block below which blocks are counted."""
 NEIGHBOURHOOD = 5
 """Fixes on either side among which only the worst block is left out in one round."""
 MAX_ROUNDS = 12
-"""Most rounds of masking."""
+"""Most rounds of leaving blocks out."""
 
 
 @dataclass(frozen=True)
 class Mask:
-    """Which blocks are left out, and how far all of them are off.
+    """Blocks that are left out, and the deleted residuals of all.
 
     Attributes
     ----------
     out : ndarray of bool, shape (k, 2)
         Position and velocity blocks that are left out.
     deleted : ndarray, shape (k, 6)
-        What every row is off given all that are left, by its sd.
+        Deleted residual of every row, given all rows that are left, by its sd.
     left : NoiseHypothesis
         Without the blocks that are left out.
     """
@@ -75,7 +76,7 @@ class Mask:
 
 
 def mask(noise: NoiseHypothesis) -> Mask:
-    """Leave outliers out, see the module."""
+    """Leave outliers out, as the module describes."""
     linearized = noise.linearized
     tried = _testable_rows(noise)
     whole = replace(noise, rows=noise.rows | tried, linearized=_all_fixes_scored(linearized))
@@ -106,7 +107,7 @@ def _without(noise: NoiseHypothesis, out: BoolArray) -> NoiseHypothesis:
 
 
 def _deleted_residuals(noise: NoiseHypothesis) -> FloatArray:
-    """Return what every row is off given all others, by its sd, shape (k, 6)."""
+    """Return the residual of every row given all others, by its sd, shape (k, 6)."""
     return evaluate_with_gradient(noise)[1].deleted
 
 
@@ -115,18 +116,18 @@ def _all_fixes_scored(linearized: LinearizedRun) -> LinearizedRun:
 
 
 def _testable_rows(noise: NoiseHypothesis) -> BoolArray:
-    """Return the rows that may be outliers: all that count, and those that the filter itself refused."""
+    """Return the rows that may be outliers: all that count, and those that the filter itself rejected."""
     linearized = noise.linearized
     return linearized.available & linearized.scored[:, None] & (noise.rows | ~linearized.used)
 
 
 def log_p_values(deleted: FloatArray, tried: BoolArray, block: int, *, scaled: bool = True) -> FloatArray:
-    """Return ln P(χ² > q) of all blocks of a kind, q by its robust scale if wished, shape (k,).
+    """Return ln P(χ² > q) of all blocks of a kind, q divided by its robust scale where `scaled`, shape (k,).
 
     Parameters
     ----------
     deleted : ndarray, shape (k, 6)
-        What rows are off, by their sds.
+        Deleted residuals by their sds.
     tried : ndarray of bool, shape (k, 6)
         Rows that count.
     block : int
@@ -150,9 +151,9 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     Parameters
     ----------
     noise : NoiseHypothesis
-        Noise assumed so far.
+        Before the test.
     masked : Mask
-        Of this noise.
+        Of this hypothesis.
     cause : str
         ``gnss_outliers`` or ``gnss_velocity``.
     """
@@ -187,7 +188,7 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
 
 
 def contamination(noise: NoiseHypothesis, others: NoiseHypothesis, deleted: BoolArray) -> float:
-    """Return what the mixture gains over one normal law, nats, less ln n.
+    """Return the log likelihood gain of the mixture over one normal distribution, nats, less ln n.
 
     Parameters
     ----------

@@ -34,22 +34,22 @@ CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
 BLOCK_DURATION = 30.0
 """Length of the blocks whose means are compared, s."""
 MIN_BLOCKS = 8
-"""Blocks with straight parts that it takes."""
+"""Blocks with straight parts that the test needs."""
 DETECTABLE_SDS = 4.0
-"""Sds from which a constant is told from nothing."""
+"""Sds from which a constant can be detected."""
 
 
 def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | None:
-    """Test the stated mounting of a vehicle whose wheels do not slip; None where it stands, or too little is driven.
+    """Test the stated mounting where wheels do not slip; None where it agrees, or straight parts are too few.
 
     Parameters
     ----------
     run : FilterRun
-        The last pass, in axes of the sensor.
+        The last run, in axes of the sensor.
     stated : ndarray, shape (3, 3)
         Turns vehicle axes into those of the sensor.
     threshold : float
-        Chance below which it is a finding.
+        p value below which it is a finding.
     """
     t, angles, spread = _directions(run, stated)
     block = ((t - run.linearized.t[0]) // BLOCK_DURATION).astype(int)
@@ -78,7 +78,7 @@ def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | 
 
 
 def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times of straight driving (m,), pitch and yaw of the motion (m, 2), sds of the attitude there (2,)."""
+    """Return times on straight parts (m,), pitch and yaw of the motion (m, 2), sds of the attitude there (2,)."""
     vel = np.concatenate([one.state.vel_n for one in run.solutions])
     mat = rotation.mat_from_quat(np.concatenate([one.state.quat_nb for one in run.solutions]))
     variance = np.concatenate(
@@ -102,18 +102,18 @@ def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatAr
 def untestable_causes(
     final: FilterRun, stated: FloatArray | None, *, wheels: bool, accepted: tuple[str, ...]
 ) -> tuple[Inseparable, ...]:
-    """Return causes of the catalogue that this drive cannot tell, each with the reason.
+    """Return causes of the catalogue that cannot be tested on this drive, each with the reason.
 
     Parameters
     ----------
     final : FilterRun
-        The last pass.
+        The last run.
     stated : ndarray, shape (3, 3), or None
         Mounting of the unit, if given.
     wheels : bool
         Whether the vehicle's wheels may be supposed not to slip.
     accepted : tuple of str
-        Causes that were found.
+        Causes that are accepted.
     """
     lines = []
     if not wheels or stated is None:

@@ -1,17 +1,18 @@
-"""Wrong R, wrong Q: the noise that a drive asks for, next to what the filter was told.
+"""Wrong R and wrong Q: factors on the noise of the receiver and of the sensors, tested one by one and together.
 
-`fit_noise` estimates all factors together, true ÷ assumed; prior knowledge, such as the intervals of a static
-identification, enters as sds of the logs. The tests `gnss_noise_scale` and `imu_noise_scale` ask for each factor
-alone, the rest as configured: score and curvature of ln L by the log x of the factor first (of R: 2 Σ (r d)², d the
-precision of a row given all others), a refit where they promise something. The null of a factor whose log is known to
-σ only is a factor anywhere about 1 with that σ::
+`fit_noise` estimates all factors, true ÷ assumed, together; prior knowledge, such as the intervals of a static
+identification, enters as sds of their logs. The tests `gnss_noise_scale` and `imu_noise_scale` test each factor
+alone, the rest as configured: first by score and curvature of ln L by the log x of the factor (of R: 2 Σ (r d)², d
+the precision of a row given all others), then by a fit where the score is large. The null hypothesis for a factor
+whose log has a prior sd σ is a factor about 1 with that σ::
 
     LR = max_x 2 ln L(x) − max_x [2 ln L(x) − x²/σ²] ~ χ²₁,    exactly known (σ = 0): 2 ln L(x̂) − 2 ln L(0)
 
-whether x ~ N(0, σ²) or x = 0. A factor on R or Q is inside its range there: no mixture of χ² is needed. The family
-pays for its number of factors; of R, those on all of a position or a velocity bear less of it than those on a part.
-Where R and Q are both surely wrong, each leaks into the other's test: `joint_noise` fits both (a car whose unit is 5
-to 8 times as noisy as at rest and whose receiver says twice its error: 4300 nats together, 740 and 2600 one by one).
+whether x ~ N(0, σ²) or x = 0. A factor on R or Q is inside its range there, so that no mixture of χ² is needed. The p
+value allows for the number of factors; of R, those on a whole position or velocity have a larger share of the error
+rate than those on a part. Where R and Q are both wrong, each leaks into the other's test: `joint_noise` fits both (a
+car whose unit is 5 to 8 times as noisy as at rest and whose receiver has twice its reported error: 4300 nats
+together, 740 and 2600 one by one).
 """
 
 from __future__ import annotations
@@ -45,19 +46,19 @@ from tuner.types import Coefficient
 FloatArray = NDArray[np.float64]
 
 MIN_SCORE_STATISTIC = 6.0
-"""Score statistic from which a refit is worth its time."""
+"""Score statistic from which a fit is worth its time."""
 ERROR_RATE_SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROW_GROUPS, 0.1)}
-"""Share of the family's error rate that goes to each factor of R."""
+"""Share of the test's error rate that each factor of R has."""
 MIN_CONVEX_CURVATURE = 10.0
-"""Curvature by a log above which the slope tells of large factors, too."""
+"""Curvature by a log above which the slope also shows large factors."""
 MIN_CURVATURE = 0.25
-"""Curvature by a log below which the drive says nothing of a factor."""
+"""Curvature by a log below which the drive has no information on a factor."""
 TRIAL_LOGS = (1.0, 2.5)
-"""Logs of large factors on Q that are tried where ln L is flat here: its slope may say little of them."""
+"""Logs of large factors on Q that are tried where ln L is flat at 1, where its slope shows little of them."""
 FINDING_NAMES = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
 JOINT_P_VALUE = 1e-9
-"""Chance of wrong R, and of wrong Q, below which both are fitted together."""
+"""p value of wrong R, and of wrong Q, below which both are fitted together."""
 _LOG_STEP = 0.02
 
 
@@ -72,25 +73,25 @@ class NoiseScores:
     tried: FloatArray
 
     def size(self, name: str) -> float:
-        """Return the curvature, at least the slope: where a factor is far off, ln L is not convex here."""
+        """Return the curvature, at least the slope: where a factor is far off, ln L is not convex at 1."""
         j = self.names.index(name)
         return float(max(self.curvature[j], abs(self.slope[j])))
 
     def is_informative(self, name: str) -> bool:
-        """Whether the drive says anything of a factor."""
+        """Whether the drive has information on a factor."""
         return (
             self.size(name) > MIN_CURVATURE or float(self.tried[self.names.index(name)]) > MIN_SCORE_STATISTIC
         )
 
     def ratio(self, name: str, prior_sd: float) -> float:
-        """Return the likelihood ratio of a factor as the score, or a trial, has it."""
+        """Return the likelihood ratio of a factor by its score, or by a trial."""
         j, size = self.names.index(name), max(self.size(name), MIN_CURVATURE)
         exact = max(float(self.slope[j]) ** 2 / size, float(self.tried[j]))
         return exact / (1.0 + size * prior_sd**2)
 
 
 def noise_scores(noise: NoiseHypothesis) -> NoiseScores:
-    """Return scores of all factors that the record has anything of."""
+    """Return the scores of all factors that the run has rows or noise of."""
     names = present(noise, (*ROW_GROUPS, *BLOCKS, *NOISE_GROUPS))
     parameters, zero = noise_parameters(names), np.zeros(len(names))
     noise = with_constants_fixed(noise)
@@ -118,9 +119,9 @@ def fit_noise(noise: NoiseHypothesis, *, prior_sd: Mapping[str, float] = NO_PRIO
     Parameters
     ----------
     noise : NoiseHypothesis
-        Noise assumed so far: its noise is factor 1.
+        Its noise is factor 1.
     prior_sd : mapping of str to float
-        What is known of the log of a factor, by name of `ROW_GROUPS` or `NOISE_GROUPS`.
+        Prior sd of the log of a factor, by name of `ROW_GROUPS` or `NOISE_GROUPS`.
     """
     return maximize_likelihood(
         noise, noise_parameters(present(noise, (*ROW_GROUPS, *NOISE_GROUPS))), prior_sd=prior_sd
@@ -143,15 +144,15 @@ def imu_noise(
 def joint_noise(
     noise: NoiseHypothesis, scores: NoiseScores, *, prior_sd: Mapping[str, float] = NO_PRIOR
 ) -> tuple[CauseTest, CauseTest] | None:
-    """Test factors on R and Q together where both are surely wrong; None where one of them is not.
+    """Test factors on R and Q together where both are wrong; None where one of them is not.
 
-    Each leaks into the test of the other: a sensor far noisier than told makes fixes look bad. Both claims have one
-    hypothesis (the same object) and the same gain, that of both.
+    Each leaks into the test of the other: a sensor far noisier than configured makes fixes look bad. Both tests have
+    one noise hypothesis (the same object) and the same gain, that of both.
 
     Parameters
     ----------
     noise : NoiseHypothesis
-        Noise assumed so far.
+        Before the test.
     scores : NoiseScores
         Its scores.
     prior_sd : mapping of str to float
@@ -189,7 +190,7 @@ def joint_noise(
 
 
 def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFit:
-    """Fit factors; those on Q that the drive does not hold, or hold at 1, stay as told.
+    """Fit factors; those on Q that the drive does not identify, or that are 1 within error, stay as configured.
 
     Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
     1 Hz.
@@ -204,7 +205,7 @@ def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFi
 
 
 def _wald_statistic(fit: NoiseFit, name: str, prior_sd: float) -> float:
-    """Return the square of the log of a factor by its variance, that of what is known of it included."""
+    """Return the square of the log of a factor by its variance, that of its prior included."""
     j = fit.number(name)
     return float(fit.estimate[j] ** 2 / (fit.covariance[j, j] + prior_sd**2))
 

@@ -1,7 +1,7 @@
-"""Coarse lattices of the samples of a drive: where rounding is no white noise any more.
+"""Coarse quantization of the samples of a drive: where rounding is no white noise any more.
 
-A step D above the sd σ of the samples of a calm second rounds most of them to one code: a bias below D/2 is not seen
-while the unit rests, and the error of rounding follows the motion instead of being white of variance D²/12.
+A step D above the sd σ of the samples of a calm second rounds most of them to one value: a bias below D/2 does not
+show at rest, and the rounding error follows the motion instead of being white of variance D²/12.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ CALM_QUANTILE = 0.25
 
 
 def coarse_quantizer_notes(drive: Drive) -> tuple[str, ...]:
-    """Return what is worth knowing of the lattices of a drive, one line for each coarse one."""
+    """Return one note for each sensor whose quantization is coarse."""
     size = max(2, round(1.0 / float(np.median(np.diff(drive.imu_t)))))
     count = len(drive.rates) // size
     if not count:

@@ -1,15 +1,15 @@
-"""Standard deviations that a receiver reports: how they stand to the truth, by class of fix and as a function.
+"""Standard deviations that a receiver reports: their relation to the true ones, by class of fix and as a function.
 
-Fixes fall into classes where the level ρ of the reported sds (`tuner.navigation.fix_sd_model`) jumps, as between fixed,
-float and single solutions: gaps of its logarithm in the sorted values. Of position and of velocity, three laws compete,
-the likelihood less ½ ln n a parameter deciding::
+Fixes fall into classes where the level ρ of the reported sds (`tuner.navigation.fix_sd_model`) jumps, as between
+fixed, float and single solutions: gaps of its logarithm in the sorted values. For position and for velocity, three
+models compete by the likelihood less ½ ln n a parameter::
 
     factor     a r                  one number for all: the base
     classes    a_c r                one for each class
     power      a r (ρ/ρ₀)^(b−1)     ρ₀ the geometric mean of ρ; b = 0: the report says nothing
 
-Each is tested against the base by the likelihood ratio, χ² of the numbers it adds; a score of the same freedom comes
-first and spares the fits.
+Each is tested against the base by the likelihood ratio, χ² of the numbers it adds; a score test of the same degrees
+of freedom comes first and saves the fits.
 """
 
 from __future__ import annotations
@@ -42,35 +42,35 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MIN_LOG_GAP = np.log(2.0)
-"""Gap of the log of the reported sd that parts two classes."""
+"""Gap of the log of the reported sd between two classes: a factor of 2."""
 MIN_CLASS_SHARE = 0.03
 """Least share of the fixes in a class."""
 MIN_CLASS_FIXES = 30
 """Least number of fixes in a class."""
 MIN_SD_RATIO = 1.2
-"""Ratio of the 95 % to the 5 % quantile of the reported sd from which its law can be asked for."""
+"""Ratio of the 95 % to the 5 % quantile of the reported sd from which a model of it can be fitted."""
 MIN_POWER_ADVANTAGE = 3.0
-"""Nats by which a power must do better than classes, where there are some."""
+"""Nats by which a power must do better than classes, where there are some: between two sharp classes both are alike."""
 MIN_SCORE_STATISTIC = 6.0
 """Score statistic from which a fit is worth its time."""
 
 
 @dataclass(frozen=True)
 class ReportedSdModel:
-    """How the sds of a receiver stand to the truth.
+    """Relation of the true sds of a receiver to the reported ones.
 
     Attributes
     ----------
     block : str
         ``position`` or ``velocity``.
     kind : str
-        Name of the best law.
+        Name of the best model.
     fits : mapping of str to NoiseFit
-        Of every law that was tried.
+        Of every model that was tried.
     gain : float
-        Penalised log likelihood of the best law over the base, nats.
+        Penalised log likelihood of the best model over the base, nats.
     p_value : float
-        Chance of so much against the base; 1 for the base itself.
+        Of the base against it; 1 for the base itself.
     levels : ReportedLevels
         Classes and levels of the fixes.
     edges : tuple of float
@@ -87,14 +87,14 @@ class ReportedSdModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters of the best law, horizontal and vertical apart."""
+        """Parameters of the best model, horizontal and vertical separately."""
         rows = names_of_block(ROW_GROUPS, self.block)
         if self.kind == "classes":
             return tuple(f"{row}_class_{c}" for c in range(len(self.edges) + 1) for row in rows)
         return (*rows, f"{self.block}{EXPONENT}") if self.kind == "power" else rows
 
     def values(self, fit: NoiseFit) -> dict[str, float]:
-        """Return the law as names of a compensation, `fit` being of `names`."""
+        """Return the model as values of a compensation, the fit being of `names`."""
         out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
         out |= {f"{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
         if self.kind == "power":
@@ -105,7 +105,7 @@ class ReportedSdModel:
 
 
 def class_edges(level: FloatArray) -> tuple[float, ...]:
-    """Return where classes part, from levels (k,), NaN where there is none."""
+    """Return the levels between classes, from levels (k,), NaN where there is none."""
     order = np.sort(np.log(level[np.isfinite(level) & (level > 0.0)]))
     least = max(MIN_CLASS_FIXES, int(MIN_CLASS_SHARE * len(order)))
     edges, start = [], 0
@@ -117,7 +117,7 @@ def class_edges(level: FloatArray) -> tuple[float, ...]:
 
 
 def reported_levels(linearized: LinearizedRun, values: Mapping[str, float]) -> ReportedLevels:
-    """Return classes and levels of the fixes of a record, edges and typical levels as in a compensation."""
+    """Return classes and levels of the fixes of a run, edges and typical levels as in a compensation."""
     classes: dict[str, IntArray] = {}
     logs: dict[str, FloatArray] = {}
     typical = {}
@@ -144,7 +144,7 @@ def has_sd_model(values: Mapping[str, float], block: str) -> bool:
 
 
 def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the parameters of the fixes that a compensation has a law for: of every row its factor, or one a class."""
+    """Return the parameters of the fixes in a compensation: a factor of every group of rows, or one for each class."""
     out: list[str] = []
     for block in BLOCKS:
         rows = names_of_block(ROW_GROUPS, block)
@@ -156,14 +156,14 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def sd_model_factor(values: Mapping[str, float], name: str) -> float:
-    """Return a factor, true ÷ reported, or the exponent that a compensation has by name of `sd_model_parameters`."""
+    """Return a factor, true ÷ reported, or the exponent in a compensation, by name of `sd_model_parameters`."""
     plain = name.partition("_class_")[0]
     own = values.get(name, 1.0)
     return own if plain == name else own * values.get(plain, 1.0)
 
 
 def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, float]:
-    """Return what a fit of `sd_model_parameters` makes of the values of a compensation that has them."""
+    """Return the values of a compensation after a fit of its `sd_model_parameters`."""
     out = {}
     for name in fit.parameters.names:
         key, more = name, float(fit.estimate[fit.number(name)])
@@ -174,12 +174,12 @@ def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, floa
 
 
 def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | None:
-    """Choose the law of the reported sds of a block; None where they do not vary, or are not there.
+    """Choose the model of the reported sds of a block; None where they do not vary, or are not there.
 
     Parameters
     ----------
     noise : NoiseHypothesis
-        Noise assumed so far; the laws multiply its sds.
+        Before the test; the models multiply its sds.
     block : str
         ``position`` or ``velocity``.
     """
@@ -220,7 +220,7 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
 
 
 def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
-    """Test whether sds of a block stand to the reported ones otherwise than by one factor; None where they do not.
+    """Test whether more than one factor relates the true sds of a block to the reported ones; None where one is enough.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
 
 
 def coefficient(fit: NoiseFit, name: str, scale: float = 1.0) -> Coefficient:
-    """Return a parameter of a law with its interval: a factor times `scale`, or an exponent with `scale` added."""
+    """Return a parameter of a model with its interval: a factor times `scale`, or an exponent with `scale` added."""
     if not name.endswith(EXPONENT):
         return fit.coefficient(name, scale=scale)
     j = fit.number(name)
@@ -260,7 +260,7 @@ def coefficient(fit: NoiseFit, name: str, scale: float = 1.0) -> Coefficient:
 
 
 def _worth_a_fit(noise: NoiseHypothesis, names: tuple[str, ...], levels: ReportedLevels) -> bool:
-    """Whether the scores of a law's parameters, that of a common factor taken out, are worth a fit."""
+    """Whether the scores of a model's parameters, without that of a common factor, are worth a fit."""
     _, gradient = evaluate_with_gradient(noise)
     slope = noise_parameters(names, levels).slopes(noise, np.zeros(len(names)), gradient)
     own = 2.0 * np.where(noise.counted, gradient.precision * noise.sd**2, 0.0) ** 2

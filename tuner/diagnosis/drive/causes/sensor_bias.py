@@ -1,10 +1,10 @@
-"""Constant biases far beyond what the filter was told to expect of them.
+"""Constant biases far beyond their configured prior.
 
 After a drive the estimate of a turn-on constant with prior sd σ and posterior variance p is N(0, σ² − p) where the
-prior is right, plus what its random walk has added since. A gyro that feels gravity has the same bias, as long as the
-unit stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. Constants that are compensated
-and badly known, as a scale factor of the vertical accelerometer, leave what they are off by to the bias: the spread
-that this makes with the force at the start counts with the prior.
+prior is right, plus what its random walk has added since. A g-sensitive gyro shows the same bias as long as the unit
+stays level: sensitivity g of an axis to the vertical force is a bias of 9.8 g. Constants that are compensated and
+poorly known, as a scale factor of the vertical accelerometer, add their error times the force at the start to the
+bias: the sd of that is added to the prior.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MEANING = "a constant bias far beyond its prior"
 CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
 ALTERNATIVES = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
-"""Causes that are the same on a level road."""
+"""Causes that have the same effect on a level road, by sensor."""
 
 
 def biases_beyond_prior(
@@ -39,13 +39,13 @@ def biases_beyond_prior(
     Parameters
     ----------
     run : FilterRun
-        The last pass.
+        The last run.
     config : FilterConfig
         The priors.
     shifts : tuple of str
-        Causes whose constants are compensated.
+        Constant causes that are compensated.
     threshold : float
-        Chance below which one is a finding, all axes together.
+        p value below which one is a finding, all axes together.
     """
     longest = max(range(len(run.solutions)), key=lambda i: len(run.solutions[i].t))
     solution, at = run.solutions[longest], run.settings.model.layout
@@ -101,7 +101,7 @@ def biases_beyond_prior(
 
 
 def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the sds of what compensated constants leave to the biases under the force at the start, (6,)."""
+    """Return the sds that errors of compensated constants add to the biases under the force at the start, (6,)."""
     if not shifts:
         return np.zeros(6)
     start, names = run.solutions[0].state, run.linearized.parameters

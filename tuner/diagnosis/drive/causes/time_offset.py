@@ -1,6 +1,6 @@
-"""The clocks of a drive coarsely: whether fixes come at the time of their stamps, and how late they are.
+"""Coarse search for the clock offset of a drive, and the test of a clock drift.
 
-Only the first minutes in motion are searched, and only where a pass with the stamps as they are goes badly.
+Only the first minutes in motion are searched, and only where a run with the stamps as they are fits badly.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from tuner.types.records import Drive
 MEDIAN_CHI2_1 = 0.455
 """Median of χ²₁."""
 SUSPICIOUS_SQUARE_RATIO = 3.0
-"""Ratio of a typical squared innovation to its prediction from which the clocks are looked at."""
+"""Ratio of the median squared innovation to its prediction from which the clocks are searched."""
 SUSPICIOUS_REFUSED_SHARE = 0.03
-"""Share of refused fixes from which they are."""
+"""Share of fixes rejected by the gate from which they are searched."""
 SEARCHED_MOTION = 300.0
 """Length of the motion that is searched, s."""
 DELAY, LAG = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
 MIN_COARSE_DELAY = 0.1
-"""Delay that the sensitivities find by themselves, s."""
+"""Delay from which the linear model is not accurate enough, s; smaller ones are found by the score test."""
 
 
 def clocks_are_suspicious(run: FilterRun) -> bool:
-    """Whether the innovations of a pass are so large that the fixes may come at another time."""
+    """Whether the innovations of a run are so large that the stamps of the fixes may be wrong."""
     linearized = run.linearized
     rows = linearized.available & linearized.scored[:, None]
     if not rows.any():
@@ -46,16 +46,16 @@ def clocks_are_suspicious(run: FilterRun) -> bool:
 
 
 def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> tuple[Unexplained, ...]:
-    """Return what is said of a delay that does not stay: no number compensates it, a common clock is missing.
+    """Return a note on a delay that changes with time: no constant compensates it, a common clock is missing.
 
     Parameters
     ----------
     run : FilterRun
-        The last pass.
+        The last run.
     accepted : tuple of str
-        Shifts that it compensates.
+        Constant causes that it compensates.
     threshold : float
-        Chance below which it is said.
+        p value below which it is reported.
     """
     if DELAY.cause not in accepted:
         return ()
@@ -72,14 +72,14 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
 
 
 def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], tuple[str, ...]]:
-    """Return the values of delay and lag that a coarse search finds, and what it says; empty where they are small.
+    """Return the delay and lag of a coarse search, with notes; empty where they are small.
 
     Parameters
     ----------
     drive : Drive
-        In sensor axes.
+        In the axes of the sensor.
     start : Hypothesis
-        What is held true already.
+        What is compensated already.
     """
     corrected = compensate(drive, start.compensation)
     end = standing_until(corrected.gnss) + SEARCHED_MOTION

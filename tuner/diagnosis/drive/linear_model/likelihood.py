@@ -29,12 +29,12 @@ N_IMPULSE_STATES = 6
 
 @dataclass(frozen=True)
 class NoiseHypothesis:
-    """Hypothesis on the noise in a run of k fixes.
+    """Noise supposed of a linearised run of k fixes.
 
     Attributes
     ----------
     linearized : LinearizedRun
-        The pass of the filter.
+        The run.
     sd : ndarray, shape (k, 6)
         Of the fixes.
     process_noise_scale : ndarray, shape (4,)
@@ -70,14 +70,14 @@ class NoiseHypothesis:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Likelihood of a noise hypothesis.
+    """Likelihood of a noise hypothesis, its constants and innovations.
 
     Attributes
     ----------
     value : float
         ln L.
     theta, theta_covariance : ndarray, shapes (p,), (p, p)
-        Free mean parameters.
+        Free constants.
     innovation, variance : ndarray, shape (k, 6)
         z − s θ and f, of one row after the other of a fix; NaN where it has none.
     sensitivity : ndarray, shape (k, 6, p)
@@ -139,12 +139,12 @@ def as_configured(linearized: LinearizedRun) -> NoiseHypothesis:
 
 
 def evaluate(noise: NoiseHypothesis) -> Likelihood:
-    """Return the likelihood of a record under a noise hypothesis, the free mean parameters profiled out."""
+    """Return the likelihood of a run under a noise hypothesis, the free constants profiled out."""
     return _forward(noise)[0]
 
 
 def evaluate_with_gradient(noise: NoiseHypothesis) -> tuple[Likelihood, Gradient]:
-    """Return the likelihood and its gradient."""
+    """Return the likelihood and its gradient by the noise."""
     likelihood, gains = _forward(noise)
     linearized = noise.linearized
     k, b = len(linearized.t), min(N_IMPULSE_STATES, linearized.transition.shape[1] - 9)

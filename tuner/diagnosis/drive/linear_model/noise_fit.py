@@ -1,14 +1,14 @@
-"""The most likely noise of a record, how well it is held, and what may be said of it.
+"""Maximum-likelihood fit of the noise of a linearised run, with intervals and identifiability.
 
 ::
 
     x̂ = argmax ln L(x) − ½ Σ (x_j/σ_j)²          logs of factors; σ_j the prior, wide where nothing is known
     covariance = (−∂²/∂x²)⁻¹                      by differences of the analytic gradient
 
-A parameter is *held* where the record alone, the others being free, says more of it than a factor e either way
-(1/C_jj − 1/σ_j² > 1). Its interval is that of the quadratic where it is narrow, else where the likelihood, along the
-ridge of the others and with one step of theirs more, has fallen by 1.92; without a lower end there is only an upper
-limit (1.35). A wide prior keeps the search within bounds and has no part in intervals.
+A parameter is *identifiable* where the drive alone, the others being free, determines it better than a factor e
+either way (1/C_jj − 1/σ_j² > 1). Its interval is that of the quadratic where it is narrow, else where the likelihood,
+along the ridge of the others and with one more step of theirs, has fallen by 1.92; without a lower end there is only
+an upper limit (1.35). A wide prior bounds the search and does not enter intervals.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 VAGUE_PRIOR_SD = 2.0
 """Prior sd of the log of a factor of which nothing is known."""
 MAX_LOG = 5.0
-"""Greatest distance of a log that is looked at."""
+"""Largest absolute log of a factor that is searched: a factor of 150."""
 QUADRATIC_SD = 0.15
-"""Sd of a log below which the quadratic stands for the likelihood."""
+"""Sd of a log below which the likelihood is quadratic enough for a symmetric interval."""
 MIN_STEP_GAIN = 0.01
-"""Gain of a step, nats, from which on a search goes on."""
+"""Gain of a step, nats, below which a search ends."""
 MIN_STEP_GAIN_SHARE = 1e-3
-"""The same, as a share of all that was gained: what is so far off is fitted again once it is adopted."""
+"""The same as a share of all that was gained: a fit far from its start is repeated once it is accepted."""
 MAX_ALTERNATIONS = 3
-"""Times that the noise is fitted at most, mean parameters held as fitted with the noise before."""
+"""Most times that the noise is fitted with the constants fixed at their values under the noise before."""
 MIN_ALTERNATION_GAIN = 0.1
-"""Gain by other mean parameters, nats, from which the noise is fitted once more."""
+"""Gain by other constants, nats, from which the noise is fitted once more."""
 LOST_IN_ROUNDING_COST = 1e12
-"""Cost, nats, of noise so far from the record's that its likelihood is lost in rounding."""
+"""Cost, nats, of noise so far from the run's that its likelihood is lost in rounding."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
 _LOG_STEP = 0.02
 _TWO_SIDED_DROP, _ONE_SIDED_DROP = 1.9207, 1.3528
@@ -57,14 +57,14 @@ _TWO_SIDED_DROP, _ONE_SIDED_DROP = 1.9207, 1.3528
 
 @dataclass(frozen=True)
 class NoiseFit:
-    """Noise fitted to a record.
+    """Noise fitted to a linearised run.
 
     Attributes
     ----------
     parameters : NoiseParameters
         The parameters.
     start : NoiseHypothesis
-        Where they are 0, mean parameters held.
+        Where they are 0, constants fixed.
     estimate, prior_sd : ndarray, shape (q,)
         Parameters and their prior sds.
     cost : callable
@@ -100,7 +100,7 @@ class NoiseFit:
         return float(np.exp(self.estimate[self.number(name)]))
 
     def identifiable(self, name: str) -> bool:
-        """Whether the record itself holds a parameter within a factor e."""
+        """Whether the drive alone determines a parameter better than a factor e either way."""
         j = self.number(name)
         return bool(1.0 / self.covariance[j, j] - 1.0 / self.prior_sd[j] ** 2 > 1.0)
 
@@ -167,7 +167,7 @@ def maximize_likelihood(
     prior_sd: Mapping[str, float] = NO_PRIOR,
     start: FloatArray | None = None,
 ) -> NoiseFit:
-    """Fit noise to a record.
+    """Fit noise to a linearised run by maximum likelihood.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def maximize_likelihood(
 def _cost_at_fixed_constants(
     noise: NoiseHypothesis, parameters: NoiseParameters, x: FloatArray, sd: FloatArray
 ) -> tuple[NoiseHypothesis, Cost]:
-    """Return the hypothesis with mean parameters held at their best for some noise, and the cost of other noise."""
+    """Return the hypothesis with constants fixed at their best for some noise, and the cost of other noise."""
     fixed = replace(
         noise, linearized=with_constants_fixed(parameters.change(noise, x)).linearized, columns=()
     )
@@ -222,7 +222,7 @@ def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -
 
 
 def _minimized(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArray, float]:
-    """Return where a search from x ends, the inverse of the curvature there given, and the objective."""
+    """Return where a search from x ends, given the inverse of the curvature there, and the objective."""
     options = {"hess_inv0": inverse, "gtol": 0.03, "maxiter": 60}
     first = last = cost(x)[0]
 
@@ -239,7 +239,7 @@ def _minimized(cost: Cost, x: FloatArray, inverse: FloatArray) -> tuple[FloatArr
 def curvature(cost: Cost, x: FloatArray, sd: FloatArray) -> FloatArray:
     """Return the inverse of the second derivatives of a cost with gradient, by differences of the gradient.
 
-    Directions in which the cost is not convex are left to the prior `sd`.
+    Directions in which the cost is not convex are given the prior's variance.
     """
     middle = cost(x)[1]
     second = np.empty((len(x), len(x)))

@@ -1,8 +1,8 @@
-"""Noise as a few numbers: which parameters a fit may change, and what the likelihood says of their change.
+"""Noise as a few numbers: which parameters a fit may change, and the derivatives of the likelihood by them.
 
 Parameters are natural logs: of factors on the sds of groups of rows, of all fixes or of one class
 (``position_class_1``), on the densities of groups of process noise, on sd and time constant of a Gauss–Markov error of
-the fixes; and what is added to the exponent of a reported sd (``position_exponent``). Parameters at 0 change nothing.
+the fixes; and the change of the exponent of a reported sd (``position_exponent``). Parameters at 0 change nothing.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ MARKOV_TIME = "markov_time"
 """Name of the factor on its time constant."""
 _ROW_GROUPS = ROW_GROUPS | BLOCKS
 EXPONENT = "_exponent"
-"""Ending of the name of what is added to the exponent of a reported sd."""
+"""Ending of the name of the change of the exponent of a reported sd."""
 _CLASS = "_class_"
 TIME_CONSTANT_STEP = 1e-4
-"""Width of the difference that stands for the derivative by the time constant."""
+"""Width of the difference that replaces the derivative by the time constant."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class NoiseParameters:
 
 @dataclass(frozen=True)
 class ReportedLevels:
-    """What a receiver says of its fixes, by block: class and log of the level of its sds, (k,), the typical log."""
+    """Reported sds by block: class and log of the level of every fix, (k,), and the log of a typical level."""
 
     classes: Mapping[str, NDArray[np.int64]]
     logs: Mapping[str, FloatArray]
@@ -76,7 +76,7 @@ def names_of_block(names: Iterable[str], block: str) -> tuple[str, ...]:
 
 
 def weights(name: str, count: int, levels: ReportedLevels) -> FloatArray:
-    """Return what a parameter adds to ln sd of every row, where it is 1; shape (count, 6).
+    """Return the derivative of ln sd of every row by a parameter; shape (count, 6).
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def weights(name: str, count: int, levels: ReportedLevels) -> FloatArray:
     count : int
         Number of fixes.
     levels : ReportedLevels
-        What the receiver says of them.
+        Levels that the receiver reports.
     """
     base, _, number = name.removesuffix(EXPONENT).partition(_CLASS)
     block, out = base.partition("_")[0], np.zeros((count, 6))
@@ -138,7 +138,7 @@ def _of_rows(name: str) -> bool:
 def present(
     noise: NoiseHypothesis, names: tuple[str, ...], levels: ReportedLevels = NO_LEVELS
 ) -> tuple[str, ...]:
-    """Return those of the names of rows and of `NOISE_GROUPS` that the record has anything of."""
+    """Return those of the names of rows and of `NOISE_GROUPS` that the run has rows or noise of."""
     counted = noise.counted
 
     def there(name: str) -> bool:

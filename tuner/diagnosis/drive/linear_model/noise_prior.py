@@ -16,7 +16,7 @@ from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.types import ChannelNoise, Coefficient
 
 DATASHEET_LOG_SD = 0.1
-"""Sd of the log of a white density as a datasheet has it: what units of one type differ by."""
+"""Sd of the log of a white density as a datasheet states it: the spread of units of one type."""
 UNKNOWN_LOG_SD = 0.5
 """Sd of the log of a density that is hardly known: a factor 1.6 either way."""
 COEFFICIENTS = {
@@ -46,7 +46,7 @@ def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
 
 
 def _axis(noise: ChannelNoise, terms: Mapping[str, str], unstated: float) -> float:
-    """Return the sd of the log of the best known of some terms of one axis; of one without an interval `unstated`."""
+    """Return the sd of the log of the best known of some terms of one axis."""
     known = [
         _log_sd(estimate.coefficients[terms[estimate.name]], unstated)
         for estimate in noise.identified
