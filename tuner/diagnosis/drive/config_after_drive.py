@@ -15,7 +15,8 @@ from tuner.diagnosis.drive.noise_scale_estimates import assumed_over_stated, sta
 from tuner.types import AppliedNoiseScale, FilterConfig, NoiseScaleEstimate, Quantity
 
 NO_GAIN_NOTE = (
-    "what the drive shows is not in this configuration: it did harm on the part of the drive held out"
+    "the findings of the drive are not in this configuration: they did harm on its last part, to which they were not "
+    "fitted"
 )
 """Note of a configuration that takes nothing over."""
 QUANTITIES: Mapping[str, Quantity] = {

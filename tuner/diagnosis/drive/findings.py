@@ -59,7 +59,7 @@ def inseparable_causes(accepted: tuple[Accepted, ...]) -> tuple[Inseparable, ...
     return tuple(
         Inseparable(
             (one.cause, *one.inseparable),
-            f"cannot be told apart on this drive: {', '.join((one.cause, *one.inseparable))}; drive {REMEDY}",
+            f"cannot be separated on this drive: {', '.join((one.cause, *one.inseparable))}; drive {REMEDY}",
         )
         for one in accepted
         if one.inseparable

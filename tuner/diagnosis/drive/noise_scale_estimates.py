@@ -33,8 +33,8 @@ FloatArray = NDArray[np.float64]
 SETTINGS: Mapping[str, tuple[str, str]] = {
     "gyro_white": ("white noise of the gyros", "rad/s/√Hz"),
     "accel_white": ("white noise of the accelerometers", "m/s^2/√Hz"),
-    "gyro_bias": ("wander of the gyro biases", "rad/s/√s"),
-    "accel_bias": ("wander of the accelerometer biases", "m/s^2/√s"),
+    "gyro_bias": ("random walk of the gyro biases", "rad/s/√s"),
+    "accel_bias": ("random walk of the accelerometer biases", "m/s^2/√s"),
     "position": ("error of the positions", "m"),
     "velocity": ("error of the velocities", "m/s"),
 }
@@ -213,14 +213,14 @@ def _responsible_causes(
         others = tuple(c for c in fitted if c != cause)
         try:
             without = run_filter(drive, DRIVE_CAUSES[cause].without(final.hypothesis, base.hypothesis))
-            asked = _fit_factors(base, without, others, prior_sd, fallen, explained.fit)
+            refit = _fit_factors(base, without, others, prior_sd, fallen, explained.fit)
         except (DataError, np.linalg.LinAlgError):
             # A filter that cannot do without the cause: all of the factor is back.
             returned = {name: {**shares, cause: 1.0} for name, shares in returned.items()}
             continue
         for name in fallen:
             lost = unexplained.log(name) - explained.log(name)
-            returned[name][cause] = (asked.log(name) - explained.log(name)) / lost
+            returned[name][cause] = (refit.log(name) - explained.log(name)) / lost
     answer = {}
     for name, shares in returned.items():
         order = sorted(shares, key=lambda cause: -shares[cause])
@@ -252,7 +252,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
         for cause in one.causes
         if cause not in (UNKNOWN, "vibration") and not is_noise_scale(cause)
     ]
-    parts = [f"{title}: the drive asks for {_times(one.plain)} as it stands"]
+    parts = [f"{title}: the drive gives {_times(one.plain)} with no cause named"]
     if explained:
         parts.append(
             f"{_times(one.named)} once {listed(explained)} {'is' if len(explained) == 1 else 'are'} named"
@@ -260,7 +260,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
     else:
         parts.append(f"{_times(one.named)} with all findings in the filter")
     if "vibration" in one.causes and vibration is not None:
-        parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy moving as standing")
+        parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy in motion as at rest")
     if "gnss_noise_scale" in one.causes:
         parts.append("the receiver's own standard deviations are off by that much")
     if UNKNOWN in one.causes:

@@ -96,8 +96,8 @@ def jump_remains(run: FilterRun, fitted: Sequence[str], strong: Sequence[str], t
 def rejection_note(cause: str, gain: float, strong: Sequence[str]) -> str:
     """Return the note that a cause is rejected, and why."""
     return (
-        f"{cause} of {gain:.1f} nats is too small to tell from model error: it is gone where {', '.join(strong)} may "
-        f"differ between {N_PARTS} parts of the drive"
+        f"{cause} of {gain:.1f} nats is too small to be distinguished from model error: it is not significant where "
+        f"{', '.join(strong)} may differ between {N_PARTS} parts of the drive"
     )
 
 

@@ -162,7 +162,7 @@ def search_causes(
                 run.whitened, run.linearized.parameters, chosen.cause, (*fitted, chosen.cause)
             )
             fitted = (*fitted, chosen.cause)
-            # Fixes that a shift made look wrong are asked again.
+            # Fixes that this constant made look wrong are tested again.
             accepted = [a for a in accepted if not is_of_single_fixes(a.cause)]
             accepted.append(Accepted(chosen, {}, inseparable=inseparable_causes))
             if run.hypothesis.position_out.any() or run.hypothesis.velocity_out.any():
@@ -179,7 +179,7 @@ def search_causes(
             together = [a for a in significant if a.test is not None and a.test.noise is chosen.test.noise]
             then = noise_causes()[chosen.cause].accepted(run, chosen.test)
             if then.is_equivalent_to(run.hypothesis):
-                # What is asked for is at its bound: the filter can have no more of it.
+                # The estimate is at its bound: the filter cannot follow it any further.
                 exhausted |= {a.cause for a in together}
                 continue
             causes = {a.cause for a in together} - {"bias_jump"}

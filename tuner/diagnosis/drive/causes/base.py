@@ -67,7 +67,7 @@ class DriveCause:
     meaning: ClassVar[str]
     """What the cause is, in one sentence."""
     consequence: ClassVar[str]
-    """What it asks of a filter, in one sentence."""
+    """What to change in a filter, in one sentence."""
     joins: ClassVar[Joins] = "preprocessing"
     shares: ClassVar[int] = 1
     """Shares of the probability of a false alarm in a clean drive that its test has."""

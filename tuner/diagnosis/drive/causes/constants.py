@@ -63,7 +63,7 @@ class LeverArm(ConstantCause):
     cause = "lever_arm"
     effect = gnss.LeverArm
     channels = ("gnss",)
-    meaning = "the antenna is not where it was said to be"
+    meaning = "the antenna is not where the lever arm puts it"
     consequence = "correct the lever arm by this much, or give the filter states for it"
     units = dict.fromkeys(XYZ, "m")
     prior_sd, largest = 1.0, 10.0
@@ -145,7 +145,7 @@ class Gravity(ConstantCause):
     cause = "gravity"
     effect = imu.Gravity
     channels = ("imu",)
-    meaning = "gravity is not what the model says"
+    meaning = "gravity differs from the model"
     consequence = "a better model of gravity, or a state"
     units = dict.fromkeys(("offset",), "m/s^2")
     prior_sd, largest = 1e-3, 0.02

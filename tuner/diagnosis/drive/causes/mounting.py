@@ -131,12 +131,12 @@ def untestable_causes(
             )
             text = f"{size} and a bias of the vertical accelerometer"
             lines.append(
-                Inseparable(("gravity", "sensor_bias"), f"cannot be told apart on this drive: {text}")
+                Inseparable(("gravity", "sensor_bias"), f"cannot be separated on this drive: {text}")
             )
     if "sensor_bias" in accepted and "g_sensitivity" not in accepted:
         text = "a constant bias of a gyro and its sensitivity to the vertical force; turn the unit over"
         lines.append(
-            Inseparable(("sensor_bias", "g_sensitivity"), f"cannot be told apart on this drive: {text}")
+            Inseparable(("sensor_bias", "g_sensitivity"), f"cannot be separated on this drive: {text}")
         )
     return tuple(lines)
 

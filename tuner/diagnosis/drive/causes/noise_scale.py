@@ -284,7 +284,7 @@ class ImuNoiseScale(NoiseCause):
     cause = "imu_noise_scale"
     effect = ImuEffect
     channels = ("imu",)
-    meaning = "the sensors are not as noisy as the filter was told: true ÷ assumed"
+    meaning = "the noise of the sensors is not as configured: true ÷ assumed"
     consequence = "scale the densities"
     joins = "noise model"
     is_noise_scale = True

@@ -29,7 +29,7 @@ def coarse_quantizer_notes(drive: Drive) -> tuple[str, ...]:
         step, usual = float(steps[at].max()), float(np.sqrt(np.mean(sd[at] ** 2)))
         if step > usual:
             notes.append(
-                f"{sensor}: the samples lie on a lattice of {step:.3g} {unit}, their sd in a calm second is "
+                f"{sensor}: the samples are rounded to steps of {step:.3g} {unit}, their sd in a calm second is "
                 f"{usual:.2g}: biases below half a step do not show at rest, and rounding is no white noise"
             )
     return tuple(notes)

@@ -1,23 +1,23 @@
-"""Compiled passes over a linear record: the filter forwards, the gradient of its likelihood backwards.
+"""Compiled Kalman recursions of a linearised run: the filter forwards, the gradient of its likelihood backwards.
 
 Forwards, one fix after the other and one row h after the other, since the errors of rows are independent::
 
     a ← Φ a,  P ← Φ P Φᵀ + Σ_g s_g Q_g,  V ← Φ V + B          to the fix
     z = ν − h a,  f = h P hᵀ + r,  K = P hᵀ/f,  s = D + h V    innovation, its variance, gain, d z/dθ
     a ← a + K z,  P ← P − K f Kᵀ,  V ← V − K s                 a row that is taken
-    a ← a − c                                                  what the recorded filter did
+    a ← a − c                                                  the correction of the original filter
 
-Three further states may stand for a Gauss–Markov error of the position fixes. Backwards [1]_, with L = I − K h::
+Three further states may model a Gauss–Markov error of the position fixes. Backwards [1]_, with L = I − K h::
 
     u = z/f − K·r,   d = 1/f + K·N K            ∂ ln L/∂r = (u² − d)/2
     r ← hᵀ z/f + Lᵀ r,   N ← hᵀ h/f + Lᵀ N L    before the row; if ln L does not count it,
     r ← Lᵀ r,            N ← Lᵀ N L − (Lᵀ r h + hᵀ rᵀ L) z/f    and    ∂ ln L/∂r = ((K·r)² − K·N K)/2 − K·r z/f
     ∂ ln L/∂s_g = ½ Σ tr (r rᵀ − N) Q_g,        then r ← Φᵀ r, N ← Φᵀ N Φ
 
-P and N are made symmetric at every fix: of an antisymmetric part the updates take nothing, so that Φ lets rounding grow
-as it lets errors grow without fixes, with t² and more.
+P and N are made symmetric at every fix: updates do not reduce an antisymmetric part, so that Φ would let rounding
+errors grow as errors grow without fixes, with t² and more.
 
-r is the score of an impulse in the states and N its information; u/√d is what a row is off given all others [2]_,
+r is the score of an impulse in the states and N its information; u/√d is the deleted residual of a row [2]_,
 (z/f − K·r)/√(1/f − K·N K) for a row that is not taken.
 
 References
@@ -39,14 +39,14 @@ Places = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values (k, m) of the lower half of symmetric matrices."""
 
 NAVIGATION = 9
-"""States that begin anew with every stretch."""
+"""Navigation states, which are initialised anew at the start of every stretch."""
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def _gathered(
     first: int, last: int, column: IntArray, values: FloatArray, right: FloatArray, to: FloatArray
 ) -> None:
-    """Set a row to the sum of values times rows of `right`, four at a time: such loops are made of vectors."""
+    """Set a row to the sum of values times rows of `right`, four at a time, which the compiler vectorises."""
     to[:] = 0.0
     fours = first + (last - first) // 4 * 4
     for e in range(first, fours, 4):
@@ -299,7 +299,7 @@ def backward(
     f: FloatArray,
     gains: FloatArray,
     by_sd: FloatArray,
-    by_process_noise_scale: FloatArray,
+    by_process_noise: FloatArray,
     by_markov: FloatArray,
     deleted: FloatArray,
     precision: FloatArray,
@@ -308,15 +308,15 @@ def backward(
 ) -> None:
     """Set the derivatives of ln L by the logs of the sds (k, 6), of the factors (4,) and of markov_sd (3,).
 
-    Also sets what each row is off given all other rows, by its sd, deleted (k, 6), its inverse variance d, precision
-    (k, 6), and score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; all
-    three where all rows taken count.
+    Also sets the deleted residual of each row by its sd, deleted (k, 6), its inverse variance d, precision (k, 6), and
+    score (k, b) and information (k, b, b) of an impulse in states 9 … 9 + b − 1 just after each fix; all three hold
+    where all rows taken count.
     """
     k, n, size, b = H.shape[0], H.shape[2], gains.shape[2], score.shape[1]
     start, column, transition = phi
     N, T, U = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     r, w, NK, h = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    by_process_noise_scale[:] = 0.0
+    by_process_noise[:] = 0.0
     by_markov[:] = 0.0
     for i in range(k - 1, -1, -1):
         for m in range(b):
@@ -367,10 +367,10 @@ def backward(
                         for j in range(size):
                             N[m, j] -= pull * h[m] * r[j]
                             N[j, m] -= pull * h[m] * r[j]
-        by_process_noise_scale[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
-        by_process_noise_scale[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
-        by_process_noise_scale[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
-        by_process_noise_scale[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
+        by_process_noise[0] += _pull(gyro[0], gyro[1], gyro[2][i], r, N)
+        by_process_noise[1] += _pull(accel[0], accel[1], accel[2][i], r, N)
+        by_process_noise[2] += _pull(gyro_bias[0], gyro_bias[1], gyro_bias[2][i], r, N)
+        by_process_noise[3] += _pull(accel_bias[0], accel_bias[1], accel_bias[2][i], r, N)
         for m in range(n, size):
             gain = markov_sd[m - n] ** 2 * (1.0 - decay[i] ** 2)
             by_markov[m - n] += gain * (r[m] * r[m] - N[m, m])
@@ -398,12 +398,12 @@ def backward(
     for m in range(n, size):
         by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
     for g in range(4):
-        by_process_noise_scale[g] *= factor[g]
+        by_process_noise[g] *= factor[g]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def unaided(phi: Places, push: FloatArray, starts: BoolArray, error: FloatArray) -> None:
-    """Set the error (k, n) that pushes (k, n) leave at every fix where no filter takes any of it back."""
+    """Set the error (k, n) at every fix that inputs (k, n) cause where no filter corrects any of it."""
     start, column, transition = phi
     now = np.zeros(push.shape[1])
     for i in range(len(push)):

@@ -209,7 +209,7 @@ def kalman_gains(noise: NoiseHypothesis) -> FloatArray:
 
 
 def _packed(linearized: LinearizedRun) -> tuple[Places, Places, Places, Places, Places]:
-    """Return the transition and the noise of `NOISE_GROUPS` as the passes take them."""
+    """Return the transition and the noise of `NOISE_GROUPS` as the kernels take them."""
     phi = linearized.sparse("transition")
     gyro, accel, gyro_bias, accel_bias = (_places(linearized, group) for group in NOISE_GROUPS)
     return (phi.start, phi.column, phi.values), gyro, accel, gyro_bias, accel_bias

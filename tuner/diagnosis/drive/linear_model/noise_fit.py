@@ -123,7 +123,7 @@ class NoiseFit:
         reason = None
         if not self.identifiable(name):
             reason = (
-                f"the drive holds it no better than a factor {np.exp(min(sd, VAGUE_PRIOR_SD)):.1f} either way"
+                f"the drive determines it no better than to a factor {np.exp(min(sd, VAGUE_PRIOR_SD)):.1f}"
             )
         low = self._reach(j, -1.0, _TWO_SIDED_DROP)
         if low <= -MAX_LOG:
