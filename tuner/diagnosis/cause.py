@@ -15,7 +15,7 @@ Group = Literal["fast spectrum", "distribution", "slow part", "samples", "severa
 View = Literal[
     "time course", "peak", "spectrum", "temperature", "variance", "histogram", "values", "time stamps"
 ]
-"""Figures of `tuner.report.diagnosis_views`."""
+"""Figures of `tuner.report.static_cause_panels`."""
 
 
 class Cause:

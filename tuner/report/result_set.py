@@ -14,15 +14,15 @@ from tuner.formats.files import json_text, write_text
 from tuner.formats.identification import identification_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
 from tuner.report.allan_figure import draw_allan
-from tuner.report.calibration_words import calibration_words
+from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.diagnosis_figure import draw_findings
-from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
-from tuner.report.drive_figure import draw_drive
-from tuner.report.drive_tables import drive_tables
+from tuner.report.drive_diagnosis_figures import draw_drive
+from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.html_page import write_page
+from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
-from tuner.report.page import write_page
-from tuner.report.tables import identification_tables
+from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
 from tuner.types import BoundUsed, Enlargement
@@ -97,11 +97,11 @@ def tune_sections(result: TuneResult) -> list[Section]:
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
-        content = [*diagnosis_tables(result.diagnosis), *hidden_words(judged)]
+        content = [*diagnosis_tables(result.diagnosis), *hidden_effect_lines(judged)]
         if content:
             sections.append(("What a simulation of it gets wrong", content))
     if result.calibration is not None:
-        sections.append(("Calibration from poses", calibration_words(result.calibration)))
+        sections.append(("Calibration from poses", calibration_lines(result.calibration)))
     if result.drive is not None:
         sections.append(("What the drive says", drive_tables(result.drive.diagnosis)))
     if result.check is not None:

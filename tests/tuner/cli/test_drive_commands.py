@@ -18,7 +18,7 @@ from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
 from tuner.formats import native
 from tuner.formats.logs import write_drive
 from tuner.readers.source_kind import is_drive
-from tuner.report.drive_tables import drive_tables
+from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
 from tuner.types import (

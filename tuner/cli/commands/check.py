@@ -49,7 +49,7 @@ def command(
     from tuner.catalogue.grades import DEFAULT_RECEIVER
     from tuner.report.consistency_tables import check_tables
     from tuner.report.json.consistency import check_json
-    from tuner.report.tables import show
+    from tuner.report.terminal import show
     from tuner.simulation.load_sensor import load_sensor
     from tuner.synthesis.load_config import load_config
 

@@ -36,8 +36,9 @@ def command(
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade
+    from tuner.report.comparison_tables import comparison_tables, grade_tables
     from tuner.report.json.views import comparison_json, grades_json
-    from tuner.report.tables import comparison_tables, grade_tables, show
+    from tuner.report.terminal import show
 
     if by is None and not sources:
         grades = [load_grade(name) for name in grade_names()]

@@ -47,7 +47,8 @@ def command(
     """Compute one curve of a log, without preprocessing, refusal or bias correction."""
     from tuner.curves import empirical
     from tuner.formats.curves import curves_json
-    from tuner.report.tables import show, statistic_tables
+    from tuner.report.curve_tables import statistic_tables
+    from tuner.report.terminal import show
 
     wanted = None if tau is None else _seconds(tau)
     records = load_records(log, reading, messages)

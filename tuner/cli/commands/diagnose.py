@@ -46,9 +46,9 @@ def command(
     """
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json
-    from tuner.report.diagnosis_tables import diagnosis_tables
-    from tuner.report.drive_tables import drive_tables
-    from tuner.report.tables import show
+    from tuner.report.drive_diagnosis_tables import drive_tables
+    from tuner.report.static_diagnosis_tables import diagnosis_tables
+    from tuner.report.terminal import show
     from tuner.types import DriveDiagnosis
 
     found: Diagnosis | DriveDiagnosis = diagnose(

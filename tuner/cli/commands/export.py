@@ -38,7 +38,8 @@ def command(
     from tuner import export
     from tuner.exporters import DIALECTS
     from tuner.formats.files import write_text
-    from tuner.report.tables import dialect_tables, show
+    from tuner.report.dialect_tables import dialect_tables
+    from tuner.report.terminal import show
     from tuner.synthesis.load_config import load_config
 
     if list_dialects:

@@ -74,13 +74,14 @@ def command(
     from tuner.identification.several_logs import pool
     from tuner.readers.gnss_log import is_fixes
     from tuner.readers.source_kind import source_name
+    from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
-    from tuner.report.tables import identification_tables, pooled_tables, receiver_words, show
+    from tuner.report.terminal import show
 
     if len(logs) == 1 and is_fixes(logs[0]):
         receiver = identify_fixes(logs[0], messages.say)
         if output.tables:
-            show(receiver_words(receiver))
+            show(receiver_lines(receiver))
         output.write(receiver_json(receiver))
         return
     found = [

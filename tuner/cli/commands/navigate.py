@@ -76,7 +76,7 @@ def command(
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.consistency import navigation_json
-    from tuner.report.tables import show
+    from tuner.report.terminal import show
 
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
     messages.say("navigating (kernels are compiled on first use: some ten seconds)")

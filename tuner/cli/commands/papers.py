@@ -40,7 +40,7 @@ def command(
     from tuner.formats.files import json_text, write_text
     from tuner.papers import ITEMS, Settings, chosen, run
     from tuner.papers.pages import item_table, papers_json, papers_markdown
-    from tuner.report.tables import show
+    from tuner.report.terminal import show
 
     if not names:
         if output.tables:

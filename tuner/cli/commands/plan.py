@@ -33,8 +33,9 @@ def command(
     from tuner.identification.identify_source import identify_source
     from tuner.identification.record_length import plan_test
     from tuner.readers.source_kind import source_name
+    from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
-    from tuner.report.tables import plan_tables, show
+    from tuner.report.terminal import show
 
     loaded = load_source(source, reading, messages) or source
     identification = identify_source(loaded, arma=None, progress=messages.say)

@@ -48,7 +48,7 @@ def command(
     """
     from tuner import tune
     from tuner.report.result_set import tune_json, tune_tables, write_tune_result
-    from tuner.report.tables import show
+    from tuner.report.terminal import show
 
     result = tune(load_source(log, reading, messages), progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 Joins = Literal["preprocessing", "noise model", "measurement noise", "states"]
 """Part of a filter that a cause changes."""
 View = Literal["distribution", "sensitivity", "positions", "velocities", "slow means"]
-"""Figures of `tuner.report.drive_views`."""
+"""Figures of `tuner.report.drive_cause_panels`."""
 
 
 @dataclass(frozen=True)

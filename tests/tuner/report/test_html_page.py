@@ -9,10 +9,10 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
-from tuner.report.channel_view import signal_of, subject
-from tuner.report.diagnosis_figure import draw_findings
-from tuner.report.diagnosis_tables import diagnosis_tables, hidden_words
-from tuner.report.page import write_page
+from tuner.report.diagnosed_axis import signal_of, subject
+from tuner.report.html_page import write_page
+from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.types import Coefficient, Diagnosis, Finding, Gain
@@ -106,7 +106,7 @@ def test_the_page_carries_diagnosis_and_pictures_in_itself(tmp_path):
 def test_what_was_hidden_is_judged_in_words():
     line = {"cause": "line", "channels": ["gyro_x"], "parameters": {"frequency": 12.5}}
     words = [
-        hidden_words([{**line, "found": found, "named": named}])[0]
+        hidden_effect_lines([{**line, "found": found, "named": named}])[0]
         for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
     ]
     assert words[0].endswith("(frequency 12.5): found")

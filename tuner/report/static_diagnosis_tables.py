@@ -21,7 +21,7 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
         answer.append(findings_table(diagnosis.findings, "What the simulation gets wrong"))
     for finding in diagnosis.findings:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
-        if finding.gain is not None and (told := gain_words(finding.gain)):
+        if finding.gain is not None and (told := gain_text(finding.gain)):
             answer.append(f"    {told}")
         if finding.gain is not None and _contradicted(finding.cause, finding.gain):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
@@ -40,7 +40,7 @@ def _contradicted(cause: str, gain: Gain) -> bool:
     return gain.nats < 0.0 and gain.split != "in sample" and not happens_once
 
 
-def gain_words(gain: Gain) -> str:
+def gain_text(gain: Gain) -> str:
     """Return the currencies of a gain beside likelihood, before → after; empty where there are none."""
     parts = [
         f"{name} inside the band of replicas {100.0 * before:.0f} → {100.0 * after:.0f} %"
@@ -53,7 +53,7 @@ def gain_words(gain: Gain) -> str:
     return "; ".join(parts)
 
 
-def hidden_words(judged: Sequence[Mapping[str, Any]]) -> list[str]:
+def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what was hidden in a simulated log and whether it was found, one line an effect."""
     lines = []
     for one in judged:

@@ -1,7 +1,7 @@
 """Pictures of a drive's diagnosis: the filter before and after its findings.
 
 Innovations by channel in the band of ±1 sd, their correlation over time, NIS along the drive, errors after outages,
-and for each finding the view in which it is plain (`tuner.report.drive_views`).
+and for each finding the view in which it is plain (`tuner.report.drive_cause_panels`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.formats.files import whole_file
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
-from tuner.report.drive_views import (
+from tuner.report.drive_cause_panels import (
     AFTER,
     BEFORE,
     CHANNELS,

@@ -14,7 +14,7 @@ from scipy.stats import norm
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
-from tuner.report.channel_view import Subject
+from tuner.report.diagnosed_axis import Subject
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, Subject, Mapping[str, float]], None]

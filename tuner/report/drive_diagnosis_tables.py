@@ -8,7 +8,7 @@ from rich.table import Table
 
 from tuner.diagnosis.drive.noise_scale_estimates import factor_text, may_be_one
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty
-from tuner.report.diagnosis_tables import findings_table
+from tuner.report.static_diagnosis_tables import findings_table
 from tuner.types import DriveDiagnosis, Gain, NoiseScaleEstimate
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from tuner.formats.customary_units import SYMBOLS, TITLES, customary_unit, digits, in_customary, pretty
 from tuner.report.allan_figure import draw_allan
-from tuner.report.tables import identification_tables
+from tuner.report.identification_tables import identification_tables
 from tuner.types import ChannelNoise, FilterConfig, Identification
 
 STYLE = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tuner.segments.multi_position import PoseCalibration
 
 
-def calibration_words(found: PoseCalibration) -> list[str]:
+def calibration_lines(found: PoseCalibration) -> list[str]:
     """Return bias, scale factor and misalignment of each sensor, one a line, with the half width of its interval."""
     lines = [
         f"  calibration from {found.poses} stand-stills, {found.different} of them in poses of their own (SI, 95 %):"

@@ -2,7 +2,7 @@
 
 Left, for causes of the spectrum the density, for all others the Allan deviation: measured, the model of the base
 terms, the extended model with the signals that were found. With replicas, each model is a band: the range of
-so many simulated records. Right, `tuner.report.diagnosis_views`.
+so many simulated records. Right, `tuner.report.static_cause_panels`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import whole_file
-from tuner.report.channel_view import Subject, parameters, subject
-from tuner.report.diagnosis_views import CAUSE, DATA, shown, unit_of, view_of
+from tuner.report.diagnosed_axis import Subject, parameters, subject
+from tuner.report.static_cause_panels import CAUSE, DATA, shown, unit_of, view_of
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
 
