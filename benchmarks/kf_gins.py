@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
-from tuner.consistency.drive import RECOVERY, drive_filter
+from tuner.consistency.drive import RECOVERY_TIME, drive_filter
 from tuner.consistency.drive_scores import reference_at
 from tuner.navigation.drive.run import navigate, prepare
 from tuner.readers import kf_gins_settings
@@ -129,7 +129,7 @@ def main(program: Path, settings: Path, skipped: float) -> None:
     if true is None:
         return
     for horizon in (30.0, 60.0):
-        begins = np.arange(t[0] + 2.0 * skipped, t[-1] - horizon, horizon + RECOVERY) + 0.3
+        begins = np.arange(t[0] + 2.0 * skipped, t[-1] - horizon, horizon + RECOVERY_TIME) + 0.3
         windows = np.column_stack([begins, begins + horizon])
         t, (state, sd) = ours(drive, settings, windows, clocks_agree=True)
         (other, told), _ = theirs(program, settings, drive, t, windows)

@@ -42,7 +42,7 @@ from models.noise.gauss_markov import GaussMarkov
 
 FloatArray = NDArray[np.float64]
 
-OPTIONAL = {
+OPTIONAL_BLOCKS = {
     "gyro_ramp": 3,
     "accel_ramp": 3,
     "gyro_scale": 3,
@@ -166,14 +166,14 @@ def error_model(
     gnss_markov : sequence of GaussMarkov
         Correlated errors of the position fixes, each along north, east and down.
     constants : sequence of str
-        Names of `OPTIONAL` blocks.
+        Names of `OPTIONAL_BLOCKS` blocks.
     """
     if len(gyro) != 3 or len(accel) != 3:
         msg = f"'gyro' and 'accel' must have 3 axes, got {len(gyro)} and {len(accel)}"
         raise ValueError(msg)
-    unknown = set(constants) - set(OPTIONAL)
+    unknown = set(constants) - set(OPTIONAL_BLOCKS)
     if unknown:
-        msg = f"'constants' must be among {', '.join(OPTIONAL)}, got {', '.join(sorted(unknown))}"
+        msg = f"'constants' must be among {', '.join(OPTIONAL_BLOCKS)}, got {', '.join(sorted(unknown))}"
         raise ValueError(msg)
     ladders = {
         "gyro_markov": [(axis, m) for axis, noise in enumerate(gyro) for m in noise.markov],
@@ -182,7 +182,7 @@ def error_model(
     }
     sizes = {"position": 3, "velocity": 3, "attitude": 3, "gyro_bias": 3, "accel_bias": 3}
     sizes |= {name: len(ladders[name]) for name in ("gyro_markov", "accel_markov")}
-    sizes |= {name: size for name, size in OPTIONAL.items() if name in constants}
+    sizes |= {name: size for name, size in OPTIONAL_BLOCKS.items() if name in constants}
     sizes["gnss_position"] = len(ladders["gnss_position"])
     layout = StateLayout(tuple((name, size) for name, size in sizes.items() if size))
 

@@ -29,7 +29,7 @@ from scipy.linalg import block_diag, expm
 
 FloatArray = NDArray[np.float64]
 
-_SHORT = 0.25
+_MAX_PLAIN_STEP = 0.25
 """Largest ‖F‖·step for which the single matrix exponential is used."""
 
 
@@ -100,7 +100,7 @@ def discretize(system: StateSpace, step: float) -> tuple[FloatArray, FloatArray]
     n = system.size
     drive = system.G @ system.Q @ system.G.T
     norm = float(np.abs(system.F).sum(axis=0).max(initial=0.0)) * step
-    doublings = max(0, int(np.ceil(np.log2(norm / _SHORT)))) if norm > 0.0 else 0
+    doublings = max(0, int(np.ceil(np.log2(norm / _MAX_PLAIN_STEP)))) if norm > 0.0 else 0
     block = np.block([[-system.F, drive], [np.zeros((n, n)), system.F.T]])
     exponential = expm(block * (step / 2**doublings))
     transition = exponential[n:, n:].T

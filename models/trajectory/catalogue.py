@@ -80,6 +80,7 @@ def climb(duration: float, *, speed: float = 50.0, turn_period: float = 150.0) -
 
 
 CITY_PERIOD = 120.0
+"""Length of a round through the town, s."""
 CITY_SPEED = (  # begin, duration, change: start, slow for two turns, fast leg, stop for 15 s
     (4.0, 10.0, 13.0),
     (22.0, 5.0, -8.0),
@@ -88,9 +89,13 @@ CITY_SPEED = (  # begin, duration, change: start, slow for two turns, fast leg, 
     (68.0, 8.0, 10.0),
     (92.0, 10.0, -16.0),
 )
+"""Changes of speed in a round: begin and duration, s, and change, m/s."""
 CITY_TURNS = ((28.0, 7.0), (59.0, 7.0), (80.0, 8.0))
+"""Right-angled turns in a round: begin and duration, s."""
 CITY_SIGNS = ((1, -1, 1), (-1, -1, 1), (1, 1, -1), (-1, 1, -1))
+"""Directions of the three turns, right positive, in four successive rounds; their sum is zero."""
 CITY_SLOPE = ((12.0, 12.0, 0.03), (44.0, 14.0, -0.05), (76.0, 12.0, 0.02))
+"""Changes of the pitch in a round: begin and duration, s, and change, rad."""
 
 
 def city(duration: float) -> Trajectory:
@@ -123,3 +128,4 @@ def city(duration: float) -> Trajectory:
 TRAJECTORIES: Mapping[str, Callable[[float], Trajectory]] = MappingProxyType(
     {f.__name__: f for f in (static, straight, circle, figure_eight, s_turns, climb, city)}
 )
+"""Built-in trajectories by name; each takes the duration, s."""

@@ -39,13 +39,13 @@ from models.trajectory.profiles import Profile
 
 FloatArray = NDArray[np.float64]
 
-NODES = 10
-"""Quadrature nodes a cell."""
-CELL = 0.5
+POSITION_NODES = 10
+"""Quadrature nodes of a cell of the position integral."""
+MAX_CELL = 0.5
 """Longest cell of the position integral, s."""
-IMU_NODES = 5
-"""Quadrature nodes an interval of the inertial unit."""
-CHUNK = 8192
+INCREMENT_NODES = 5
+"""Quadrature nodes of an interval of the inertial unit."""
+CHUNK_INTERVALS = 8192
 """Intervals evaluated at a time, to bound memory."""
 LEVEL = Profile()
 """No pitch, no roll."""
@@ -165,9 +165,9 @@ class Trajectory:
 
     @cached_property
     def _cells(self) -> tuple[FloatArray, FloatArray]:
-        """Edges of the cells, (c + 1,), and Legendre coefficients of the position, (c, NODES + 1, 3)."""
+        """Edges of the cells, (c + 1,), and Legendre coefficients of the position, (c, POSITION_NODES + 1, 3)."""
         profiles = (self.speed, self.heading, self.pitch, self.roll)
-        longest = min(CELL, 0.25 / max(*(p.highest_frequency for p in profiles), 1e-9))
+        longest = min(MAX_CELL, 0.25 / max(*(p.highest_frequency for p in profiles), 1e-9))
         knots = {0.0, self.duration}.union(x for p in profiles for x in p.knots if 0.0 < x < self.duration)
         ends = sorted(knots)
         pieces = [np.linspace(a, b, int(np.ceil((b - a) / longest)) + 1)[:-1] for a, b in pairwise(ends)]
@@ -176,13 +176,13 @@ class Trajectory:
 
     def _integrate(self, edges: FloatArray) -> FloatArray:
         """Integrate the position: quadrature, and Picard rounds (each 1e-3 closer) for the latitude in M."""
-        nodes, weights = legendre.leggauss(NODES)
-        degree = np.arange(NODES)
-        to_coefficients = (degree + 0.5)[:, None] * legendre.legvander(nodes, NODES - 1).T * weights
+        nodes, weights = legendre.leggauss(POSITION_NODES)
+        degree = np.arange(POSITION_NODES)
+        to_coefficients = (degree + 0.5)[:, None] * legendre.legvander(nodes, POSITION_NODES - 1).T * weights
         antiderivative = legendre.legint(to_coefficients, lbnd=-1)
         half = 0.5 * np.diff(edges)
         vel = self.velocity(edges[:-1, None] + half[:, None] * (1.0 + nodes))
-        at_nodes = legendre.legvander(nodes, NODES)
+        at_nodes = legendre.legvander(nodes, POSITION_NODES)
 
         def integral(rate: FloatArray, start: float) -> FloatArray:
             coefficients = half[:, None] * (rate @ antiderivative.T)
@@ -206,7 +206,7 @@ class Trajectory:
         edges, coefficients = self._cells
         cell = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(edges) - 2)
         x = 2.0 * (t - edges[cell]) / (edges[cell + 1] - edges[cell]) - 1.0
-        return np.asarray(np.einsum("nk,nkj->nj", legendre.legvander(x, NODES), coefficients[cell]))
+        return np.asarray(np.einsum("nk,nkj->nj", legendre.legvander(x, POSITION_NODES), coefficients[cell]))
 
     def evaluate(self, t: ArrayLike) -> MotionState:
         """Return the motion at the times t, s, shape (n,)."""
@@ -244,12 +244,12 @@ def imu_increments(motion: Motion, interval: float) -> tuple[FloatArray, FloatAr
         msg = f"'interval' must be positive and at most the duration {motion.duration}, got {interval}"
         raise ValueError(msg)
     n = int(np.floor(motion.duration / interval * (1.0 + 1e-12)))
-    nodes, weights = legendre.leggauss(IMU_NODES)
+    nodes, weights = legendre.leggauss(INCREMENT_NODES)
     offsets, weights = 0.5 * interval * (1.0 + nodes), 0.5 * interval * weights
     dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
-    for first in range(0, n, CHUNK):
-        k = np.arange(first, min(first + CHUNK, n))
+    for first in range(0, n, CHUNK_INTERVALS):
+        k = np.arange(first, min(first + CHUNK_INTERVALS, n))
         state = motion.evaluate((k[:, None] * interval + offsets).ravel())
-        dtheta[k] = np.einsum("kij,i->kj", state.omega_ib_b.reshape(-1, IMU_NODES, 3), weights)
-        dvel[k] = np.einsum("kij,i->kj", state.f_b.reshape(-1, IMU_NODES, 3), weights)
+        dtheta[k] = np.einsum("kij,i->kj", state.omega_ib_b.reshape(-1, INCREMENT_NODES, 3), weights)
+        dvel[k] = np.einsum("kij,i->kj", state.f_b.reshape(-1, INCREMENT_NODES, 3), weights)
     return dtheta, dvel

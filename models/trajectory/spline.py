@@ -2,7 +2,7 @@
 
 Latitude, longitude and height are the curves of least jerk through the points [1]_: quintic splines of
 time, jerk and its derivative continuous, without both at the ends, which otherwise swing wildly. Attitude
-follows the path: yaw is its course, pitch its slope; below the speed `STANDSTILL`, where a course means
+follows the path: yaw is its course, pitch its slope; below the speed `MIN_COURSE_SPEED`, where a course means
 nothing, both are carried over from the last faster point. Roll is level, or banked for a coordinated turn.
 The angles are splines through their values at the points: the sensors are exact for that attitude, which
 between the points follows the path only as closely as the points are dense.
@@ -26,7 +26,7 @@ from models.trajectory.motion import MotionState, motion_state, times_within
 
 FloatArray = NDArray[np.float64]
 
-STANDSTILL = 0.5
+MIN_COURSE_SPEED = 0.5
 """Speed below which the course is carried over, m/s."""
 
 
@@ -76,11 +76,11 @@ class Track:
         """Spline of roll, pitch and yaw."""
         llh, vel, acc = self._path(self.t)
         level = np.hypot(vel[:, 0], vel[:, 1])
-        moving = level >= STANDSTILL
+        moving = level >= MIN_COURSE_SPEED
         last = np.maximum.accumulate(np.where(moving, np.arange(len(level)), np.argmax(moving)))
         yaw = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0])[last])
         pitch = np.arctan2(-vel[:, 2], level)[last]
-        lateral = (vel[:, 0] * acc[:, 1] - vel[:, 1] * acc[:, 0]) / np.maximum(level, STANDSTILL)
+        lateral = (vel[:, 0] * acc[:, 1] - vel[:, 1] * acc[:, 0]) / np.maximum(level, MIN_COURSE_SPEED)
         roll = (
             np.arctan(lateral / gravity(np.sin(llh[:, 0]), llh[:, 2])) if self.banked else np.zeros_like(yaw)
         )

@@ -22,7 +22,7 @@ from models.error_state import (
 )
 from models.imu_errors import calibration, sensor_jacobian
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL, AxisNoise, StateLayout, error_model
+from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, StateLayout, error_model
 from models.statespace import StateSpace, discretize
 from models.strapdown import NavigationState, correct_increments, mean_attitude, step
 from models.trajectory.catalogue import TRAJECTORIES
@@ -39,7 +39,7 @@ ACCEL = (
     AxisNoise(2e-3, walk_density=1e-5, bias_time_constant=100.0, markov=LADDER),
     AxisNoise(1.5e-3, walk_density=2e-5, markov=LADDER[:1]),
 )
-FULL = error_model(GYRO, ACCEL, gnss_markov=(GaussMarkov(1.0, 60.0),), constants=tuple(OPTIONAL))
+FULL = error_model(GYRO, ACCEL, gnss_markov=(GaussMarkov(1.0, 60.0),), constants=tuple(OPTIONAL_BLOCKS))
 BASE = error_model([AxisNoise(3e-5, 1e-6)] * 3, [AxisNoise(1e-3, 1e-5)] * 3)
 
 

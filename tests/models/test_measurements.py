@@ -18,7 +18,7 @@ from models.measurements import (
     zero_velocity,
 )
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL, AxisNoise, error_model
+from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, error_model
 from models.strapdown import NavigationState
 from models.trajectory.catalogue import TRAJECTORIES
 
@@ -28,7 +28,7 @@ FULL = error_model(
     [AxisNoise(3e-5, markov=LADDER)] * 3,
     [AxisNoise(1e-3, markov=LADDER)] * 3,
     gnss_markov=(GaussMarkov(1.0, 60.0), GaussMarkov(0.3, 600.0)),
-    constants=tuple(OPTIONAL),
+    constants=tuple(OPTIONAL_BLOCKS),
 )
 BASE = error_model([AxisNoise(3e-5)] * 3, [AxisNoise(1e-3)] * 3)
 MOUNTING = rotation.mat_from_rpy([0.1, -0.05, 0.2])

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel
 from models.noise.bias_instability import flicker_ladder
-from tuner.consistency.scores import SETTLING, STRAYED_RATIO, run_ratios, some_strayed
+from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.imu import Sensor
 from tuner.simulation.monte_carlo import Runs, Scenario
@@ -65,7 +65,7 @@ def divergence(
 
 def _start_not_linear(simulated: Runs, ratios: FloatArray) -> bool:
     """Tell whether the start is at fault: too uncertain to be linear, or most runs recover and are consistent."""
-    first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING]
+    first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING_TIME]
     peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE].max(axis=(1, 2)))
     return bool(np.median(peak) > LINEAR_ATTITUDE_SD) or some_strayed(ratios)
 

@@ -58,15 +58,16 @@ FloatArray = NDArray[np.float64]
 
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
 """Lengths of outage that are scored on a measured drive, s."""
-RECOVERY = 30.0
-"""Time with fixes between two outages, s."""
-STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
-"""Further states of a filter on a drive, with their priors."""
-NOTHING_ASSUMED = Vehicle()
-LOUD = 2.0
-"""Ratio of noise to belief that is worth a note."""
-UNKNOWN_LEVER_ARM = 1.0
-"""Prior of a lever arm that nobody gave, m."""
+RECOVERY_TIME = 30.0
+"""Time with fixes between two outages, s: in it the filter becomes as accurate as before."""
+DRIVE_STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
+"""Further states of a filter on a measured drive, with prior sds (SI): stamps may be a tenth of a second late."""
+UNCONSTRAINED = Vehicle()
+"""A vehicle of which nothing is assumed."""
+MIN_NOISE_RATIO = 2.0
+"""Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
+UNKNOWN_LEVER_ARM_SD = 1.0
+"""Prior sd of a lever arm that nobody gave, m: the size of a car."""
 
 
 AS_REPORTED = (
@@ -110,13 +111,13 @@ def drive_filter(
     drive: Drive, config: FilterConfig, *, states: Mapping[str, float] | None = None
 ) -> tuple[FilterSettings, tuple[str, ...]]:
     """Return the filter of a configuration for a drive: with the offset of the clocks and an unknown lever arm."""
-    constants = {**STATES, **config.constants, **(states or {})}
+    constants = {**DRIVE_STATES, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):
         arm = None
         notes.append("the lever arm is given in vehicle axes, but the mounting of the sensor is unknown")
     if arm is None:
-        constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM)
+        constants.setdefault("lever_arm", UNKNOWN_LEVER_ARM_SD)
         notes.append(f"lever arm estimated from 0 ± {constants['lever_arm']:g} m")
     settings = filter_settings(config, constants=constants, lever_arm=arm or (0.0, 0.0, 0.0))
     return compensate_settings(settings, config.compensation), tuple(notes)
@@ -128,7 +129,7 @@ def navigate_drive(
     *,
     gnss: GnssNoise | str | None = None,
     states: Mapping[str, float] | None = None,
-    vehicle: Vehicle = NOTHING_ASSUMED,
+    vehicle: Vehicle = UNCONSTRAINED,
 ) -> DriveResult:
     """Filter a measured drive, with and without its fixes, and score the filter.
 
@@ -141,7 +142,7 @@ def navigate_drive(
     gnss : GnssNoise or str, optional
         Receiver, or the name of a built-in one, in place of that of the configuration.
     states : mapping of str to float, optional
-        Further states, names of `models.state_layout.OPTIONAL`, with the sd of their prior.
+        Further states, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sd of their prior.
     vehicle : Vehicle
         What may be assumed of the vehicle: that it does not slip, and stands where it seems to.
 
@@ -232,11 +233,12 @@ def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
         return ()
     said = np.array([model.allan_variance(1.0) for model in sensor_of_config(config).noise])
     ratios = found / np.sqrt(said)
-    loud = [f"{axis} {ratio:.1f}" for axis, ratio in zip(GYROS + ACCELS, ratios, strict=True) if ratio > LOUD]
-    if not loud:
+    pairs = zip(GYROS + ACCELS, ratios, strict=True)
+    noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
+    if not noisier:
         return ()
     return (
-        f"standing, the sensors are louder over 1 s than the configuration says: {', '.join(loud)} times",
+        f"standing, the sensors are louder over 1 s than the configuration says: {', '.join(noisier)} times",
     )
 
 
@@ -258,7 +260,7 @@ def _outage(
     windows = [
         (begin, begin + horizon)
         for s in stretches
-        for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY)
+        for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY_TIME)
     ]
     if not windows:
         return None

@@ -25,13 +25,14 @@ from tuner.types.records import Reference
 
 FloatArray = NDArray[np.float64]
 
-BLOCK = 30.0
+BLOCK_LENGTH = 30.0
 """Length of the blocks of a drive that count as independent, s."""
-FAR = 4.0
-"""Attitudes that are so many median distances off do not decide on the rotation between the bodies."""
-ROUNDS = 5
-MOST_STEPS = 250_000
-"""Inertial samples that are smoothed at most: the smoother keeps every step of the readable filter."""
+MAX_MEDIAN_DISTANCES = 4.0
+"""Attitudes farther off than so many median distances do not decide on the rotation between the bodies."""
+SELECTION_ROUNDS = 5
+"""Times that this selection and the rotation are repeated."""
+MAX_SMOOTHED_SAMPLES = 250_000
+"""Inertial samples up to which a drive is smoothed: the smoother keeps a covariance for every sample."""
 
 
 def settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
@@ -43,7 +44,7 @@ def blocks(solution: Solution, rows: NDArray[np.intp]) -> list[tuple[Solution, N
     """Return epochs by blocks that count as independent, each with its solution."""
     if not len(rows):
         return []
-    number = ((solution.t[rows] - solution.t[rows[0]]) // BLOCK).astype(int)
+    number = ((solution.t[rows] - solution.t[rows[0]]) // BLOCK_LENGTH).astype(int)
     return [(solution, rows[number == n]) for n in np.unique(number)]
 
 
@@ -76,11 +77,11 @@ def differences(reference: Reference, solution: Solution, rows: NDArray[np.intp]
         theirs = rotation.mat_from_rpy(rpy[good])
         product = np.einsum("nki,nkl->nil", mine, theirs)
         near = np.ones(len(mine), dtype=bool)
-        for _ in range(ROUNDS):
+        for _ in range(SELECTION_ROUNDS):
             mounting = _nearest_rotation(product[near].sum(axis=0))
             turned = rotation.rotvec_from_mat(theirs @ mounting.T @ np.swapaxes(mine, -1, -2))
             distance = np.linalg.norm(turned, axis=1)
-            near = distance <= FAR * np.median(distance)
+            near = distance <= MAX_MEDIAN_DISTANCES * np.median(distance)
         out[good, 6:9] = turned
     return out
 
@@ -155,7 +156,7 @@ def against_smoother(
 
     A test of the filter against its own future: it needs no reference, and takes lagging fixes as they come.
     """
-    if sum(len(stretch.steps.dt) for stretch in stretches) > MOST_STEPS or settings.velocity_lag:
+    if sum(len(stretch.steps.dt) for stretch in stretches) > MAX_SMOOTHED_SAMPLES or settings.velocity_lag:
         return ()
     parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
     before: Solution | None = None

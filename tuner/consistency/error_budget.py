@@ -30,7 +30,8 @@ FloatArray = NDArray[np.float64]
 
 TABLE_LENGTHS = (10.0, 60.0, 300.0)
 """Lengths of outage whose budget is shown, s."""
-NO_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+NO_FURTHER_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+"""Sensor axes of further states where there are none."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def trace(
     own: Source,
     sources: Sequence[Source],
     *,
-    rows: NDArray[np.int64] = NO_STATES,
+    rows: NDArray[np.int64] = NO_FURTHER_STATES,
 ) -> ErrorBudget:
     """Carry the covariance of every source along the noise-free flight, with the gains of the filter.
 

@@ -20,10 +20,10 @@ from tuner.types.consistency import Observability, WeakDirection
 
 FloatArray = NDArray[np.float64]
 
-TOGETHER = 1.7
-"""λ from which states are said to move together: two of them correlated by 0.7."""
-MEMBER = 0.35
-"""Least part of a state in a weak direction."""
+MIN_EIGENVALUE = 1.7
+"""Eigenvalue from which states count as not distinguished: 1 + ρ of two states with correlation ρ = 0.7."""
+MIN_PART = 0.35
+"""Least part of a state that is named in a weak direction: a tenth of its squared length (0.35² = 0.12)."""
 POORLY_OBSERVED, HARDLY_OBSERVED = 0.3, 0.7
 """Final ÷ initial sd from which a state counts as poorly, or hardly, observed: variance down to a tenth, to a half."""
 
@@ -34,6 +34,7 @@ NAMES = (
     "heading",
     *(f"{sensor} bias {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"),
 )
+"""Position, velocity, attitude and total biases, in the order of the errors of a simulated run."""
 
 
 def observability(settings: FilterSettings, final: FloatArray) -> Observability:
@@ -56,8 +57,8 @@ def observability(settings: FilterSettings, final: FloatArray) -> Observability:
     values, vectors = np.linalg.eigh(correlation)
     weak = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
-        order = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) > MEMBER]
-        if value < TOGETHER or len(order) < 2 or max(left[labels[i]] for i in order) < POORLY_OBSERVED:
+        order = [int(i) for i in np.argsort(-np.abs(vector)) if abs(vector[i]) > MIN_PART]
+        if value < MIN_EIGENVALUE or len(order) < 2 or max(left[labels[i]] for i in order) < POORLY_OBSERVED:
             continue
         sign = np.sign(vector[order[0]])
         weak.append(

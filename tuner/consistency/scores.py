@@ -51,7 +51,7 @@ TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
-SETTLING = 120.0
+SETTLING_TIME = 120.0
 """Time after the start and after an outage that is not scored as aided, s: until errors of an outage have decayed."""
 MAX_SCORED_EPOCHS = 60
 """Aided epochs of each run that are scored: more depend on each other and only cost time."""
@@ -60,6 +60,7 @@ MAX_LAG = 10
 MIN_PAIRS = 100
 """Products of components behind an autocorrelation below which it is not tested: 0.1 is then its standard error."""
 BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
+"""Parts of the error whose NEES is scored, three components each, in the order of the errors of a run."""
 DIVERGED_RATIO = 20.0
 """True rms ÷ predicted sd, all runs together, from which a filter diverged: beyond any linear analysis of it."""
 STRAYED_RATIO = 5.0
@@ -119,7 +120,7 @@ def squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1))
 
 
-def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> Consistency:
+def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME) -> Consistency:
     """Score simulated runs.
 
     Parameters
@@ -166,7 +167,7 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> 
     )
 
 
-def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING) -> FloatArray:
+def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME) -> FloatArray:
     """Return true rms ÷ predicted sd of each run while aided, all states together, inf where one is not finite; (m,).
 
     Parameters are those of `evaluate`.
@@ -241,7 +242,7 @@ def whiteness(
     return best
 
 
-def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
+def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
     """Return `MAX_SCORED_EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
     aided = aided_epochs(t, outages, settling)
     return (
@@ -251,7 +252,7 @@ def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING
     )
 
 
-def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING) -> NDArray[np.intp]:
+def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
     """Return the epochs that are aided and settled; all where none is settled."""
     settled = t >= t[0] + settling
     for begin, end in outages:

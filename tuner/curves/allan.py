@@ -132,7 +132,9 @@ def overlapping_allan(y: ArrayLike, m: ArrayLike) -> FloatArray:
         last = x.size - clusters
 
         def stretch(begin: int, end: int) -> FloatArray:
-            return kernels.second_differences(x, clusters, clusters, last, begin, end, kernels.BLOCK)
+            return kernels.second_differences(
+                x, clusters, clusters, last, begin, end, kernels.BLOCK_POSITIONS
+            )
 
         return kernels.in_threads(stretch, x.size) / (2.0 * clusters.astype(float) ** 2 * (last - clusters))
 
@@ -148,7 +150,7 @@ def overlapping_hadamard(y: ArrayLike, m: ArrayLike) -> FloatArray:
         x = kernels.integrate(column)
 
         def stretch(begin: int, end: int) -> FloatArray:
-            return kernels.third_differences(x, clusters, begin, end, kernels.BLOCK)
+            return kernels.third_differences(x, clusters, begin, end, kernels.BLOCK_POSITIONS)
 
         terms = x.size - 3 * clusters
         return kernels.in_threads(stretch, x.size) / (6.0 * clusters.astype(float) ** 2 * terms)

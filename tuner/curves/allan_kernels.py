@@ -6,7 +6,7 @@ cluster averages; the mean and any linear phase fall out.
 
 The sums run block by block over x with all cluster sizes inside a block, so the block is read from memory
 once and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a
-few long stretches. The environment variable `NUMBA_NUM_THREADS` limits the threads.
+few long parts each. The environment variable `NUMBA_NUM_THREADS` limits the threads.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-BLOCK = 8192
+BLOCK_POSITIONS = 8192
 """Positions of differences summed for every cluster size before moving on: 64 KiB of x."""
 
-THEO_BLOCK = 1024
+THEO_BLOCK_POSITIONS = 1024
 """The same for Thêo1, where each position needs m others."""
 
-STRETCH = 1 << 17
-"""Fewest positions worth a stretch of their own where the work a position is small."""
+MIN_THREAD_POSITIONS = 1 << 17
+"""Fewest positions worth a thread of their own where the work for a position is small."""
 
 
-def in_threads(kernel: Callable[[int, int], FloatArray], count: int, *, stretch: int = STRETCH) -> FloatArray:
-    """Add up ``kernel(begin, end)`` over a few equal stretches of ``range(count)``, none below `stretch`."""
+def in_threads(
+    kernel: Callable[[int, int], FloatArray], count: int, *, least: int = MIN_THREAD_POSITIONS
+) -> FloatArray:
+    """Add up ``kernel(begin, end)`` over a few equal parts of ``range(count)``, none shorter than `least`."""
     workers = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-    parts = max(1, min(4 * workers, count // stretch))
+    parts = max(1, min(4 * workers, count // least))
     bounds = [count * i // parts for i in range(parts + 1)]
     if workers == 1 or parts == 1:
         return kernel(0, count)

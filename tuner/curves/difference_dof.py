@@ -43,13 +43,13 @@ from models.noise import (
 
 FloatArray = NDArray[np.float64]
 
-LAGS = 2048
-"""Most lags that are summed one by one."""
+MAX_SUMMED_LAGS = 2048
+"""Largest number of lags that are summed one by one; beyond, the autocovariance is a smooth function of the lag."""
 
-GRID = 32
-"""Points a cluster on which a smooth autocovariance is summed where there would be more."""
+POINTS_PER_CLUSTER = 32
+"""Points per cluster on which a smooth autocovariance is summed where there would be more."""
 
-REACH = 32
+MAX_LAG_CLUSTERS = 32
 """Longest lag of the sums, clusters: the squares of what is left beyond add less than 1e-4."""
 
 _WEIGHTS = {2: (6.0, -4.0, 1.0), 3: (20.0, -15.0, 6.0, -1.0)}
@@ -138,9 +138,9 @@ def averaged(z: Difference, m: int, terms: int) -> float:
 
 def _lags(m: int, terms: int) -> tuple[int, NDArray[np.int64], FloatArray]:
     """Return the grid points a cluster, the lags in grid points, and how many pairs lie at ± each."""
-    grid = m if min(terms, REACH * m) <= LAGS else min(m, GRID)
+    grid = m if min(terms, MAX_LAG_CLUSTERS * m) <= MAX_SUMMED_LAGS else min(m, POINTS_PER_CLUSTER)
     step = m / grid
-    lags = np.arange(min(int(np.ceil(terms / step)), REACH * grid))
+    lags = np.arange(min(int(np.ceil(terms / step)), MAX_LAG_CLUSTERS * grid))
     return grid, lags, np.where(lags == 0, 1.0, 2.0) * (terms - step * lags)
 
 
@@ -157,7 +157,7 @@ def two_groups(z: Difference, first: int, second: int, offset: float) -> float:
 
 def _shared(z: Difference, first: int, second: int, offset: float) -> float:
     """Return half the covariance of two means over successive clusters, relative to the squared mean."""
-    lags = np.arange(max(1 - second, -REACH), min(first, REACH + 1))
+    lags = np.arange(max(1 - second, -MAX_LAG_CLUSTERS), min(first, MAX_LAG_CLUSTERS + 1))
     pairs = np.minimum(first, second + lags) - np.maximum(lags, 0)
     shifted: FloatArray = lags.astype(float) - offset
     s = z.smooth(shifted)

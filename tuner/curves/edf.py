@@ -38,7 +38,7 @@ from tuner.curves.difference_dof import Difference
 
 FloatArray = NDArray[np.float64]
 
-PURE = {
+PURE_NOISES = {
     "quantization": NoiseModel((Quantization(1.0),)),
     "white": NoiseModel((White(1.0),)),
     "bias_instability": NoiseModel((BiasInstability(1.0),)),
@@ -92,23 +92,23 @@ def dof(
 
 
 def _named(name: str) -> NoiseModel:
-    if name not in PURE:
-        msg = f"'noise' must be one of {', '.join(PURE)}, got {name!r}"
+    if name not in PURE_NOISES:
+        msg = f"'noise' must be one of {', '.join(PURE_NOISES)}, got {name!r}"
         raise ValueError(msg)
-    return PURE[name]
+    return PURE_NOISES[name]
 
 
 def dominant(model: NoiseModel, tau: float) -> str:
-    """Return the noise type, of those in `PURE`, that carries most of the Allan variance of a model at τ, s.
+    """Return the noise type, of those in `PURE_NOISES`, that carries most of the Allan variance of a model at τ, s.
 
     Gauss–Markov noise counts as bias instability, ramps and sinusoids do not count, all else counts as white.
     """
-    share = dict.fromkeys(PURE, 0.0)
+    share = dict.fromkeys(PURE_NOISES, 0.0)
     for term in model.terms:
         if isinstance(term, GaussMarkov):
             share["bias_instability"] += float(term.allan_variance(tau))
         elif not isinstance(term, (Ramp, Sinusoid)):
-            share[term.name if term.name in PURE else "white"] += float(term.allan_variance(tau))
+            share[term.name if term.name in PURE_NOISES else "white"] += float(term.allan_variance(tau))
     return max(share, key=lambda name: (share[name], name == "white"))
 
 

@@ -24,10 +24,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Noise = str | Sequence[str] | NoiseModel
 
-POINTS = 60
-"""Cluster times of a curve by default."""
+DEFAULT_POINTS = 60
+"""Cluster times of a curve by default: about ten per decade on six decades."""
 
-SWITCH = 0.1
+THEO_H_SWITCH = 0.1
 """Part of the record at which ThêoH changes from the Allan variance to ThêoBR."""
 
 
@@ -71,8 +71,8 @@ ESTIMATORS: dict[str, Estimator] = {
     "hdev": Estimator(allan.hadamard, lambda n, m: n // m - 2, 4),
     "ohdev": Estimator(allan.overlapping_hadamard, lambda n, m: n + 1 - 3 * m, 4),
     "totdev": Estimator(total, lambda n, m: np.where(m < n, n - 1, 0), 2),
-    "theo1": Estimator(theo.theo1, lambda n, m: n + 1 - m, 1, theo.SMALLEST, 0.75, theo.SMALLEST),
-    "theobr": Estimator(theo.theo_br, lambda n, m: n + 1 - m, 1, theo.SMALLEST, 0.75, theo.FEWEST),
+    "theo1": Estimator(theo.theo1, lambda n, m: n + 1 - m, 1, theo.MIN_SIZE, 0.75, theo.MIN_SIZE),
+    "theobr": Estimator(theo.theo_br, lambda n, m: n + 1 - m, 1, theo.MIN_SIZE, 0.75, theo.MIN_SAMPLES),
     "nsec": Estimator(nsec, lambda n, m: n // m - 1, 3),
 }
 
@@ -83,7 +83,7 @@ def curve(
     *,
     tau: Sequence[float] | None = None,
     noise: Noise | None = None,
-    switch: float = SWITCH,
+    switch: float = THEO_H_SWITCH,
 ) -> AllanCurve:
     """Return one empirical curve of a record, raw: nothing is detrended, rejected or corrected for bias.
 
@@ -165,7 +165,7 @@ def default_sizes(estimator: str, n: int) -> IntArray:
     if estimator == "adev":
         m = 2 ** np.arange(int(np.log2(most)) + 1)
     else:
-        m = np.rint(np.geomspace(statistic.least, most, POINTS)).astype(np.int64)
+        m = np.rint(np.geomspace(statistic.least, most, DEFAULT_POINTS)).astype(np.int64)
         m = m if statistic.factor == 1.0 else theo.nearest_theo1_size(n, m)
     m = np.unique(m)
     return m[statistic.count(n, m) > 0]
@@ -194,7 +194,7 @@ def _hybrid(
     """Return ThêoH: ``oadev`` at τ below the switch point, ``theobr`` from there on."""
     point = switch * longest * record.interval
     if tau is None:
-        times = record.interval * np.geomspace(1.0, 0.75 * longest, POINTS)
+        times = record.interval * np.geomspace(1.0, 0.75 * longest, DEFAULT_POINTS)
         short = np.unique(np.rint(times[times < point] / record.interval)) * record.interval
         long = theo.nearest_theo1_size(longest, times[times >= point] / (0.75 * record.interval))
         times = np.concatenate([short, 0.75 * record.interval * np.unique(long)])
@@ -221,7 +221,7 @@ def _hybrid(
 
 
 def _notes(estimator: str, n: int, m: IntArray) -> tuple[str, ...]:
-    if estimator not in ("theo1", "theobr") or n <= theo.EXACT:
+    if estimator not in ("theo1", "theobr") or n <= theo.MAX_EXACT_SAMPLES:
         return ()
     notes = []
     strides = theo.stride(n, m)

@@ -21,27 +21,29 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import detrend
 
 from tuner.curves.allan import by_column, sizes
-from tuner.curves.edf import PURE
+from tuner.curves.edf import PURE_NOISES
 from tuner.types import Correlogram
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_FEWEST = 32
+_MIN_AVERAGES = 32
 """Averages below which the lag-1 autocorrelation says too little."""
 
-_ENOUGH = 128
-"""Averages from which one α is trusted alone; between the two their mean is."""
+_RELIABLE_AVERAGES = 128
+"""Averages from which one α is used alone; between the two limits their mean is."""
 
-_MOST = 1 << 16
-"""Averages looked at: more would not sharpen the decision."""
+_MAX_AVERAGES = 1 << 16
+"""Averages used at most: more would not sharpen the decision."""
 
-_EDGES = (-1.5, -0.5, 1.0)
+_ALPHA_EDGES = (-1.5, -0.5, 1.0)
 """α between random walk, bias instability, white noise and quantization."""
 
-_LAGS = 100
-_PARTIAL_LAGS = 20_000
+_DEFAULT_LAGS = 100
+"""Lags of a correlogram by default."""
+_MAX_PARTIAL_LAGS = 20_000
+"""Largest lag of a partial correlogram: its recursion takes the square of the lag in time."""
 
 
 def averages(y: ArrayLike, m: int) -> FloatArray:
@@ -109,17 +111,17 @@ def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
         ``quantization white bias_instability random_walk``; white where the record is too short.
     """
     samples = np.asarray(y, dtype=float)
-    octaves = 2 ** np.arange(max(0, int(np.log2(max(samples.size // _FEWEST, 1)))) + 1)
-    octaves = octaves[samples.size // octaves >= _FEWEST]
+    octaves = 2 ** np.arange(max(0, int(np.log2(max(samples.size // _MIN_AVERAGES, 1)))) + 1)
+    octaves = octaves[samples.size // octaves >= _MIN_AVERAGES]
     if not octaves.size:
         return ("white",) * np.atleast_1d(np.asarray(m)).size
-    alpha = np.array([exponent(averages(samples[: k * _MOST], k)) for k in octaves.tolist()])
-    uncertain = samples.size // octaves < _ENOUGH
+    alpha = np.array([exponent(averages(samples[: k * _MAX_AVERAGES], k)) for k in octaves.tolist()])
+    uncertain = samples.size // octaves < _RELIABLE_AVERAGES
     if uncertain.any():
         alpha[uncertain] = alpha[uncertain].mean()
     found = np.interp(np.log2(np.atleast_1d(np.asarray(m, dtype=float))), np.log2(octaves), alpha)
-    names = tuple(reversed(PURE))
-    return tuple(names[i] for i in np.searchsorted(_EDGES, found))
+    names = tuple(reversed(PURE_NOISES))
+    return tuple(names[i] for i in np.searchsorted(_ALPHA_EDGES, found))
 
 
 def acf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
@@ -147,8 +149,8 @@ def pacf(record: Record, *, lag: Sequence[float] | None = None) -> Correlogram:
     """Return the partial autocorrelation of a record (Durbin, Levinson); as `acf`, up to 20 000 samples."""
     steps = _steps(record, lag)
     most = int(steps.max())
-    if most > _PARTIAL_LAGS:
-        msg = f"partial autocorrelation at {most} samples: expected at most {_PARTIAL_LAGS}"
+    if most > _MAX_PARTIAL_LAGS:
+        msg = f"partial autocorrelation at {most} samples: expected at most {_MAX_PARTIAL_LAGS}"
         raise DataError(msg)
     columns = []
     for axis in record.axes:
@@ -174,7 +176,7 @@ def _partial(correlation: FloatArray) -> FloatArray:
 def _steps(record: Record, lag: Sequence[float] | None) -> IntArray:
     longest = max(stop - start for start, stop in record.segments)
     if lag is None:
-        return np.arange(min(_LAGS, longest // 4) + 1)
+        return np.arange(min(_DEFAULT_LAGS, longest // 4) + 1)
     seconds = np.atleast_1d(np.asarray(lag, dtype=float))
     steps = np.rint(seconds / record.interval)
     wrong = seconds[~((steps >= 0) & (steps < longest))]

@@ -33,7 +33,7 @@ from tuner.types.records import DataError, Record
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_TRIM = 10_000
+_MIN_TRIMMED_SAMPLES = 10_000
 """Above so many samples the last few are left out where that makes the transform fast (below 1 %)."""
 
 
@@ -104,7 +104,7 @@ def _bins(n: int, tapers: int) -> IntArray:
 
 
 def _usable(n: int) -> int:
-    while n > _TRIM and next_fast_len(n + 1, real=True) != n + 1:
+    while n > _MIN_TRIMMED_SAMPLES and next_fast_len(n + 1, real=True) != n + 1:
         n -= 1
     return n
 

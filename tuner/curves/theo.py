@@ -15,10 +15,10 @@ as long as the same noise rules at all τ.
 
 Long records
 ------------
-Up to `EXACT` samples everything is exact. Above, Thêo1 with m/2 ≥ 256 reads every s-th phase point (clusters
-of s samples), s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s
+Up to `MAX_EXACT_SAMPLES` samples everything is exact. Above, Thêo1 with m/2 ≥ 256 reads every s-th phase point
+(clusters of s samples), s the power of two that leaves m/2 between 128 and 255 clusters, so m is a multiple of 2 s
 (`nearest_theo1_size`). White noise reads the same, random walk 1 % higher in variance, quantization lower by
-the ratio of the harmonic numbers of m/(2s) and m/2. The ratio of ThêoBR is taken from averages of ⌈n/EXACT⌉
+the ratio of the harmonic numbers of m/(2s) and m/2. The ratio of ThêoBR is taken from averages of ⌈n/MAX_EXACT_SAMPLES⌉
 samples.
 
 References
@@ -42,31 +42,34 @@ from tuner.types.records import DataError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-EXACT = 100_000
+MAX_EXACT_SAMPLES = 100_000
 """Longest record, samples, that Thêo1 and the ratio of ThêoBR use as it is."""
 
-SMALLEST = 10
+MIN_SIZE = 10
 """Smallest m of Thêo1."""
 
-FEWEST = 89
+MIN_SAMPLES = 89
 """Fewest samples from which ThêoBR has a ratio, at the usual reach of a tenth of the record."""
 
-_COARSE = 128
-_DIRECT = 100
-_STRETCH = 1 << 12
+_MIN_CLUSTERS = 128
+"""Least m/2 in clusters where a long record is read in clusters of samples."""
+_FIRST_RECURSIVE = 100
+"""m/2 from which the recursion over m replaces the direct sums: below it they are faster."""
+_MIN_THREAD_POSITIONS = 1 << 12
+"""Fewest positions worth a thread of their own: each takes m/2 differences."""
 
 
 def stride(n: int, m: IntArray) -> IntArray:
     """Return how many samples make one cluster inside Thêo1 of n samples."""
-    if n <= EXACT:
+    if n <= MAX_EXACT_SAMPLES:
         return np.ones_like(m)
-    doublings = np.log2(np.maximum(m // 2 // _COARSE, 1)).astype(np.int64)
+    doublings = np.log2(np.maximum(m // 2 // _MIN_CLUSTERS, 1)).astype(np.int64)
     return np.left_shift(1, doublings)
 
 
 def averaged(n: int) -> int:
     """Return how many of n samples are averaged to one for the ratio of ThêoBR."""
-    return -(-n // EXACT)
+    return -(-n // MAX_EXACT_SAMPLES)
 
 
 def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
@@ -74,7 +77,7 @@ def nearest_theo1_size(n: int, m: ArrayLike) -> IntArray:
     wanted = np.atleast_1d(np.asarray(m, dtype=float))
     pair = 2 * stride(n, np.rint(wanted).astype(np.int64))
     size = np.rint(wanted / pair).astype(np.int64) * pair
-    return np.maximum(np.where(size > n, size - pair, size), SMALLEST)
+    return np.maximum(np.where(size > n, size - pair, size), MIN_SIZE)
 
 
 def theo1(y: ArrayLike, m: ArrayLike) -> FloatArray:
@@ -85,7 +88,7 @@ def theo1(y: ArrayLike, m: ArrayLike) -> FloatArray:
     y : array_like, shape (n,) or (n, k)
         Samples.
     m : array_like of int, shape (q,)
-        Even sizes, 10 … n; above `EXACT` samples those of `nearest_theo1_size`. τ = 0.75 m τ0.
+        Even sizes, 10 … n; above `MAX_EXACT_SAMPLES` samples those of `nearest_theo1_size`. τ = 0.75 m τ0.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def theo1(y: ArrayLike, m: ArrayLike) -> FloatArray:
         If a size cannot be had.
     """
     n = len(np.asarray(y))
-    whole = sizes(m, least=SMALLEST, most=n, samples=n)
+    whole = sizes(m, least=MIN_SIZE, most=n, samples=n)
     wrong = whole[nearest_theo1_size(n, whole) != whole]
     if wrong.size:
         near = nearest_theo1_size(n, wrong)[0]
@@ -117,9 +120,9 @@ def _theo1_of_phase(x: FloatArray, m: IntArray, step: IntArray) -> FloatArray:
         def stretch(
             begin: int, end: int, clusters: FloatArray = clusters, half: IntArray = half
         ) -> FloatArray:
-            return kernels.theo1_sums(clusters, half, begin, end, kernels.THEO_BLOCK)
+            return kernels.theo1_sums(clusters, half, begin, end, kernels.THEO_BLOCK_POSITIONS)
 
-        sums = kernels.in_threads(stretch, clusters.size, stretch=_STRETCH)
+        sums = kernels.in_threads(stretch, clusters.size, least=_MIN_THREAD_POSITIONS)
         variance[chosen] = sums / (0.75 * (clusters.size - 2 * half) * m[chosen].astype(float) ** 2)
     return variance
 
@@ -130,13 +133,13 @@ def theo1_all(y: ArrayLike, most: int) -> FloatArray:
     Exact at any length but for rounding: 1e-6 of the variance for random walk, less for other noises.
     """
     x = kernels.integrate(np.ascontiguousarray(y, dtype=float))
-    half = np.arange(SMALLEST // 2, most // 2 + 1)
-    direct = half[half < _DIRECT]
-    sums = kernels.theo1_sums(x, direct, 0, x.size, kernels.THEO_BLOCK)
+    half = np.arange(MIN_SIZE // 2, most // 2 + 1)
+    direct = half[half < _FIRST_RECURSIVE]
+    sums = kernels.theo1_sums(x, direct, 0, x.size, kernels.THEO_BLOCK_POSITIONS)
     if direct.size < half.size:
         length = next_fast_len(x.size + 2 * int(half[-1]) + 2, real=True)
         lagged = irfft(np.abs(rfft(x, length)) ** 2, length)
-        sums = np.concatenate([sums, kernels.theo1_sums_all(x, lagged, _DIRECT, int(half[-1]) + 1)])
+        sums = np.concatenate([sums, kernels.theo1_sums_all(x, lagged, _FIRST_RECURSIVE, int(half[-1]) + 1)])
     return sums / (0.75 * (x.size - 2 * half) * (2.0 * half) ** 2)
 
 

@@ -54,7 +54,7 @@ def total(y: ArrayLike, m: ArrayLike) -> FloatArray:
 
         def stretch(begin: int, end: int) -> FloatArray:
             return kernels.second_differences(
-                extended, clusters, first, last, begin + reach, end + reach, kernels.BLOCK
+                extended, clusters, first, last, begin + reach, end + reach, kernels.BLOCK_POSITIONS
             )
 
         sums = kernels.in_threads(stretch, x.size)

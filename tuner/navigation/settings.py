@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from models.state_layout import OPTIONAL, AxisNoise, ErrorModel, error_model
+from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, ErrorModel, error_model
 from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
@@ -93,7 +93,7 @@ def filter_settings(
     config : FilterConfig
         All six axes.
     constants : mapping of str to float
-        Further states, names of `models.state_layout.OPTIONAL`, with the sd of their prior, SI.
+        Further states, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sd of their prior, SI.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, in b, m.
     covariance_step : float
@@ -119,7 +119,7 @@ def filter_settings(
         [_axis(config, axis) for axis in GYROS],
         [_axis(config, axis) for axis in ACCELS],
         gnss_markov=correlated,
-        constants=[name for name in OPTIONAL if name in wanted],
+        constants=[name for name in OPTIONAL_BLOCKS if name in wanted],
     )
     at, sd = model.layout, np.zeros(model.layout.size)
     first = config.initial

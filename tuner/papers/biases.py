@@ -24,7 +24,7 @@ from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 
-NAMES: Mapping[str, str] = MappingProxyType(
+NOISE_NAMES: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "quantization",
         "white": "angle random walk",
@@ -33,6 +33,7 @@ NAMES: Mapping[str, str] = MappingProxyType(
         "ramp": "ramp",
     }
 )
+"""Names of the noises in the papers."""
 PRINTED_FOR: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "rate random walk (random-walk FM)",
@@ -44,7 +45,8 @@ PRINTED_FOR: Mapping[str, str] = MappingProxyType(
 )
 """Noise whose clock formulas the paper gives to each."""
 SIZES = (10, 20, 40, 100, 200, 400)
-JUDGED: Mapping[str, tuple[int, ...]] = MappingProxyType({"ramp": (10, 40, 100, 400)})
+"""Sizes m of table 1 at which Thêo1 is computed."""
+JUDGED_SIZES: Mapping[str, tuple[int, ...]] = MappingProxyType({"ramp": (10, 40, 100, 400)})
 """Sizes m at which Thêo1 is judged, of the other noises 100."""
 
 
@@ -64,7 +66,7 @@ def fog_bias(settings: Settings) -> Item:
         of_total += _against(
             shares / n,
             totals,
-            NAMES[noise],
+            NOISE_NAMES[noise],
             g,
             [total_ratio(noise, s) for s in shares / n],
             1.0 - PRINTED_TOTAL[noise] * shares / n,
@@ -81,7 +83,7 @@ def fog_bias(settings: Settings) -> Item:
             a + b / sizes**c,
         )
         claims.append(_of_total(noise, totals[-1]))
-        claims += [_of_theo1(noise, term, m, raw[SIZES.index(m)]) for m in JUDGED.get(noise, (100,))]
+        claims += [_of_theo1(noise, term, m, raw[SIZES.index(m)]) for m in JUDGED_SIZES.get(noise, (100,))]
     panels = (
         Panel(f"total variance ÷ Allan variance, {runs} records", "τ/T", "ratio", tuple(of_total), "linear"),
         Panel(f"Allan variance ÷ Thêo1, {runs} records (colours as before)", "m", "ratio", tuple(of_theo1)),
@@ -93,7 +95,7 @@ def _of_total(noise: str, ratios: FloatArray) -> Claim:
     """Judge the bias of total variance at T/2, from its ratios to the Allan variance in every record."""
     claimed, true = -50.0 * PRINTED_TOTAL[noise] + 0.0, 100.0 * (total_ratio(noise, 0.5) - 1.0)
     return judge(
-        f"{NAMES[noise]}: bias of total variance at T/2",
+        f"{NOISE_NAMES[noise]}: bias of total variance at T/2",
         f"{claimed:.3g} %",
         exact(100.0 * float(ratios[0]) - 100.0, "%") if noise == "ramp" else _per_cent(ratios),
         claimed=claimed,
@@ -109,7 +111,7 @@ def _of_theo1(noise: str, term: Term, m: int, raw: FloatArray) -> Claim:
     printed, true = a + b / m**c, theo1_ratio(noise, m)
     ratios = float(term.allan_variance(0.75 * m, interval=1.0)) / raw
     return judge(
-        f"{NAMES[noise]}: Allan ÷ Thêo1 at m = {m}",
+        f"{NOISE_NAMES[noise]}: Allan ÷ Thêo1 at m = {m}",
         f"{printed:.3g}",
         exact(float(ratios[0]), "1") if noise == "ramp" else estimate(ratios, _harmonic_mean),
         claimed=printed,

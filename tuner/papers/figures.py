@@ -15,6 +15,7 @@ from tuner.formats.files import whole_file
 from tuner.papers.results import Curve, Item, Panel, Picture, Table
 
 COLOURS = ("#1f5fa8", "#c2410c", "#0f766e", "#7c3aed", "#a16207", "#475569", "#be185d", "#111827")
+"""Colours of the groups of curves, in order."""
 STYLES: dict[str, dict[str, Any]] = {
     "line": {"lw": 1.3},
     "dashed": {"lw": 1.2, "ls": "--"},
@@ -23,19 +24,21 @@ STYLES: dict[str, dict[str, Any]] = {
     "crosses": {"ls": "none", "marker": "x", "ms": 6.0, "mew": 1.4},
     "faint": {"lw": 0.5, "alpha": 0.6},
 }
+"""Properties of lines and markers, by the style of a curve."""
 SCALES = {
     "loglog": ("log", "log"),
     "semilogx": ("log", "linear"),
     "semilogy": ("linear", "log"),
     "linear": ("linear", "linear"),
 }
-PALETTE = 128
-"""Colours of a figure."""
-CROWDED = 2
-"""Marks of a panel from which on their labels stand at different heights."""
-LEGEND = 0.06
-"""Height of a legend's entry, of the axes: room for it above the curves of a linear axis."""
-SPAN = 1e8
+"""Scales of the axes, by the scale of a panel."""
+PALETTE_COLOURS = 128
+"""Colours of a stored figure: its lines and their shades."""
+MIN_CROWDED_MARKS = 2
+"""Marks of a panel from which their labels stand at different heights."""
+LEGEND_ENTRY_HEIGHT = 0.06
+"""Height of an entry of the legend as a share of the axes: room for it above the curves of a linear axis."""
+MAX_AXIS_RATIO = 1e8
 """Largest ratio shown on a logarithmic axis."""
 
 
@@ -58,7 +61,7 @@ def draw_item(item: Item, path: Path, *, dpi: int = 100) -> None:
         with whole_file(path) as temporary:
             figure.savefig(temporary, dpi=dpi)
             with Image.open(temporary) as image:
-                small = image.convert("RGB").quantize(PALETTE, Image.Quantize.MAXCOVERAGE, kmeans=2)
+                small = image.convert("RGB").quantize(PALETTE_COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=2)
             small.save(temporary, optimize=True)
 
 
@@ -75,12 +78,12 @@ def _draw_panel(axes: Axes, panel: Panel, *, alone: bool) -> None:
     axes.set(xscale=x_scale, yscale=y_scale, xlabel=panel.x_label, ylabel=panel.y_label, title=panel.title)
     if y_scale == "log":
         bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, top / SPAN), top)
+        axes.set_ylim(max(bottom, top / MAX_AXIS_RATIO), top)
     for k, (x, label) in enumerate(panel.marks):
         axes.axvline(x, color="0.55", lw=0.8, ls=":")
         axes.annotate(
             label,
-            (x, 0.02 + (0.11 * k if len(panel.marks) > CROWDED else 0.0)),
+            (x, 0.02 + (0.11 * k if len(panel.marks) > MIN_CROWDED_MARKS else 0.0)),
             xycoords=("data", "axes fraction"),
             xytext=(2, 0),
             textcoords="offset points",
@@ -96,7 +99,7 @@ def _draw_panel(axes: Axes, panel: Panel, *, alone: bool) -> None:
     )
     if labels and not beside and y_scale == "linear":
         bottom, top = axes.get_ylim()
-        axes.set_ylim(bottom, top + LEGEND * labels * (top - bottom))
+        axes.set_ylim(bottom, top + LEGEND_ENTRY_HEIGHT * labels * (top - bottom))
     if labels:
         axes.legend(fontsize=7, framealpha=0.85, handlelength=1.8, **beside)
 

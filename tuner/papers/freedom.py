@@ -43,7 +43,7 @@ from tuner.papers.sampling import Settings, estimate, realisations
 FloatArray = NDArray[np.float64]
 
 SAMPLES, T0 = 1000, 0.01
-REVERSED: Mapping[str, str] = MappingProxyType(
+PRINTED_CLOCK_NOISE: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "random-walk FM",
         "white": "flicker FM",
@@ -53,7 +53,7 @@ REVERSED: Mapping[str, str] = MappingProxyType(
     }
 )
 """The clock noise whose formulas the paper uses for each noise."""
-RIGHT: Mapping[str, str] = MappingProxyType(
+RIGHT_CLOCK_NOISE: Mapping[str, str] = MappingProxyType(
     {
         "bias_instability": "flicker FM",
         "random_walk": "random-walk FM",
@@ -61,6 +61,7 @@ RIGHT: Mapping[str, str] = MappingProxyType(
         "quantization": "white PM",
     }
 )
+"""The clock noise with the same power law as each gyro noise."""
 TITLES: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "1 quantization",
@@ -70,6 +71,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "ramp": "5 ramp: no noise, no degrees of freedom",
     }
 )
+"""Numbers and titles of the figures."""
 NOISES: Mapping[str, Term] = MappingProxyType(
     {
         "quantization": Quantization(1.0),
@@ -152,7 +154,7 @@ def _of_total(y: Mapping[str, FloatArray]) -> list[Claim]:
     half = SAMPLES // 2
     claims = []
     for noise in NOISES:
-        printed = float(printed_total(REVERSED[noise], SAMPLES, np.array([half]))[0])
+        printed = float(printed_total(PRINTED_CLOCK_NOISE[noise], SAMPLES, np.array([half]))[0])
         true = float(dof("totdev", SAMPLES, [half], noise)[0])
         claims.append(
             judge(
@@ -161,8 +163,8 @@ def _of_total(y: Mapping[str, FloatArray]) -> list[Claim]:
                 estimate(total(y[noise], [half])[0], freedom),
                 claimed=printed,
                 derived=(0.97 * true, 1.03 * true),
-                why=f"ν = {true:.3g} by the trace of the quadratic form; printed is the formula of {REVERSED[noise]}, "
-                f"and this noise is {RIGHT[noise]}",
+                why=f"ν = {true:.3g} by the trace of the quadratic form; printed is the formula of "
+                f"{PRINTED_CLOCK_NOISE[noise]}, and this noise is {RIGHT_CLOCK_NOISE[noise]}",
             )
         )
     return claims
@@ -234,7 +236,7 @@ def _orders(y: Mapping[str, FloatArray], white: Mapping[str, FloatArray]) -> lis
 def _of_ramp() -> Claim:
     """Judge the degrees of freedom of a ramp."""
     half = SAMPLES // 2
-    printed = float(printed_total(REVERSED["ramp"], SAMPLES, np.array([half]))[0])
+    printed = float(printed_total(PRINTED_CLOCK_NOISE["ramp"], SAMPLES, np.array([half]))[0])
     records = np.stack([Ramp(1.0).sample(SAMPLES, 1.0, np.random.default_rng(k)) for k in range(4)], axis=1)
     spread = float(np.std(total(records, [half])[0]))
     return judge(
@@ -259,7 +261,7 @@ def _panel(noise: str) -> Panel:
     curves = []
     for group, (estimator, (label, printed, sizes)) in enumerate(names.items()):
         argument = sizes.astype(float)
-        shown = printed(REVERSED[noise], SAMPLES, argument)
+        shown = printed(PRINTED_CLOCK_NOISE[noise], SAMPLES, argument)
         shown = np.where(shown > 0.3, shown, np.nan)
         curves.append(Curve(argument * T0, shown, f"{label}, printed", "dotted", group=group))
         if noise != "ramp":

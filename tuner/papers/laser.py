@@ -35,8 +35,11 @@ PAPER = "Li Qi et al., noise of ring laser gyroscopes by Allan variance"
 Q, N = 0.29, 0.09
 """Table 3: arcsec and, as it must be read, (deg/h)√s."""
 INTERVAL = 1e-3
-LASER = NoiseModel((Quantization(Q * ARCSEC), White(N * DEG_PER_HOUR)))
+"""Sampling interval, s."""
+LASER_NOISE = NoiseModel((Quantization(Q * ARCSEC), White(N * DEG_PER_HOUR)))
+"""Noise of one axis at rest."""
 AXES = ("gyro_x", "gyro_y", "gyro_z")
+"""Axes of the gyro."""
 UNITS: Mapping[str, tuple[float, str]] = MappingProxyType(
     {
         "quantization": (1.0 / ARCSEC, "arcsec"),
@@ -59,7 +62,7 @@ def rlg_static(settings: Settings) -> Item:
     increments: list[Curve] = []
     for k in settings.steps(len(AXES)):
         axis = AXES[k]
-        record = record_of(LASER, n, INTERVAL, rng, axes=(axis,))
+        record = record_of(LASER_NOISE, n, INTERVAL, rng, axes=(axis,))
         found = identify_channel(record, axis, arma=None)
         coefficients["Q"].append(_coefficient(found, "quantization"))
         coefficients["N"].append(_coefficient(found, "white"))
@@ -133,7 +136,7 @@ def rlg_static(settings: Settings) -> Item:
         absent("ramp R", "not shown", _coefficient(together, "ramp"), why=hidden),
     )
     tau = curves[0].x
-    model = np.sqrt(LASER.allan_variance(tau)) / DEG_PER_HOUR
+    model = np.sqrt(LASER_NOISE.allan_variance(tau)) / DEG_PER_HOUR
     panels = (
         Panel("angle increments", "time, s", "increment, 10⁻⁶ deg", tuple(increments), "linear"),
         Panel(
@@ -150,13 +153,13 @@ def rlg_static(settings: Settings) -> Item:
 def rlg_vs_mems(settings: Settings) -> Item:
     """Return figure 3: the laser gyro at 1 kHz, 5 h, beside the gyro of an MPU-9250 at 100 Hz, 8 h."""
     rng = settings.rng("rlg-vs-mems")
-    laser = record_of(LASER, settings.size(18_000_000, 1_200_000), INTERVAL, rng)
+    laser = record_of(LASER_NOISE, settings.size(18_000_000, 1_200_000), INTERVAL, rng)
     mems_model = load_grade("mpu9250").noise_model("gyro")
     mems = record_of(mems_model, settings.size(2_880_000, 720_000), 0.01, rng)
     found = identify_channel(mems, "gyro_x", arma=None)
-    of_laser, of_mems = curve(laser, "oadev", noise=LASER), curve(mems, "oadev", noise=mems_model)
+    of_laser, of_mems = curve(laser, "oadev", noise=LASER_NOISE), curve(mems, "oadev", noise=mems_model)
     common = np.geomspace(0.02, 0.1 * min(laser.span, mems.span), 12).tolist()
-    pair = [curve(r, "oadev", tau=common, noise=m) for r, m in ((laser, LASER), (mems, mems_model))]
+    pair = [curve(r, "oadev", tau=common, noise=m) for r, m in ((laser, LASER_NOISE), (mems, mems_model))]
     ratio = _ratio(pair[0], pair[1])
     ends = curve(mems, "oadev", tau=[0.01, 0.1], noise=mems_model)
     (low, high), value = (x[:, 0] for x in ends.interval()), ends.deviation()[:, 0]

@@ -57,7 +57,7 @@ NOISES: Mapping[str, Term] = MappingProxyType(
         "Markov": GaussMarkov(0.5, CONSTANT),
     }
 )
-STARS: Mapping[str, str] = MappingProxyType(
+BEST_METHOD: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "Allan",
         "angle random walk": "Allan",
@@ -69,7 +69,7 @@ STARS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Method with three stars; the text keeps the stars but not their columns, which follow from their number."""
-AS_GOOD = 1.1
+MAX_EQUAL_RATIO = 1.1
 """Ratio of errors up to which a method is as good as another."""
 
 
@@ -102,19 +102,19 @@ def _rms(values: FloatArray) -> float:
 
 def _claim(noise: str, errors: Mapping[str, FloatArray]) -> Claim:
     """Compare the method with most stars with the best of the others."""
-    starred = STARS[noise]
+    starred = BEST_METHOD[noise]
     others = {name: _rms(values) for name, values in errors.items() if name != starred}
     best = min(others, key=lambda name: others[name])
     pair = np.column_stack([errors[starred], errors[best]])
     own = _rms(errors[starred])
     ratio = estimate(pair, lambda p: _rms(p[:, 0]) / _rms(p[:, 1]))
-    beaten = own > AS_GOOD * others[best] and ratio.interval is not None and ratio.interval[0] > 1.0
+    beaten = own > MAX_EQUAL_RATIO * others[best] and ratio.interval is not None and ratio.interval[0] > 1.0
     return judge(
         f"{noise}: error of {starred} ÷ error of the best other, {best}",
         f"☆☆☆ for {starred}: the best",
         ratio,
-        claimed=(0.0, AS_GOOD),
-        derived=(AS_GOOD, np.inf) if beaten else None,
+        claimed=(0.0, MAX_EQUAL_RATIO),
+        derived=(MAX_EQUAL_RATIO, np.inf) if beaten else None,
         why=f"measured: {starred} {100.0 * own:.2g} %, {best} {100.0 * others[best]:.2g} %"
         + (f": {best} is better" if beaten else ""),
     )

@@ -40,7 +40,8 @@ FloatArray = NDArray[np.float64]
 HEADING, LOST = 0.3 * DEG, 60.0
 """Sd of a measured angle, rad; outage that is judged, s."""
 OUTAGES = np.array([3.0, 10.0, 30.0, 60.0, 100.0, 300.0, 1000.0])
-SHOWN = (10.0, 60.0, 300.0, 1000.0)
+"""Lengths of outage whose errors are computed, s."""
+SHOWN_OUTAGES = (10.0, 60.0, 300.0, 1000.0)
 """Outages of the table, s."""
 
 
@@ -144,10 +145,10 @@ def kf_parameters(settings: Settings) -> Item:
     )
     columns = (
         "run time",
-        *(f"error, {seconds:g} s" for seconds in SHOWN),
-        *(f"÷sd, {seconds:g} s" for seconds in SHOWN),
+        *(f"error, {seconds:g} s" for seconds in SHOWN_OUTAGES),
+        *(f"÷sd, {seconds:g} s" for seconds in SHOWN_OUTAGES),
     )
-    chosen = np.searchsorted(OUTAGES, SHOWN)
+    chosen = np.searchsorted(OUTAGES, SHOWN_OUTAGES)
     cells = np.array(
         [
             [cost, *loss[name][chosen], *honest[name][chosen]]

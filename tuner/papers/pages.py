@@ -13,7 +13,8 @@ from tuner.formats.noise import coefficient_json
 from tuner.papers.results import Claim, Item
 from tuner.types import Coefficient
 
-ORDER = ("reproduced", "corrected", "untestable", "not reproduced")
+VERDICT_ORDER = ("reproduced", "corrected", "untestable", "not reproduced")
+"""Verdicts in the order of the summary."""
 INTRODUCTION = """# The three papers, reproduced and judged
 
 The papers behind this project published no logs. Every item below simulates data to a paper's settings and runs the
@@ -29,6 +30,7 @@ A verdict follows from numbers. **Reproduced**: the paper's value lies within ab
 named. **Not reproduced**: neither value agrees. Intervals are 95 %; a value without one is counted or computed, not
 sampled. The derivations are in `docs/maths.md` of the project.
 """
+"""Begin of the page."""
 
 
 def papers_markdown(items: Sequence[Item], figures: str) -> str:
@@ -86,10 +88,13 @@ def spoken(ours: Coefficient) -> str:
 
 
 def _summary(items: Sequence[Item]) -> str:
-    lines = ["| item | paper | " + " | ".join(ORDER) + " |", "|---|---|" + "---|" * len(ORDER)]
+    lines = [
+        "| item | paper | " + " | ".join(VERDICT_ORDER) + " |",
+        "|---|---|" + "---|" * len(VERDICT_ORDER),
+    ]
     for item in items:
         count: Counter[str] = Counter(claim.verdict for claim in item.claims)
-        cells = " | ".join(str(count[verdict] or "") for verdict in ORDER)
+        cells = " | ".join(str(count[verdict] or "") for verdict in VERDICT_ORDER)
         lines.append(f"| [{item.name}](#{item.name}) | {item.paper} | {cells} |")
     return "\n".join(lines) + "\n"
 

@@ -1,7 +1,8 @@
 """What comes out of a reproduced figure or table: claims with verdicts, and a picture as plain data.
 
 A verdict follows from numbers alone. Ours has a 95 % interval; a value *agrees* with it where it lies within
-`ROOM` times that interval, about four standard deviations, so that a true statement fails once in ten thousand::
+`AGREEMENT_WIDTHS` times that interval, about four standard deviations, so that a true statement fails once in ten
+thousand::
 
     reproduced       the paper's value agrees
     corrected        the value derived in its place agrees, and lies nearer
@@ -28,7 +29,7 @@ Range = tuple[float, float]
 Verdict = Literal["reproduced", "corrected", "untestable", "not reproduced"]
 Style = Literal["line", "dashed", "dotted", "points", "crosses", "faint"]
 
-ROOM = 2.0
+AGREEMENT_WIDTHS = 2.0
 """Half width of agreement, in half widths of the 95 % interval."""
 
 
@@ -142,7 +143,7 @@ def judge(
         raise ValueError(msg)
     to_paper, to_derived = (_distance(ours.value, ours.interval, wanted) for wanted in (claimed, derived))
     verdict: Verdict = "not reproduced"
-    if min(to_paper, to_derived) <= ROOM:
+    if min(to_paper, to_derived) <= AGREEMENT_WIDTHS:
         verdict = "reproduced" if to_paper <= to_derived else "corrected"
     return Claim(text, paper, ours, verdict, why)
 

@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 Advance = Callable[[int, int], None]
 """Called with (done, total)."""
 
-GROUPS = 50
-"""Most groups of runs, left out in turn for the interval of a statistic."""
+MAX_GROUPS = 50
+"""Largest number of groups of runs, left out in turn for the interval of a statistic (delete-a-group jackknife)."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def estimate(
     variance is (g − 1)/g Σ (θ_i − θ̄)², judged by Student's t with g − 1 degrees of freedom.
     """
     value = float(statistic(runs))
-    groups = min(GROUPS, len(runs))
+    groups = min(MAX_GROUPS, len(runs))
     label = np.arange(len(runs)) * groups // len(runs)
     without = np.array([float(statistic(runs[label != g])) for g in range(groups)])
     sd = np.sqrt((groups - 1) / groups * np.sum((without - without.mean()) ** 2))

@@ -44,6 +44,7 @@ READ_AT = {
     "random_walk": ("K", "τ = 3"),
     "ramp": ("R", "τ = √2"),
 }
+"""Coefficient and cluster time of table 2 at which it is read, by noise."""
 CORNERS = (0.3, 30.0, 1000.0, 10_000.0)
 """Where each of the five lines meets the next, s."""
 

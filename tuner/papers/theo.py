@@ -28,6 +28,7 @@ PAPER = "Xu Dongsheng et al., ThêoH of fibre-optic gyros"
 LABELS: Mapping[str, str] = MappingProxyType(
     {"oadev": "Allan", "totdev": "total", "theo1": "Thêo1", "theobr": "ThêoBR"}
 )
+"""Names of the statistics in the figures."""
 NOISES: Mapping[str, Term] = MappingProxyType(
     {
         "quantization": Quantization(1.0),
@@ -38,7 +39,7 @@ NOISES: Mapping[str, Term] = MappingProxyType(
     }
 )
 
-SET = 100
+QUOTED_RECORDS = 100
 """Records in a smaller study, whose figures are to be met within its scatter."""
 QUOTED_RATIO: Mapping[str, Range] = MappingProxyType(
     {"theo1": (0.36, 0.38), "theobr": (0.96, 0.99), "totdev": (0.72, 0.72)}
@@ -180,11 +181,12 @@ def _aside(
     runs: FloatArray, statistic: Callable[[FloatArray], float], quoted: Range, rng: np.random.Generator
 ) -> str:
     """Say whether the scatter of a smaller study holds its figure."""
-    low, high = scatter(runs, statistic, SET, rng)
+    low, high = scatter(runs, statistic, QUOTED_RECORDS, rng)
     first, last = quoted
     holds = "holds" if low <= last and first <= high else "does not hold"
     figure = f"{first:g}" if first == last else f"{first:g}–{last:g}"
-    return f"; the scatter of {SET} records, {low:.2f} … {high:.2f}, {holds} {figure}, expected of a smaller study"
+    band = f"{low:.2f} … {high:.2f}"
+    return f"; the scatter of {QUOTED_RECORDS} records, {band}, {holds} {figure}, expected of a smaller study"
 
 
 def spread(found: dict[str, FloatArray], reference: FloatArray, tau: FloatArray) -> tuple[Curve, ...]:

@@ -15,7 +15,7 @@ from scipy.signal import find_peaks
 from models.units import DEG, DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification import identify_channel
-from tuner.papers.laser import AXES, INTERVAL, LASER, PAPER, N, in_degrees_per_hour
+from tuner.papers.laser import AXES, INTERVAL, LASER_NOISE, PAPER, N, in_degrees_per_hour
 from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, record_from, record_of, scaled
 from tuner.segments.stationary import find_motion, keep_still
@@ -28,7 +28,7 @@ def rlg_dynamic(settings: Settings) -> Item:
     """Return figure 5: the laser gyro at rest, at a constant rate, and swinging by hand in two spells."""
     rng = settings.rng("rlg-dynamic")
     n = settings.size(3_600_000, 600_000)
-    static = record_of(LASER, n, INTERVAL, rng, axes=AXES)
+    static = record_of(LASER_NOISE, n, INTERVAL, rng, axes=AXES)
     constant = replace(static, y=static.y + 10.0 * DEG)
     t = static.t / static.span
     swinging = ((t > 0.3) & (t < 0.4)) | ((t > 0.6) & (t < 0.75))
@@ -36,7 +36,7 @@ def rlg_dynamic(settings: Settings) -> Item:
     turning = record_from(static.y + swing[:, None] * np.array([1.0, 0.5, -0.7]), INTERVAL, axes=AXES)
     tau = np.geomspace(INTERVAL, static.span / 5.0, 100).tolist()
     of = {
-        name: curve(record, "oadev", tau=tau, noise=LASER)
+        name: curve(record, "oadev", tau=tau, noise=LASER_NOISE)
         for name, record in (("static", static), ("constant", constant), ("turning", turning))
     }
     change = float(np.max(np.abs(of["constant"].deviation() / of["static"].deviation() - 1.0)))
@@ -104,7 +104,9 @@ def rlg_dynamic(settings: Settings) -> Item:
                 in_degrees_per_hour(of["turning"], "varying rate", group=1),
                 in_degrees_per_hour(of["static"], "at rest", group=0),
                 in_degrees_per_hour(of["constant"], "constant 10 deg/s", "points", group=2),
-                in_degrees_per_hour(curve(still, "oadev", noise=LASER), "still parts", "dashed", group=3),
+                in_degrees_per_hour(
+                    curve(still, "oadev", noise=LASER_NOISE), "still parts", "dashed", group=3
+                ),
             ),
         ),
     )

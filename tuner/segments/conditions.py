@@ -16,17 +16,17 @@ from scipy.ndimage import uniform_filter1d
 from tuner.segments.stationary import Segments, find_motion, keep_still
 from tuner.types.records import DataError, Record
 
-MOST_PARTS = 8
+MAX_PARTS = 8
 """Parts that are compared: the longest ones."""
-SHORTEST_PART = 1024
-"""Samples below which a part says too little."""
-SHORTEST_RUN = 64
+MIN_PART_SAMPLES = 1024
+"""Samples below which a part is not identified: its Allan curve would have two decades."""
+MIN_RUN_SAMPLES = 64
 """Samples below which a run within a bin of temperature is left out."""
-BINS = 3
-"""Bins of temperature, each with as many samples as the others."""
-SMOOTHING = 60.0
-"""Length of the mean over which temperature is judged, s: a reading that flickers between codes is one temperature."""
-LEAST_SPAN = 1.0
+TEMPERATURE_BINS = 3
+"""Bins of temperature, each with as many samples as the others: cold, medium, warm."""
+SMOOTHING_TIME = 60.0
+"""Length of the moving mean of the temperature, s: a reading that alternates between steps is one temperature."""
+MIN_TEMPERATURE_RANGE = 1.0
 """Range of temperature below which there are no bins, K."""
 
 
@@ -96,14 +96,14 @@ def still_parts(records: Sequence[Record]) -> tuple[Part, ...]:
     Raises
     ------
     DataError
-        Fewer than two stretches of `SHORTEST_PART` samples.
+        Fewer than two stretches of `MIN_PART_SAMPLES` samples.
     """
     first = _one_clock(records)
-    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= SHORTEST_PART]
-    longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MOST_PARTS])
+    still = [piece for piece in find_motion(records).still if piece[1] - piece[0] >= MIN_PART_SAMPLES]
+    longest = sorted(sorted(still, key=lambda piece: piece[0] - piece[1])[:MAX_PARTS])
     if len(longest) < 2:
         msg = (
-            f"{first.source}: expected two or more stretches at rest of {SHORTEST_PART} samples, parted by motion, "
+            f"{first.source}: expected two or more stretches at rest of {MIN_PART_SAMPLES} samples, parted by motion, "
             f"found {len(longest)}; compare two logs instead"
         )
         raise DataError(msg)
@@ -130,21 +130,26 @@ def temperature_parts(records: Sequence[Record]) -> tuple[Part, ...]:
     if "temperature" not in first.covariates:
         msg = f"{first.source}: expected a column 'temperature', found none; --columns temperature=COLUMN names it"
         raise DataError(msg)
-    celsius = uniform_filter1d(first.covariates["temperature"], max(1, round(SMOOTHING * first.rate)))
-    if not np.ptp(celsius) >= LEAST_SPAN:
-        msg = f"{first.source}: the temperature stays within {np.ptp(celsius):.2g} K, expected {LEAST_SPAN:g} K or more"
+    celsius = uniform_filter1d(first.covariates["temperature"], max(1, round(SMOOTHING_TIME * first.rate)))
+    if not np.ptp(celsius) >= MIN_TEMPERATURE_RANGE:
+        msg = (
+            f"{first.source}: the temperature stays within {np.ptp(celsius):.2g} K, "
+            f"expected {MIN_TEMPERATURE_RANGE:g} K or more"
+        )
         raise DataError(msg)
-    edges = np.quantile(celsius, np.linspace(0.0, 1.0, BINS + 1))
-    chosen = np.clip(np.searchsorted(edges, celsius, side="right") - 1, 0, BINS - 1)
+    edges = np.quantile(celsius, np.linspace(0.0, 1.0, TEMPERATURE_BINS + 1))
+    chosen = np.clip(np.searchsorted(edges, celsius, side="right") - 1, 0, TEMPERATURE_BINS - 1)
     resting = at_rest(records)
     parts = []
-    for k in range(BINS):
+    for k in range(TEMPERATURE_BINS):
         segments = _runs(chosen == k, resting[0].segments)
-        if sum(stop - start for start, stop in segments) >= SHORTEST_PART:
+        if sum(stop - start for start, stop in segments) >= MIN_PART_SAMPLES:
             name = f"{edges[k]:.1f}–{edges[k + 1]:.1f} °C"
             parts.append(Part(name, _cut(resting, segments)))
     if len(parts) < 2:
-        msg = f"{first.source}: expected two bins of temperature with {SHORTEST_PART} samples; record longer"
+        msg = (
+            f"{first.source}: expected two bins of temperature with {MIN_PART_SAMPLES} samples; record longer"
+        )
         raise DataError(msg)
     return tuple(parts)
 
@@ -169,6 +174,8 @@ def _runs(chosen: NDArray[np.bool_], segments: Segments) -> Segments:
         inside = np.concatenate(([False], chosen[start:stop], [False])).astype(np.int8)
         change = np.flatnonzero(np.diff(inside)) + start
         runs += [
-            (int(a), int(b)) for a, b in zip(change[::2], change[1::2], strict=True) if b - a >= SHORTEST_RUN
+            (int(a), int(b))
+            for a, b in zip(change[::2], change[1::2], strict=True)
+            if b - a >= MIN_RUN_SAMPLES
         ]
     return tuple(runs)

@@ -35,18 +35,20 @@ from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 
-SHORTEST = 1.0
-"""Stand-still that counts as a pose, s."""
-APART = np.radians(15.0)
+MIN_POSE_DURATION = 1.0
+"""Duration from which standing still counts as a pose, s."""
+MIN_POSE_ANGLE = np.radians(15.0)
 """Angle between the directions of gravity in two poses that count as different."""
-SEVERAL = 4
-"""Different poses from which a log is one for calibration."""
-BLOCK = 0.25
-"""Length of the means whose scatter tells the variance of the mean of a pose, s."""
-FULL = ("bias_x", "bias_y", "bias_z", "scale_x", "scale_y", "scale_z")
-CROSS = ("misalignment_yx", "misalignment_zx", "misalignment_zy")
-BLIND = 0.05
-"""Half width of a scale or a misalignment beyond which the poses are said not to show it."""
+MIN_POSES = 4
+"""Different poses from which a log counts as one for calibration: a log at rest has one."""
+BLOCK_DURATION = 0.25
+"""Length of the means whose spread gives the variance of the mean of a pose, s."""
+BIAS_AND_SCALE = ("bias_x", "bias_y", "bias_z", "scale_x", "scale_y", "scale_z")
+"""Parameters of the fit from seven different poses on."""
+MISALIGNMENTS = ("misalignment_yx", "misalignment_zx", "misalignment_zy")
+"""Further parameters from ten different poses on."""
+MAX_HALF_WIDTH = 0.05
+"""Half width of the interval of a scale or misalignment from which the poses are said hardly to show it."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +92,11 @@ def find_poses(records: Sequence[Record]) -> tuple[Pose, ...]:
     except DataError:
         return ()
     y = np.hstack([record.y for record in records])
-    size = max(1, round(BLOCK * records[0].rate))
+    size = max(1, round(BLOCK_DURATION * records[0].rate))
     poses = []
     for start, stop in still:
         count = (stop - start) // size
-        if (stop - start) * records[0].interval < SHORTEST or count < 4:
+        if (stop - start) * records[0].interval < MIN_POSE_DURATION or count < 4:
             continue
         rows = y[start : start + count * size].reshape(count, size, -1).mean(axis=1)
         sd = rows.std(axis=0, ddof=1) / np.sqrt(count)
@@ -103,10 +105,10 @@ def find_poses(records: Sequence[Record]) -> tuple[Pose, ...]:
 
 
 def different_poses(force: FloatArray) -> int:
-    """Return how many of the directions (n, 3) are more than `APART` from all before."""
+    """Return how many of the directions (n, 3) are more than `MIN_POSE_ANGLE` from all before."""
     kept: list[FloatArray] = []
     for direction in force / np.linalg.norm(force, axis=1)[:, None]:
-        if all(float(direction @ other) < np.cos(APART) for other in kept):
+        if all(float(direction @ other) < np.cos(MIN_POSE_ANGLE) for other in kept):
             kept.append(direction)
     return len(kept)
 
@@ -136,7 +138,7 @@ def calibrate(records: Sequence[Record], *, gravity: float = STANDARD_GRAVITY) -
     mean, sd = np.array([p.mean for p in poses]), np.array([p.sd for p in poses])
     columns = slice(at, at + 3)
     different = different_poses(mean[:, columns])
-    if different < SEVERAL:
+    if different < MIN_POSES:
         return None
     found, misfit, notes = fit_accel(mean[:, columns], sd[:, columns], gravity=gravity, different=different)
     gyro: dict[str, Coefficient] = {}
@@ -182,10 +184,11 @@ def fit_accel(
     notes : tuple of str
     """
     apart = different_poses(force) if different is None else different
-    names = (*FULL, *CROSS) if apart > len(FULL + CROSS) else FULL if apart > len(FULL) else ()
-    if not names:
-        needed = f"more than {len(FULL)} show bias and scale, more than {len(FULL + CROSS)} misalignment too"
+    few, many = len(BIAS_AND_SCALE), len(BIAS_AND_SCALE + MISALIGNMENTS)
+    if apart <= few:
+        needed = f"more than {few} show bias and scale, more than {many} misalignment too"
         return {}, float("nan"), (f"{apart} different poses: {needed}",)
+    names = (*BIAS_AND_SCALE, *MISALIGNMENTS) if apart > many else BIAS_AND_SCALE
     direction = force / np.linalg.norm(force, axis=1)[:, None]
     spread = np.sqrt(np.sum((direction * sd) ** 2, axis=1)) + 1e-12 * gravity
 
@@ -213,13 +216,14 @@ def fit_accel(
 def _doubts(coefficients: Mapping[str, Coefficient], misfit: float) -> list[str]:
     """Return what is to be known of a fit."""
     notes = ["scales rest on standard gravity: local gravity differs by up to 0.3 %"]
-    if CROSS[0] not in coefficients:
+    if MISALIGNMENTS[0] not in coefficients:
         notes.append("too few different poses for the misalignments: taken as zero")
     blind = [
         name
         for name, c in coefficients.items()
         if c.interval
-        and c.interval[1] - c.interval[0] > 2.0 * BLIND * (STANDARD_GRAVITY if c.unit != "1" else 1.0)
+        and c.interval[1] - c.interval[0]
+        > 2.0 * MAX_HALF_WIDTH * (STANDARD_GRAVITY if c.unit != "1" else 1.0)
     ]
     if blind:
         notes.append(f"hardly visible in these poses: {', '.join(blind)}; add poses about other axes")

@@ -38,14 +38,20 @@ BoolArray = NDArray[np.bool_]
 
 Segments = tuple[tuple[int, int], ...]
 
-FALSE_ALARM = 1e-3
+FALSE_ALARM_PROBABILITY = 1e-3
 """Probability that a record of a still sensor shows any motion."""
-_ROOM = 1.5
-_QUARTILE = 0.0701
+_LEVEL_MARGIN = 1.5
+"""Factor for a noise level that changes while the sensor is at rest."""
+_BRIDGE_QUARTILE = 0.0701
+"""Lower quartile of the variance of a Brownian bridge of free mean, of unit density."""
 _BLOCK_SECONDS = 1.0
-_BLOCK_SAMPLES = 32
-_FEWEST = 8
-_UNMISTAKABLE = {"rad/s": 0.1, "m/s^2": 1.0}
+"""Length of a block, s: the shortest movement of a hand."""
+_MIN_BLOCK_SAMPLES = 32
+"""Least length of a block in samples, where the rate is low."""
+_MIN_BLOCKS = 8
+"""Fewest blocks of a record, and fewest samples of a block, whose variances can be compared."""
+_CERTAIN_MOTION = {"rad/s": 0.1, "m/s^2": 1.0}
+"""Change of the mean rate, or sd within a block, that is motion on one channel alone; by unit."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,9 @@ class Motion:
         return f"the sensor moved in {100.0 * self.share:.3g} % of the log: at {shown}{more}"
 
 
-def find_motion(records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> Motion:
+def find_motion(
+    records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
+) -> Motion:
     """Find when a sensor moved, from all channels of records on one clock.
 
     Parameters
@@ -98,7 +106,7 @@ def find_motion(records: Record | Sequence[Record], *, false_alarm: float = FALS
     together = (records,) if isinstance(records, Record) else tuple(records)
     first = together[0]
     bounds = _blocks(first)
-    if len(bounds) < _FEWEST:
+    if len(bounds) < _MIN_BLOCKS:
         msg = f"{first.source}: {first.span:.3g} s are too short to tell motion from noise: record longer"
         raise DataError(msg)
     ratios, sizes = [], []
@@ -106,24 +114,28 @@ def find_motion(records: Record | Sequence[Record], *, false_alarm: float = FALS
         mean, variance = _moments(record, bounds)
         usual = np.maximum(np.quantile(variance, 0.25, axis=0), _lattice(record))
         ratio = np.sqrt(np.maximum(variance, usual * 1e-6) / usual)
-        large = (np.sqrt(variance) > _UNMISTAKABLE.get(record.unit, np.inf)) & (ratio > 10.0)
+        large = (np.sqrt(variance) > _CERTAIN_MOTION.get(record.unit, np.inf)) & (ratio > 10.0)
         if record.unit == "rad/s":
-            large |= np.abs(mean - np.median(mean, axis=0)) > _UNMISTAKABLE["rad/s"]
+            large |= np.abs(mean - np.median(mean, axis=0)) > _CERTAIN_MOTION["rad/s"]
         ratios.append(ratio)
         sizes.append(large.any(axis=1))
     every = np.hstack(ratios)
     statistic = np.exp(np.mean(np.log(every), axis=1))
-    threshold = _ROOM * _scatter(every.shape[1], false_alarm / len(bounds))
+    threshold = _LEVEL_MARGIN * _scatter(every.shape[1], false_alarm / len(bounds))
     moved: BoolArray = (statistic > threshold) | np.logical_or.reduce(sizes)
     return _motion(first, bounds, _widened(moved, bounds), float(statistic.max()), threshold)
 
 
-def still_segments(records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> Segments:
+def still_segments(
+    records: Record | Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
+) -> Segments:
     """Return the sample ranges in which a sensor stood still; see `find_motion`."""
     return find_motion(records, false_alarm=false_alarm).still
 
 
-def keep_still(records: Sequence[Record], *, false_alarm: float = FALSE_ALARM) -> tuple[Record, ...]:
+def keep_still(
+    records: Sequence[Record], *, false_alarm: float = FALSE_ALARM_PROBABILITY
+) -> tuple[Record, ...]:
     """Return the records with their segments cut to the still parts, and a note if any part moved.
 
     Raises
@@ -144,18 +156,18 @@ def keep_still(records: Sequence[Record], *, false_alarm: float = FALSE_ALARM) -
 
 def _scatter(channels: int, probability: float) -> float:
     """Return c(k, p): the ratio of sd that a still sensor exceeds with the given probability a block."""
-    return float(np.sqrt(2.0 * np.log(1.0 / probability) / (_QUARTILE * np.pi**2 * channels)))
+    return float(np.sqrt(2.0 * np.log(1.0 / probability) / (_BRIDGE_QUARTILE * np.pi**2 * channels)))
 
 
 def _blocks(record: Record) -> IntArray:
     """Return first and last (exclusive) sample of each block, shape (b, 2); no block crosses a gap."""
-    length = max(_BLOCK_SAMPLES, round(_BLOCK_SECONDS * record.rate))
+    length = max(_MIN_BLOCK_SAMPLES, round(_BLOCK_SECONDS * record.rate))
     edges = []
     for start, stop in record.segments:
         cut = np.linspace(start, stop, max(1, (stop - start) // length) + 1).astype(np.int64)
         edges.append(np.column_stack([cut[:-1], cut[1:]]))
     bounds: IntArray = np.concatenate(edges)
-    return bounds[bounds[:, 1] - bounds[:, 0] >= min(_FEWEST, length)]
+    return bounds[bounds[:, 1] - bounds[:, 0] >= min(_MIN_BLOCKS, length)]
 
 
 def _moments(record: Record, bounds: IntArray) -> tuple[FloatArray, FloatArray]:

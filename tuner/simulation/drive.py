@@ -35,8 +35,8 @@ REFERENCE_INTERVAL = 0.1
 """Spacing of the reference of a simulated drive, s."""
 AXES = (*GYROS, *ACCELS)
 """The axes of a unit, in the order of the samples of a drive."""
-CELSIUS = 25.0
-"""Temperature of the unit of a simulated drive."""
+UNIT_TEMPERATURE = 25.0
+"""Temperature of the unit of a simulated drive, °C."""
 
 
 def simulate_drive(
@@ -104,7 +104,10 @@ def simulate_drive(
     errors, white = sample_noise(channels, constant, len(perfect), 1.0 / rate, noise)
     t, course = np.arange(len(perfect)) / rate, _true_course(motion)
     errors, white = _at_rest(
-        Samples(t, perfect + errors, 1.0 / rate, np.full(len(t), CELSIUS), white), perfect, at_rest, unit
+        Samples(t, perfect + errors, 1.0 / rate, np.full(len(t), UNIT_TEMPERATURE), white),
+        perfect,
+        at_rest,
+        unit,
     )
     at, llh, vel, sd = _fixes(motion, receiver, lever_arm)
     samples = DriveSamples(

@@ -36,11 +36,11 @@ from tuner.types.records import DataError
 FloatArray = NDArray[np.float64]
 
 SLOW_INTERVAL = 0.1
-"""Clock of slow errors, s."""
-SHORTEST_SLOW = 1.0
-"""Time constant from which a Gauss–Markov error counts as slow, s."""
-UNBIASED = (Quantization, LowPassWhite)
-"""Terms that are drawn and no part of a bias."""
+"""Sampling interval of slow errors, s: flicker above 5 Hz is far below white noise."""
+MIN_SLOW_TIME_CONSTANT = 1.0
+"""Time constant from which a Gauss–Markov error is sampled as slow, s: ten of its samples."""
+NOT_BIAS_TERMS = (Quantization, LowPassWhite)
+"""Terms that are drawn and no part of a bias: no filter estimates them."""
 HALF = 0.5
 """Share of an upper limit that stands for a term the data only bound: what the filter takes, too."""
 
@@ -121,8 +121,8 @@ class Sensor:
         half = np.round(0.5 * smoothing / (every * interval)).astype(int)
         values, smooth = np.empty((rows, 6)), np.empty((len(after), 6))
         for axis, terms in enumerate(drawn):
-            biases = NoiseModel([term for term in terms if not isinstance(term, UNBIASED)])
-            others = NoiseModel([term for term in terms if isinstance(term, UNBIASED)])
+            biases = NoiseModel([term for term in terms if not isinstance(term, NOT_BIAS_TERMS)])
+            others = NoiseModel([term for term in terms if isinstance(term, NOT_BIAS_TERMS)])
             bias = self.constant_sd[axis] * rng.standard_normal() + biases.sample(rows, every * interval, rng)
             smooth[:, axis] = _centred_mean(bias, half[axis], after // every)
             values[:, axis] = bias + others.sample(rows, every * interval, rng)
@@ -193,5 +193,5 @@ def _centred_mean(y: FloatArray, half: int, at: NDArray[np.int64]) -> FloatArray
 
 def _is_fast(term: Term) -> bool:
     if isinstance(term, GaussMarkov):
-        return term.time_constant < SHORTEST_SLOW
+        return term.time_constant < MIN_SLOW_TIME_CONSTANT
     return not isinstance(term, BiasInstability | RandomWalk | Ramp)

@@ -31,12 +31,14 @@ from tuner.types import GnssNoise
 
 FloatArray = NDArray[np.float64]
 
-LONGEST_OUTAGE = 300.0
-FIRST_OUTAGE = 900.0
+OUTAGE_DURATION = 300.0
+"""Length of every outage of a simulated run, s: the longest that is scored."""
+FIRST_OUTAGE_TIME = 900.0
+"""Begin of the first outage, s: the biases of a consumer sensor are known by then."""
 OUTAGE_SPACING = 900.0
-"""Outages of a simulated drive, s."""
-RESOLVED = 0.8
-"""Window of the mean that leaves of flicker what a ladder stands for, over its shortest time constant."""
+"""Time from the begin of one outage to that of the next, s."""
+AVERAGING_RATIO = 0.8
+"""Window of a mean ÷ shortest time constant of a ladder, for which both leave the same flicker: see `resolution`."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +105,8 @@ class Runs:
 
 def outage_windows(duration: float) -> FloatArray:
     """Return begin and end of the outages of a simulated drive, shape (w, 2), s."""
-    begins = np.arange(FIRST_OUTAGE, duration - LONGEST_OUTAGE + 1e-9, OUTAGE_SPACING)
-    return np.stack([begins, begins + LONGEST_OUTAGE], axis=-1)
+    begins = np.arange(FIRST_OUTAGE_TIME, duration - OUTAGE_DURATION + 1e-9, OUTAGE_SPACING)
+    return np.stack([begins, begins + OUTAGE_DURATION], axis=-1)
 
 
 def scenario(
@@ -209,7 +211,9 @@ def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
     ):
         for axis, constant in zip(axes, model.time_constant[model.layout[name]] if axes else (), strict=True):
             shortest[first + axis] = min(shortest[first + axis], constant)
-    return np.where(np.isfinite(shortest), np.minimum(RESOLVED * shortest, sensor.corners), sensor.corners)
+    return np.where(
+        np.isfinite(shortest), np.minimum(AVERAGING_RATIO * shortest, sensor.corners), sensor.corners
+    )
 
 
 def _together(

@@ -103,7 +103,7 @@ def test_long_records_say_what_was_averaged(monkeypatch):
     y = record(white(4000, seed=6))
     exact = curve(y, "theoh")
     assert exact.notes == ()
-    monkeypatch.setattr(theo, "EXACT", 2000)
+    monkeypatch.setattr(theo, "MAX_EXACT_SAMPLES", 2000)
     found = curve(y, "theoh")
     assert found.notes == (
         "Thêo1 from averages of up to 8 samples",

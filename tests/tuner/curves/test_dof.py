@@ -8,7 +8,7 @@ from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization,
 from tuner.curves import difference_dof as differences
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.difference_dof import Difference, two_groups
-from tuner.curves.edf import PURE, dof, dominant
+from tuner.curves.edf import PURE_NOISES, dof, dominant
 from tuner.curves.theo import theo1, theo_br
 from tuner.curves.total import total
 
@@ -83,7 +83,7 @@ def exact(estimator, m, covariance):
 
 
 @pytest.mark.parametrize("estimator", ["adev", "oadev", "twogroup", "mdev", "hdev", "ohdev"])
-@pytest.mark.parametrize("noise", list(PURE))
+@pytest.mark.parametrize("noise", list(PURE_NOISES))
 def test_differences_are_exact(estimator, noise):
     m = np.array([1, 2, 5, 16, 32, 60])
     expected = [exact(estimator, k, generalised(COVARIANCE[noise])) for k in m]
@@ -91,11 +91,11 @@ def test_differences_are_exact(estimator, noise):
 
 
 @pytest.mark.parametrize("estimator", ["oadev", "mdev", "ohdev"])
-@pytest.mark.parametrize("noise", list(PURE))
+@pytest.mark.parametrize("noise", list(PURE_NOISES))
 def test_the_grid_of_long_clusters_is_fine_enough(estimator, noise, monkeypatch):
     n, m = 100_000, np.array([33, 100, 700, 5000])
     coarse = dof(estimator, n, m, noise)
-    monkeypatch.setattr(differences, "LAGS", 10**6)
+    monkeypatch.setattr(differences, "MAX_SUMMED_LAGS", 10**6)
     np.testing.assert_allclose(coarse, dof(estimator, n, m, noise), rtol=2e-3)
 
 
@@ -130,7 +130,7 @@ def test_no_digits_are_lost_in_long_records():
     assert dof("oadev", 10**6, [1], "random_walk")[0] == pytest.approx((10**6 - 1) / 1.125, rel=1e-4)
 
 
-@pytest.mark.parametrize("noise", list(PURE))
+@pytest.mark.parametrize("noise", list(PURE_NOISES))
 def test_total_variance_table(noise):
     m = np.array([1, 2, 4, 8, 20, 50, 100, 150, 199])
     expected = np.array([exact("totdev", k, generalised(COVARIANCE[noise])) for k in m])
@@ -146,7 +146,7 @@ def test_theo1_table(noise):
 
 
 @pytest.mark.parametrize("estimator", ["totdev", "theo1", "theobr", "oadev", "mdev", "nsec"])
-@pytest.mark.parametrize("noise", list(PURE))
+@pytest.mark.parametrize("noise", list(PURE_NOISES))
 def test_never_below_one(estimator, noise):
     m = np.arange(10, 200 if estimator in ("totdev", "theo1", "theobr") else 66, 2)
     assert np.all(dof(estimator, 200, m, noise) >= 1.0)
@@ -154,7 +154,7 @@ def test_never_below_one(estimator, noise):
 
 def test_two_groups_meet_their_limits():
     """Offset 0 repeats the first grouping; at m = 16, N = 401 offset m/2 gains 1.69, offset 1 1.09."""
-    z = Difference(PURE["white"], 2, 16.0)
+    z = Difference(PURE_NOISES["white"], 2, 16.0)
     plain = two_groups(z, 24, 24, 0.0)
     assert plain == pytest.approx(dof("adev", 400, [16], "white")[0])
     assert two_groups(z, 24, 23, 0.5) / plain == pytest.approx(1.69, abs=0.02)

@@ -113,7 +113,7 @@ def test_long_records_are_read_in_clusters(monkeypatch):
         with monkeypatch.context() as patch:
             m = np.array([10, 100, 510])
             exact = theo1(y, m)
-            patch.setattr(theo, "EXACT", 3000)
+            patch.setattr(theo, "MAX_EXACT_SAMPLES", 3000)
             np.testing.assert_array_equal(theo1(y, m), exact)
             coarse = nearest_theo1_size(6000, np.array([600.0, 2000.0, 4500.0]))
             clustered = theo1(y, coarse)
@@ -130,7 +130,8 @@ def test_nearest_size_is_near_and_taken(n):
     assert near.max() <= n
     inside = (wanted > 10) & (wanted < n)
     assert np.all(
-        np.abs(near / wanted - 1)[inside] < np.maximum(1.01 / wanted[inside], 0.0079 * (n > theo.EXACT))
+        np.abs(near / wanted - 1)[inside]
+        < np.maximum(1.01 / wanted[inside], 0.0079 * (n > theo.MAX_EXACT_SAMPLES))
     )
     np.testing.assert_array_equal(nearest_theo1_size(n, near), near)
 

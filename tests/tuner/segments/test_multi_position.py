@@ -12,12 +12,21 @@ from scipy.stats import binom
 from models.units import STANDARD_GRAVITY as G
 from tuner.cli import run
 from tuner.formats.logs import write_log
-from tuner.segments.multi_position import CROSS, FULL, calibrate, different_poses, find_poses, fit_accel
+from tuner.segments.multi_position import (
+    BIAS_AND_SCALE,
+    MISALIGNMENTS,
+    calibrate,
+    different_poses,
+    find_poses,
+    fit_accel,
+)
 from tuner.types.records import Record
 
 BIAS = np.array([0.12, -0.2, 0.35])
 MATRIX = np.array([[1.01, 0.0, 0.0], [0.006, 0.985, 0.0], [-0.009, 0.004, 1.02]])
-TRUTH = dict(zip((*FULL, *CROSS), [*BIAS, 0.01, -0.015, 0.02, 0.006, -0.009, 0.004], strict=True))
+TRUTH = dict(
+    zip((*BIAS_AND_SCALE, *MISALIGNMENTS), [*BIAS, 0.01, -0.015, 0.02, 0.006, -0.009, 0.004], strict=True)
+)
 GYRO_BIAS = np.array([2e-3, -1e-3, 5e-4])
 RATE = 50.0
 
@@ -92,7 +101,7 @@ def test_what_too_few_poses_do_not_show_is_not_given():
     sides = G * np.array(
         [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0.6, 0.6, 0.53]]
     )
-    for n, names in ((5, ()), (7, FULL)):
+    for n, names in ((5, ()), (7, BIAS_AND_SCALE)):
         force = sides[:n] + 1e-3 * rng.standard_normal((n, 3))
         found, _, notes = fit_accel(force, np.full(force.shape, 1e-3), gravity=G)
         assert tuple(found) == names
@@ -127,7 +136,15 @@ def test_tune_writes_the_calibration(tmp_path):
     calibration = json.loads((tmp_path / "x.json").read_text())["calibration"]
     assert calibration["accel"]["bias_x"]["value"] == pytest.approx(BIAS[0], abs=0.03)
     config = yaml.safe_load((tmp_path / "out" / "noise.yaml").read_text())
-    assert config["provenance"]["calibration"] == calibration
+    stored = config["provenance"]["calibration"]
+    assert stored.keys() == calibration.keys()
+    for sensor in ("gyro", "accel"):
+        assert stored[sensor].keys() == calibration[sensor].keys()
+        for name, exact in calibration[sensor].items():
+            low, high = exact["interval"]
+            rounded = stored[sensor][name]
+            assert rounded["value"] == pytest.approx(exact["value"], abs=0.01 * (high - low))
+            assert rounded["interval"] == pytest.approx([low, high], abs=0.01 * (high - low))
     assert config["sensors"]["accel"]["accel_z"]["filter"]["constant_sd"] == pytest.approx(BIAS[2], rel=0.2)
     assert "poses" in config["initial"]["reasons"]["accel_z"]
     assert config["initial"]["tilt"] == pytest.approx(BIAS[2] / G, rel=0.2)
@@ -168,7 +185,7 @@ def test_counts_of_a_unit_in_forty_poses():
     gyro = (data["gyro_counts"].astype(float) - 32768.0) * 2.1e-4
     found = calibrate(of_arrays(accel, gyro, 100.0))
     assert found.different > 9
-    assert set(found.accel) == {*FULL, *CROSS}
+    assert set(found.accel) == {*BIAS_AND_SCALE, *MISALIGNMENTS}
     before, after = (spread(of_arrays(accel, gyro, 100.0), c) for c in (None, found))
     assert after < 0.1 * before
 
@@ -179,7 +196,7 @@ def spread(records, calibration):
     if calibration is not None:
         v = {k: c.value for k, c in calibration.accel.items()}
         a = np.diag([1 + v["scale_x"], 1 + v["scale_y"], 1 + v["scale_z"]])
-        a[1, 0], a[2, 0], a[2, 1] = (v[k] for k in CROSS)
+        a[1, 0], a[2, 0], a[2, 1] = (v[k] for k in MISALIGNMENTS)
         mean = np.linalg.solve(a, (mean - [v["bias_x"], v["bias_y"], v["bias_z"]]).T).T
     length = np.linalg.norm(mean, axis=1)
     assert different_poses(mean) > 9

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from tuner.consistency.error_budget import Source, known_sources, trace
 from tuner.consistency.scores import BLOCKS
 from tuner.navigation.settings import FilterSettings
-from tuner.simulation.monte_carlo import RESOLVED, Scenario
+from tuner.simulation.monte_carlo import AVERAGING_RATIO, Scenario
 from tuner.types.consistency import Consistency, ErrorBudget, ExplanationKind
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +118,7 @@ def _traces(parts: FloatArray, whole: FloatArray, own: slice) -> FloatArray:
 def variance_lost_by_averaging(sd: ArrayLike, time_constant: ArrayLike, window: ArrayLike) -> FloatArray:
     """Return the variance that a mean over a window, s, removes from flicker that states a decade apart represent."""
     above = np.log10(
-        np.maximum(np.asarray(window, dtype=float) / (RESOLVED * np.asarray(time_constant)), 1.0)
+        np.maximum(np.asarray(window, dtype=float) / (AVERAGING_RATIO * np.asarray(time_constant)), 1.0)
     )
     return np.asarray(np.asarray(sd) ** 2 * np.minimum(above, 1.0))
 
