@@ -32,12 +32,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Literal
 
 from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from models.units import canonical_unit, to_si, two_sided
-from tuner.formats.nodes import Node, document
+from tuner.formats.codec import load, refuse, refuse_unknown_keys, store, structured
+from tuner.formats.documents import parse_format
+from tuner.types.numbers import Positive
 
 FORMAT = "tuner-datasheet/1"
 
@@ -96,19 +99,80 @@ _KEYS: Mapping[str, _Key] = MappingProxyType(
 )
 
 
+Kind = Literal["typical", "maximum", "measured"]
+
+
+@refuse_unknown_keys
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """One number of a sheet, in the unit of the sheet."""
+
+    value: Positive
+    unit: str
+    sided: Literal["one", "two"] | None = None
+    reading: str | None = None
+    kind: Kind | None = None
+    reference: str | None = None
+
+
+@refuse_unknown_keys
+@dataclass(frozen=True, kw_only=True)
+class _MarkovEntry:
+    """One Gauss–Markov state of a sheet."""
+
+    sd: _Entry
+    time_constant: _Entry
+    kind: Kind | None = None
+    reference: str | None = None
+
+
+@refuse_unknown_keys
+@dataclass(frozen=True, kw_only=True)
+class _TriadSheet:
+    """The numbers of one triad; beside kind, reference and gauss_markov the keys of `_KEYS`."""
+
+    kind: Kind | None = None
+    reference: str | None = None
+    gauss_markov: tuple[_MarkovEntry, ...] = ()
+    noise_density: _Entry
+    quantization: _Entry | None = None
+    bias_instability: _Entry | None = None
+    random_walk: _Entry | None = None
+    ramp: _Entry | None = None
+    turn_on_sd: _Entry | None = None
+    scale_factor_sd: _Entry | None = None
+    misalignment_sd: _Entry | None = None
+    g_sensitivity_sd: _Entry | None = None
+    bandwidth: _Entry | None = None
+    range: _Entry | None = None
+
+
+@refuse_unknown_keys
+@dataclass(frozen=True, kw_only=True)
+class _Sheet:
+    """A whole sheet."""
+
+    format: str
+    name: str
+    title: str | None = None
+    kind: Kind | None = None
+    rate: Positive
+    reference: str | None = None
+    notes: tuple[str, ...] = ()
+    gyro: _TriadSheet | None = None
+    accel: _TriadSheet | None = None
+
+
 @dataclass(frozen=True)
 class _Origin:
     """What a number is and where it comes from, as far as the sheet has said so far."""
 
-    kind: str
+    kind: Kind
     reference: str
 
-    def within(self, node: Node) -> _Origin:
-        """Return the origin below a node that may have its own kind and reference."""
-        kind, reference = node.get("kind"), node.get("reference")
-        if kind and kind.value not in KINDS:
-            kind.refuse(f"one of {', '.join(KINDS)}", repr(kind.value))
-        return _Origin(kind.text() if kind else self.kind, reference.text() if reference else self.reference)
+    def within(self, part: _Sheet | _TriadSheet | _MarkovEntry | _Entry) -> _Origin:
+        """Return the origin within a part that may have its own kind and reference."""
+        return _Origin(part.kind or self.kind, self.reference if part.reference is None else part.reference)
 
     def words(self) -> str:
         """Say it: ``datasheet typical: PS-MPU-9250A-01``."""
@@ -130,71 +194,66 @@ def parse_sheet(text: str, *, source: str) -> SensorGrade:
     DataError
         One line: file, place, expected, found. Unknown keys and units are refused.
     """
-    root = document(text, source, FORMAT)
-    root.only("format", "name", "title", "kind", "rate", "reference", "notes", "gyro", "accel")
-    origin = _Origin("typical", "").within(root)
-    triads = {kind: _triad(root, kind, origin) for kind in ("gyro", "accel")}
-    if triads["gyro"].white is None and triads["accel"].white is None:
-        root.refuse("an entry 'gyro' or 'accel'", "neither")
-    title, notes = root.get("title"), root.get("notes")
-    name = root["name"]
-    if not re.fullmatch("[a-z0-9]+", name.text()):
-        name.refuse("lower-case letters and digits", repr(name.value))
+    return load(parse_format(text, source=source, expected_format=FORMAT), SensorGrade, source=source)
+
+
+def _grade(content: object) -> SensorGrade:
+    sheet = structured(content, _Sheet)
+    if sheet.gyro is None and sheet.accel is None:
+        refuse("an entry 'gyro' or 'accel'", "neither")
+    if not re.fullmatch("[a-z0-9]+", sheet.name):
+        refuse("lower-case letters and digits", repr(sheet.name), "name")
+    origin = _Origin("typical", "").within(sheet)
     return SensorGrade(
-        name.text(),
-        title.text() if title else name.text(),
-        Sourced(root["rate"].number(positive=True), origin.words()),
-        triads["gyro"],
-        triads["accel"],
-        tuple(note.text() for note in notes.elements()) if notes else (),
+        sheet.name,
+        sheet.title or sheet.name,
+        Sourced(sheet.rate, origin.words()),
+        _triad(sheet.gyro, "gyro", origin),
+        _triad(sheet.accel, "accel", origin),
+        sheet.notes,
     )
 
 
-def _triad(root: Node, kind: str, inherited: _Origin) -> TriadGrade:
-    node = root.get(kind)
-    if node is None:
-        return TriadGrade(kind)
-    node.only("kind", "reference", "gauss_markov", *_KEYS)
-    node["noise_density"]
-    origin = inherited.within(node)
+def _triad(sheet: _TriadSheet | None, sensor: str, inherited: _Origin) -> TriadGrade:
+    if sheet is None:
+        return TriadGrade(sensor)
+    origin = inherited.within(sheet)
     numbers = {
-        key.field: _sourced(entry, key, kind, origin)
+        key.field: _sourced(entry, key, (sensor, name), origin)
         for name, key in _KEYS.items()
-        if (entry := node.get(name))
+        if (entry := getattr(sheet, name)) is not None
     }
-    markov = node.get("gauss_markov")
-    states = tuple(_markov(entry, kind, origin) for entry in markov.elements()) if markov else ()
-    return TriadGrade(kind, gauss_markov=states, **numbers)
+    states = []
+    for index, state in enumerate(sheet.gauss_markov):
+        place = (sensor, "gauss_markov", index)
+        of_state = origin.within(state)
+        sd = _sourced(state.sd, _SD, (*place, "sd"), of_state).value
+        time_constant = _sourced(
+            state.time_constant, _TIME_CONSTANT, (*place, "time_constant"), of_state
+        ).value
+        states.append(Sourced(GaussMarkov(sd, time_constant), of_state.words()))
+    return TriadGrade(sensor, gauss_markov=tuple(states), **numbers)
 
 
-def _markov(entry: Node, kind: str, inherited: _Origin) -> Sourced[GaussMarkov]:
-    entry.only("sd", "time_constant", "kind", "reference")
-    origin = inherited.within(entry)
-    sd, time = (_sourced(entry[key.field], key, kind, origin).value for key in (_SD, _TIME_CONSTANT))
-    return Sourced(GaussMarkov(sd, time), origin.words())
+def _sourced(entry: _Entry, key: _Key, place: tuple[str | int, ...], inherited: _Origin) -> Sourced[float]:
+    """Return a number in SI with its source; `place` leads to the entry, its first key being the sensor."""
+    units = key.units[str(place[0])]
+    if not _allowed(entry.unit, units):
+        refuse(f"a unit among {', '.join(units) or 'none'}", repr(entry.unit), *place, "unit")
+    if entry.reading is not None and (not entry.reading or entry.reading not in key.readings):
+        known = ", ".join(filter(None, key.readings)) or "(this entry has none)"
+        refuse(f"one of {known}", repr(entry.reading), *place, "reading")
+    if entry.sided and key.field != "white":
+        refuse("'one' or 'two' of a noise density only", repr(entry.sided), *place, "sided")
+    value = to_si(entry.value, entry.unit) * key.readings[entry.reading or ""]
+    return Sourced(two_sided(value) if entry.sided == "one" else value, inherited.within(entry).words())
 
 
-def _sourced(entry: Node, key: _Key, kind: str, inherited: _Origin) -> Sourced[float]:
-    entry.only("value", "unit", "sided", "reading", "kind", "reference")
-    unit = entry["unit"]
-    if not _allowed(unit, key.units[kind]):
-        unit.refuse(f"a unit among {', '.join(key.units[kind]) or 'none'}", repr(unit.value))
-    value = to_si(entry["value"].number(positive=True), unit.text())
-    reading, sided = entry.get("reading"), entry.get("sided")
-    if reading and (not reading.value or reading.value not in key.readings):
-        reading.refuse(
-            f"one of {', '.join(filter(None, key.readings)) or '(this entry has none)'}", repr(reading.value)
-        )
-    if sided and (key.field != "white" or sided.value not in {"one", "two"}):
-        sided.refuse("'one' or 'two', of a noise density", repr(sided.value))
-    value *= key.readings[reading.text() if reading else ""]
-    if sided and sided.value == "one":
-        value = two_sided(value)
-    return Sourced(value, inherited.within(entry).words())
-
-
-def _allowed(unit: Node, units: tuple[str, ...]) -> bool:
+def _allowed(unit: str, units: tuple[str, ...]) -> bool:
     try:
-        return canonical_unit(unit.text()) in units
+        return canonical_unit(unit) in units
     except ValueError:
         return False
+
+
+store(SensorGrade, load=_grade)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from models.noise import GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from tuner.catalogue.datasheet_format import parse_sheet
-from tuner.formats.nodes import Node, document
+from tuner.formats.codec import load, refuse_unknown_keys
+from tuner.formats.documents import parse_format
 from tuner.types import (
     AllanCurve,
     ChannelIdentification,
@@ -26,6 +28,7 @@ from tuner.types import (
     Identification,
     TermEstimate,
 )
+from tuner.types.numbers import Positive
 from tuner.types.records import DataError
 
 GNSS_FORMAT = "tuner-gnss/1"
@@ -39,6 +42,23 @@ _SINGLE = {
     "random_walk": "density",
     "ramp": "rate",
 }
+
+
+@refuse_unknown_keys
+@dataclass(frozen=True, kw_only=True)
+class _GnssSheet:
+    """Errors of a receiver, SI; sds north, east, down."""
+
+    format: str
+    name: str = ""
+    title: str = ""
+    position_sd: tuple[Positive, Positive, Positive]
+    velocity_sd: tuple[Positive, Positive, Positive] | None = None
+    interval: Positive
+    gate: Positive
+    correlated: tuple[GaussMarkov, ...] = ()
+    reference: str
+    notes: tuple[str, ...] = ()
 
 
 def config_directory() -> Path:
@@ -89,29 +109,10 @@ def load_gnss(name: str) -> GnssNoise:
 
 def parse_gnss(text: str, *, source: str) -> GnssNoise:
     """Return the errors described by a YAML of format ``tuner-gnss/1`` (SI; sds north, east, down)."""
-    root = document(text, source, GNSS_FORMAT)
-    root.only(
-        "format",
-        "name",
-        "title",
-        "position_sd",
-        "velocity_sd",
-        "interval",
-        "gate",
-        "correlated",
-        "reference",
-        "notes",
-    )
-    north, east, down = root["position_sd"].numbers(3, positive=True)
-    velocity = root.get("velocity_sd")
-    correlated = root.get("correlated")
+    content = parse_format(text, source=source, expected_format=GNSS_FORMAT)
+    sheet = load(content, _GnssSheet, source=source)
     return GnssNoise(
-        (north, east, down),
-        _triple(velocity) if velocity else None,
-        root["interval"].number(positive=True),
-        root["gate"].number(positive=True),
-        tuple(_state(entry) for entry in correlated.elements()) if correlated else (),
-        root["reference"].text(),
+        sheet.position_sd, sheet.velocity_sd, sheet.interval, sheet.gate, sheet.correlated, sheet.reference
     )
 
 
@@ -145,15 +146,6 @@ def _path(folder: str, name: str) -> Path:
         msg = f"{name}: expected a built-in grade ({' '.join(_names(folder))})"
         raise DataError(msg)
     return config_directory() / folder / f"{name}.yaml"
-
-
-def _triple(node: Node) -> tuple[float, float, float]:
-    north, east, down = node.numbers(3, positive=True)
-    return north, east, down
-
-
-def _state(node: Node) -> GaussMarkov:
-    return GaussMarkov(node["sd"].number(positive=True), node["time_constant"].number(positive=True))
 
 
 def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:

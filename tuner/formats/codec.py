@@ -47,7 +47,7 @@ from cattrs.cols import is_mapping, mapping_structure_factory
 from cattrs.gen import make_dict_structure_fn, override
 
 from tuner.formats.files import plain
-from tuner.types.numbers import Limits
+from tuner.types.numbers import Finite, Limits, VectorLimits
 from tuner.types.records import DataError
 
 T = TypeVar("T")
@@ -158,6 +158,8 @@ def shown(value: object) -> str:
 def place(source: str, path: Sequence[str | int]) -> str:
     """Return a place in a document as messages name it: ``mine.yaml: gnss.correlated[0].sd``."""
     steps = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    if ": " in source:  # the source names a part of a document already
+        return source + steps
     return f"{source}: {steps.removeprefix('.')}" if steps else source
 
 
@@ -236,6 +238,16 @@ def _load_limited(content: object, kind: Any) -> float:
     return number
 
 
+def _load_vector(content: object, kind: Any) -> Any:
+    limits: VectorLimits = kind.__metadata__[0]
+    if not isinstance(content, list | tuple) or len(content) != 3:
+        refuse("three numbers, [x, y, z]", shown(content))
+    vector = _CONVERTER.structure(content, tuple[Finite, Finite, Finite])
+    if max(map(abs, vector)) > limits.largest:
+        refuse(f"three numbers up to {limits.largest:g}", shown(content))
+    return vector
+
+
 def _load_interval(content: object, _: Any) -> tuple[float, float]:
     """Return both ends of an interval; null is an end without a limit."""
     if not isinstance(content, list | tuple) or len(content) != 2:
@@ -269,7 +281,8 @@ def _load_literal(content: object, kind: Any) -> Any:
     """Return a text that must be one of those a type names, such as the schema of a document."""
     names = get_args(kind)
     if content not in names:
-        refuse(f"one of {', '.join(names)}" if len(names) > 1 else repr(names[0]), shown(content))
+        words = f"one of {', '.join(names)}" if len(names) > 2 else " or ".join(map(repr, names))
+        refuse(words, shown(content))
     return content
 
 
@@ -287,6 +300,10 @@ def _is_tuple(kind: Any) -> bool:
 
 def _is_limited(kind: Any) -> bool:
     return get_origin(kind) is Annotated and isinstance(kind.__metadata__[0], Limits)
+
+
+def _is_vector(kind: Any) -> bool:
+    return get_origin(kind) is Annotated and isinstance(kind.__metadata__[0], VectorLimits)
 
 
 def _tuple_factory(kind: Any) -> Callable[[object, Any], Any]:
@@ -362,6 +379,7 @@ _CONVERTER.register_structure_hook_func(lambda kind: kind == tuple[float, float]
 _CONVERTER.register_structure_hook_func(_is_literal, _load_literal)
 _CONVERTER.register_structure_hook_func(_is_array, _load_array)
 _CONVERTER.register_structure_hook_func(_is_limited, _load_limited)
+_CONVERTER.register_structure_hook_func(_is_vector, _load_vector)
 _CONVERTER.register_structure_hook(float, _load_number)
 _CONVERTER.register_structure_hook(str, _load_exactly(str, "text"))
 _CONVERTER.register_structure_hook(bool, _load_exactly(bool, "true or false"))

@@ -16,7 +16,8 @@ def parse_json(text: str, *, source: str) -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        msg = f"{source}: expected JSON, got {error.msg} in line {error.lineno}, column {error.colno}"
+        begin = f"{text[:40]!r}: " if "\n" not in text else ""
+        msg = f"{source}: expected JSON, got {begin}{error.msg} in line {error.lineno}, column {error.colno}"
         raise DataError(msg) from None
 
 

@@ -29,9 +29,10 @@ from models.units import canonical_unit, unit_value
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
-from tuner.readers.drive_npz import FARTHEST, read_drive_npz
+from tuner.readers.drive_npz import read_drive_npz
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.text import find_dialect, read_numbers
+from tuner.types.numbers import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
 
 FloatArray = NDArray[np.float64]
@@ -143,13 +144,13 @@ def with_mounting(
     Raises
     ------
     DataError
-        For an unknown frame, or a lever arm longer than `FARTHEST`.
+        For an unknown frame, or a lever arm longer than `LONGEST_LEVER_ARM`.
     """
     if frame is not None and frame.upper() not in FRAMES:
         msg = f"--imu-frame {frame}: expected one of {' '.join(FRAMES)}"
         raise DataError(msg)
-    if lever_arm is not None and max(map(abs, lever_arm)) > FARTHEST:
-        msg = f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {FARTHEST:g} m at most"
+    if lever_arm is not None and max(map(abs, lever_arm)) > LONGEST_LEVER_ARM:
+        msg = f"--lever-arm {','.join(f'{x:g}' for x in lever_arm)}: expected {LONGEST_LEVER_ARM:g} m at most"
         raise DataError(msg)
     mounting = mounting_of(frame, rpy_deg)
     return replace(

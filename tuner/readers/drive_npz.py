@@ -15,7 +15,6 @@ meta               optional JSON: imu_frame, mounting_rpy_deg, lever_arm_frd_m
 
 from __future__ import annotations
 
-import json
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -25,7 +24,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.formats.nodes import Node
+from tuner.formats.codec import load
+from tuner.formats.documents import parse_json
+from tuner.types.numbers import LeverArm, Vector3
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -33,8 +34,15 @@ FloatArray = NDArray[np.float64]
 NEEDED = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
 FIXES = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
 REFERENCE = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
-FARTHEST = 100.0
-"""Longest lever arm, m."""
+
+
+@dataclass(frozen=True)
+class _Installation:
+    """Settings of the installation, the entries of ``meta`` that are read."""
+
+    imu_frame: str | None = None
+    mounting_rpy_deg: Vector3 | None = None
+    lever_arm_frd_m: LeverArm | None = None
 
 
 @dataclass(frozen=True)
@@ -77,15 +85,14 @@ def read_drive_npz(path: Path) -> DriveArrays:
         msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
         raise DataError(msg)
     meta = _meta(path, data)
-    frame, angles, arm = (meta.get(name) for name in ("imu_frame", "mounting_rpy_deg", "lever_arm_frd_m"))
     given = "ref_t" in data and "ref_llh" in data
     return DriveArrays(
         _table(path, data, "imu_t", ("gyro", "accel")),
         _table(path, data, "gnss_t", FIXES),
         _table(path, data, "ref_t", REFERENCE) if given else None,
-        None if frame is None else frame.text(),
-        None if angles is None else angles.three(),
-        None if arm is None else arm.three(largest=FARTHEST),
+        meta.imu_frame,
+        meta.mounting_rpy_deg,
+        meta.lever_arm_frd_m,
     )
 
 
@@ -107,24 +114,18 @@ def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
     return data
 
 
-def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> Node:
-    """Return the settings of the installation, {} where there are none."""
+def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> _Installation:
+    """Return the settings of the installation, none where there is no ``meta``."""
     if "meta" not in data:
-        return Node({}, f"{path}: meta")
+        return _Installation()
+    source = f"{path}: meta"
     stated = data["meta"].item() if data["meta"].size == 1 else None
     if isinstance(stated, bytes):
         stated = stated.decode(errors="replace")
     if not isinstance(stated, str):
-        Node(stated, f"{path}: meta").refuse("one text of JSON", f"an array of shape {data['meta'].shape}")
-    try:
-        content = json.loads(stated)
-    except json.JSONDecodeError as error:
-        Node(stated, f"{path}: meta").refuse(
-            "JSON", f"{stated[:40]!r}: {error.msg} at character {error.pos + 1}"
-        )
-    found = Node(content, f"{path}: meta")
-    found.mapping()
-    return found
+        msg = f"{source}: expected one text of JSON, got an array of shape {data['meta'].shape}"
+        raise DataError(msg)
+    return load(parse_json(stated, source=source), _Installation, source=source)
 
 
 def _table(

@@ -31,9 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.units import unit_value
-from tuner.formats.nodes import Node, parsed
-from tuner.readers.drive_npz import FARTHEST
+from tuner.formats.codec import load
+from tuner.formats.documents import parse_yaml
 from tuner.readers.text import find_dialect, read_numbers
+from tuner.types.numbers import Finite, LeverArm, Positive, Vector3
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +81,7 @@ def read_kf_gins(path: Path) -> KfGins:
         No such YAML, settings that are none, or files that are not in this layout.
     """
     settings = _settings(path)
-    imu, fixes = (_numbers(_beside(path, settings[key].text())) for key in ("imupath", "gnsspath"))
+    imu, fixes = (_numbers(_beside(path, name)) for name in (settings.imupath, settings.gnsspath))
     if imu.shape[1] < 7 or fixes.shape[1] not in (7, 13):
         msg = (
             f"{path}: expected 7 columns or more in the IMU file and 7 or 13 in the GNSS file, got {imu.shape[1]} "
@@ -91,16 +92,13 @@ def read_kf_gins(path: Path) -> KfGins:
     bias, scale = _six(settings, BIAS), _six(settings, SCALE)
     if bias.any() or scale.any():
         notes.append("the initial sensor errors of the settings are taken out")
-    rate, first, final, arm = (
-        settings.get(key) for key in ("imudatarate", "starttime", "endtime", "antlever")
-    )
-    interval = 1.0 / (RATE if rate is None else rate.number(positive=True))
+    interval = 1.0 / settings.imudatarate
     dt = np.diff(imu[:, 0], prepend=imu[0, 0] - interval)
     dt = np.where(dt < GAP, dt, interval)
     rates = (imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None] - bias) / (1.0 + scale)
-    begin = -math.inf if first is None else first.number()
-    end = -1.0 if final is None else final.number()
-    inside = (imu[:, 0] >= begin) & (imu[:, 0] <= (end if end >= 0.0 else math.inf))
+    begin = -math.inf if settings.starttime is None else settings.starttime
+    end = settings.endtime if settings.endtime >= 0.0 else math.inf
+    inside = (imu[:, 0] >= begin) & (imu[:, 0] <= end)
     if not inside.all():
         notes.append(f"{np.count_nonzero(~inside)} inertial rows outside starttime … endtime left out")
     blank = np.full((len(fixes), 3), np.nan)
@@ -109,33 +107,45 @@ def read_kf_gins(path: Path) -> KfGins:
         np.column_stack([imu[:, 0], rates])[inside],
         np.column_stack([fixes[:, :4], blank, sds, blank]),
         _truth(path),
-        None if arm is None else arm.three(largest=FARTHEST),
+        settings.antlever,
         tuple(notes),
     )
 
 
-def _settings(path: Path) -> Node:
-    """Return the content of a YAML of KF-GINS, by its name as places name it."""
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    """The entries of a YAML of KF-GINS that are read."""
+
+    imupath: str
+    gnsspath: str
+    imudatarate: Positive = RATE
+    starttime: Finite | None = None
+    endtime: Finite = -1.0
+    antlever: LeverArm | None = None
+    initgyrbias: Vector3 = (0.0, 0.0, 0.0)
+    initaccbias: Vector3 = (0.0, 0.0, 0.0)
+    initgyrscale: Vector3 = (0.0, 0.0, 0.0)
+    initaccscale: Vector3 = (0.0, 0.0, 0.0)
+
+
+def _settings(path: Path) -> _Settings:
+    """Return the settings of a YAML of KF-GINS."""
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         msg = f"{path}: expected a YAML of KF-GINS, got no text from byte {error.start + 1} on"
         raise DataError(msg) from None
-    found = parsed(text, str(path), "a YAML of KF-GINS")
-    if not isinstance(found.value, dict) or not {"imupath", "gnsspath"} <= found.value.keys():
+    found = parse_yaml(text, source=str(path), expected="a YAML of KF-GINS")
+    if not isinstance(found, dict) or not {"imupath", "gnsspath"} <= found.keys():
         msg = f"{path}: expected a YAML of KF-GINS with imupath and gnsspath"
         raise DataError(msg)
-    return found
+    return load(found, _Settings, source=str(path))
 
 
-def _six(settings: Node, entries: tuple[tuple[str, str], ...]) -> FloatArray:
-    """Return the errors of the three gyros and accelerometers, SI, zeros where the settings have none; (6,)."""
-    stated = [settings.get(name) for name, _ in entries]
+def _six(settings: _Settings, entries: tuple[tuple[str, str], ...]) -> FloatArray:
+    """Return the errors of the three gyros and accelerometers, SI; (6,)."""
     return np.concatenate(
-        [
-            unit_value(unit) * np.array((0.0, 0.0, 0.0) if node is None else node.three())
-            for node, (_, unit) in zip(stated, entries, strict=True)
-        ]
+        [unit_value(unit) * np.array(getattr(settings, name)) for name, unit in entries], dtype=float
     )
 
 

@@ -8,22 +8,59 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from models.noise import GaussMarkov
 from models.units import to_si
+from tuner.formats.codec import load as load_content
+from tuner.formats.documents import parse_yaml, read_text
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
+from tuner.types.numbers import NonNegative, Positive
 from tuner.types.records import DataError
 
-INITIAL = {"initposstd": (1.0, "m"), "initvelstd": (0.1, "m/s"), "initattstd": (2.0, "deg")}
-"""Initial sds where the file has none."""
+_EXPECTED = "a YAML of KF-GINS"
+
+Densities = tuple[Positive, Positive, Positive]
+Sds = tuple[NonNegative, NonNegative, NonNegative]
 
 
-def is_settings(content: object) -> bool:
-    """Return whether the content of a YAML is settings of KF-GINS."""
+@dataclass(frozen=True, kw_only=True)
+class _ImuNoise:
+    """The entries of ``imunoise``, in the units of KF-GINS: deg/√h, m/s/√h, deg/h, mGal, ppm, h."""
+
+    arw: Densities
+    vrw: Densities
+    gbstd: Densities
+    abstd: Densities
+    gsstd: Sds | None = None
+    asstd: Sds | None = None
+    corrtime: Positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    """The entries that a configuration needs; m, m/s, deg, deg/h, mGal, ppm."""
+
+    imunoise: _ImuNoise
+    imudatarate: Positive = 200.0
+    initposstd: Sds = (1.0, 1.0, 1.0)
+    initvelstd: Sds = (0.1, 0.1, 0.1)
+    initattstd: Sds = (2.0, 2.0, 2.0)
+    initbgstd: Sds | None = None
+    initbastd: Sds | None = None
+    initsgstd: Sds | None = None
+    initsastd: Sds | None = None
+
+
+def is_settings(path: Path) -> bool:
+    """Return whether a file is settings of KF-GINS; False for what is no YAML."""
+    if path.suffix not in (".yaml", ".yml"):
+        return False
+    try:
+        content = parse_yaml(read_text(path, expected=_EXPECTED), source=str(path), expected=_EXPECTED)
+    except DataError:
+        return False
     return isinstance(content, Mapping) and "imunoise" in content
 
 
@@ -35,51 +72,35 @@ def load(path: Path) -> FilterConfig:
     DataError
         Where an entry is missing or no number.
     """
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    noise = content["imunoise"]
-    period = _numbers(path, noise, "corrtime", 1)[0] * 3600.0
+    content = parse_yaml(read_text(path, expected=_EXPECTED), source=str(path), expected=_EXPECTED)
+    stated = load_content(content, _Settings, source=str(path))
+    noise = stated.imunoise
     channels = {}
     for sensor, unit, white, sd, start, units in (
-        ("gyro", "rad/s", "arw", "gbstd", "initbgstd", ("deg/sqrt(h)", "deg/h")),
-        ("accel", "m/s^2", "vrw", "abstd", "initbastd", ("m/s/sqrt(h)", "mGal")),
+        ("gyro", "rad/s", noise.arw, noise.gbstd, stated.initbgstd, ("deg/sqrt(h)", "deg/h")),
+        ("accel", "m/s^2", noise.vrw, noise.abstd, stated.initbastd, ("m/s/sqrt(h)", "mGal")),
     ):
-        density = _numbers(path, noise, white, 3)
-        wander = _numbers(path, noise, sd, 3)
-        first = _numbers(path, content, start, 3) if start in content else wander
         for i, axis in enumerate("xyz"):
-            state = GaussMarkov(to_si(wander[i], units[1]), period)
-            constant = math.sqrt(max(to_si(first[i], units[1]) ** 2 - state.sd**2, 0.0))
+            state = GaussMarkov(to_si(sd[i], units[1]), 3600.0 * noise.corrtime)
+            first = to_si((start or sd)[i], units[1])
+            constant = math.sqrt(max(first**2 - state.sd**2, 0.0))
             name = f"{sensor}_{axis}"
-            channels[name] = ChannelNoise(name, unit, to_si(density[i], units[0]), (state,), 0.0, constant)
-    position, velocity, attitude = (
-        [to_si(v, unit) for v in (_numbers(path, content, key, 3) if key in content else [value] * 3)]
-        for key, (value, unit) in INITIAL.items()
-    )
+            channels[name] = ChannelNoise(name, unit, to_si(white[i], units[0]), (state,), 0.0, constant)
+    attitude = [to_si(sd, "deg") for sd in stated.initattstd]
     scales = {
-        name: 1e-6
-        * max(_numbers(path, content, first, 3) if first in content else _numbers(path, noise, key, 3))
-        for name, key, first in (("gyro_scale", "gsstd", "initsgstd"), ("accel_scale", "asstd", "initsastd"))
-        if key in noise
+        name: 1e-6 * max(of_start or sds)
+        for name, sds, of_start in (
+            ("gyro_scale", noise.gsstd, stated.initsgstd),
+            ("accel_scale", noise.asstd, stated.initsastd),
+        )
+        if sds is not None
     }
     return FilterConfig(
         path.stem,
-        1.0 / float(content.get("imudatarate", 200.0)),
+        1.0 / stated.imudatarate,
         channels,
-        InitialUncertainty(max(position), max(velocity), max(attitude[:2]), attitude[2]),
+        InitialUncertainty(max(stated.initposstd), max(stated.initvelstd), max(attitude[:2]), attitude[2]),
         None,
         notes=("read from settings of KF-GINS",),
         constants=scales,
     )
-
-
-def _numbers(path: Path, content: Mapping[str, Any], key: str, count: int) -> list[float]:
-    values = content.get(key)
-    values = values if isinstance(values, list) else [values]
-    try:
-        found = [float(value) for value in values]
-    except (TypeError, ValueError):
-        found = []
-    if len(found) != count:
-        msg = f"{path}: expected {count} number{'s' if count > 1 else ''} as {key}, got {content.get(key)!r}"
-        raise DataError(msg)
-    return found

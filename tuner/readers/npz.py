@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 import zlib
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tuner.formats.documents import parse_json
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
@@ -29,11 +29,7 @@ def list_npz(path: Path) -> Listing:
     meta: dict[str, Any] = {name: a.item() for name, a in arrays.items() if a.ndim == 0}
     stated = meta.pop("meta", None)
     if isinstance(stated, str):
-        try:
-            content = json.loads(stated)
-        except json.JSONDecodeError as error:
-            msg = f"{path}: 'meta' is not JSON: {error}"
-            raise DataError(msg) from None
+        content = parse_json(stated, source=f"{path}: meta")
         if isinstance(content, dict):
             meta |= content
     return listing_of_arrays(path, arrays, units={}, meta=meta)

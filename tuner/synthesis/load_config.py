@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import yaml
-
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
 from tuner.formats import native
@@ -42,7 +40,7 @@ def load_config(
         path = Path(source)
         if is_datasheet(path):
             return synthesize(read_datasheet(path), gnss=receiver or default)
-        config = kf_gins_settings.load(path) if _is_kf_gins(path) else native.load(path)
+        config = kf_gins_settings.load(path) if kf_gins_settings.is_settings(path) else native.load(path)
         return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
         msg = (
@@ -50,13 +48,3 @@ def load_config(
         )
         raise DataError(msg)
     return synthesize(grade_identification(load_grade(str(source))), gnss=receiver or default)
-
-
-def _is_kf_gins(path: Path) -> bool:
-    """Return whether a file is settings of KF-GINS; False for what is no YAML: the native reader says what is wrong."""
-    if path.suffix not in (".yaml", ".yml"):
-        return False
-    try:
-        return kf_gins_settings.is_settings(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return False

@@ -21,6 +21,19 @@ class Limits:
         return (self.low < number if self.open_low else self.low <= number) and number <= self.high
 
 
+@dataclass(frozen=True)
+class VectorLimits:
+    """Three numbers x, y, z, none of them larger than a limit."""
+
+    largest: float = math.inf
+
+
+LONGEST_LEVER_ARM = 100.0
+"""m: an antenna is not farther from the inertial unit, on ships either; a longer one is in a wrong unit."""
+
 Finite = Annotated[float, Limits("a number")]
 Positive = Annotated[float, Limits("a positive number", 0.0, open_low=True)]
 NonNegative = Annotated[float, Limits("a number not below 0", 0.0)]
+Vector3 = Annotated[tuple[float, float, float], VectorLimits()]
+LeverArm = Annotated[tuple[float, float, float], VectorLimits(LONGEST_LEVER_ARM)]
+"""m."""

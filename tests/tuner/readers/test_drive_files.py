@@ -11,6 +11,7 @@ from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
 from tuner.formats import native
+from tuner.formats.digits import DIGITS
 from tuner.readers.drive import read_drive
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.synthesis.load_config import load_config
@@ -18,6 +19,8 @@ from tuner.types.records import DataError
 
 LEVER = (0.5, -0.3, -1.2)
 MOUNTING_RPY = (180.0, 3.0, 100.0)
+SIX_DIGITS = 0.51 * 10.0 ** (1 - DIGITS)
+"""Relative rounding of an exported number."""
 
 
 def write_folder(path, data, *, truth=True):
@@ -78,13 +81,13 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     memory = 100.0  # over which the single state wanders as far as the states it stands for
     for name, ours in config.channels.items():
         channel = theirs.channels[name]
-        assert channel.white_density == pytest.approx(ours.white_density, rel=1e-9)
+        assert channel.white_density == pytest.approx(ours.white_density, rel=SIX_DIGITS)
         (state,) = channel.markov
         assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
         expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
-        assert state.sd == pytest.approx(expected, rel=1e-9)
+        assert state.sd == pytest.approx(expected, rel=SIX_DIGITS)
         whole = np.sqrt(ours.constant_sd**2 + sum(m.sd**2 for m in ours.markov))
-        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(whole, rel=1e-9)
+        assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(whole, rel=SIX_DIGITS)
     found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
     assert not found.consistency.diverged
     assert found.consistency.gated < 0.01
