@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 FAMILIES = (
-    frozenset({"temperature", "thermal_lag", "warmup"}),
+    frozenset({"temperature", "thermal_lag", "thermal", "warmup"}),
     frozenset({"lowpass", "colour"}),
     frozenset({"heavy_tails", "spikes"}),
     frozenset({"time_offset", "velocity_lag"}),

@@ -146,6 +146,10 @@ def hide(
         A channel that is not there, or stamps of some channels only.
     """
     width = block.y.shape[1]
+    for effect, _ in effects:
+        if effect.needs_temperature and block.temperature is None:
+            msg = f"'{effect.name}' needs a block with a temperature, got one without"
+            raise ValueError(msg)
     streams = rng.spawn(len(effects))
     for (effect, columns), stream in sorted(zip(effects, streams, strict=True), key=lambda e: e[0][0].stage):
         chosen = sorted(set(columns))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from models.noise import NoiseModel, Term, White
-from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.cause import Cause
+from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.held_out_gain import summed
+from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
@@ -25,11 +27,15 @@ AGREE = 4.0
 
 @dataclass(frozen=True)
 class _Single:
-    """A finding of one channel."""
+    """A finding of one channel.
+
+    `cause` says what it is: the extension that was accepted, or its family where a defining parameter is not known.
+    """
 
     axis: str
     unit: str
     accepted: Accepted
+    cause: Extension | type[Cause]
     parameters: Mapping[str, Coefficient]
     inflation: Enlargement | None
 
@@ -61,20 +67,35 @@ def findings(outcomes: Mapping[str, SearchResult]) -> tuple[Finding, ...]:
 
 def _singles(axis: str, outcome: SearchResult) -> list[_Single]:
     channel = outcome.final.channel
-    return [
-        _Single(
-            axis,
-            channel.unit,
-            accepted,
-            {
-                name: _bounded(accepted.extension.cause, name, value).coefficient(channel.unit, channel.scale)
-                for name, value in accepted.extension.values.items()
-            },
-            _inflation(axis, outcome, accepted),
-        )
-        for accepted in outcome.accepted
-        if accepted.extension.named
-    ]
+    given = len(outcome.final.extensions) - len(outcome.accepted)
+    singles = []
+    for index, accepted in enumerate(outcome.accepted, given):
+        extension = accepted.extension
+        if not extension.named:
+            continue
+        cause: Extension | type[Cause] = extension
+        values = {name: _bounded(extension.cause, name, value) for name, value in extension.values.items()}
+        if extension.family is not None and not extension.defined:
+            cause, values = extension.family, {"sd": _explained_sd(outcome.final, index)}
+            itself = Alternative(extension.cause, 1.0)
+            accepted = replace(accepted, alternatives=(itself, *accepted.alternatives))
+        parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
+        inflation = _inflation(axis, outcome, accepted)
+        singles.append(_Single(axis, channel.unit, accepted, cause, parameters, inflation))
+    return singles
+
+
+def _explained_sd(fitted: Residual, index: int) -> Value:
+    """Return the standard deviation of the bias that the templates of an extension explain, scales."""
+    columns = fitted.extensions[index].columns(fitted.channel)
+    columns = columns - columns.mean(axis=0)
+    at = first_column(fitted, index)
+    mine = slice(at, at + columns.shape[1])
+    beta, covariance = fitted.fit.beta[mine], fitted.fit.beta_covariance[mine, mine]
+    gram = columns.T @ columns / len(columns)
+    sd = float(np.sqrt(beta @ gram @ beta))
+    gradient = gram @ beta / sd
+    return Value.of(sd, float(np.sqrt(gradient @ covariance @ gradient)), "{u}").positive
 
 
 def _bounded(cause: str, name: str, value: Value) -> Value:
@@ -95,12 +116,12 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted) -> Enlargem
 def _shared(group: Sequence[_Single], single: _Single) -> bool:
     """Return whether a finding of another channel is the same cause."""
     first = group[0]
-    alike = first.accepted.extension.cause == single.accepted.extension.cause and first.unit == single.unit
+    alike = first.cause.cause == single.cause.cause and first.unit == single.unit
     if not alike or any(g.axis == single.axis for g in group):
         return False
     return all(
         _agree(first.parameters[name], single.parameters[name])
-        for name in _locating(first.accepted.extension.cause)
+        for name in _locating(first.cause.cause)
         if name in first.parameters and name in single.parameters
     )
 
@@ -159,7 +180,7 @@ def _log_moments(c: Coefficient) -> tuple[float, float]:
 def _finding(group: list[_Single]) -> Finding:
     clearest = sorted(group, key=lambda single: -single.accepted.alarm.gain)
     best = clearest[0]
-    extension, alarm = best.accepted.extension, best.accepted.alarm
+    cause, alarm = best.cause, best.accepted.alarm
     parameters = {
         name: pooled([s.parameters[name] for s in clearest if name in s.parameters])
         for name in best.parameters
@@ -167,15 +188,15 @@ def _finding(group: list[_Single]) -> Finding:
     channels = tuple(single.axis for single in group)
     by_channel = {single.axis: dict(single.parameters) for single in group}
     return Finding(
-        cause=extension.cause,
+        cause=cause.cause,
         channels=channels,
         statistic=alarm.name,
         value=alarm.statistic,
         p_value=min(1.0, alarm.p_value),
         parameters=parameters,
-        text=words(extension.cause, channels, extension.meaning, parameters, by_channel),
-        consequence=extension.consequence,
-        extension={"cause": extension.cause, "joins": joins(extension.cause)},
+        text=words(cause.cause, channels, cause.meaning, parameters, by_channel),
+        consequence=cause.consequence,
+        extension={"cause": cause.cause, "joins": joins(cause.cause)},
         gain=summed([single.accepted.gain for single in group]),
         alternatives=alternatives([single.accepted for single in group]),
         inflations=tuple(single.inflation for single in group if single.inflation is not None),

@@ -122,9 +122,17 @@ class Extension(Cause):
     """Whether it is tested once, before all others, and not again."""
     defining: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters without which the name says nothing, each with the largest ratio of the ends of its interval."""
-    family: ClassVar[tuple[str, str] | None] = None
-    """Code and meaning of what is reported instead where a defining parameter is not known that well."""
+    family: ClassVar[type[Cause] | None] = None
+    """What is reported instead where a defining parameter is not known that well."""
     values: Mapping[str, Value] = field(compare=False, kw_only=True, default_factory=dict)
+
+    @property
+    def defined(self) -> bool:
+        """Whether its defining parameters are known well enough for its name to say something."""
+        return all(
+            name not in self.values or 0.0 < self.values[name].upper <= ratio * self.values[name].lower
+            for name, ratio in self.defining.items()
+        )
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult | None:  # noqa: ARG003

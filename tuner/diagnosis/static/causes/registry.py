@@ -31,7 +31,7 @@ from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.temperature_times_time import Ageing
-from tuner.diagnosis.static.causes.thermal_lag import ThermalLag
+from tuner.diagnosis.static.causes.thermal_lag import Thermal, ThermalLag
 from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.causes.vibration import Vibration
 from tuner.diagnosis.static.causes.warmup import Warmup
@@ -88,7 +88,7 @@ CAUSES = CauseRegistry("cause", "tuner.causes", name_of=lambda cause: cause.caus
 CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
-        Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Duplicates, Timing, Clipping,
-        Lattice,
+        Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
+        Clipping, Lattice,
     )
 )  # fmt: skip

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.thermal import ThermalLag as Effect
+from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.static.causes.template import TimeConstantTemplate
@@ -30,8 +32,29 @@ from tuner.diagnosis.static.model.score_scan import scan
 
 FloatArray = NDArray[np.float64]
 
+MAX_LAG_RATIO = 100.0
+"""Ratio of the ends of the interval of a lag up to which it is a lag that was found: a factor of ten either way.
+
+Beyond, the interval reaches from well within the record to far outside of it, and slope and lag cannot be told apart.
+"""
 FURTHER = 10.8
 """Likelihood ratio from which a further template is taken: χ²₁ at 0.1 %."""
+
+
+class Thermal(Cause):
+    """A bias that goes with the temperature in a way that the record does not tell."""
+
+    cause = "thermal"
+    group = "slow part"
+    shares = 0
+    meaning = (
+        "the bias follows the measured temperature with a lag, or the rate at which it changes: "
+        "the record does not tell which"
+    )
+    consequence = (
+        "no calibration follows from this record: take one in which the temperature also rests, or changes at other "
+        "rates; until then the bias has to be carried by the filter"
+    )
 
 
 @dataclass(frozen=True)
@@ -56,6 +79,8 @@ class ThermalLag(TimeConstantTemplate):
     price = float(np.log(8.0))
     different_in_pairs = 3.0
     view = "temperature"
+    defining = MappingProxyType({"time_constant": MAX_LAG_RATIO})
+    family = Thermal
     settling: bool = False
     prompt: bool = False
 

@@ -1,0 +1,142 @@
+"""A cause of another package: hidden, found, named, sized and measured from one declaration of forty lines."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.effects import EFFECTS
+from models.effects.static.temperature_profiles import Diurnal
+from models.noise import BiasInstability, NoiseModel, White
+from models.registry import RegistryError
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.cause import Cause
+from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry
+from tuner.report.diagnosed_axis import signal_of
+from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.simulation.static import simulate
+from tuner.types import Diagnosis
+
+EXAMPLE = Path(__file__).with_name("temperature_rate_cause.py")
+NOISE = NoiseModel((White(1e-4), BiasInstability(1e-5)))
+SLOPE = 1e-2
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Install the example as pip would, for one test."""
+    (tmp_path / "temperature_rate_cause.py").write_text(EXAMPLE.read_text())
+    facts = tmp_path / "rate-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: rate\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text(
+        "[tuner.causes]\ntemperature_rate = temperature_rate_cause:TemperatureRate\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for registry in (CAUSES, EFFECTS):
+        monkeypatch.setattr(registry, "_declared", dict(registry._declared))
+        monkeypatch.setattr(registry, "_entry_points_loaded", False)
+    yield
+    sys.modules.pop("temperature_rate_cause", None)
+
+
+def rate_log(seed: int = 0, slope: float = SLOPE) -> tuple:
+    """Simulate two hours of one axis whose bias follows dT/dt, with the log without the effect."""
+    clean, _ = simulate(
+        {"gyro_x": NOISE},
+        duration=7200.0,
+        rate=20.0,
+        seed=seed,
+        temperature=Diurnal(30.0, 5.0, period=1800.0),
+    )
+    (record,) = clean
+    true = Diurnal(30.0, 5.0, period=1800.0).celsius(record.t)
+    y = record.y + slope * np.gradient(true, record.interval)[:, None]
+    return (type(record)(**{**vars(record), "y": y}),)
+
+
+def test_the_example_is_one_file_of_forty_lines() -> None:
+    assert len(EXAMPLE.read_text().splitlines()) <= 40
+
+
+@pytest.mark.usefixtures("package")
+def test_a_cause_of_another_package_is_hidden_found_named_and_sized(tmp_path: Path) -> None:
+    records, key = simulate(
+        {"gyro_x": NOISE}, duration=7200.0, rate=20.0, seed=0, temperature=Diurnal(30.0, 5.0, period=1800.0),
+        hidden=(f"temperature_rate:slope={SLOPE}",),
+    )  # fmt: skip
+    assert [h["cause"] for h in key["hidden"]] == ["temperature_rate"]
+    np.testing.assert_allclose(records[0].y, rate_log()[0].y, atol=1e-15)
+    diagnosis = diagnose(records)
+    (finding,) = diagnosis.findings
+    assert finding.cause == "temperature_rate"
+    low, high = finding.parameters["slope"].interval
+    assert low < SLOPE < high
+    assert high - low < 0.2 * SLOPE
+    assert finding.parameters["slope"].unit == "rad/s·s/K"
+    assert finding.gain.nats > 10.0
+    t, celsius = records[0].t, records[0].covariates["temperature"]
+    drawn = signal_of("temperature_rate", {"slope": 2.0}, t, records[0].y[:, 0], celsius)
+    np.testing.assert_allclose(drawn, 2.0 * np.gradient(celsius, records[0].interval))
+    assert len(draw_findings(records, diagnosis, tmp_path)) == 1
+
+
+@pytest.mark.usefixtures("package")
+def test_a_further_cause_takes_its_share_of_the_false_alarms() -> None:
+    before = sum(
+        c.shares * c.tests for c in CAUSES.values() if c.tested_with is None and c.cause[:5] != "tempe"
+    )
+    assert CAUSES.shares() == before + CAUSES["temperature"].shares + CAUSES["temperature_rate"].shares
+
+
+def thermal(diagnosis: Diagnosis) -> list[str]:
+    return [finding.cause for finding in diagnosis.findings]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lag_that_is_not_known_is_reported_as_its_family(seed: int) -> None:
+    """Where nothing knows of rates, a lag of hours with an interval of years explains the bias: that is no lag."""
+    diagnosis = diagnose(rate_log(seed))
+    assert thermal(diagnosis) == ["thermal"]
+    (finding,) = diagnosis.findings
+    assert "time_constant" not in finding.parameters
+    assert "thermal_lag" in [a.cause for a in finding.alternatives]
+    explained = SLOPE * np.std(np.gradient(Diurnal(30.0, 5.0, period=1800.0).celsius(np.arange(7200.0))))
+    assert finding.parameters["sd"].value == pytest.approx(explained, rel=0.1)
+    assert finding.gain.nats > 10.0
+
+
+def test_a_lag_that_is_known_keeps_its_name() -> None:
+    records, _ = simulate(
+        {"gyro_x": NOISE}, duration=7200.0, rate=20.0, seed=1, temperature=Diurnal(30.0, 5.0, period=1800.0),
+        hidden=("thermal_lag:slope=2e-5,time_constant=200",),
+    )  # fmt: skip
+    (finding,) = diagnose(records).findings
+    assert finding.cause == "thermal_lag"
+    low, high = finding.parameters["time_constant"].interval
+    assert low < 200.0 < high
+
+
+def test_an_incomplete_or_contradicting_declaration_is_refused_in_one_line() -> None:
+    registry = CauseRegistry("cause", "tuner.no_causes", name_of=lambda c: c.cause, check=CAUSES._check)
+
+    class Wordless(Cause):
+        cause = "wordless"
+
+    class Other(CAUSES["line"]):
+        cause = "other"
+
+    with pytest.raises(
+        RegistryError, match=r"^cause 'wordless': the class needs meaning, consequence, group$"
+    ):
+        registry.add(Wordless)
+    with pytest.raises(
+        RegistryError, match=r"^cause 'other': its effect has the code 'line'; give both the same$"
+    ):
+        registry.add(Other)
+    with pytest.raises(RegistryError, match=r"^unknown cause 'lin' \(did you mean 'line'\?\); known are "):
+        CAUSES["lin"]
