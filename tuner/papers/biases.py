@@ -19,21 +19,12 @@ from tuner.curves.total import total
 from tuner.papers.expected import PRINTED_THEO1, PRINTED_TOTAL, theo1_ratio, total_ratio
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations, scaled
-from tuner.papers.theo import NOISES, PAPER, less_one
+from tuner.papers.subjects import FIBRE_OPTIC_PAPER, NOISE_NAMES, UNIT_NOISES
+from tuner.papers.theo import less_one
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 
-NOISE_NAMES: Mapping[str, str] = MappingProxyType(
-    {
-        "quantization": "quantization",
-        "white": "angle random walk",
-        "bias_instability": "bias instability",
-        "random_walk": "rate random walk",
-        "ramp": "ramp",
-    }
-)
-"""Names of the noises in the papers."""
 PRINTED_FOR: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "rate random walk (random-walk FM)",
@@ -59,7 +50,7 @@ def fog_bias(settings: Settings) -> Item:
     claims: list[Claim] = []
     of_total: list[Curve] = []
     of_theo1: list[Curve] = []
-    for g, (noise, term) in enumerate(NOISES.items()):
+    for g, (noise, term) in enumerate(UNIT_NOISES.items()):
         y = realisations(term, n, 1 if noise == "ramp" else runs, rng)
         reference = term.allan_variance(shares.astype(float), interval=1.0)
         totals = total(y, shares) / reference[:, None]
@@ -88,7 +79,7 @@ def fog_bias(settings: Settings) -> Item:
         Panel(f"total variance ÷ Allan variance, {runs} records", "τ/T", "ratio", tuple(of_total), "linear"),
         Panel(f"Allan variance ÷ Thêo1, {runs} records (colours as before)", "m", "ratio", tuple(of_theo1)),
     )
-    return Item("fog-bias", f"{PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
+    return Item("fog-bias", f"{FIBRE_OPTIC_PAPER}: section 1.2 and table 1", tuple(claims), Picture(panels))
 
 
 def _of_total(noise: str, ratios: FloatArray) -> Claim:

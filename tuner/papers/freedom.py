@@ -32,13 +32,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import BiasInstability, Quantization, Ramp, RandomWalk, Term, White
+from models.noise import Ramp
 from tuner.curves import dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations
+from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 
 FloatArray = NDArray[np.float64]
 
@@ -72,14 +73,8 @@ TITLES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Numbers and titles of the figures."""
-NOISES: Mapping[str, Term] = MappingProxyType(
-    {
-        "quantization": Quantization(1.0),
-        "white": White(1.0),
-        "bias_instability": BiasInstability(1.0),
-        "random_walk": RandomWalk(1.0),
-    }
-)
+NOISES = {name: term for name, term in UNIT_NOISES.items() if name != "ramp"}
+"""Noises that have degrees of freedom."""
 
 
 def printed_allan(clock: str, n: float, m: FloatArray) -> FloatArray:
@@ -136,7 +131,7 @@ def fog_edf(settings: Settings) -> Item:
     white["total 300"] = total(y["white"], [300])[0]
     claims = (*_of_total(y), *_of_theo1(y["random_walk"], white), *_orders(y, white), _of_ramp())
     panels = tuple(_panel(noise) for noise in TITLES)
-    title = "Xu Dongsheng et al., ThêoH of fibre-optic gyros: figures 1–5"
+    title = f"{FIBRE_OPTIC_PAPER}: figures 1–5"
     return Item("fog-edf", title, claims, Picture(panels, columns=3))
 
 

@@ -16,17 +16,14 @@ from tuner.curves.allan import allan, overlapping_allan, two_group_allan
 from tuner.identification.allan_leastsquares import unweighted
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, realisations, record_from
+from tuner.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
 
 FloatArray = NDArray[np.float64]
 
-PAPER = "Zhang Meng et al., MEMS gyro: Allan variance and ARMA"
 VARIANCE, MEAN = 0.0063, 3.0478
 """Equation 16, (deg/s)²; figure 2, deg/s."""
-NOISES: dict[str, Term] = {
-    "angle random walk": White(1.0),
-    "bias instability": BiasInstability(1.0),
-    "rate random walk": RandomWalk(1.0),
-}
+NOISES = ("white", "bias_instability", "random_walk")
+"""Noises for which two groupings are compared with one."""
 
 
 def mems_allan(settings: Settings) -> Item:
@@ -36,7 +33,8 @@ def mems_allan(settings: Settings) -> Item:
     offsets = np.arange(1, m)
     claims: list[Claim] = []
     gains = []
-    for group, (name, term) in enumerate(NOISES.items()):
+    for group, noise in enumerate(NOISES):
+        name, term = NOISE_NAMES[noise], UNIT_NOISES[noise]
         y = realisations(term, n, runs, rng)
         classic, full = allan(y, [m])[0], overlapping_allan(y, [m])[0]
         grouped = {k: two_group_allan(y, [m], offset=k)[0] for k in offsets.tolist()}
@@ -96,7 +94,9 @@ def mems_allan(settings: Settings) -> Item:
             "linear",
         ),
     )
-    return Item("mems-allan", f"{PAPER}: figures 1 and 2, table 1", tuple(claims), Picture(panels, columns=3))
+    return Item(
+        "mems-allan", f"{MEMS_PAPER}: figures 1 and 2, table 1", tuple(claims), Picture(panels, columns=3)
+    )
 
 
 def _gain(term: Term, n: int, m: int, offset: int) -> float:

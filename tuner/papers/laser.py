@@ -26,12 +26,12 @@ from tuner.curves.series import averages
 from tuner.identification import identify_channel
 from tuner.papers.results import Curve, Item, Panel, Picture, Style, absent, exact, judge, rounded
 from tuner.papers.sampling import Settings, mean_of, record_from, record_of, scaled
+from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
-PAPER = "Li Qi et al., noise of ring laser gyroscopes by Allan variance"
 Q, N = 0.29, 0.09
 """Table 3: arcsec and, as it must be read, (deg/h)√s."""
 INTERVAL = 1e-3
@@ -147,7 +147,7 @@ def rlg_static(settings: Settings) -> Item:
             marks=((10.0, "10 s"), (3.0 * Q**2 / N**2, "3Q²/N²")),
         ),
     )
-    return Item("rlg-static", f"{PAPER}: figure 2, table 3", claims, Picture(panels))
+    return Item("rlg-static", f"{RING_LASER_PAPER}: figure 2, table 3", claims, Picture(panels))
 
 
 def rlg_vs_mems(settings: Settings) -> Item:
@@ -199,7 +199,7 @@ def rlg_vs_mems(settings: Settings) -> Item:
         in_degrees_per_hour(of_mems, "MPU-9250, 100 Hz", group=1),
     )
     panel = Panel("Allan deviation", "cluster time τ, s", "deg/h", curves)
-    return Item("rlg-vs-mems", f"{PAPER}: figure 3", claims, Picture((panel,), columns=1))
+    return Item("rlg-vs-mems", f"{RING_LASER_PAPER}: figure 3", claims, Picture((panel,), columns=1))
 
 
 def in_degrees_per_hour(found: AllanCurve, label: str, style: Style = "line", *, group: int = 0) -> Curve:

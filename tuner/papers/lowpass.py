@@ -22,6 +22,7 @@ from tuner.diagnosis import diagnose
 from tuner.identification import identify_channel
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, scaled
+from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.static import Channel, simulate
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient
 from tuner.types.records import Record
@@ -75,7 +76,7 @@ def lowpass_n(settings: Settings) -> Item:
         ),
         marks=((0.3012 / CUTOFF, "0.301/f_c"), (10.0 / CUTOFF, "10/f_c")),
     )
-    title = "Li Qi et al., noise of ring laser gyroscopes by Allan variance: figure 4, 2.3 (6)"
+    title = f"{RING_LASER_PAPER}: figure 4, 2.3 (6)"
     return Item("lowpass-n", title, claims, Picture((panel,), columns=1))
 
 

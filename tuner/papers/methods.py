@@ -40,6 +40,7 @@ from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma_preprocess import remove_trend
 from tuner.papers.results import Claim, Item, Picture, Table, judge
 from tuner.papers.sampling import Settings, estimate, record_from
+from tuner.papers.subjects import RING_LASER_PAPER
 
 FloatArray = NDArray[np.float64]
 Method = Callable[[FloatArray], float]
@@ -92,7 +93,7 @@ def method_table(settings: Settings) -> Item:
     title = f"rms error of the coefficient over {runs} records, known to {known:.0f} % of itself (–: no way to get it)"
     table = Table(title, rows, tuple(NOISES), cells)
     claims = tuple(_claim(noise, errors[noise]) for noise in NOISES)
-    title = "Li Qi et al., noise of ring laser gyroscopes by Allan variance: table 1"
+    title = f"{RING_LASER_PAPER}: table 1"
     return Item("method-table", title, claims, Picture((table,), columns=1))
 
 

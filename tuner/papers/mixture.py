@@ -16,7 +16,8 @@ from tuner.identification.allan_leastsquares import unweighted
 from tuner.papers.expected import theo1_ratio
 from tuner.papers.results import Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, record_from
-from tuner.papers.theo import LABELS, PAPER, less_one, spread, variances
+from tuner.papers.subjects import FIBRE_OPTIC_PAPER
+from tuner.papers.theo import LABELS, less_one, spread, variances
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -114,7 +115,9 @@ def fog_record(settings: Settings) -> Item:
             ((0.1 * n * t0, "ThêoH switches"),),
         ),
     )
-    return Item("fog-record", f"{PAPER}: figures 10 and 11, table 3", claims, Picture(panels, columns=3))
+    return Item(
+        "fog-record", f"{FIBRE_OPTIC_PAPER}: figures 10 and 11, table 3", claims, Picture(panels, columns=3)
+    )
 
 
 def _worse(pair: FloatArray) -> float:

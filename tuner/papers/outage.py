@@ -28,6 +28,7 @@ from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.navigation.settings import filter_settings
 from tuner.papers.results import Curve, Item, Panel, Picture, Table, exact, judge
 from tuner.papers.sampling import Settings, estimate
+from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.simulation.imu import sensor_of_grade
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize
@@ -163,7 +164,7 @@ def kf_parameters(settings: Settings) -> Item:
         cells,
         ratios=True,
     )
-    title = "Li Qi et al., noise of ring laser gyroscopes by Allan variance: 2.3 (8)"
+    title = f"{RING_LASER_PAPER}: 2.3 (8)"
     return Item("kf-parameters", title, claims, Picture((*panels, numbers)))
 
 

@@ -32,11 +32,11 @@ from tuner.identification.record_length import plan
 from tuner.identification.slopes import Segment, read_segments
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, estimate, realisations, record_of, relative_sd, scaled
+from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 
-PAPER = "Li Qi et al., noise of ring laser gyroscopes by Allan variance"
 READ_AT = {
     "quantization": ("Q", "τ = √3"),
     "white": ("N", "τ = 1"),
@@ -136,7 +136,9 @@ def example_curve(settings: Settings) -> Item:
         ),
         marks=((1.0, "1: N"), (np.sqrt(2.0), "√2: R"), (np.sqrt(3.0), "√3: Q"), (3.0, "3: K")),
     )
-    return Item("example-curve", f"{PAPER}: figure 1, table 2", tuple(claims), Picture((panel,), columns=1))
+    return Item(
+        "example-curve", f"{RING_LASER_PAPER}: figure 1, table 2", tuple(claims), Picture((panel,), columns=1)
+    )
 
 
 def test_design(settings: Settings) -> Item:
@@ -201,7 +203,7 @@ def test_design(settings: Settings) -> Item:
         "accuracy of σ by the number of clusters", "clusters n/k", "relative sd of σ", tuple(curves)
     )
     item = Picture((panel,), columns=1)
-    return Item("test-design", f"{PAPER}: equation 19", tuple(claims), item)
+    return Item("test-design", f"{RING_LASER_PAPER}: equation 19", tuple(claims), item)
 
 
 def relative_sd_of_sigma(freedom: FloatArray) -> FloatArray:

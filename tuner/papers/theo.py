@@ -12,7 +12,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import BiasInstability, Quantization, Ramp, RandomWalk, Term, White
 from tuner.curves import curve, dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
@@ -20,24 +19,15 @@ from tuner.curves.total import total
 from tuner.papers.expected import PRINTED_TOTAL, theo1_ratio, total_ratio
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
 from tuner.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
+from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PAPER = "Xu Dongsheng et al., ThêoH of fibre-optic gyros"
 LABELS: Mapping[str, str] = MappingProxyType(
     {"oadev": "Allan", "totdev": "total", "theo1": "Thêo1", "theobr": "ThêoBR"}
 )
 """Names of the statistics in the figures."""
-NOISES: Mapping[str, Term] = MappingProxyType(
-    {
-        "quantization": Quantization(1.0),
-        "white": White(1.0),
-        "bias_instability": BiasInstability(1.0),
-        "random_walk": RandomWalk(1.0),
-        "ramp": Ramp(1.0),
-    }
-)
 
 QUOTED_RECORDS = 100
 """Records in a smaller study, whose figures are to be met within its scatter."""
@@ -105,7 +95,7 @@ def fog_sim(settings: Settings) -> Item:
             ),
         ]
     claims = _of_statistics(found, at, n, rng)
-    return Item("fog-sim", f"{PAPER}: figures 6–9", claims, Picture(tuple(panels), columns=3))
+    return Item("fog-sim", f"{FIBRE_OPTIC_PAPER}: figures 6–9", claims, Picture(tuple(panels), columns=3))
 
 
 def _of_statistics(
@@ -207,4 +197,4 @@ def less_one(values: FloatArray) -> float:
 
 def _mean_allan(noise: str, m: IntArray) -> FloatArray:
     """Return the Allan variance of unit white noise or of its running sum."""
-    return NOISES[noise].allan_variance(m.astype(float), interval=1.0)
+    return UNIT_NOISES[noise].allan_variance(m.astype(float), interval=1.0)

@@ -22,9 +22,10 @@ from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
 from tuner.identification.arma_preprocess import prepare, remove_trend, reverse_arrangements, sigma_outliers
-from tuner.papers.groupings import MEAN, PAPER, VARIANCE
+from tuner.papers.groupings import MEAN, VARIANCE
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
 from tuner.papers.sampling import Settings, estimate, record_from, share_of
+from tuner.papers.subjects import MEMS_PAPER
 
 FloatArray = NDArray[np.float64]
 
@@ -94,7 +95,9 @@ def mems_arma(settings: Settings) -> Item:
             "linear",
         ),
     )
-    return Item("mems-arma", f"{PAPER}: figures 3–5, table 2, eq. 16", claims, Picture(panels, columns=3))
+    return Item(
+        "mems-arma", f"{MEMS_PAPER}: figures 3–5, table 2, eq. 16", claims, Picture(panels, columns=3)
+    )
 
 
 def _raw(series: FloatArray, rng: np.random.Generator) -> FloatArray:

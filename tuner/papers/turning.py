@@ -15,9 +15,10 @@ from scipy.signal import find_peaks
 from models.units import DEG, DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification import identify_channel
-from tuner.papers.laser import AXES, INTERVAL, LASER_NOISE, PAPER, N, in_degrees_per_hour
+from tuner.papers.laser import AXES, INTERVAL, LASER_NOISE, N, in_degrees_per_hour
 from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, record_from, record_of, scaled
+from tuner.papers.subjects import RING_LASER_PAPER
 from tuner.segments.stationary import find_motion, keep_still
 from tuner.types import ChannelIdentification, Coefficient
 
@@ -110,7 +111,7 @@ def rlg_dynamic(settings: Settings) -> Item:
             ),
         ),
     )
-    return Item("rlg-dynamic", f"{PAPER}: figure 5, 2.3 (7) and (9)", claims, Picture(panels))
+    return Item("rlg-dynamic", f"{RING_LASER_PAPER}: figure 5, 2.3 (7) and (9)", claims, Picture(panels))
 
 
 def _white(found: ChannelIdentification) -> Coefficient:
