@@ -7,7 +7,7 @@ the same filter with later fixes: filter minus smoother has the covariance P −
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,11 +113,7 @@ def against_reference(
                 good = np.isfinite(part[:, at]).all(axis=1)
                 spread = block.covariance[own][good, at, at] + extra[good, at, None] * np.eye(3)
                 parts[name].append(squares(part[good, at], spread))
-    return tuple(
-        score(name, groups, 3)
-        for name, groups in parts.items()
-        if sum(len(group) > 0 for group in groups) > 1
-    )
+    return _scores(parts)
 
 
 def errors(
@@ -174,6 +170,11 @@ def against_smoother(
         for _, own in blocks(before, rows[rows < len(apart)]):
             for i, name in enumerate(parts):
                 parts[name].append(apart[own, 3 * i : 3 * i + 3].sum(axis=1))
+    return _scores(parts)
+
+
+def _scores(parts: Mapping[str, Sequence[FloatArray]]) -> tuple[Score, ...]:
+    """Return the scores of squares by name, in groups; none of a name with fewer than two groups."""
     return tuple(
         score(name, groups, 3)
         for name, groups in parts.items()

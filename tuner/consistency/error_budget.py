@@ -18,12 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.measurements import perfect_fixes
 from tuner.consistency.scores import MARGIN, OUTAGE_LENGTHS, scored_epochs
 from tuner.navigation.engine import layout
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
-from tuner.simulation.monte_carlo import Scenario
+from tuner.simulation.monte_carlo import Scenario, assumed_fix_sd, scenario_fixes
 from tuner.types.consistency import ErrorBudget
 
 FloatArray = NDArray[np.float64]
@@ -101,15 +100,13 @@ def error_budget(settings: FilterSettings, plan: Scenario) -> ErrorBudget:
 def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, list[Source]]:
     """Return all that a filter believes in as one source, and its parts."""
     at = settings.model.layout
-    position_sd = settings.position_sd or plan.receiver.position_sd
-    velocity_sd = settings.velocity_sd or plan.receiver.velocity_sd or (1.0, 1.0, 1.0)
     own = Source(
         "all",
         settings.initial_sd**2,
         settings.model.driving_density**2,
         1.0 / settings.model.time_constant,
         np.concatenate([settings.model.gyro_density, settings.model.accel_density]) ** 2,
-        np.array([*position_sd, *velocity_sd]),
+        assumed_fix_sd(settings, plan.receiver),
     )
 
     def only(values: FloatArray, which: Sequence[slice]) -> FloatArray:
@@ -203,10 +200,7 @@ def trace(
     k, e = len(plan.times), len(epochs)
     slot = np.full(k, -1, dtype=np.int64)
     slot[epochs] = np.arange(e)
-    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
-    withheld = np.zeros(k, dtype=bool)
-    for begin, end in plan.outages:
-        withheld |= (plan.times > begin) & (plan.times <= end)
+    fixes = scenario_fixes(settings, plan)
     start = np.concatenate([plan.start.llh, plan.start.vel_n, plan.start.quat_nb])
     nominal = Nominal(
         start,
@@ -214,9 +208,9 @@ def trace(
         plan.steps.increments,
         plan.after,
         plan.times,
-        np.concatenate([llh, vel_n], axis=1),
-        np.full(k, 1 + (settings.velocity_sd is not None), dtype=np.int64),
-        withheld,
+        np.concatenate([fixes.llh, fixes.vel_n], axis=1),
+        np.full(k, 1 + (plan.receiver.velocity_sd is not None), dtype=np.int64),
+        fixes.withheld,
         slot,
     )
 

@@ -170,18 +170,29 @@ def simulate(
         Called with (done, runs).
     """
     streams = np.random.default_rng(seed).spawn(runs)
-    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
-    perfect = Fixes(plan.times, plan.after, llh, vel_n, _assumed_sd(settings, plan.receiver, len(plan.times)))
-
-    given = perfect.without(plan.outages)
+    fixes = scenario_fixes(settings, plan)
     done: list[tuple[FloatArray, Solution]] = []
     blocks = [streams[first : first + WIDTH] for first in range(0, runs, WIDTH)]
     with ThreadPoolExecutor(max_workers=min(len(blocks), os.cpu_count() or 1)) as pool:
-        for block in pool.map(lambda own: _together(settings, sensor, plan, given, own), blocks):
+        for block in pool.map(lambda own: _together(settings, sensor, plan, fixes, own), blocks):
             done.extend(block)
             if progress is not None:
                 progress(len(done), runs)
     return gather(plan.times, done)
+
+
+def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
+    """Return the error-free fixes of a scenario with the sds that a filter assumes, those of outages withheld."""
+    llh, vel_n = perfect_fixes(plan.motion, plan.times, lever_arm=settings.lever_arm)
+    sd = np.tile(assumed_fix_sd(settings, plan.receiver), (len(plan.times), 1))
+    return Fixes(plan.times, plan.after, llh, vel_n, sd).without(plan.outages)
+
+
+def assumed_fix_sd(settings: FilterSettings, receiver: GnssNoise) -> FloatArray:
+    """Return the sds that a filter assumes of fixes, shape (6,): as configured, else as the receiver reports."""
+    position = settings.position_sd or receiver.position_sd
+    velocity = settings.velocity_sd or receiver.velocity_sd or (1.0, 1.0, 1.0)
+    return np.array([*position, *velocity])
 
 
 def gather(t: FloatArray, done: Sequence[tuple[FloatArray, Solution]]) -> Runs:
@@ -247,10 +258,3 @@ def _with_errors(perfect: Fixes, receiver: GnssNoise, rng: np.random.Generator) 
     errors = draw_fix_errors(receiver, len(perfect), interval, rng)
     llh, vel_n = llh_displaced(perfect.llh, errors.position), perfect.vel_n + errors.velocity
     return Fixes(perfect.t, perfect.after, llh, vel_n, perfect.sd, perfect.withheld)
-
-
-def _assumed_sd(settings: FilterSettings, receiver: GnssNoise, k: int) -> FloatArray:
-    """Return what the filter assumes of every fix; shape (k, 6)."""
-    position = settings.position_sd or receiver.position_sd
-    velocity = settings.velocity_sd or receiver.velocity_sd or (1.0, 1.0, 1.0)
-    return np.tile(np.array([*position, *velocity]), (k, 1))

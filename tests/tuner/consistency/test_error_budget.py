@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from tuner.navigation import engine
 from tuner.navigation.data import Fixes
 from tuner.navigation.settings import filter_settings
 from tuner.report.verdict_text import observability_text
-from tuner.simulation.monte_carlo import scenario
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
 
 
@@ -51,6 +53,22 @@ def test_sources_add_up_to_the_covariance_of_the_filter(budget, config, town):
     flown = engine.run(settings, town.start, town.steps, fixes)
     at = np.searchsorted(town.times, budget.t)
     np.testing.assert_allclose(np.einsum("kii->ki", flown.covariance[at]), sd**2, rtol=1e-5)
+
+
+@pytest.mark.parametrize("configured", [True, False])
+@pytest.mark.parametrize("measured", [True, False])
+def test_budget_uses_the_velocities_that_the_receiver_measures(config, configured, measured):
+    """The predicted sds of simulated filters along a town, whatever of receiver and filter has velocities."""
+    with_velocity = load_gnss("spp")
+    without = replace(with_velocity, velocity_sd=None)
+    settings = filter_settings(replace(config, gnss=with_velocity if configured else without))
+    plan = scenario(TRAJECTORIES["city"](300.0), with_velocity if measured else without, 0.02)
+    budget = error_budget(settings, plan)
+    runs = simulate(settings, sensor_of_config(config), plan, runs=4, seed=1)
+    rows = np.searchsorted(runs.t, budget.t[budget.aided])
+    own = np.diagonal(runs.covariance[:, rows], axis1=-2, axis2=-1).mean(axis=(0, 1), dtype=float)
+    linear = np.diagonal(budget.total[budget.aided], axis1=-2, axis2=-1).mean(axis=0)
+    np.testing.assert_allclose(np.sqrt(own), np.sqrt(linear), rtol=0.03)
 
 
 def test_shares_are_shares(budget):
