@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import MOVING, Alignment, align_once
-from tuner.navigation.drive.windows import legs
+from tuner.navigation.drive.mean_velocities import legs
 from tuner.types.records import DataError, Drive, Gnss
 
 FloatArray = NDArray[np.float64]

@@ -29,7 +29,7 @@ from scipy.stats import t as student
 
 from models.units import DEG, unit_value
 from tuner.navigation.drive.alignment import STANDING, velocities
-from tuner.navigation.drive.windows import WINDOW, Legs, legs, windows
+from tuner.navigation.drive.mean_velocities import WINDOW, Legs, legs, windows
 from tuner.types.records import DataError, Drive, Gnss
 
 FloatArray = NDArray[np.float64]

@@ -18,6 +18,7 @@ from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
 from tuner.navigation.drive.axis_checks import named_axes
 from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.mean_velocities import legs
 from tuner.navigation.drive.unit_checks import (
     factor,
     height_factor,
@@ -25,7 +26,6 @@ from tuner.navigation.drive.unit_checks import (
     refuse_wrong_units,
     velocity_factor,
 )
-from tuner.navigation.drive.windows import legs
 from tuner.readers.drive import read_drive
 from tuner.simulation.drive import simulate_drive
 from tuner.types.records import DataError, Gnss
