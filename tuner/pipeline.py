@@ -32,7 +32,7 @@ from tuner.simulation.static import demo
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import agreed, findings_for_config, settled_inflations
-from tuner.synthesis.from_drive import identification_of_drive, receiver_of, standing
+from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
 from tuner.types.progress import Progress, silent
@@ -283,7 +283,7 @@ def identify_and_diagnose(
         found = identify_source(inputs.source, terms=terms, latitude=latitude, progress=progress)
         return LogResult(found, None, {"diagnosis": NO_SAMPLES})
     assert inputs.drive is not None
-    found = identification_of_drive(inputs.drive, standing(inputs.drive))
+    found = identification_of_drive(inputs.drive, stationary_noise(inputs.drive))
     return LogResult(found, None, {"static diagnosis": NO_LOG})
 
 

@@ -34,17 +34,17 @@ from tuner.consistency.verdicts import verdicts
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
-from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, prepare
-from tuner.navigation.drive.unit_checks import likely_unit
+from tuner.navigation.drive.unit_checks import suspected_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
     Vehicle,
-    accounts,
-    constrained,
-    standing_noise,
-    told,
+    constraint_counts,
+    constraint_notes,
+    stationary_noise,
     turned_from,
+    with_constraints,
 )
 from tuner.navigation.settings import ACCELS, GYROS, FilterSettings, filter_settings
 from tuner.readers.drive import read_drive
@@ -155,7 +155,7 @@ def navigate_drive(
     as_reported = receiver_of(drive)
     config = config_for_drive(drive, config, gnss=gnss)
     drive = compensate(drive, config.compensation)
-    fixes, positions, velocities = without_outliers(drive.gnss)
+    fixes, positions, velocities = without_gross_outliers(drive.gnss)
     left_out = f"{positions} fixes and {velocities} velocities left out: they contradict their neighbours"
     if positions or velocities:
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
@@ -167,11 +167,11 @@ def navigate_drive(
     notes = (*notes, *_louder(stretches[0], config))
     contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
     if not vehicle.free:
-        stretches, more = constrained(
+        stretches, more = with_constraints(
             stretches, solutions, settings, vehicle, mounted=drive.mounting is not None and not contradicted
         )
         solutions = navigate(stretches, settings, np.zeros((0, 2)))
-        notes = (*notes, *more, *told(accounts(solutions), vehicle))
+        notes = (*notes, *more, *constraint_notes(constraint_counts(solutions), vehicle))
     scored = [settled(stretch, solution) for stretch, solution in zip(stretches, solutions, strict=True)]
     if not any(map(len, scored)):
         span = max(float(s.fixes.t[-1] - s.fixes.t[0]) for s in stretches)
@@ -208,7 +208,7 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
-    wrong = (likely_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
+    wrong = (suspected_unit(drive, drive.gnss) or inertial_axes(drive)) if found.diverged else contradicted
     if wrong:
         notes = (*notes, wrong)
     if drive.reference is None and found.blocks:
@@ -228,7 +228,7 @@ def navigate_drive(
 
 def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
     """Return a note where the sensors are louder than the configuration says, standing still, over a second."""
-    found = standing_noise(stretch.steps, stretch.alignment)
+    found = stationary_noise(stretch.steps, stretch.alignment)
     if found is None:
         return ()
     said = np.array([model.allan_variance(1.0) for model in sensor_of_config(config).noise])

@@ -34,7 +34,7 @@ from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types import FilterConfig
@@ -69,7 +69,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
         Where the drive cannot be aligned.
     """
     drive = compensate(drive, config.compensation)
-    gnss, wrong, _ = without_outliers(drive.gnss)
+    gnss, wrong, _ = without_gross_outliers(drive.gnss)
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
     settings, assumed = drive_filter(drive, config)
     if np.isfinite(gnss.position_sd).any() and settings.fix_sd_models is None:

@@ -37,9 +37,9 @@ from tuner.types.records import DataError, Drive, Gnss, Reference
 
 FloatArray = NDArray[np.float64]
 
-UNREADABLE = 0.01
-"""Share of unreadable rows from which a stream is refused."""
-DISORDERED = 0.10
+MAX_UNREADABLE_SHARE = 0.01
+"""Share of unreadable rows above which a stream is refused."""
+MAX_DISORDERED_SHARE = 0.10
 """Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
 FRAMES: Mapping[str, tuple[float, float, float]] = {
     "FRD": (0.0, 0.0, 0.0),
@@ -264,14 +264,14 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
         raise DataError(msg)
     good = np.isfinite(needed).all(axis=1)
     bad = int(np.count_nonzero(~good))
-    if bad > UNREADABLE * len(rows) or bad == len(rows):
+    if bad > MAX_UNREADABLE_SHARE * len(rows) or bad == len(rows):
         msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
         raise DataError(msg)
     if bad:
         said.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
     behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
-    if len(behind) > DISORDERED * len(rows):
+    if len(behind) > MAX_DISORDERED_SHARE * len(rows):
         msg = (
             f"{path}: {name}: time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of "
             f"{len(rows)} rows (a clock that was reset?): split the drive there"

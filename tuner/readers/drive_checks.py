@@ -18,22 +18,22 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-SLOWEST = 0.5
+MAX_SAMPLE_INTERVAL = 0.5
 """Longest interval of inertial samples that can be navigated with, s."""
-HIGHEST = 5e4
-"""Height beyond which no vehicle of ours is, m."""
-FASTEST = 350.0
-"""Speed beyond which no vehicle of ours is, m/s."""
-TURNING = 35.0
+MAX_HEIGHT = 5e4
+"""Height above which no land, sea or air vehicle of this project's users is, m."""
+MAX_SPEED = 350.0
+"""Speed above which no such vehicle is, m/s."""
+MAX_ANGULAR_RATE = 35.0
 """Angular rate that 99 % of the samples stay below, rad/s."""
 FORCE_UNITS = {"g": 1.0 / STANDARD_GRAVITY, "mg": 1.0 / MILLI_G, "ft/s²": 1.0 / FOOT}
 """How many make 1 m/s²."""
-GRAVITY = 0.1
-"""Share by which the median of the specific force may differ from that of gravity where its unit is named."""
-SOME = 0.01
-"""Share of impossible rows up to which they are outliers, and said; of more the drive is refused."""
-LEAP = 1e3
-"""Distance of fixes from which a speed between them is looked at, m."""
+GRAVITY_TOLERANCE = 0.1
+"""Relative difference between the median of the specific force and gravity within which a unit is named."""
+MAX_OUTLIER_SHARE = 0.01
+"""Share of impossible rows up to which they are outliers, and reported; with more the drive is refused."""
+MIN_CHECKED_DISTANCE = 1e3
+"""Distance of fixes from which the speed between them is checked, m."""
 
 
 def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
@@ -81,15 +81,15 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str])
 
 def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
     interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
-    if not interval <= SLOWEST:
+    if not interval <= MAX_SAMPLE_INTERVAL:
         msg = (
-            f"{path}: expected stamps of inertial samples in seconds, {SLOWEST:g} s apart at most, "
+            f"{path}: expected stamps of inertial samples in seconds, {MAX_SAMPLE_INTERVAL:g} s apart at most, "
             f"got {interval:.4g} in the median; check the unit of time"
         )
         raise DataError(msg)
     silent = np.all(imu[:, 4:7] == 0.0, axis=1)
     count, first = int(np.count_nonzero(silent)), int(np.argmax(silent))
-    if count > SOME * len(imu):
+    if count > MAX_OUTLIER_SHARE * len(imu):
         msg = (
             f"{path}: expected a specific force of about 9.8 m/s², got 0 on all axes in {count} of {len(imu)} samples, "
             f"first at {imu[first, 0]:.6g} s; leave lost samples out"
@@ -112,7 +112,7 @@ def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
             )
             raise DataError(msg)
     turn = float(np.percentile(np.abs(imu[:, 1:4]), 99.0))
-    if turn > TURNING:
+    if turn > MAX_ANGULAR_RATE:
         msg = f"{path}: expected angular rates in rad/s, got {turn:.4g} (99 % of samples are below); check the unit"
         raise DataError(msg)
 
@@ -120,7 +120,11 @@ def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
 def _force_unit(force: float, interval: float) -> str:
     """Return what to do about a specific force of another size than that of gravity."""
     units = {**FORCE_UNITS, f"m/s gained in {interval:.4g} s": interval}
-    likely = [unit for unit, many in units.items() if abs(force / (many * STANDARD_GRAVITY) - 1.0) < GRAVITY]
+    likely = [
+        unit
+        for unit, many in units.items()
+        if abs(force / (many * STANDARD_GRAVITY) - 1.0) < GRAVITY_TOLERANCE
+    ]
     return f"it looks to be in {' or '.join(likely)}: convert it to m/s²" if likely else "check the unit"
 
 
@@ -131,31 +135,35 @@ def _positions(path: Path, fixes: FloatArray, said: list[str]) -> None:
             "check unit and order"
         )
         raise DataError(msg)
-    if np.median(np.abs(fixes[:, 3])) > HIGHEST:
+    if np.median(np.abs(fixes[:, 3])) > MAX_HEIGHT:
         msg = f"{path}: expected heights in m, got {np.median(np.abs(fixes[:, 3])):.5g} in the median; check the unit"
         raise DataError(msg)
     apart = np.linalg.norm(_steps(fixes), axis=1)
-    speed = np.where(apart > LEAP, apart / np.diff(fixes[:, 0]), 0.0)
+    speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(fixes[:, 0]), 0.0)
     # A fix that is far off makes two such steps.
-    _possible(path, fixes[1:, 0], speed, "positions that ask for", 2.0 * SOME, "degrees and s", said)
+    _possible(
+        path, fixes[1:, 0], speed, "positions that ask for", 2.0 * MAX_OUTLIER_SHARE, "degrees and s", said
+    )
 
 
 def _velocities(path: Path, fixes: FloatArray, said: list[str]) -> None:
     speed = np.nan_to_num(np.linalg.norm(fixes[:, 4:7], axis=1))
-    _possible(path, fixes[:, 0], speed, "velocities of", SOME, "m/s", said)
+    _possible(path, fixes[:, 0], speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", said)
 
 
 def _possible(
     path: Path, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, said: list[str]
 ) -> None:
     """Refuse speeds that are impossible too often, say of a few where the first one is."""
-    wrong = speed > FASTEST
+    wrong = speed > MAX_SPEED
     count, first = int(np.count_nonzero(wrong)), int(np.argmax(wrong))
     if not count:
         return
     told = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
     if count > share * len(speed):
-        msg = f"{path}: expected a vehicle slower than {FASTEST:g} m/s, got {told}; check the units ({unit})"
+        msg = (
+            f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {told}; check the units ({unit})"
+        )
         raise DataError(msg)
     said.append(f"{told}: no vehicle does that, they are outliers")
 

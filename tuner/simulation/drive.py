@@ -1,6 +1,6 @@
 """Simulated drives of a sensor along a trajectory, and effects hidden in simulated or measured drives.
 
-A perfect unit and a perfect receiver ride on the trajectory; the noise of the sensor, turn-on constants and
+A perfect unit and a perfect receiver follow the trajectory; the noise of the sensor, turn-on constants and
 the errors of the receiver are added, then the effects, in the order of their stages
 (`models.effects.drive`). Each purpose draws from a stream of its own, spawned from the seed.
 """
@@ -103,7 +103,7 @@ def simulate_drive(
     constant = {axis: c.bias_sd * float(biases.standard_normal()) for axis, c in channels.items()}
     errors, white = sample_noise(channels, constant, len(perfect), 1.0 / rate, noise)
     t, course = np.arange(len(perfect)) / rate, _true_course(motion)
-    errors, white = _at_rest(
+    errors, white = _with_static_effects(
         Samples(t, perfect + errors, 1.0 / rate, np.full(len(t), UNIT_TEMPERATURE), white),
         perfect,
         at_rest,
@@ -113,8 +113,8 @@ def simulate_drive(
     samples = DriveSamples(
         t, perfect + errors, at, llh, vel, sd[:, :3], sd[:, 3:], course, lever_arm, None, errors, white
     )
-    samples = _erring(samples, receiver, fixes)
-    changed, told = _hidden(samples, hidden, effects)
+    samples = _with_receiver_errors(samples, receiver, fixes)
+    changed, told = _with_hidden_effects(samples, hidden, effects)
     drive = Drive(
         f"{name}-{motion.name}",
         t,
@@ -183,11 +183,11 @@ def hide_in_drive(
         drive.imu_t, drive.rates, gnss.t, gnss.llh, gnss.vel_n, gnss.position_sd, gnss.velocity_sd, course,
         drive.lever_arm or (0.0, 0.0, 0.0), drive.mounting,
     )  # fmt: skip
-    changed, told = _hidden(samples, hidden, np.random.default_rng(seed))
+    changed, told = _with_hidden_effects(samples, hidden, np.random.default_rng(seed))
     return replace(drive, rates=changed.rates, gnss=_gnss(changed)), told
 
 
-def _at_rest(
+def _with_static_effects(
     block: Samples, perfect: FloatArray, effects: Sequence[Hidden], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return the errors of the unit, and their white part, with effects in them that a static log shows, too."""
@@ -215,13 +215,15 @@ def _fixes(
     return t, llh, vel, reported_sd(receiver, len(t))
 
 
-def _erring(samples: DriveSamples, receiver: GnssNoise, rng: np.random.Generator) -> DriveSamples:
+def _with_receiver_errors(
+    samples: DriveSamples, receiver: GnssNoise, rng: np.random.Generator
+) -> DriveSamples:
     """Add the errors of the receiver to perfect fixes."""
     errors = draw_fix_errors(receiver, len(samples.fix_t), receiver.interval, rng)
     return replace(samples.moved(errors.position, errors.velocity), fix_white=errors.white)
 
 
-def _hidden(
+def _with_hidden_effects(
     samples: DriveSamples, hidden: Sequence[str | DriveEffect], rng: np.random.Generator
 ) -> tuple[DriveSamples, list[dict[str, Any]]]:
     draws, rest = rng.spawn(2)

@@ -1,9 +1,10 @@
-"""The inertial unit of a drive, from the drive itself: its noise while the vehicle stands, the spectrum while it moves.
+"""Noise of an inertial unit from a drive alone: white noise at rest, vibration in motion, bias terms of a similar unit.
 
-A second counts as standing where the fixes say so and both triads are about as calm as in the calmer of those
-seconds. There the Allan deviation at `TAU` gives the white noise, N = σ(τ) √τ, at least that of rounding; of slower
-noise a drive says too little, so that the built-in grade with the nearest white noise lends its bias terms. Vibration
-is the density above `BAND`, where no vehicle manoeuvres, moving against standing.
+A second counts as stationary where the fixes show so and both triads are about as calm as in the calmer of those
+seconds. There the Allan deviation at `ALLAN_TAU` gives the white noise, N = σ(τ) √τ, at least that of quantization; of
+slower noise a drive contains too little, so that bias terms are those of the built-in grade with the nearest white
+noise. Vibration is the ratio of the densities above `MIN_VIBRATION_FREQUENCY`, where no vehicle manoeuvres, in motion
+and at rest.
 """
 
 from __future__ import annotations
@@ -33,36 +34,36 @@ from tuner.types.records import Drive
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-TAU = 0.25
-"""Cluster time that the white noise is read at, s."""
-FEWEST = 5.0
-"""Standing time from which noise is read, s."""
-SLOW = 0.3
-"""Speed below which a vehicle stands, m/s."""
-CALM = 2.0
+ALLAN_TAU = 0.25
+"""Cluster time at which the white noise is read, s."""
+MIN_STATIONARY = 5.0
+"""Stationary time from which noise is read, s."""
+STATIONARY_SPEED = 0.3
+"""Speed below which a vehicle is stationary, m/s."""
+MAX_CALM_VARIANCE_RATIO = 2.0
 """Variance of a second over that of the calmer quarter, geometric mean over a triad, up to which it counts."""
-FAR = 4.0
-"""Time between positions that stand for a speed, in units of their scatter ÷ `SLOW`."""
-BAND = 5.0
+MIN_DISTANCE_SCATTERS = 4.0
+"""Time between positions that give a speed, in units of their scatter ÷ `STATIONARY_SPEED`."""
+MIN_VIBRATION_FREQUENCY = 5.0
 """Frequency above which no vehicle manoeuvres, Hz."""
-CONSERVATIVE = "mpu9250"
+UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
 SENSORS = ("gyro", "accel")
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What the standing parts of a drive say of its unit.
+class StationaryNoise:
+    """Noise of a unit in the stationary parts of a drive.
 
     Attributes
     ----------
     seconds : float
-        Standing time.
+        Stationary time.
     white : mapping of str to float
         White density of ``gyro`` (rad/s/√Hz) and ``accel`` (m/s²/√Hz), root mean square over the axes; empty where
-        the drive stands too briefly.
+        the drive is stationary too briefly.
     vibration : mapping of str to float
-        Density above `BAND` while moving ÷ while standing, by sensor; empty where it cannot be told.
+        Density above `MIN_VIBRATION_FREQUENCY` in motion ÷ at rest, by sensor; empty where it cannot be determined.
     """
 
     seconds: float
@@ -71,47 +72,47 @@ class Standing:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the white densities: differences of clusters of `TAU` on three axes."""
-        return 2.0 * self.seconds / TAU
+        """Degrees of freedom of the white densities: differences of clusters of `ALLAN_TAU` on three axes."""
+        return 2.0 * self.seconds / ALLAN_TAU
 
 
-def standing(drive: Drive) -> Standing:
-    """Return what the unit of a drive does at rest and in motion."""
+def stationary_noise(drive: Drive) -> StationaryNoise:
+    """Return the noise of the unit of a drive at rest and in motion."""
     dt = float(np.median(np.diff(drive.imu_t)))
     size = max(4, round(1.0 / dt))
     count = len(drive.rates) // size
     blocks = drive.rates[: count * size].reshape(count, size, 6)
     t = drive.imu_t[: count * size].reshape(count, size)
     whole = t[:, -1] - t[:, 0] < 1.5 * size * dt
-    slow = whole & (_speed(drive, t.mean(axis=1)) < SLOW)
-    step = np.repeat([_step(drive.rates[:, :3]), _step(drive.rates[:, 3:])], 3)
+    slow = whole & (_speed(drive, t.mean(axis=1)) < STATIONARY_SPEED)
+    step = np.repeat([_quantizer_step(drive.rates[:, :3]), _quantizer_step(drive.rates[:, 3:])], 3)
     still = slow & _calm(blocks, slow, step**2 / 12.0)
     seconds = float(np.count_nonzero(still) * size * dt)
-    if seconds < FEWEST:
-        return Standing(seconds, {}, {})
-    variance = _allan(blocks[still], max(1, round(TAU / dt)))
-    white = np.sqrt(np.maximum(variance * max(1, round(TAU / dt)), step**2 / 12.0) * dt)
+    if seconds < MIN_STATIONARY:
+        return StationaryNoise(seconds, {}, {})
+    variance = _allan(blocks[still], max(1, round(ALLAN_TAU / dt)))
+    white = np.sqrt(np.maximum(variance * max(1, round(ALLAN_TAU / dt)), step**2 / 12.0) * dt)
     density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSORS)}
     vibration = _vibration(blocks, still, whole & ~slow, dt, step**2 / 12.0)
-    return Standing(seconds, density, vibration)
+    return StationaryNoise(seconds, density, vibration)
 
 
-def identification_of_drive(drive: Drive, found: Standing) -> Identification:
+def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identification:
     """Return the noise of a unit of which nothing is known beforehand; its first note gives the reasons.
 
     Parameters
     ----------
     drive : Drive
         The drive.
-    found : Standing
-        What its standing parts say.
+    found : StationaryNoise
+        Noise in its stationary parts.
     """
     if not found.white:
         why = (
             f"nothing is known of the unit, and the drive stands for {found.seconds:.0f} s only: it is taken for "
-            f"{CONSERVATIVE}, a noisy one, so that the filter trusts it too little rather than too much"
+            f"{UNKNOWN_UNIT_GRADE}, a noisy one, so that the filter trusts it too little rather than too much"
         )
-        grade = grade_identification(load_grade(CONSERVATIVE))
+        grade = grade_identification(load_grade(UNKNOWN_UNIT_GRADE))
         return replace(grade, source={**grade.source, "name": drive.name}, notes=(why,))
     name = nearest_grade(found.white)
     grade = grade_identification(load_grade(name))
@@ -131,7 +132,7 @@ def identification_of_drive(drive: Drive, found: Standing) -> Identification:
     return replace(grade, source={**grade.source, "name": drive.name}, channels=channels, notes=(why,))
 
 
-def config_of_drive(drive: Drive, found: Standing, *, gnss: GnssNoise | None = None) -> FilterConfig:
+def config_of_drive(drive: Drive, found: StationaryNoise, *, gnss: GnssNoise | None = None) -> FilterConfig:
     """Return a configuration from a drive alone; `gnss` is for fixes that report no standard deviations."""
     return synthesize(identification_of_drive(drive, found), name=drive.name, gnss=gnss or receiver_of(drive))
 
@@ -157,10 +158,10 @@ def config_for_drive(
 
 
 def receiver_of(drive: Drive) -> GnssNoise:
-    """Return what is supposed of a receiver that nobody names.
+    """Return the noise that is assumed of a receiver nobody names.
 
-    What its fixes report is believed, the median as typical, and then nothing is supposed of a correlated part: an RTK
-    receiver has none of that of a single one.
+    The median of the reported sds is its typical sd, and then no correlated part is assumed: an RTK receiver has none
+    of that of a single-point one.
     """
     single, fixes = load_gnss(DEFAULT_RECEIVER), drive.gnss
     position, velocity = _typical(fixes.position_sd), _typical(fixes.velocity_sd)
@@ -204,7 +205,7 @@ def nearest_grade(white: Mapping[str, float]) -> str:
 def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     """Return the speed of the fixes at times, m/s; where they have no velocities, from positions some time apart.
 
-    These are so far apart that their scatter s, from second differences, makes √2 s/T ≪ `SLOW`.
+    These are so far apart that their scatter s, from second differences, makes √2 s/T ≪ `STATIONARY_SPEED`.
     """
     gnss = drive.gnss
     speed = np.linalg.norm(gnss.vel_n, axis=1)
@@ -214,7 +215,7 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     metres = ned_between(gnss.llh, gnss.llh[:1])[:, :2]
     bends = np.abs(metres[2:] - 2.0 * metres[1:-1] + metres[:-2])
     scatter = float(np.median(bends)) / (NORMAL_MAD * np.sqrt(6.0)) if len(bends) else 0.0
-    apart = max(2.0, FAR * scatter / SLOW)
+    apart = max(2.0, MIN_DISTANCE_SCATTERS * scatter / STATIONARY_SPEED)
     begin = np.clip(gnss.t - 0.5 * apart, gnss.t[0], max(gnss.t[0], gnss.t[-1] - apart))
     first = np.searchsorted(gnss.t, begin)
     last = np.minimum(np.searchsorted(gnss.t, begin + apart), len(gnss) - 1)
@@ -225,21 +226,21 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     return np.asarray(np.interp(t, gnss.t, speed, left=np.inf, right=np.inf))
 
 
-def _step(samples: FloatArray) -> float:
-    """Return the step of the lattice that the samples of a triad lie on, the coarsest of its axes."""
+def _quantizer_step(samples: FloatArray) -> float:
+    """Return the quantization step of the samples of a triad, the coarsest of its axes."""
     levels = [np.unique(column) for column in samples.T]
     return max((float(np.min(np.diff(one))) for one in levels if len(one) > 1), default=0.0)
 
 
 def _calm(blocks: FloatArray, slow: BoolArray, least: FloatArray) -> BoolArray:
-    """Return which blocks are about as calm as the calmer quarter of the slow ones; `least` is rounding's variance."""
+    """Return which blocks are as calm as the calmer quarter of slow ones; `least` is the quantization variance."""
     if not slow.any():
         return slow
     least = np.maximum(least, 1e-30)
     variance = np.maximum(blocks.var(axis=1), least)
     usual = np.quantile(variance[slow], 0.25, axis=0)
     ratio = np.log(variance / usual).reshape(-1, 2, 3).mean(axis=2).max(axis=1)
-    return np.asarray(ratio < np.log(CALM))
+    return np.asarray(ratio < np.log(MAX_CALM_VARIANCE_RATIO))
 
 
 def _allan(blocks: FloatArray, m: int) -> FloatArray:
@@ -252,8 +253,8 @@ def _allan(blocks: FloatArray, m: int) -> FloatArray:
 def _vibration(
     blocks: FloatArray, still: BoolArray, moving: BoolArray, dt: float, least: FloatArray
 ) -> dict[str, float]:
-    """Return the root of the density above `BAND`, moving ÷ standing, by sensor."""
-    high = rfftfreq(blocks.shape[1], dt) >= BAND
+    """Return the root of the density above `MIN_VIBRATION_FREQUENCY`, moving ÷ standing, by sensor."""
+    high = rfftfreq(blocks.shape[1], dt) >= MIN_VIBRATION_FREQUENCY
     if np.count_nonzero(high) < 4 or not moving.any():
         return {}
     window = np.hanning(blocks.shape[1])[:, None]

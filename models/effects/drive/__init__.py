@@ -81,7 +81,7 @@ EFFECTS.extend(
 
 
 def parse(written: str) -> DriveEffect:
-    """Read an effect such as ``time_offset:delay=0.05`` (see `models.effects.parsing`)."""
+    """Read an effect from text such as ``time_offset:delay=0.05`` (see `models.effects.parsing`)."""
     return text.parse(written, EFFECTS)
 
 

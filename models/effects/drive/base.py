@@ -1,7 +1,7 @@
-"""What an effect on a drive is: a map from a drive to a drive.
+"""Base of the effects that a drive can hide: each is a map from a drive to a drive.
 
 The unit measures rates (ω, f) = true + errors, the receiver fixes = truth + errors, as in `models.imu_errors`
-and `models.measurements`. An effect acts at one stage: on what is felt, on the axes of the unit, on its noise and
+and `models.measurements`. An effect acts at one stage: on the true rates, on the axes of the unit, on its noise and
 biases, on the antenna, on the errors of the receiver, on its frame, on its stamps. In a simulated drive the
 errors are known, so that a factor applies to the truth alone; in a measured one it applies to what was
 measured, and noise can only be added.

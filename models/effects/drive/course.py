@@ -1,7 +1,7 @@
-"""The course of a drive between its samples: where the antenna is, how fast, and how the unit lies.
+"""True course of a drive between its samples: position and velocity of the antenna, attitude of the unit.
 
 Position is a cubic Hermite spline through positions and velocities, velocity a cubic spline, attitude the
-shortest turn between two samples. With the lever arm l in b, u = C l::
+shortest rotation between two samples. With the lever arm l in b, u = C l::
 
     antenna = llh ⊕ u          v_antenna = v + u' + ω_en × u
 
@@ -22,7 +22,7 @@ from models.earth import llh_displaced, metres_per_radian, transport_rate
 
 FloatArray = NDArray[np.float64]
 
-STANDSTILL = 0.5
+MIN_SPEED = 0.5
 """Speed below which the direction of travel is that of the last motion, m/s."""
 
 
@@ -97,7 +97,7 @@ def course_of_fixes(t: ArrayLike, llh: ArrayLike, vel_n: ArrayLike) -> Course:
     metres = (llh - llh[0]) * metres_per_radian(llh[0])
     vel = np.where(np.isfinite(vel_n), vel_n, np.gradient(metres, t, axis=0))
     level = np.hypot(vel[:, 0], vel[:, 1])
-    moving = level >= STANDSTILL
+    moving = level >= MIN_SPEED
     last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), int(np.argmax(moving))))
     yaw = np.arctan2(vel[:, 1], vel[:, 0])[last]
     pitch = np.arctan2(-vel[:, 2], level)[last]

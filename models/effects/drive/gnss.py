@@ -45,7 +45,7 @@ from models.effects.static.base import (
     sign,
 )
 
-LARGEST = 0.95
+MAX_FRACTION = 0.95
 """Largest share of fixes that may be wrong."""
 SD_MODEL_PARAMETER = re.compile(
     r"(position|velocity)_((horizontal|vertical)(_class_\d+)?|edge_[1-9]\d*|exponent|typical)"
@@ -55,7 +55,7 @@ SD_MODEL_PARAMETER = re.compile(
 
 @dataclass(frozen=True)
 class LeverArm(DriveEffect):
-    """The antenna is not where it is believed to be.
+    """An antenna away from its stated place.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class VelocityLag(DriveEffect):
 
 @dataclass(frozen=True)
 class GnssNoiseScale(DriveEffect):
-    """Fixes that are not as good as the receiver says.
+    """Fixes whose errors differ from the reported sds by factors.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ class GnssNoiseScale(DriveEffect):
 
 @dataclass(frozen=True)
 class CorrelatedGnss(DriveEffect):
-    """Position errors that stay for a while.
+    """Position errors that are correlated in time.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class GnssOutliers(DriveEffect):
     Attributes
     ----------
     fraction : float
-        Share of the fixes, at most `LARGEST`.
+        Share of the fixes, at most `MAX_FRACTION`.
     size : float
         Length of the error, in reported sds.
     run : int
@@ -240,7 +240,7 @@ class GnssOutliers(DriveEffect):
     run: int = 1
 
     def __post_init__(self) -> None:
-        require_between(0.0, LARGEST, fraction=self.fraction)
+        require_between(0.0, MAX_FRACTION, fraction=self.fraction)
         require_not_negative(size=self.size)
         require_positive(run=self.run)
 
@@ -268,7 +268,7 @@ class GnssVelocity(DriveEffect):
     Attributes
     ----------
     fraction : float
-        Share of the fixes, at most `LARGEST`.
+        Share of the fixes, at most `MAX_FRACTION`.
     rms : float
         Root mean square length of the error of such a fix, m/s.
     """
@@ -279,7 +279,7 @@ class GnssVelocity(DriveEffect):
     rms: float
 
     def __post_init__(self) -> None:
-        require_between(0.0, LARGEST, fraction=self.fraction)
+        require_between(0.0, MAX_FRACTION, fraction=self.fraction)
         require_not_negative(rms=self.rms)
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:

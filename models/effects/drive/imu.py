@@ -1,11 +1,11 @@
-"""Effects of the inertial unit on a drive, and of what it feels.
+"""Effects of the inertial unit on a drive, and of gravity.
 
 ::
 
     gravity            f − Cᵀ e_D offset
     mounting           R (ω, f)                     R = Rz(yaw) Ry(pitch) Rx(roll)
     gyro_scale         (I + diag(x, y, z)) ω        accel_scale the same of f
-    misalignment       R ω: the gyros are turned against the accelerometers
+    misalignment       R ω: the gyros are rotated against the accelerometers
     g_sensitivity      ω + G f                      rows of G: xx xy xz, yx yy yz, zx zy zz
     imu_noise_scale    white noise · ratio (true ÷ assumed density)
     bias_jump          (x, y, z) from `time` on, in the gyros or the accelerometers
@@ -100,7 +100,7 @@ class Turn(DriveEffect):
 
 @dataclass(frozen=True)
 class Mounting(Turn):
-    """The unit is turned in the vehicle by angles nobody knows."""
+    """A unit mounted in the vehicle at unknown angles."""
 
     name: ClassVar[str] = "mounting"
     stage: ClassVar[int] = MOUNT

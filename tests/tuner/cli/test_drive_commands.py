@@ -20,7 +20,7 @@ from tuner.formats.logs import write_drive
 from tuner.readers.source_kind import is_drive
 from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.simulation.drive import simulate_drive
-from tuner.synthesis.from_drive import CONSERVATIVE, config_of_drive, nearest_grade, standing
+from tuner.synthesis.from_drive import UNKNOWN_UNIT_GRADE, config_of_drive, nearest_grade, stationary_noise
 from tuner.types import (
     AppliedNoiseScale,
     Coefficient,
@@ -160,7 +160,7 @@ def test_a_drive_is_distinguished_from_a_log(tmp_path, file):
 
 
 def test_white_noise_is_read_where_the_vehicle_stands(drive):
-    at_rest = standing(drive)
+    at_rest = stationary_noise(drive)
     grade = load_grade("mpu9250")
     # The city stops at lights: 20 s and more, 2 · 20 / 0.25 degrees of freedom, 6 % of sd: four of them.
     assert at_rest.seconds > 20.0
@@ -177,7 +177,7 @@ def test_white_noise_is_read_where_the_vehicle_stands(drive):
 
 def test_without_velocities_positions_tell_where_the_vehicle_stands(drive):
     blind = replace(drive, gnss=replace(drive.gnss, vel_n=np.full_like(drive.gnss.vel_n, np.nan)))
-    with_velocities, without = standing(drive), standing(blind)
+    with_velocities, without = stationary_noise(drive), stationary_noise(blind)
     # Stops shorter than the positions have to be apart are not seen.
     assert 0.25 * with_velocities.seconds < without.seconds <= 1.1 * with_velocities.seconds
     for sensor, white in with_velocities.white.items():
@@ -191,22 +191,24 @@ def test_vibration_of_the_moving_unit_is_seen(drive):
     shaken = drive.rates.copy()
     shaken[moving, :3] += 3.0 * sd * rng.standard_normal((np.count_nonzero(moving), 3))
     # White noise of 3 times the sensor's own at 25 Hz: √(1 + 9) in all.
-    assert standing(replace(drive, rates=shaken)).vibration["gyro"] == pytest.approx(10.0**0.5, rel=0.15)
+    assert stationary_noise(replace(drive, rates=shaken)).vibration["gyro"] == pytest.approx(
+        10.0**0.5, rel=0.15
+    )
 
 
 def test_a_unit_that_never_stands_is_taken_for_a_noisy_one(drive):
     fast = replace(drive, gnss=replace(drive.gnss, vel_n=drive.gnss.vel_n + 20.0))
-    found = standing(fast)
+    found = stationary_noise(fast)
     assert not found.white
     config = config_of_drive(fast, found)
-    assert CONSERVATIVE in config.notes[0]
+    assert UNKNOWN_UNIT_GRADE in config.notes[0]
 
 
 def test_a_coarse_quantizer_sets_the_least_noise(drive):
     step = 0.05
     coarse = replace(drive, rates=np.hstack([np.round(drive.rates[:, :3] / step) * step, drive.rates[:, 3:]]))
     rounding = step / np.sqrt(12.0) * np.sqrt(1.0 / 25.0)
-    assert standing(coarse).white["gyro"] >= 0.99 * rounding
+    assert stationary_noise(coarse).white["gyro"] >= 0.99 * rounding
 
 
 def test_noise_scales_are_put_in_words():

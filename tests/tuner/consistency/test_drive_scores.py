@@ -18,10 +18,10 @@ from tuner.cli import run
 from tuner.consistency.drive import drive_filter, navigate_drive
 from tuner.consistency.drive_scores import differences, errors
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.alignment import align, receiver_lag, standing_until
-from tuner.navigation.drive.gross_outliers import without_outliers
+from tuner.navigation.drive.alignment import align, stationary_until, velocity_lag_of
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import initial_state, navigate, prepare
-from tuner.navigation.drive.vehicle_constraints import Vehicle, accounts, forward_axes
+from tuner.navigation.drive.vehicle_constraints import Vehicle, constraint_counts, forward_axes
 from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import receiver_of
@@ -69,7 +69,7 @@ def test_clock_offset_and_biases_are_found(result):
 def test_constraints_help_through_outages_and_are_counted(configuration, file, result):
     drive = read_drive(file)
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(0.1, 0.05))
-    counted = accounts(found.solutions)
+    counted = constraint_counts(found.solutions)
     assert counted["non-holonomic"].used > 50
     assert counted["zero velocity"].used > 20
     assert all(one.ratio < 1.5 for one in counted.values())
@@ -82,7 +82,7 @@ def test_constraints_help_through_outages_and_are_counted(configuration, file, r
     (_, (pitch, _), (yaw, _)) = found.estimates["mounting"]
     assert np.abs([pitch, yaw]).max() < np.radians(1.0)
     assert any("refused by the gate" in note for note in found.notes)
-    assert accounts(result.solutions) == {}
+    assert constraint_counts(result.solutions) == {}
 
 
 def test_sensors_noisier_than_configured_are_reported(configuration, file):
@@ -122,7 +122,7 @@ def test_vehicle_that_never_stood_is_not_said_to_stand(configuration, saved, dat
         moving[name] = data[name][late]
     drive = read_drive(saved(tmp_path / "moving.npz", moving, **PLACED))
     found = navigate_drive(drive, configuration(), vehicle=Vehicle(None, 0.05))
-    assert accounts(found.solutions) == {}
+    assert constraint_counts(found.solutions) == {}
     assert any("never" in note for note in found.notes)
 
 
@@ -220,21 +220,21 @@ def test_fixes_that_contradict_their_neighbours_are_left_out():
     vel = vel + 0.1 * rng.standard_normal(vel.shape)
     sd = np.ones_like(llh)
     clean = Gnss(t, llh, vel, sd, sd)
-    assert without_outliers(clean)[1:] == (0, 0)
+    assert without_gross_outliers(clean)[1:] == (0, 0)
     bad, lost = llh.copy(), vel.copy()
     bad[50:900:23, 0] += 40.0 / 6.37e6
     lost[60:900:31] += [10.0, -5.0, 0.0]
-    kept, positions, velocities = without_outliers(Gnss(t, bad, lost, sd, sd))
+    kept, positions, velocities = without_gross_outliers(Gnss(t, bad, lost, sd, sd))
     assert positions == len(range(50, 900, 23))
     assert 24 <= velocities <= len(range(60, 900, 31))  # in hard turns neighbours scatter, too
     assert not set(t[50:900:23].tolist()) & set(kept.t.tolist())
     sparse = Gnss(t[::10], bad[::10], vel[::10], sd[::10], sd[::10])
-    assert without_outliers(sparse)[1:] == (0, 0)  # too few neighbours to judge: the gate's business
+    assert without_gross_outliers(sparse)[1:] == (0, 0)  # too few neighbours to judge: the gate's business
     for i in (0, 1, 40, len(sparse) - 1):
         far = sparse.llh.copy()
         far[i, 0] += np.radians(1.0)
         for velocities in (sparse.vel_n, np.full_like(far, np.nan)):
-            kept, positions, _ = without_outliers(
+            kept, positions, _ = without_gross_outliers(
                 Gnss(sparse.t, far, velocities, sparse.position_sd, sparse.velocity_sd)
             )
             assert positions == 1
@@ -265,11 +265,11 @@ def test_diverging_filter_is_reported(saved, data, tmp_path, capsys):
 
 def test_standing_and_lag(saved, data, tmp_path):
     drive = read_drive(saved(tmp_path / "a.npz", data))
-    assert standing_until(drive.gnss) == pytest.approx(STILL + 4.0, abs=4.0)
-    assert receiver_lag(drive.gnss) == 0.0
+    assert stationary_until(drive.gnss) == pytest.approx(STILL + 4.0, abs=4.0)
+    assert velocity_lag_of(drive.gnss) == 0.0
     late = np.stack([np.interp(drive.gnss.t - 0.3, drive.gnss.t, v) for v in drive.gnss.vel_n.T], axis=-1)
     dense = replace(drive.gnss, vel_n=late)
-    assert receiver_lag(dense) == pytest.approx(0.3, abs=0.15)
+    assert velocity_lag_of(dense) == pytest.approx(0.3, abs=0.15)
 
 
 def test_alignment_needs_motion(data):

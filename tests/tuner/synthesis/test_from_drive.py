@@ -7,12 +7,12 @@ import pytest
 
 from tuner.catalogue.grades import load_grade
 from tuner.synthesis.from_drive import (
-    CONSERVATIVE,
-    TAU,
+    ALLAN_TAU,
+    UNKNOWN_UNIT_GRADE,
     identification_of_drive,
     nearest_grade,
     receiver_of,
-    standing,
+    stationary_noise,
 )
 from tuner.types.records import Drive, Gnss
 
@@ -48,7 +48,7 @@ def drive(
 
 def test_white_noise_is_the_root_mean_square_of_the_axes():
     """N = σ(τ) √τ: with τ = 0.25 s and 120 s each axis has at least 240 degrees of freedom, 4.6 %: five of them."""
-    found = standing(drive())
+    found = stationary_noise(drive())
     assert found.seconds == pytest.approx(STOOD, abs=0.03 * STOOD)
     for sensor, axes in (("gyro", DENSITY[:3]), ("accel", DENSITY[3:])):
         assert found.white[sensor] == pytest.approx(np.sqrt(np.mean(axes**2)), rel=0.23)
@@ -56,12 +56,12 @@ def test_white_noise_is_the_root_mean_square_of_the_axes():
 
 def test_interval_of_the_white_noise_is_that_of_its_degrees_of_freedom():
     """The relative sd of a root of a variance with ν degrees of freedom is 1/√(2ν), ν = 2 T/τ for three axes."""
-    found = standing(drive())
+    found = stationary_noise(drive())
     (white,) = [
         t for t in identification_of_drive(drive(), found).channels["gyro_y"].terms if t.name == "white"
     ]
     density = white.coefficients["density"]
-    share = 1.96 / np.sqrt(4.0 * found.seconds / TAU)
+    share = 1.96 / np.sqrt(4.0 * found.seconds / ALLAN_TAU)
     assert density.value == found.white["gyro"]
     assert density.interval == pytest.approx((density.value * (1.0 - share), density.value * (1.0 + share)))
 
@@ -69,30 +69,30 @@ def test_interval_of_the_white_noise_is_that_of_its_degrees_of_freedom():
 def test_noise_scales_with_the_samples():
     one = drive()
     ten = Drive(one.name, one.imu_t, 10.0 * one.rates, one.gnss, one.lever_arm, source=one.source)
-    for sensor, white in standing(one).white.items():
-        assert standing(ten).white[sensor] == pytest.approx(10.0 * white, rel=1e-9)
+    for sensor, white in stationary_noise(one).white.items():
+        assert stationary_noise(ten).white[sensor] == pytest.approx(10.0 * white, rel=1e-9)
 
 
 @pytest.mark.parametrize("shaken", [0.0, 3.0])
 def test_vibration_is_the_ratio_of_densities(shaken):
     """White noise k times as much besides: √(1 + k²); 60 s of some 20 frequencies on three axes, 1 %: five of them."""
-    found = standing(drive(shaken=shaken))
+    found = stationary_noise(drive(shaken=shaken))
     for ratio in found.vibration.values():
         assert ratio == pytest.approx(np.sqrt(1.0 + shaken**2), rel=0.05)
 
 
 def test_heights_do_not_count_where_positions_stand_for_a_speed():
     """Heights that scatter by 5 m, level positions that do not: the vehicle stands."""
-    found = standing(drive(velocities=False, vertical=5.0))
+    found = stationary_noise(drive(velocities=False, vertical=5.0))
     assert found.seconds == pytest.approx(STOOD, abs=0.05 * STOOD)
 
 
 def test_a_few_seconds_of_standing_tell_nothing():
     made = drive(stood=4.0)
-    found = standing(made)
+    found = stationary_noise(made)
     assert found.white == {}
     assert found.seconds < 5.0
-    assert CONSERVATIVE in identification_of_drive(made, found).notes[0]
+    assert UNKNOWN_UNIT_GRADE in identification_of_drive(made, found).notes[0]
 
 
 @pytest.mark.parametrize("name", ["mpu9250", "stim300", "adis16465"])

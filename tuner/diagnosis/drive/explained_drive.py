@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tuner.diagnosis.drive.diagnose import ExaminedDrive, examine_drive
 from tuner.diagnosis.drive.noise_scale_estimates import estimate_noise_scales
-from tuner.synthesis.from_drive import config_for_drive, config_of_drive, receiver_of, standing
+from tuner.synthesis.from_drive import config_for_drive, config_of_drive, receiver_of, stationary_noise
 from tuner.types import DriveDiagnosis, FilterConfig, GnssNoise
 from tuner.types.progress import Progress
 from tuner.types.records import Drive
@@ -20,7 +20,7 @@ def examine_and_explain(
     progress("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")
-    scales = estimate_noise_scales(examined, standing(drive).vibration)
+    scales = estimate_noise_scales(examined, stationary_noise(drive).vibration)
     return replace(examined, diagnosis=replace(examined.diagnosis, noise_scales=scales))
 
 
@@ -36,7 +36,7 @@ def diagnose_drive_of(
     if config is not None:
         chosen = config_for_drive(drive, config, gnss=gnss)
         return examine_and_explain(drive, chosen, wheels=wheels, progress=progress).diagnosis
-    chosen = config_of_drive(drive, standing(drive), gnss=gnss or receiver_of(drive))
+    chosen = config_of_drive(drive, stationary_noise(drive), gnss=gnss or receiver_of(drive))
     progress(chosen.notes[0])
     found = examine_and_explain(drive, chosen, wheels=wheels, progress=progress).diagnosis
     return replace(found, notes=(chosen.notes[0], *found.notes))

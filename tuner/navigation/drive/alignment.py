@@ -1,13 +1,13 @@
-"""Where a drive begins: attitude from gravity and from motion, gyro bias from standing still, clocks.
+"""Alignment of a drive: attitude from gravity and motion, gyro bias from standing still, clock offset of the fixes.
 
-Gravity gives the tilt, speed changes the heading, both at once: over windows of some seconds the specific
-force, turned by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity::
+Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
+rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity::
 
     α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
 
-The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of
-the clocks gives their offset. While the fixes stand still, the mean of the gyros less the rate of the Earth is
-their bias; where they hardly do, the windows tell it beside the attitude (`turning`).
+The attitude follows by singular values [2]_, for any mounting of the unit. The least misfit over a shift of the clocks
+gives their offset. While the fixes stand still, the mean of the gyros less the Earth rate is their bias; where they
+hardly do, the windows determine it beside the attitude (`alignment_in_motion`).
 
 References
 ----------
@@ -29,38 +29,45 @@ from scipy.optimize import minimize_scalar
 from models import rotation
 from models.earth import earth_rate, gravity, metres_per_radian
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.alignment_in_motion import Biased, Turned, moved_biases, outlying, turned, wahba
+from tuner.navigation.drive.alignment_in_motion import (
+    BiasEstimate,
+    RotatedSteps,
+    biases_from_motion,
+    outlier_limit,
+    rotate_steps,
+    wahba,
+)
 from tuner.types.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
 
-STANDING = 0.3
-"""Speed below which a vehicle stands, m/s, if the receiver is no noisier."""
-MARGIN = 2.0
-"""Time cut from the end of a stand-still, s."""
-WINDOW = 2.0
+STATIONARY_SPEED = 0.3
+"""Speed below which a vehicle is stationary, m/s, if the receiver is no noisier."""
+STATIONARY_MARGIN = 2.0
+"""Time cut from the end of a stationary part, s: speeds lag behind the first motion."""
+WINDOW_DURATION = 2.0
 """Length of the windows, s."""
-SHORT_REST, REST, LONG_REST = 1.0, 2.0 * WINDOW, 30.0
-"""Time of standing from which it tells the biases of poor gyros somewhat, those of good ones, and of all alone, s."""
-MOVING = 60.0
-"""Time in motion that the alignment uses, s."""
-GOOD_HEADING, POOR_HEADING = math.radians(12.0), math.radians(60.0)
-"""Sd of the heading from which more motion is asked for, and from which there is none, rad."""
-ROCKING = 120.0
-"""Longest part of a stand-still that is used, s."""
-SEEN = math.radians(2.0)
-"""Turn by the biases of the gyros from which motion is asked for these, rad."""
-LONGEST_OFFSET = 3.0
-"""Clocks are searched to both sides of equality up to this, s."""
+MIN_STATIONARY_POOR_GYROS, MIN_STATIONARY, SUFFICIENT_STATIONARY = 1.0, 2.0 * WINDOW_DURATION, 30.0
+"""Stationary times, s, from which poor gyros' biases are estimated, good gyros' biases, and biases from rest alone."""
+FIRST_MOTION = 60.0
+"""Time in motion that the alignment uses first, s; doubled until the heading is good enough."""
+GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(12.0), math.radians(60.0)
+"""Sd of the heading above which more motion is used, and above which there is no heading, rad."""
+MAX_STATIONARY = 120.0
+"""Longest part of a stationary period that is used, s."""
+MIN_BIAS_ROTATION = math.radians(2.0)
+"""Rotation by the gyro biases from which they are estimated from motion, rad."""
+MAX_CLOCK_OFFSET = 3.0
+"""Largest clock offset that is searched, to both sides, s."""
 
 
-KNOWN = np.zeros(6)
+KNOWN_BIAS_SD = np.zeros(6)
 """Sds of biases that are known."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """The start of a drive.
+    """Attitude, biases and clock offset at the start of a drive.
 
     Attributes
     ----------
@@ -71,13 +78,13 @@ class Alignment:
     heading_sd, tilt_sd : float
         rad.
     gyro_bias : ndarray, shape (3,)
-        rad/s; zeros where the vehicle never stood.
+        rad/s; zeros where the vehicle was never stationary.
     delay : float
         Delay of the fixes, s: positive where their stamps are late.
     still : float
-        Time it stood before, s.
+        Time it was stationary before, s.
     accel_bias : ndarray, shape (3,)
-        What the specific force of the stand-still has too much against gravity, along itself, m/s².
+        Excess of the specific force at rest over gravity, along itself, m/s².
     """
 
     t: float
@@ -97,11 +104,11 @@ def velocities(gnss: Gnss) -> FloatArray:
     return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
 
 
-def receiver_lag(gnss: Gnss) -> float:
-    """Return how much later the receiver's velocities are than its positions, s; 0 where that is not clear.
+def velocity_lag_of(gnss: Gnss) -> float:
+    """Return how much later the receiver's velocities are than its positions, s; 0 where that is not significant.
 
-    Differences of positions are compared with shifted velocities; the shift counts where it takes a quarter
-    of the misfit away.
+    Differences of positions are compared with shifted velocities; the shift counts where it removes a quarter of the
+    misfit.
     """
     if not np.isfinite(gnss.vel_n).all() or len(gnss) < 50:
         return 0.0
@@ -114,7 +121,7 @@ def receiver_lag(gnss: Gnss) -> float:
     def misfit(lag: float) -> float:
         shifted = np.stack([np.interp(middle + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
         off = np.sum((slope - shifted)[:, :2] ** 2, axis=1)
-        return float(np.mean(np.minimum(off, outlying(off))))
+        return float(np.mean(np.minimum(off, outlier_limit(off))))
 
     lags = np.arange(-0.5, 0.501, 0.02)
     values = np.array([misfit(float(lag)) for lag in lags])
@@ -125,23 +132,23 @@ def receiver_lag(gnss: Gnss) -> float:
     return float(minimize_scalar(misfit, bounds=(lags[best - 1], lags[best + 1]), method="bounded").x)
 
 
-def standing_until(gnss: Gnss) -> float:
-    """Return the time until which the vehicle stands at the beginning, s; the first fix where it does not."""
+def stationary_until(gnss: Gnss) -> float:
+    """Return until when the vehicle is stationary at the beginning, s; the time of the first fix where it is not."""
     sd = gnss.velocity_sd[:, :2]
     noise = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 0.0
     speed = np.hypot(*velocities(gnss)[:, :2].T)
-    limit = max(STANDING, 5.0 * min(noise, 1.0))
+    limit = max(STATIONARY_SPEED, 5.0 * min(noise, 1.0))
     moving = speed > limit
     # Two fixes in a row: one alone may be an outlier.
     moving[:-1] &= moving[1:]
     first = int(np.argmax(moving)) if moving.any() else len(gnss) - 1
-    return float(max(gnss.t[0], gnss.t[first] - MARGIN))
+    return float(max(gnss.t[0], gnss.t[first] - STATIONARY_MARGIN))
 
 
 def align(
-    steps: Steps, gnss: Gnss, *, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+    steps: Steps, gnss: Gnss, *, offset: float = MAX_CLOCK_OFFSET, bias_sd: FloatArray = KNOWN_BIAS_SD
 ) -> Alignment:
-    """Find the start from as much motion as it takes: one, two, four, … minutes.
+    """Align with as much motion as it takes: one, two, four, … minutes.
 
     Parameters
     ----------
@@ -150,19 +157,19 @@ def align(
     gnss : Gnss
         Fixes on the same clock, within the steps.
     offset : float
-        Clocks are searched to both sides up to this, s; 0 believes the stamps.
+        Clocks are searched to both sides up to this, s; 0 uses the stamps as they are.
     bias_sd : ndarray, shape (6,)
-        Prior sds of the biases of gyros and accelerometers: where the vehicle hardly stands, motion tells them.
+        Prior sds of the biases of gyros and accelerometers; motion determines them where the vehicle is hardly at rest.
 
     Raises
     ------
     DataError
         Where the vehicle does not change its speed: there is no heading.
     """
-    moving, length = MOVING, float(gnss.t[-1] - gnss.t[0])
+    moving, length = FIRST_MOTION, float(gnss.t[-1] - gnss.t[0])
     while True:
         found = align_once(steps, gnss, moving, offset, bias_sd)
-        enough = POOR_HEADING if moving >= length else GOOD_HEADING
+        enough = MAX_HEADING_SD if moving >= length else GOOD_HEADING_SD
         if found is not None and found.heading_sd < enough:
             return found
         if moving >= length:
@@ -172,25 +179,29 @@ def align(
 
 
 def align_once(
-    steps: Steps, gnss: Gnss, moving: float, offset: float = LONGEST_OFFSET, bias_sd: FloatArray = KNOWN
+    steps: Steps,
+    gnss: Gnss,
+    moving: float,
+    offset: float = MAX_CLOCK_OFFSET,
+    bias_sd: FloatArray = KNOWN_BIAS_SD,
 ) -> Alignment | None:
-    """Find attitude at the first fix, gyro bias and offset of the clocks from so much motion, s; None without fixes."""
+    """Return the alignment at the first fix from a given length of motion, s; None without fixes."""
     ends = steps.ends()
-    still_end = standing_until(gnss)
-    begin = max(float(gnss.t[0]), still_end - ROCKING)
-    stop = min(still_end + MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
+    still_end = stationary_until(gnss)
+    begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)
+    stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
     bias, excess = np.zeros(6), np.zeros(3)
     # Gyros that turn the unit by less than what an alignment is good for are believed: less than the Earth may turn it.
-    unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > SEEN else KNOWN
+    unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
     rest = still_end - begin
-    if rest > REST or (rest >= SHORT_REST and unknown.any()):
+    if rest > MIN_STATIONARY or (rest >= MIN_STATIONARY_POOR_GYROS and unknown.any()):
         means = steps.increments[quiet].sum(axis=0) / steps.dt[quiet].sum()
         bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
-        if rest > LONG_REST or not unknown.any():
-            excess, unknown = means[3:] * (1.0 - down / force), KNOWN
+        if rest > SUFFICIENT_STATIONARY or not unknown.any():
+            excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
         else:  # noise counts as one value a second: what shakes a unit at rest is not white
             scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
             unknown = np.concatenate([np.minimum(bias_sd[:3], scatter / np.sqrt(rest)), bias_sd[3:]])
@@ -207,27 +218,27 @@ def align_once(
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     beta[:, 2] -= down * span
-    share, told = float(np.median(np.diff(fix_t))) / length, _told(gnss, by_position, length)
+    share, told = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
 
-    def changes(seen: Turned, delay: float, *, pull: bool = False) -> FloatArray:
+    def changes(seen: RotatedSteps, delay: float, *, pull: bool = False) -> FloatArray:
         return _change(seen.at(fix_t - delay, way=by_position, pull=pull), windows, span)
 
-    def biased(delay: float) -> Biased:
+    def biased(delay: float) -> BiasEstimate:
         def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
-            seen = turned(steps, window, bias)
+            seen = rotate_steps(steps, window, bias)
             return changes(seen, delay), changes(seen, delay, pull=True)
 
         times = fix_t[windows[:, -1]] - fix_t[0]
-        return moved_biases(felt, beta, times, bias, unknown, share, told)
+        return biases_from_motion(felt, beta, times, bias, unknown, share, told)
 
-    found = biased(0.0) if unknown.any() else Biased(bias, np.zeros((9, 9)))
-    seen = turned(steps, window, found.bias)
+    found = biased(0.0) if unknown.any() else BiasEstimate(bias, np.zeros((9, 9)))
+    seen = rotate_steps(steps, window, found.bias)
 
     def solve(delay: float) -> tuple[FloatArray, float]:
         alpha = changes(seen, delay)
         mat = wahba(alpha, beta)
         off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
-        return mat, float(np.mean(np.minimum(off, outlying(off))))
+        return mat, float(np.mean(np.minimum(off, outlier_limit(off))))
 
     delay = 0.0
     if offset > 0.0:
@@ -238,7 +249,7 @@ def align_once(
         delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
         if unknown.any():
             found = biased(delay)
-            seen = turned(steps, window, found.bias)
+            seen = rotate_steps(steps, window, found.bias)
     mat, cost = solve(delay)
     # Speed changes tell the heading: what windows of standing show is the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
@@ -267,18 +278,18 @@ def align_once(
 
 
 def _positions_are_better(gnss: Gnss) -> bool:
-    """Whether second differences of positions tell changes of velocity better than the velocities do."""
+    """Whether second differences of positions determine changes of velocity better than the velocities do."""
     position, velocity = (
         np.nanmedian(sd[:, :2]) if np.isfinite(sd).any() else np.nan
         for sd in (gnss.position_sd, gnss.velocity_sd)
     )
     if not np.isfinite(gnss.vel_n).any():
         return True
-    return bool(np.sqrt(6.0) * position / WINDOW < np.sqrt(2.0) * velocity)
+    return bool(np.sqrt(6.0) * position / WINDOW_DURATION < np.sqrt(2.0) * velocity)
 
 
-def _told(gnss: Gnss, by_position: bool, length: float) -> float:
-    """Return the variance of a change of velocity by what the receiver says, 0 where it says nothing."""
+def _reported_variance(gnss: Gnss, by_position: bool, length: float) -> float:
+    """Return the variance of a change of velocity by the reported sds, 0 where there are none."""
     sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
     return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
 
@@ -288,9 +299,9 @@ def _metres(gnss: Gnss) -> FloatArray:
 
 
 def _length(t: FloatArray) -> float:
-    """Return the length of windows: as many intervals of the fixes as come nearest to `WINDOW`, one at least, s."""
-    interval = float(np.median(np.diff(t))) if len(t) > 1 else WINDOW
-    return interval * max(1, round(WINDOW / interval))
+    """Return the length of windows: the number of fix intervals nearest to `WINDOW_DURATION`, at least one, s."""
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else WINDOW_DURATION
+    return interval * max(1, round(WINDOW_DURATION / interval))
 
 
 def _windows(t: FloatArray, points: int, length: float) -> NDArray[np.intp]:

@@ -1,11 +1,13 @@
-"""A unit turned by its gyros, and the biases of gyros and accelerometers found from motion.
+"""Biases of gyros and accelerometers from motion, beside the attitude, where a vehicle is hardly ever stationary.
 
-In the axes b₀ of the first step, with C = C_b0b, a = C f and biases that are still off by δb_g, δb_a, to first order::
+In the axes b₀ of the first step, with C = C_b0b, a = C f and errors δb_g, δb_a of the assumed biases, to first
+order::
 
     α = ∫ a dt        δα = M δb_g − Θ δb_a,    M = ∫ [a ×] Θ dt,    Θ = ∫ C dt
 
-β = C_nb0 α (`initial`) is solved for attitude and biases by Gauss–Newton: first over so short a time that the bias
-turns the unit by less than a radian, then over twice that, until all is used. What is known of the biases is a prior.
+β = C_nb0 α (`alignment`) is solved for attitude and biases by Gauss–Newton: first over so short a time that the bias
+rotates the unit by less than a radian, then over twice that, until all is used. What is known of the biases is a
+prior.
 """
 
 from __future__ import annotations
@@ -21,27 +23,27 @@ from tuner.navigation.data import Steps
 
 FloatArray = NDArray[np.float64]
 
-ROUNDS = 10
+MAX_GAUSS_NEWTON_STEPS = 10
 """Steps of Gauss–Newton over one time, at most."""
-ENOUGH = 0.1
-"""Step, in sds of the bias, after which there is none."""
-SMALLEST = 6
+MIN_STEP = 0.1
+"""Step, in sds of the bias, below which the iteration ends."""
+MIN_WINDOWS = 6
 """Windows to begin with, at least."""
-STARTS = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-"""Biases about the vertical to begin with, in sds."""
-BAD = 9.0
-"""Misfit, in variances told, from which an answer over more than the first time is asked again from other starts."""
-LEAST = 1e-6
+VERTICAL_START_BIASES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
+"""Biases about the vertical to begin with, in sds: gravity does not determine them, and minima may be several."""
+MAX_MISFIT = 9.0
+"""Misfit, in reported variances, above which a solution over more than the first time is repeated from other starts."""
+MIN_BIAS_SD = 1e-6
 """Least sd of a bias, rad/s and m/s²."""
-HALVES = (1.0, 0.5, 0.25, 0.125)
-"""Parts of a step that are tried."""
-OUTLYING = 25.0
-"""Squares of misfits count up to so many times their median."""
+STEP_FRACTIONS = (1.0, 0.5, 0.25, 0.125)
+"""Fractions of a step that are tried."""
+MAX_SQUARE_RATIO = 25.0
+"""Squares of misfits are limited to so many times their median."""
 
 
 @dataclass(frozen=True)
-class Turned:
-    """Steps seen in b₀.
+class RotatedSteps:
+    """Increments in the axes b₀, integrated, and their derivatives by the biases.
 
     Attributes
     ----------
@@ -52,7 +54,7 @@ class Turned:
     velocity, way : ndarray, shape (n, 3)
         First and second integral of the force.
     velocity_pull, way_pull : ndarray, shape (n, 18)
-        What biases do to them, M and −Θ, each row by row.
+        Their derivatives by the biases, M and −Θ, each row by row.
     """
 
     t: FloatArray
@@ -63,34 +65,34 @@ class Turned:
     way_pull: FloatArray
 
     def at(self, t: FloatArray, *, way: bool, pull: bool) -> FloatArray:
-        """Return an integral, or the pull on it, at times (k,); shape (k, 3) or (k, 18)."""
+        """Return an integral, or its derivative by the biases, at times (k,); shape (k, 3) or (k, 18)."""
         integrals = (self.velocity_pull, self.way_pull) if pull else (self.velocity, self.way)
         y = integrals[way]
         return np.stack([np.interp(t, self.t, column) for column in y.T], axis=-1)
 
 
 @dataclass(frozen=True)
-class Biased:
+class BiasEstimate:
     """Biases of gyros and accelerometers, (6,), and the covariance of the attitude of b₀ in n and of them, (9, 9)."""
 
     bias: FloatArray
     covariance: FloatArray
 
 
-def turned(steps: Steps, window: slice, bias: FloatArray) -> Turned:
-    """Turn the steps of a window, biases (6,) taken out."""
+def rotate_steps(steps: Steps, window: slice, bias: FloatArray) -> RotatedSteps:
+    """Rotate the steps of a window into b₀, biases (6,) subtracted."""
     dt = steps.dt[window, None]
     felt = steps.increments[window] - bias * dt
     quat = _attitudes(felt[:, :3])
     mats = rotation.mat_from_quat(quat)
     mean = 0.5 * (mats[1:] + mats[:-1])
     pieces = (mean @ felt[:, 3:, None])[..., 0]
-    theta = _summed(mean.reshape(-1, 9) * dt)
+    theta = _cumulative(mean.reshape(-1, 9) * dt)
     middle = 0.5 * (theta[1:] + theta[:-1]).reshape(-1, 3, 3)
-    velocity = _summed(pieces)
-    pull = np.hstack([_summed((rotation.skew(pieces) @ middle).reshape(-1, 9)), -theta])
+    velocity = _cumulative(pieces)
+    pull = np.hstack([_cumulative((rotation.skew(pieces) @ middle).reshape(-1, 9)), -theta])
     t = steps.ends()[window.start : window.start + len(quat)]
-    return Turned(t, quat, velocity, _integral(velocity, dt), pull, _integral(pull, dt))
+    return RotatedSteps(t, quat, velocity, _integral(velocity, dt), pull, _integral(pull, dt))
 
 
 def wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
@@ -99,12 +101,12 @@ def wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt)
 
 
-def outlying(square: FloatArray) -> float:
-    """Return up to what squares of misfits (n,) count: outliers are not the whole of it."""
-    return OUTLYING * float(np.median(square)) + 1e-12
+def outlier_limit(square: FloatArray) -> float:
+    """Return the limit of squares of misfits (n,): outliers do not dominate the sum."""
+    return MAX_SQUARE_RATIO * float(np.median(square)) + 1e-12
 
 
-def moved_biases(
+def biases_from_motion(
     felt: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     beta: FloatArray,
     times: FloatArray,
@@ -112,33 +114,33 @@ def moved_biases(
     sd: FloatArray,
     share: float,
     noise: float,
-) -> Biased:
-    """Find the biases with which the specific force explains the changes of velocity.
+) -> BiasEstimate:
+    """Estimate the biases with which the specific force explains the changes of velocity.
 
     Parameters
     ----------
     felt : callable
-        α (w, 3) and its pull (w, 18) of all windows, biases (6,) taken out.
+        α (w, 3) and its derivatives (w, 18) of all windows, biases (6,) subtracted.
     beta : ndarray, shape (w, 3)
         Changes of velocity.
     times : ndarray, shape (w,)
         From the first fix to the ends of the windows, rising, s.
     prior, sd : ndarray, shape (6,)
-        What is known of the biases.
+        Prior mean and sds of the biases.
     share : float
         Independent windows per window.
     noise : float
         Least variance of a change.
     """
-    sd = np.maximum(sd, LEAST)
+    sd = np.maximum(sd, MIN_BIAS_SD)
 
     def fitted(bias: FloatArray, used: int) -> _Fit:
         alpha, pull = felt(bias)
-        return _fitted(alpha[:used], pull[:used], beta[:used], (prior - bias) / sd)
+        return _fit(alpha[:used], pull[:used], beta[:used], (prior - bias) / sd)
 
     def solved(bias: FloatArray, used: int) -> _Answer:
         here = fitted(bias, used)
-        for _ in range(ROUNDS):
+        for _ in range(MAX_GAUSS_NEWTON_STEPS):
             weight = share / max(float(here.square.mean()) / 3.0, noise)
             information = weight * here.information
             information[range(3, 9), range(3, 9)] += sd**-2
@@ -146,9 +148,9 @@ def moved_biases(
             score = weight * here.score
             score[3:] += here.prior / sd
             step = (covariance @ score)[3:]
-            if np.all(np.abs(step) < ENOUGH * np.sqrt(np.diag(covariance)[3:])):
+            if np.all(np.abs(step) < MIN_STEP * np.sqrt(np.diag(covariance)[3:])):
                 break
-            for part in HALVES:
+            for part in STEP_FRACTIONS:
                 there = fitted(bias + part * step, used)
                 if there.cost(weight) < here.cost(weight):
                     break
@@ -160,27 +162,27 @@ def moved_biases(
     def elsewhere(answers: list[_Answer], used: int) -> list[_Answer]:
         # Gravity tells turns about level axes; about the vertical there may be several answers.
         bias, _, fit = min(answers, key=lambda one: one[2].cost(share / max(noise, 1e-300)))
-        if used > first and fit.square.mean() < BAD * 3.0 * noise:
+        if used > first and fit.square.mean() < MAX_MISFIT * 3.0 * noise:
             return answers
         level = bias - np.concatenate([fit.down @ bias[:3] * fit.down, np.zeros(3)])
         about = np.concatenate([fit.down @ sd[:3] * fit.down, np.zeros(3)])
-        return [*answers, *(solved(level + k * about, used) for k in STARTS)]
+        return [*answers, *(solved(level + k * about, used) for k in VERTICAL_START_BIASES)]
 
     length = 1.0 / max(float(sd[:3].max()), 1e-300)
-    used = first = max(min(SMALLEST, len(times)), int(np.searchsorted(times, length)))
+    used = first = max(min(MIN_WINDOWS, len(times)), int(np.searchsorted(times, length)))
     answers = [solved(prior, used)]
     if used < len(times):
         answers = elsewhere(answers, used)
     while used < len(times):
         length *= 2.0
         used = max(used, int(np.searchsorted(times, length)))
-        answers = elsewhere([solved(bias, used) for bias, _, _ in _different(answers)], used)
+        answers = elsewhere([solved(bias, used) for bias, _, _ in _distinct(answers)], used)
     weight = share / max(min(float(fit.square.mean()) for _, _, fit in answers) / 3.0, noise)
     bias, covariance, _ = min(answers, key=lambda one: one[2].cost(weight))
-    return Biased(bias, covariance)
+    return BiasEstimate(bias, covariance)
 
 
-def _different(answers: list[_Answer]) -> list[_Answer]:
+def _distinct(answers: list[_Answer]) -> list[_Answer]:
     """Return answers that are more than a sd of theirs from those before them."""
     kept: list[_Answer] = []
     for one in answers:
@@ -209,12 +211,12 @@ _Answer = tuple[FloatArray, FloatArray, _Fit]
 """Biases, the covariance of attitude and biases, the fit."""
 
 
-def _fitted(alpha: FloatArray, pull: FloatArray, beta: FloatArray, prior: FloatArray) -> _Fit:
+def _fit(alpha: FloatArray, pull: FloatArray, beta: FloatArray, prior: FloatArray) -> _Fit:
     """Turn α (w, 3) to β (w, 3) and return what is left, and how attitude and biases change it."""
     mat = wahba(alpha, beta)
     off = beta - alpha @ mat.T
     square = np.sum(off**2, axis=1)
-    most = outlying(square)
+    most = outlier_limit(square)
     by_bias = np.concatenate([pull[:, :9].reshape(-1, 3, 3), pull[:, 9:].reshape(-1, 3, 3)], axis=2)
     design = np.concatenate([-rotation.skew(alpha @ mat.T), mat @ by_bias], axis=2)
     weight = np.minimum(1.0, most / np.maximum(square, most))
@@ -233,9 +235,9 @@ def _attitudes(angles: FloatArray) -> FloatArray:
     return np.asarray(quat / np.linalg.norm(quat, axis=1, keepdims=True))
 
 
-def _summed(pieces: FloatArray) -> FloatArray:
+def _cumulative(pieces: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, pieces.shape[1])), np.cumsum(pieces, axis=0)])
 
 
 def _integral(y: FloatArray, dt: FloatArray) -> FloatArray:
-    return _summed(0.5 * (y[1:] + y[:-1]) * dt)
+    return _cumulative(0.5 * (y[1:] + y[:-1]) * dt)

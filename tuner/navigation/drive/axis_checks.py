@@ -1,10 +1,9 @@
-"""Axes of a drive against one another: velocities, positions, gyros and accelerometers read in another order or sign.
+"""Checks of the axes of a drive: velocities, positions, gyros and accelerometers read in another order or sign.
 
-Differences of positions tell in which order and with which signs velocities are given, and whether latitude and
-longitude have changed places. An alignment (`tuner.navigation.drive.alignment`) with the gyros and the
-accelerometers read in
-each of the 2 · 48 ways that differ by more than a rotation of both tells in which the fixes are met: a rotation of
-both is the mounting, which an alignment finds by itself.
+Differences of positions show in which order and with which signs velocities are given, and whether latitude and
+longitude are exchanged. An alignment (`alignment`) with the gyros and the accelerometers read in each of the 2 · 48
+ways that differ by more than a rotation of both shows which reading agrees with the fixes: a rotation of both is the
+mounting, which an alignment determines by itself.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.alignment import MOVING, Alignment, align_once
-from tuner.navigation.drive.mean_velocities import legs
+from tuner.navigation.drive.alignment import FIRST_MOTION, Alignment, align_once
+from tuner.navigation.drive.mean_velocities import mean_velocities
 from tuner.types.records import DataError, Drive, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -27,22 +26,22 @@ AXES = {
     "east-north-up": ((1, 0, 2), (1.0, 1.0, -1.0)),
     "east-north-down": ((1, 0, 2), (1.0, 1.0, 1.0)),
 }
-"""Ways in which velocities may be given instead of north, east, down: order and signs that mend them."""
-FEWEST = 10
-"""Windows from which they are."""
-BETTER = 0.25
-"""Velocities and positions are read otherwise where that leaves less than this share of the misfit."""
-CLEARER = 0.5
-"""Inertial axes are, of the rms misfit of an alignment."""
-ALIKE = 1.1
-"""Ways whose misfits are within this factor are told apart by how little they change."""
+"""Ways in which velocities may be given instead of north, east, down: order and signs that correct them."""
+MIN_WINDOWS = 10
+"""Windows that the comparison of velocities needs."""
+MAX_MISFIT_SHARE = 0.25
+"""Share of the misfit that another reading of velocities and positions must leave at most."""
+MAX_INERTIAL_MISFIT_SHARE = 0.5
+"""Share of the rms misfit of an alignment that another reading of the inertial axes must leave at most."""
+EQUAL_MISFIT_RATIO = 1.1
+"""Ratio of misfits within which the reading that changes least is chosen."""
 BIAS_SD = np.array([0.01] * 3 + [0.05] * 3)
-"""What biases are thought to be, rad/s and m/s²: those of cheap sensors."""
-STEP = 0.04
-"""Increments are summed to this length before all ways are tried, s."""
+"""Prior sds of biases, rad/s and m/s²: those of cheap sensors."""
+SUMMED_STEP = 0.04
+"""Increments are summed to this length before all readings are tried, s."""
 
 
-def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
+def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
     """Return the fixes with velocities north, east, down, and what they were where that was not so.
 
     Differences of positions are compared with the velocities in every order; another order counts where it
@@ -54,8 +53,8 @@ def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
     DataError
         Where positions fit only with latitude and longitude exchanged.
     """
-    told = legs(gnss)
-    if len(told) < FEWEST:
+    told = mean_velocities(gnss)
+    if len(told) < MIN_WINDOWS:
         return gnss, None
     slope, mean = told.by_position, told.by_velocity
 
@@ -66,16 +65,16 @@ def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
     name = min(order, key=lambda key: misfit(order[key]))
     least = min(misfit(order[name]), misfit(mean))
     if np.all(np.abs(gnss.llh[:, 1]) < np.pi / 2.0):
-        other = legs(replace(gnss, llh=gnss.llh[:, [1, 0, 2]])).by_position
+        other = mean_velocities(replace(gnss, llh=gnss.llh[:, [1, 0, 2]])).by_position
         turned = min(misfit(vel, by=other) for vel in (mean, *order.values()))
-        if turned < BETTER * least:
+        if turned < MAX_MISFIT_SHARE * least:
             msg = (
                 f"{source}: expected positions as latitude, longitude, height, got latitude and longitude exchanged: "
                 f"only so do differences of positions agree with the velocities (to {turned:.2g} instead of "
                 f"{least:.2g} m/s); exchange the two columns"
             )
             raise DataError(msg)
-    if misfit(order[name]) > BETTER * misfit(mean):
+    if misfit(order[name]) > MAX_MISFIT_SHARE * misfit(mean):
         name, down = "north-east-up", slice(2, 3)
         if misfit(order[name], down) > 0.5 * misfit(mean, down):
             return gnss, None
@@ -85,21 +84,21 @@ def named_axes(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None]:
 
 def inertial_axes(drive: Drive) -> str | None:
     """Return how gyros and accelerometers must be read for the fixes to be met, in words; None as they are."""
-    dt, gnss = np.diff(drive.imu_t), named_axes(drive.gnss)[0]
+    dt, gnss = np.diff(drive.imu_t), with_axes_found(drive.gnss)[0]
     inside = (gnss.t > drive.imu_t[0]) & (gnss.t < drive.imu_t[-1])
     gnss = gnss.rows(inside)
-    few = _summed(Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None]))
+    few = _summed_steps(Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None]))
     stated = _misfit(few, gnss, np.eye(3), np.eye(3))
-    ways = [(g, a, _misfit(few, gnss, g, a)) for g, a in _ways()]
+    ways = [(g, a, _misfit(few, gnss, g, a)) for g, a in _readings()]
     least = min(misfit for _, _, misfit in ways)
-    if least >= CLEARER * stated:  # both are infinite where nothing can be aligned
+    if least >= MAX_INERTIAL_MISFIT_SHARE * stated:  # both are infinite where nothing can be aligned
         return None
-    alike = [_plainest(g, a) for g, a, misfit in ways if misfit < ALIKE * least]
-    gyro, accel = min(alike, key=lambda way: _changes(*way))
+    alike = [_simplest(g, a) for g, a, misfit in ways if misfit < EQUAL_MISFIT_RATIO * least]
+    gyro, accel = min(alike, key=lambda way: _change_counts(*way))
     said = [
-        f"the {what} read as {_read(m)}"
+        f"the {what} read as {_triple_text(m)}"
         for what, m in (("gyros", gyro), ("accelerometers", accel))
-        if _moved(m)
+        if _is_changed(m)
     ]
     return (
         f"the fixes are met only with {' and '.join(said)} instead of (x, y, z): what is left of the speed changes is "
@@ -121,12 +120,14 @@ def refuse_wrong_axes(drive: Drive) -> None:
         raise DataError(msg)
 
 
-def _ways() -> list[tuple[FloatArray, FloatArray]]:
+def _readings() -> list[tuple[FloatArray, FloatArray]]:
     """Return matrices for gyros and accelerometers that differ by more than a common rotation; 96 pairs."""
-    return [(gyro, accel) for accel in (np.eye(3), np.diag([1.0, 1.0, -1.0])) for gyro in _signed()]
+    return [
+        (gyro, accel) for accel in (np.eye(3), np.diag([1.0, 1.0, -1.0])) for gyro in _signed_permutations()
+    ]
 
 
-def _signed() -> list[FloatArray]:
+def _signed_permutations() -> list[FloatArray]:
     """Return the 48 signed permutations of three axes."""
     return [
         np.diag(signs) @ np.eye(3)[list(order)]
@@ -135,24 +136,24 @@ def _signed() -> list[FloatArray]:
     ]
 
 
-def _plainest(gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _simplest(gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the same way up to a common rotation that changes the fewest axes."""
-    turned = [(r @ gyro, r @ accel) for r in _signed() if np.linalg.det(r) > 0.0]
-    return min(turned, key=lambda way: _changes(*way))
+    turned = [(r @ gyro, r @ accel) for r in _signed_permutations() if np.linalg.det(r) > 0.0]
+    return min(turned, key=lambda way: _change_counts(*way))
 
 
-def _changes(gyro: FloatArray, accel: FloatArray) -> tuple[int, int]:
+def _change_counts(gyro: FloatArray, accel: FloatArray) -> tuple[int, int]:
     """Return how many sensors are changed, and how many axes."""
-    return int(_moved(gyro)) + int(_moved(accel)), int(
+    return int(_is_changed(gyro)) + int(_is_changed(accel)), int(
         np.sum(np.diag(gyro) < 0.5) + np.sum(np.diag(accel) < 0.5)
     )
 
 
-def _moved(mat: FloatArray) -> bool:
+def _is_changed(mat: FloatArray) -> bool:
     return bool(np.any(np.diag(mat) < 0.5))
 
 
-def _read(mat: FloatArray) -> str:
+def _triple_text(mat: FloatArray) -> str:
     """Return a signed permutation as a triple: (y, −x, z)."""
     which = np.argmax(np.abs(mat), axis=1)
     return (
@@ -163,13 +164,15 @@ def _read(mat: FloatArray) -> str:
 def _misfit(steps: Steps, gnss: Gnss, gyro: FloatArray, accel: FloatArray) -> float:
     """Return what an alignment leaves of the changes of velocity with the sensors read so, as an angle, rad."""
     read = np.hstack([steps.increments[:, :3] @ gyro.T, steps.increments[:, 3:] @ accel.T])
-    found: Alignment | None = align_once(replace(steps, increments=read), gnss, 2.0 * MOVING, bias_sd=BIAS_SD)
+    found: Alignment | None = align_once(
+        replace(steps, increments=read), gnss, 2.0 * FIRST_MOTION, bias_sd=BIAS_SD
+    )
     return float("inf") if found is None else found.tilt_sd
 
 
-def _summed(steps: Steps) -> Steps:
+def _summed_steps(steps: Steps) -> Steps:
     """Return increments summed over some steps each."""
-    many = max(1, round(STEP / float(np.median(steps.dt))))
+    many = max(1, round(SUMMED_STEP / float(np.median(steps.dt))))
     edges = np.arange(0, len(steps.dt), many)
     return Steps(
         steps.start, np.add.reduceat(steps.dt, edges), np.add.reduceat(steps.increments, edges, axis=0)

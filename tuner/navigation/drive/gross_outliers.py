@@ -1,12 +1,12 @@
-"""Fixes that contradict their neighbours, told before any filter runs.
+"""Gross outliers among GNSS fixes, removed before any filter runs by comparison with neighbouring fixes.
 
-A gate compares a fix with the filter, which wrong fixes may have led astray. Here each fix is compared with the
-others within a second: moved to its instant by their median velocity, they stand around a median; a fix much
-further from it than they are scattered is left out. Velocities are compared with the median of theirs. Only what
-is grossly wrong is found in this way: the rest is the gate's.
+A gate compares a fix with the filter, which wrong fixes may have misled. Here each fix is compared with the others
+within a second: moved to its time by their median velocity, they lie around a median; a fix much further from it than
+their scatter is left out. Velocities are compared with the median of theirs. Only gross errors are found in this way;
+the rest is left to the gate.
 
-Fixes with too few neighbours are judged by the one before and the one after: a fix that neither leads to nor is
-led to at any possible speed, while those two agree with each other, is left out.
+Fixes with too few neighbours are compared with the one before and the one after: a fix that cannot be reached from
+either at any possible speed, while those two agree with each other, is left out.
 """
 
 from __future__ import annotations
@@ -21,51 +21,51 @@ from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
 
-NEIGHBOURS = 1.0
-"""Fixes within so long are neighbours, s."""
-FEWEST = 6
-"""Neighbours that a judgement needs: fewer leave the fix alone."""
-SCATTERS = 6.0
-"""An outlier is further off than so many scatters (1.48 median absolute deviations)."""
+NEIGHBOUR_TIME = 1.0
+"""Time within which fixes are neighbours, s."""
+MIN_NEIGHBOURS = 6
+"""Neighbours that a comparison needs."""
+MAX_SCATTERS = 6.0
+"""Distance from the median from which a fix is an outlier, in scatters (1.48 median absolute deviations)."""
 POSITION_FLOOR, VELOCITY_FLOOR = 5.0, 3.0
-"""And than this, m and m/s: what a vehicle may do within a second."""
-LEAP, ACCELERATION, FASTEST = 50.0, 10.0, 100.0
-"""From one fix to the next: distance m, acceleration m/s², speed m/s where velocities lack, that may be."""
+"""Least distance of an outlier from the median, m and m/s: what a vehicle may do within a second."""
+MAX_JUMP, MAX_ACCELERATION, MAX_SPEED = 50.0, 10.0, 100.0
+"""Largest distance (m), acceleration (m/s²) and, without velocities, speed (m/s) between two fixes that agree."""
 
 
-def without_outliers(gnss: Gnss) -> tuple[Gnss, int, int]:
+def without_gross_outliers(gnss: Gnss) -> tuple[Gnss, int, int]:
     """Return the fixes without gross outliers, and how many positions and velocities these were.
 
     A fix with a wrong position is left out, a wrong velocity becomes NaN.
     """
     metres = (gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0])
-    first = np.searchsorted(gnss.t, gnss.t - NEIGHBOURS)
-    last = np.searchsorted(gnss.t, gnss.t + NEIGHBOURS, side="right")
+    first = np.searchsorted(gnss.t, gnss.t - NEIGHBOUR_TIME)
+    last = np.searchsorted(gnss.t, gnss.t + NEIGHBOUR_TIME, side="right")
     wrong, slips = np.zeros(len(gnss), dtype=bool), np.zeros(len(gnss), dtype=bool)
     with_velocity: NDArray[np.bool_] = np.isfinite(gnss.vel_n.sum(axis=1))
-    for i in np.flatnonzero(last - first > FEWEST):
+    for i in np.flatnonzero(last - first > MIN_NEIGHBOURS):
         near = np.r_[first[i] : i, i + 1 : last[i]]
         moving = near[with_velocity[near]]
-        if len(moving) < FEWEST:
+        if len(moving) < MIN_NEIGHBOURS:
             continue
         around = gnss.vel_n[moving]
         velocity = np.median(around, axis=0)
         there = metres[near] - velocity * (gnss.t[near] - gnss.t[i])[:, None]
-        wrong[i] = _far(metres[i], there, POSITION_FLOOR)
-        slips[i] = bool(with_velocity[i]) and _far(gnss.vel_n[i], around, VELOCITY_FLOOR)
-    wrong |= _alone(gnss, metres) & (last - first <= FEWEST)
+        wrong[i] = _is_far(metres[i], there, POSITION_FLOOR)
+        slips[i] = bool(with_velocity[i]) and _is_far(gnss.vel_n[i], around, VELOCITY_FLOOR)
+    wrong |= _contradicts_both_neighbours(gnss, metres) & (last - first <= MIN_NEIGHBOURS)
     vel_n = np.where(slips[:, None], np.nan, gnss.vel_n)
     return replace(gnss, vel_n=vel_n).rows(~wrong), int(wrong.sum()), int(slips.sum())
 
 
-def _far(value: FloatArray, others: FloatArray, floor: float) -> bool:
+def _is_far(value: FloatArray, others: FloatArray, floor: float) -> bool:
     """Whether a value (3,) lies horizontally further from the median of others (n, 3) than they scatter."""
     middle = np.median(others[:, :2], axis=0)
     scatter = 1.48 * np.median(np.linalg.norm(others[:, :2] - middle, axis=1))
-    return bool(np.linalg.norm(value[:2] - middle) > max(SCATTERS * scatter, floor))
+    return bool(np.linalg.norm(value[:2] - middle) > max(MAX_SCATTERS * scatter, floor))
 
 
-def _alone(gnss: Gnss, metres: FloatArray) -> NDArray[np.bool_]:
+def _contradicts_both_neighbours(gnss: Gnss, metres: FloatArray) -> NDArray[np.bool_]:
     """Whether a fix contradicts both the one before and the one after, which agree with each other; (k,)."""
     alone = np.zeros(len(gnss), dtype=bool)
     if len(gnss) < 4:
@@ -77,8 +77,8 @@ def _alone(gnss: Gnss, metres: FloatArray) -> NDArray[np.bool_]:
         mean = 0.5 * (gnss.vel_n[span:] + gnss.vel_n[:-span])
         known: NDArray[np.bool_] = np.isfinite(mean.sum(axis=1))
         off = metres[span:] - metres[:-span] - np.where(known[:, None], mean, 0.0) * dt[:, None]
-        possible = LEAP + SCATTERS * (sd[span:] + sd[:-span])
-        possible += np.where(known, 0.5 * ACCELERATION * dt**2, FASTEST * dt)
+        possible = MAX_JUMP + MAX_SCATTERS * (sd[span:] + sd[:-span])
+        possible += np.where(known, 0.5 * MAX_ACCELERATION * dt**2, MAX_SPEED * dt)
         return np.asarray(np.linalg.norm(off, axis=1) > possible)
 
     step, over = leaps(1), leaps(2)

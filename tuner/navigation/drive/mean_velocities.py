@@ -1,10 +1,10 @@
-"""Legs of a drive: what the positions and what the velocities say of the way over windows of some seconds.
+"""Mean velocities of a drive over windows of some seconds, from its positions and from its velocities.
 
 ::
 
     v_p = (p(t + T) − p(t)) / T              v_v = ∫ v dt / T
 
-The velocities are integrated by trapezoids; windows with a hole in them are left out.
+The velocities are integrated by trapezoids; windows with a gap in them are left out.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
 
-WINDOW = 10.0
+WINDOW_DURATION = 10.0
 """Length of a window, s."""
-HOLE = 0.5 * WINDOW
+MAX_GAP = 0.5 * WINDOW_DURATION
 """Time between fixes from which a window is left out, s."""
 
 
 @dataclass(frozen=True)
-class Legs:
+class MeanVelocities:
     """Beginnings of w windows, s, and mean velocities north, east, down by positions and velocities, (w, 3), m/s."""
 
     t: FloatArray
@@ -37,20 +37,22 @@ class Legs:
         return len(self.t)
 
 
-def legs(gnss: Gnss) -> Legs:
-    """Return the windows that begin at the fixes, without those that have no velocity."""
+def mean_velocities(gnss: Gnss) -> MeanVelocities:
+    """Return the mean velocities of the windows that begin at the fixes, without those that have no velocity."""
     known: NDArray[np.bool_] = np.isfinite(gnss.vel_n.sum(axis=1))
     gnss = gnss.rows(known)
     dt = np.diff(gnss.t)
-    first, last = windows(gnss.t, WINDOW)
-    holes = np.concatenate([[0], np.cumsum(dt > HOLE)])
+    first, last = windows(gnss.t, WINDOW_DURATION)
+    holes = np.concatenate([[0], np.cumsum(dt > MAX_GAP)])
     whole = holes[first] == holes[last]
     first, last = first[whole], last[whole]
     pieces = 0.5 * (gnss.vel_n[1:] + gnss.vel_n[:-1]) * dt[:, None]
     way = np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)])
     span = (gnss.t[last] - gnss.t[first])[:, None]
     moved = (gnss.llh[last] - gnss.llh[first]) * metres_per_radian(gnss.llh[first])
-    return Legs(gnss.t[first], np.asarray(moved / span), np.asarray((way[last] - way[first]) / span))
+    return MeanVelocities(
+        gnss.t[first], np.asarray(moved / span), np.asarray((way[last] - way[first]) / span)
+    )
 
 
 def windows(t: FloatArray, length: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

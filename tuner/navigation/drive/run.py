@@ -1,12 +1,11 @@
-"""A measured drive through the filter: clocks, stretches without gaps, alignment, fixes and their errors.
+"""A measured drive run through the filter: stretches without gaps, alignment, fixes and their sds.
 
 The filter's body frame is that of the vehicle where the mounting is known, else that of the sensor: alignment
-from gravity and motion needs no mounting. Sampling gaps up to `MAX_BRIDGED_GAP` are bridged with the rates held; a
-longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried
-over.
+from gravity and motion needs no mounting. Sampling gaps up to `MAX_BRIDGED_GAP` are bridged with constant rates; a
+longer one ends a stretch, and the next one begins with an alignment of its own, biases and constants carried over.
 
-A stretch begins where its first fix says, so that the errors of the start are those of the fix, lever arm, clock
-and correlated error of the receiver included: with H of the fix, H_pv = I and the other states x_o::
+A stretch begins at the position of its first fix, so that the errors of the start are those of the fix, lever arm,
+clock and correlated error of the receiver included: with H of the fix, H_pv = I and the other states x_o::
 
     δ(r, v) = n − H_o δx_o        P = T diag(R, P_o) Tᵀ        T = I − (H_o above, 0 below)
 """
@@ -28,9 +27,9 @@ from models.measurements import position_fix, velocity_fix
 from models.strapdown import NavigationState
 from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
-from tuner.navigation.drive.alignment import LONGEST_OFFSET, Alignment, align, receiver_lag, velocities
-from tuner.navigation.drive.axis_checks import inertial_axes, named_axes
-from tuner.navigation.drive.unit_checks import likely_unit, refuse_wrong_units
+from tuner.navigation.drive.alignment import MAX_CLOCK_OFFSET, Alignment, align, velocities, velocity_lag_of
+from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
+from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
 from tuner.navigation.drive.velocity_latency import advanced, interpolated
 from tuner.navigation.settings import FilterSettings
 from tuner.types.records import DataError, Drive, Gnss
@@ -40,19 +39,19 @@ FloatArray = NDArray[np.float64]
 MAX_BRIDGED_GAP = 0.5
 """Longest gap of the inertial samples that is bridged, s."""
 MIN_STRETCH = 20.0
-"""Shortest stretch that is worth an alignment, s."""
+"""Shortest stretch that is aligned, s."""
 HEADING_FLOOR, TILT_FLOOR = np.radians(2.0), np.radians(0.5)
 """Least sds of an alignment, rad."""
 START_AVERAGING_TIME = 0.5
 """Time over which the rates at a start are averaged, s."""
 DIFFERENCED_VELOCITY_SD = 2.0
-"""Error of a velocity that is the slope of two positions, m/s."""
+"""Sd of a velocity that is the difference of two positions, m/s."""
 DELAY_STEP = 0.25
 """Spacing of the delays that are tried, s."""
 MAX_SQUARED_DISTANCE = 50.0
 """Largest squared distance that a fix counts with in the choice of the delay."""
 SETTLING_TIME = 60.0
-"""Time in motion during which fixes are used whatever the gate says, s: the start may be wrong, not they."""
+"""Time in motion during which the gate rejects no fixes, s: the start may be wrong, not they."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Stretch:
 
     @property
     def settled(self) -> float:
-        """From when on the filter has settled, s."""
+        """Time from which the filter has settled, s."""
         return self.alignment.t + self.alignment.still + SETTLING_TIME
 
 
@@ -98,7 +97,7 @@ def prepare(
     settings : FilterSettings
         Lever arm and, where the receiver reports no sds, those of the configuration.
     timed : bool
-        The stamps of the fixes are known to be right: neither delay nor lag is looked for.
+        The stamps of the fixes are known to be right: neither delay nor lag is searched.
 
     Returns
     -------
@@ -113,11 +112,11 @@ def prepare(
         Where no stretch can be aligned, or units contradict one another.
     """
     notes: list[str] = []
-    gnss, axes = named_axes(drive.gnss, drive.source)
+    gnss, axes = with_axes_found(drive.gnss, drive.source)
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     notes += refuse_wrong_units(drive, gnss)
-    lag = 0.0 if timed else receiver_lag(gnss)
+    lag = 0.0 if timed else velocity_lag_of(gnss)
     if lag:
         moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
         gnss = replace(gnss, vel_n=moved)
@@ -154,7 +153,7 @@ def prepare(
             f"fixes {a.delay:+.3f} s late"
         )
     if not stretches:
-        wrong = (likely_unit(drive, gnss) or inertial_axes(drive)) if failure else None
+        wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None
         msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or 'all are too short'}"
         raise DataError(msg)
     return tuple(stretches), tuple(notes)
@@ -203,7 +202,7 @@ def initial_estimates(
 
 
 def initial_state(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:
-    """Return the start of a stretch where lever arm, delay and other states (n,) are known already."""
+    """Return the start of a stretch where lever arm, delay and other states (n,) are known."""
     start, z = stretch.start, _first_fix(settings, stretch, parameters)[0]
     return NavigationState(llh_displaced(start.llh, z[:3]), start.vel_n + z[3:], start.quat_nb)
 
@@ -211,7 +210,7 @@ def initial_state(settings: FilterSettings, stretch: Stretch, parameters: FloatA
 def _first_fix(
     settings: FilterSettings, stretch: Stretch, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far the start lies from where its fix says, (6,), and how the other states move that, (6, n)."""
+    """Return the distance of the start from its fix, (6,), and its derivative by the other states, (6, n)."""
     model, start, steps = settings.model, stretch.start, stretch.steps
     own = calibration(model, parameters)
     rates = own.true_rates(_first_rates(steps))
@@ -271,7 +270,7 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: 
     def misfit(value: float) -> float:
         return _misfit(_timed(steps, own, replace(a, delay=value), settings), settings)
 
-    grid = [a.delay, *np.arange(-LONGEST_OFFSET, LONGEST_OFFSET + 1e-9, DELAY_STEP).tolist()]
+    grid = [a.delay, *np.arange(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET + 1e-9, DELAY_STEP).tolist()]
     best = min(grid, key=misfit)
     span = (best - DELAY_STEP, best + DELAY_STEP)
     found = minimize_scalar(misfit, bounds=span, method="bounded", options={"xatol": 0.01})

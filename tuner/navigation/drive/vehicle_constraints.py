@@ -1,11 +1,11 @@
-"""What a vehicle cannot do, found in a drive: when it stands, and which way its wheels point.
+"""Motion constraints of a vehicle from a drive: zero velocity while stationary, no sideways velocity of its wheels.
 
-Standing is told by the inertial unit alone, so that it is known without fixes: a second counts where every
-axis is as calm, and every gyro as near its mean, as in the seconds in which the fixes showed it standing at
-the start. Where it never stood there, nothing is assumed. Each constraint still meets the gate of the filter.
+Stationary seconds are found by the inertial unit alone, so that no fixes are needed: a second counts where every axis
+is as calm, and every gyro as near its mean, as in the seconds in which the fixes showed it stationary at the start.
+Where it was never stationary there, nothing is assumed. Each constraint still passes the gate of the filter.
 
-A wheeled vehicle does not slip sideways. The errors of that last for seconds, so that it is used once a second,
-and not in turns, where the middle of the rear axle, which nobody told, moves otherwise than the unit.
+A wheeled vehicle does not slip sideways. The errors of that constraint last for seconds, so that it is used once a
+second, and not in turns, where the middle of the rear axle, which is unknown, moves otherwise than the unit.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from tuner.navigation.settings import FilterSettings
 
 FloatArray = NDArray[np.float64]
 
-WINDOW = 1.0
+WINDOW_DURATION = 1.0
 """Length of the windows, s."""
-LEAST = 5
-"""Windows of standing that a comparison needs."""
-CALM = 1.5
-"""A window is calm up to so many times the largest scatter of those of standing."""
-NEAR, DRIFT = 4.0, np.radians(0.3)
-"""Mean rates are near within so many scatters of theirs, and a drift, rad/s."""
-STRAIGHT = np.radians(3.0)
+MIN_WINDOWS = 5
+"""Stationary windows that a comparison needs."""
+MAX_SCATTER_RATIO = 1.5
+"""Scatter of a calm window relative to the largest one of the stationary windows."""
+MAX_SCATTERS, MAX_RATE_DRIFT = 4.0, np.radians(0.3)
+"""Distance of mean rates from those at rest, in scatters, and a drift that is allowed besides, rad/s."""
+MAX_TURN_RATE = np.radians(3.0)
 """Turn rate from which sideways velocity is not constrained, rad/s."""
-DRIVING = 3.0
-"""Speed from which the direction of motion tells the mounting, m/s."""
-CONTRADICTED = np.radians(45.0)
-"""Angle between the axes of the motion and those stated from which the statement is not believed, rad."""
+MIN_SPEED = 3.0
+"""Speed from which the direction of motion determines the mounting, m/s."""
+MAX_MOUNTING_ERROR = np.radians(45.0)
+"""Angle between the axes of the motion and the stated ones from which the stated mounting is not used, rad."""
 MOUNTING_SD = np.radians(10.0)
 """Prior of the mounting angles, rad."""
 
@@ -65,7 +65,7 @@ class Vehicle:
 
 
 @dataclass(frozen=True)
-class Account:
+class ConstraintCount:
     """Constraints of one kind: used, refused by the gate, rms of those used ÷ predicted sd."""
 
     used: int
@@ -84,7 +84,7 @@ KINDS = (
 def forward_axes(solution: Solution) -> FloatArray | None:
     """Return vehicle axes in b (3, 3), from the mean direction of motion and of the vertical; None without motion."""
     speed = np.hypot(*solution.state.vel_n[:, :2].T)
-    moving = speed > DRIVING
+    moving = speed > MIN_SPEED
     if np.count_nonzero(moving) < 10:
         return None
     to_body = np.swapaxes(rotation.mat_from_quat(solution.state.quat_nb[moving]), -1, -2)
@@ -101,7 +101,7 @@ def forward_axes(solution: Solution) -> FloatArray | None:
 def turned_from(solution: Solution) -> str | None:
     """Return a note where the vehicle moves in other axes than those stated for it; None where it does not."""
     axes = forward_axes(solution)
-    if axes is None or np.linalg.norm(rotation.rotvec_from_mat(axes)) < CONTRADICTED:
+    if axes is None or np.linalg.norm(rotation.rotvec_from_mat(axes)) < MAX_MOUNTING_ERROR:
         return None
     angles = ", ".join(f"{value:.0f}" for value in np.round(np.degrees(rotation.rpy_from_mat(axes))) + 0.0)
     return (
@@ -129,7 +129,7 @@ def constraints(
         Vehicle axes in b.
     """
     ends = steps.ends()
-    edges = np.searchsorted(ends, np.arange(ends[0], ends[-1], WINDOW) + 1e-9)
+    edges = np.searchsorted(ends, np.arange(ends[0], ends[-1], WINDOW_DURATION) + 1e-9)
     first, last = edges[:-1], edges[1:]
     full = last - first > 2
     first, last = first[full], last[full]
@@ -143,18 +143,18 @@ def constraints(
     )
     t = ends[last]
     kinds: list[tuple[NDArray[np.bool_], int, float]] = []
-    stood = (t > alignment.t + WINDOW) & (t < alignment.t + alignment.still)
+    stood = (t > alignment.t + WINDOW_DURATION) & (t < alignment.t + alignment.still)
     still = np.zeros(len(t), dtype=bool)
-    if np.count_nonzero(stood) >= LEAST:
+    if np.count_nonzero(stood) >= MIN_WINDOWS:
         spread = mean[stood, :3].std(axis=0)
         off = np.abs(mean[:, :3] - np.median(mean[stood, :3], axis=0))
-        still = (scatter < CALM * scatter[stood].max(axis=0)).all(axis=1)
-        still &= (off < np.maximum(NEAR * spread, DRIFT)).all(axis=1)
+        still = (scatter < MAX_SCATTER_RATIO * scatter[stood].max(axis=0)).all(axis=1)
+        still &= (off < np.maximum(MAX_SCATTERS * spread, MAX_RATE_DRIFT)).all(axis=1)
         if vehicle.standing is not None:
-            noise = np.hypot(settings.model.gyro_density.max() / np.sqrt(WINDOW), spread.max())
+            noise = np.hypot(settings.model.gyro_density.max() / np.sqrt(WINDOW_DURATION), spread.max())
             kinds += [(still, ZERO_VELOCITY, vehicle.standing), (still, ZERO_RATE, float(noise))]
     if vehicle.sideways is not None:
-        straight = (np.abs(mean[:, :3]) < STRAIGHT).all(axis=1)
+        straight = (np.abs(mean[:, :3]) < MAX_TURN_RATE).all(axis=1)
         kinds.append((straight & ~still, NON_HOLONOMIC, vehicle.sideways))
     where = np.concatenate([np.zeros(0, dtype=np.intp), *(np.flatnonzero(which) for which, _, _ in kinds)])
     kind = np.concatenate([np.zeros(0, dtype=np.int64), *(np.full(int(w.sum()), k) for w, k, _ in kinds)])
@@ -166,20 +166,20 @@ def constraints(
     return Constraints(t[where], at, kind, sd, felt, mat_bv)
 
 
-def standing_noise(steps: Steps, alignment: Alignment) -> FloatArray | None:
-    """Return the Allan deviations (6,) of rates and forces over a second while it stood; None if it hardly did."""
+def stationary_noise(steps: Steps, alignment: Alignment) -> FloatArray | None:
+    """Return the Allan deviations (6,) of rates and forces over a second at rest; None if it was hardly stationary."""
     ends = steps.ends()
     begin, end = alignment.t, alignment.t + alignment.still
-    edges = np.searchsorted(ends, np.arange(begin, end, WINDOW) + 1e-9)
-    if len(edges) < LEAST + 2:
+    edges = np.searchsorted(ends, np.arange(begin, end, WINDOW_DURATION) + 1e-9)
+    if len(edges) < MIN_WINDOWS + 2:
         return None
     total = np.concatenate([np.zeros((1, 6)), np.cumsum(steps.increments, axis=0)])
     mean = np.diff(total[edges], axis=0) / np.diff(ends[edges])[:, None]
     return np.asarray(np.sqrt(0.5 * np.mean(np.diff(mean, axis=0) ** 2, axis=0)))
 
 
-def accounts(solutions: Sequence[Solution]) -> dict[str, Account]:
-    """Return what became of constraints, by name; kinds that never held are left out."""
+def constraint_counts(solutions: Sequence[Solution]) -> dict[str, ConstraintCount]:
+    """Return how many constraints of each kind were used and refused; kinds that never applied are left out."""
     found = {}
     for name, kind, dof in KINDS:
         parts = [(c, c.kind == kind) for s in solutions if (c := s.constrained) is not None]
@@ -187,11 +187,11 @@ def accounts(solutions: Sequence[Solution]) -> dict[str, Account]:
             use = np.concatenate([c.use[own] for c, own in parts])
             square = np.concatenate([c.distance[own] for c, own in parts])[use == USED]
             ratio = float(np.sqrt(square.mean() / dof)) if len(square) else 0.0
-            found[name] = Account(int((use == USED).sum()), int((use == GATED).sum()), ratio)
+            found[name] = ConstraintCount(int((use == USED).sum()), int((use == GATED).sum()), ratio)
     return found
 
 
-def constrained(
+def with_constraints(
     stretches: tuple[Stretch, ...],
     solutions: Sequence[Solution],
     settings: FilterSettings,
@@ -218,8 +218,8 @@ def constrained(
     return tuple(answers), tuple(notes)
 
 
-def told(found: Mapping[str, Account], vehicle: Vehicle) -> tuple[str, ...]:
-    """Return what became of constraints in words."""
+def constraint_notes(found: Mapping[str, ConstraintCount], vehicle: Vehicle) -> tuple[str, ...]:
+    """Return how the constraints were used, in words."""
     notes = [
         f"{name}: {one.used} used, {one.refused} refused by the gate, {one.ratio:.2f} × as large as predicted"
         for name, one in found.items()

@@ -1,6 +1,6 @@
 """Velocities of a receiver that lag behind its positions, brought to the time of their stamps by the inertial unit.
 
-A receiver that reports v(t − lag) at t lacks what the unit has felt since::
+A receiver that reports v(t − lag) at t lacks the acceleration measured since::
 
     v(t) = v_reported + C(t) ∫ C_b(t)b(τ) f dτ + (γ e_D − (2 ω_ie + ω_en) × v) lag        τ from t − lag to t
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tuner.consistency.drive import DriveResult
 from tuner.consistency.error_budget import blind_spots, table
-from tuner.navigation.drive.vehicle_constraints import accounts
+from tuner.navigation.drive.vehicle_constraints import constraint_counts
 from tuner.report.verdict_text import explanation_text, verdict_text
 from tuner.types.consistency import (
     Check,
@@ -109,7 +109,7 @@ def navigation_json(found: DriveResult, drive: Drive, *, notes: Sequence[str], s
             name: [{"value": value, "sd": sd} for value, sd in values]
             for name, values in found.estimates.items()
         },
-        "constraints": {name: vars(one) for name, one in accounts(found.solutions).items()},
+        "constraints": {name: vars(one) for name, one in constraint_counts(found.solutions).items()},
         "seed": seed,
     }
     return consistency_json(found.consistency, source=source, notes=notes)

@@ -16,14 +16,14 @@ from models.trajectory.motion import Trajectory
 from models.trajectory.profiles import Profile, Wave
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
-from tuner.navigation.drive.axis_checks import named_axes
-from tuner.navigation.drive.gross_outliers import without_outliers
-from tuner.navigation.drive.mean_velocities import legs
+from tuner.navigation.drive.axis_checks import with_axes_found
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
+from tuner.navigation.drive.mean_velocities import mean_velocities
 from tuner.navigation.drive.unit_checks import (
-    factor,
     height_factor,
-    likely_unit,
     refuse_wrong_units,
+    suspected_unit,
+    unit_factor,
     velocity_factor,
 )
 from tuner.readers.drive import read_drive
@@ -108,7 +108,7 @@ def test_what_is_right_is_not_touched(motion, interval):
             rate=25.0,
             seed=seed,
         )
-        assert named_axes(drive.gnss)[1] is None
+        assert with_axes_found(drive.gnss)[1] is None
         assert refuse_wrong_units(drive, drive.gnss) == ()
 
 
@@ -131,7 +131,7 @@ def test_what_is_right_is_seldom_far_from_1(motion):
             vel + error[:, 3:],
             *np.tile(sds, (len(t), 1)).reshape(len(t), 2, 3).swapaxes(0, 1),
         )
-        told = legs(gnss)
+        told = mean_velocities(gnss)
         for found in (velocity_factor(told), height_factor(told)):
             assert found is None or not found.other
 
@@ -144,7 +144,7 @@ def test_a_factor_lies_between_its_regressions():
     for noise in ((0.0, 3.0), (3.0, 0.0), (3.0, 3.0)):
         a = 3.6 * (signal + noise[0] * rng.standard_normal(signal.shape))
         b = signal + noise[1] * rng.standard_normal(signal.shape)
-        found = factor(a, b, t, 10.0)
+        found = unit_factor(a, b, t, 10.0)
         assert found is not None
         assert found.other
         assert found.interval[0] < 3.6 < found.interval[1]
@@ -156,9 +156,9 @@ def test_a_mean_that_is_no_bias_is_reported_where_a_filter_fails(motion):
     drive, _ = simulate_drive(
         load_grade("mpu9250"), TRAJECTORIES[motion](120.0), load_gnss("rtk"), rate=25.0, seed=1
     )
-    assert likely_unit(drive, drive.gnss) is None
+    assert suspected_unit(drive, drive.gnss) is None
     fast = np.hstack([np.degrees(drive.rates[:, :3] + 0.02), drive.rates[:, 3:]])
-    assert "more than any bias of theirs" in likely_unit(replace(drive, rates=fast), drive.gnss)
+    assert "more than any bias of theirs" in suspected_unit(replace(drive, rates=fast), drive.gnss)
 
 
 def test_a_receiver_at_rest_is_not_tested():
@@ -169,7 +169,7 @@ def test_a_receiver_at_rest_is_not_tested():
     wander = 0.02 * np.cumsum(np.random.default_rng(2).standard_normal((len(drive.gnss), 3)), axis=0)
     vel = np.gradient(wander, drive.gnss.t, axis=0)
     gnss = replace(drive.gnss, llh=llh_displaced(drive.gnss.llh[:1], 0.1 * wander), vel_n=vel)
-    assert velocity_factor(legs(gnss)).other
+    assert velocity_factor(mean_velocities(gnss)).other
     assert refuse_wrong_units(drive, gnss) == ()
 
 
@@ -183,7 +183,7 @@ def test_noise_has_no_factor():
     for size in (1e-4, 1e-2, 1.0, 1e2, 1e4):
         for _ in range(200):
             a, b = rng.standard_normal((2, 600, 1))
-            found = factor(size * a, b, t, 10.0)
+            found = unit_factor(size * a, b, t, 10.0)
             assert found is None or not found.other
 
 
@@ -191,7 +191,7 @@ def test_legs_leave_holes_out():
     t = np.concatenate([np.arange(0.0, 60.0), np.arange(66.0, 120.0)])
     llh = np.column_stack([0.8 + 1e-6 * t, np.full_like(t, 0.1), np.full_like(t, 100.0)])
     vel = np.tile([1e-6 * 6.37e6, 0.0, 0.0], (len(t), 1))
-    told = legs(Gnss(t, llh, vel, vel, vel))
+    told = mean_velocities(Gnss(t, llh, vel, vel, vel))
     assert not np.any((told.t > 50.0) & (told.t < 60.0))
     np.testing.assert_allclose(told.by_position[:, 0], vel[0, 0], rtol=0.01)
     np.testing.assert_allclose(told.by_velocity[:, 0], vel[0, 0], rtol=1e-12)
@@ -206,11 +206,11 @@ MEASURED = Path(os.environ.get("TUNER_DATA", "")) / "drives"
 )
 def test_units_of_measured_drives(file):
     drive = read_drive(MEASURED / f"{file}.npz")
-    drive = replace(drive, gnss=without_outliers(drive.gnss)[0])
+    drive = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     assert refuse_wrong_units(drive, drive.gnss) == ()
     for size, name in ((3.6, "km/h"), (1.0 / KNOT, "knots"), (1.0 / MILE, "mph"), (1.0 / FOOT, "ft/s")):
         with pytest.raises(DataError, match=f"velocities look to be in .*{name}"):
             refuse_wrong_units(drive, replace(drive.gnss, vel_n=size * drive.gnss.vel_n))
     fast = replace(drive, rates=np.hstack([np.degrees(drive.rates[:, :3]), drive.rates[:, 3:]]))
-    assert likely_unit(drive, drive.gnss) is None
-    assert "gyros look to be in deg/s" in likely_unit(fast, drive.gnss)
+    assert suspected_unit(drive, drive.gnss) is None
+    assert "gyros look to be in deg/s" in suspected_unit(fast, drive.gnss)

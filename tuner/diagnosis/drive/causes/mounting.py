@@ -23,7 +23,7 @@ from tuner.diagnosis.drive.causes.base import FinalCause, constant_causes
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.score_tests import columns_of
 from tuner.diagnosis.static.findings import words
-from tuner.navigation.drive.vehicle_constraints import DRIVING, STRAIGHT
+from tuner.navigation.drive.vehicle_constraints import MAX_TURN_RATE, MIN_SPEED
 from tuner.types import Coefficient, Finding, Inseparable
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +89,7 @@ def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatAr
     rate = np.abs(np.gradient(ahead, t))
     v = np.swapaxes(axes, -1, -2) @ vel[..., None]
     v = v[..., 0]
-    use = run.linearized.scored & (v[:, 0] > DRIVING) & (rate < STRAIGHT)
+    use = run.linearized.scored & (v[:, 0] > MIN_SPEED) & (rate < MAX_TURN_RATE)
     v = v[use]
     angles = np.stack(
         [-np.arcsin(v[:, 2] / np.linalg.norm(v, axis=1)), np.arctan2(v[:, 1], v[:, 0])], axis=-1

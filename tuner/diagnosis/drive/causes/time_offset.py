@@ -12,7 +12,7 @@ import numpy as np
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, filter_settings_of
 from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.alignment import standing_until
+from tuner.navigation.drive.alignment import stationary_until
 from tuner.navigation.drive.run import prepare
 from tuner.types import Parameter, Unexplained
 from tuner.types.records import Drive
@@ -82,7 +82,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
         What is compensated already.
     """
     corrected = compensate(drive, start.compensation)
-    end = standing_until(corrected.gnss) + SEARCHED_MOTION
+    end = stationary_until(corrected.gnss) + SEARCHED_MOTION
     imu, fixes = corrected.imu_t < end, corrected.gnss.t < end
     part = replace(
         corrected, imu_t=corrected.imu_t[imu], rates=corrected.rates[imu], gnss=corrected.gnss.rows(fixes)
