@@ -24,11 +24,11 @@ from tuner.types.records import DataError
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
-        "tune": "The main job: log in, filter configuration out.",
+        "tune": "The main job: from a log to a filter configuration, with report.",
         "identify": "Noise terms of a log, with intervals.",
-        "diagnose": "What a simulation of the noise gets wrong, why, and the gain.",
-        "check": "Is the filter honest? Monte-Carlo on simulated trajectories.",
-        "navigate": "A measured drive through the filter: innovations, errors, outages.",
+        "diagnose": "What a simulation of the noise, or a filter on a drive, gets wrong, and why.",
+        "check": "Is the filter consistent? Monte-Carlo on simulated trajectories.",
+        "navigate": "Filter a measured drive: innovations, errors, outages.",
         "plan": "How long a static test must be.",
         "curve": "One empirical curve: Allan family, spectrum, correlation.",
         "compare": "Logs, identifications and built-in grades side by side.",

@@ -1,1 +1,1 @@
-"""What a person sees: tables in customary units and figures. Drawing libraries are imported only here."""
+"""Results for people: tables, figures and the page, in customary units. Drawing libraries are imported only here."""

@@ -1,8 +1,7 @@
-"""The Allan figure: measured curve with its band, the fitted sum, each term as the segment it rules.
+"""The Allan figure: the measured curve with its interval, the fitted sum of noise terms, and each term.
 
-One row a sensor, one column an axis, log–log, in customary units. Beyond a fifth of the record the curve
-is drawn
-faded: fewer than about four independent differences stand behind each point there.
+One row a sensor, one column an axis, log–log, in customary units. Beyond a fifth of the record the curve is drawn
+faded: each point there rests on fewer than about four independent differences.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from tuner.types import ChannelIdentification, Identification
 
 FloatArray = NDArray[np.float64]
 
-MEASURED = "#1f5fa8"
-MODEL = "#c2410c"
+MEASURED_COLOUR = "#1f5fa8"
+MODEL_COLOUR = "#c2410c"
 TERM_COLOURS = {
     "quantization": "#7c3aed",
     "white": "#0f766e",
@@ -38,10 +37,10 @@ SLOPES = {
     "bias_instability": "slope 0",
     "random_walk": "slope +1/2",
     "ramp": "slope +1",
-    "gauss_markov": "hump",
+    "gauss_markov": "Gauss–Markov peak",
 }
-TRUSTED_SHARE = 0.2
-"""Share of the record up to which the empirical curve is drawn in full."""
+WELL_KNOWN_SHARE = 0.2
+"""Share of the record up to which the empirical curve is drawn in full: beyond a fifth, few differences remain."""
 
 
 def draw_allan(identification: Identification, paths: Sequence[Path], *, title: str = "") -> None:
@@ -73,10 +72,12 @@ def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
     curve = channel.allan
     tau, deviation = curve.tau, shown(curve.deviation()[:, 0])
     low, high = (shown(limit[:, 0]) for limit in curve.interval())
-    limit = TRUSTED_SHARE * channel.span
+    limit = WELL_KNOWN_SHARE * channel.span
     for part, strength in ((tau <= limit, 1.0), (tau >= limit, 0.3)):
-        panel.fill_between(tau[part], low[part], high[part], color=MEASURED, alpha=0.18 * strength, lw=0)
-        panel.plot(tau[part], deviation[part], "o", ms=2.4, color=MEASURED, alpha=strength, mew=0)
+        panel.fill_between(
+            tau[part], low[part], high[part], color=MEASURED_COLOUR, alpha=0.18 * strength, lw=0
+        )
+        panel.plot(tau[part], deviation[part], "o", ms=2.4, color=MEASURED_COLOUR, alpha=strength, mew=0)
     fine = np.geomspace(tau[0], tau[-1], 200)
     _draw_model(panel, channel, fine, shown)
     if tau[-1] > limit:
@@ -102,7 +103,7 @@ def _draw_model(
     if not channel.model.terms:
         return
     total = channel.model.allan_variance(tau)
-    panel.plot(tau, shown(np.sqrt(total)), color=MODEL, lw=1.3, label="fitted sum")
+    panel.plot(tau, shown(np.sqrt(total)), color=MODEL_COLOUR, lw=1.3, label="fitted sum")
     for term in channel.model.terms:
         variance = term.allan_variance(tau)
         colour = TERM_COLOURS.get(term.name, "0.4")

@@ -1,4 +1,4 @@
-"""Scores of a filter for the terminal."""
+"""Consistency scores and the error budget of a filter in tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One axis of a log as the figures of a diagnosis need it: samples, residuals, what was found as a signal.
+"""One axis of a log as the figures of a diagnosis need it: samples, residuals, and the signals that were found.
 
 Some causes are signals that can be drawn over the data: a line (phase by least squares), a bias by temperature, a
 warm-up, a step. The effect of the cause (`models.effects`) makes them from the parameters of a finding.
@@ -21,12 +21,12 @@ from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
 
-TEMPERATURE = "temperature"
+TEMPERATURE_COVARIATE = "temperature"
 
 
 @dataclass(frozen=True)
-class Subject:
-    """One axis and what was said of it.
+class DiagnosedAxis:
+    """One axis of a log with its residuals and findings.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def parameters(finding: Finding, axis: str) -> dict[str, float]:
     return {name: c.value for name, c in known.items() if c.value is not None}
 
 
-def subject(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -> Subject | None:
+def diagnosed_axis(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -> DiagnosedAxis | None:
     """Return one axis made ready, or None where it cannot be analysed."""
     record = next((r for r in records if axis in r.axes), None)
     if record is None:
@@ -100,7 +100,9 @@ def subject(records: Sequence[Record], axis: str, diagnosis: Diagnosis) -> Subje
     empty = NoiseModel()
     before, after = diagnosis.base.get(axis, empty), diagnosis.models.get(axis, empty)
     e = residual(ready).e
-    return Subject(axis, ready.unit, ready.interval, t, y, e, temperature, before, after, signals, findings)
+    return DiagnosedAxis(
+        axis, ready.unit, ready.interval, t, y, e, temperature, before, after, signals, findings
+    )
 
 
 def signal_of(
@@ -114,5 +116,5 @@ def signal_of(
 
 
 def _temperature(ready: Channel) -> FloatArray | None:
-    blocks = ready.covariates.get(TEMPERATURE)
+    blocks = ready.covariates.get(TEMPERATURE_COVARIATE)
     return None if blocks is None else np.repeat(blocks, ready.block)

@@ -1,4 +1,4 @@
-"""The view of a filter's innovations in which a cause shows: one small function a kind of cause, drawing one panel."""
+"""Panels of the figures of a drive diagnosis: for each kind of cause, the view of the innovations in which it shows."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tuner.types import Parameter
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, FilterRun, str], None]
 
-BEFORE, AFTER, CAUSE = "0.55", "#1f5fa8", "#c2410c"
-CHANNELS = (
+BEFORE_COLOUR, AFTER_COLOUR, CAUSE_COLOUR = "0.55", "#1f5fa8", "#c2410c"
+INNOVATION_ROWS = (
     ("position north", "m"),
     ("position east", "m"),
     ("position down", "m"),
@@ -24,8 +24,8 @@ CHANNELS = (
     ("velocity east", "m/s"),
     ("velocity down", "m/s"),
 )
-GROUPS = 15
-"""Groups of innovations whose means are drawn."""
+INNOVATION_GROUPS = 15
+"""Groups of innovations whose means are drawn: enough for a line, each with a narrow interval."""
 
 
 def normalised(found: FilterRun) -> FloatArray:
@@ -46,23 +46,32 @@ def _innovations(found: FilterRun) -> tuple[FloatArray, FloatArray]:
 def draw_effect(panel: Axes, found: FilterRun, title: str, values: Mapping[Parameter, float]) -> None:
     """Draw innovations over what the constants that were found would do to them.
 
-    Both are whitened: in sds, free of the memory of the filter. Before, they lie on a line of slope 1.
+    Both are whitened: in sds, serially uncorrelated where the filter is right. Before, they lie on a line of slope 1.
     """
     w = found.whitened
     own = [found.linearized.parameters.index(parameter) for parameter in values]
     effect = w.slope[:, own] @ np.array(list(values.values()))
     order = np.argsort(effect)
     x, y = effect[order], w.residual[order]
-    panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE, alpha=0.5, rasterized=True)
-    groups = [group for group in np.array_split(np.arange(len(x)), GROUPS) if len(group) > 1]
+    panel.plot(x, y, ".", ms=1.5, mew=0, color=BEFORE_COLOUR, alpha=0.5, rasterized=True)
+    groups = [group for group in np.array_split(np.arange(len(x)), INNOVATION_GROUPS) if len(group) > 1]
     middle = np.array([x[group].mean() for group in groups])
     mean = np.array([y[group].mean() for group in groups])
     error = np.array([y[group].std() / np.sqrt(len(group)) for group in groups])
     panel.errorbar(
-        middle, mean, 1.96 * error, fmt="o", ms=4, lw=1.0, color=AFTER, label="means of equal groups, 95 %"
+        middle,
+        mean,
+        1.96 * error,
+        fmt="o",
+        ms=4,
+        lw=1.0,
+        color=AFTER_COLOUR,
+        label="means of equal groups, 95 %",
     )
     ends = np.array([middle[0], middle[-1]])
-    panel.plot(ends, ends, color=CAUSE, lw=1.2, label="what the finding predicts for a filter without it")
+    panel.plot(
+        ends, ends, color=CAUSE_COLOUR, lw=1.2, label="what the finding predicts for a filter without it"
+    )
     panel.axhline(0.0, color="0.5", lw=0.8)
     reach = 1.5 * float(np.max(np.abs(np.concatenate([mean, ends]))) + 0.5)
     span = 1.1 * float(np.max(np.abs(ends)))
@@ -84,7 +93,14 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
     used = found.linearized.used[:, first]
     t = found.linearized.t
     panel.plot(
-        t[there & used], size[there & used], ".", ms=2.5, mew=0, color=AFTER, label="used", rasterized=True
+        t[there & used],
+        size[there & used],
+        ".",
+        ms=2.5,
+        mew=0,
+        color=AFTER_COLOUR,
+        label="used",
+        rasterized=True,
     )
     panel.plot(
         t[there & ~used],
@@ -92,7 +108,7 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
         ".",
         ms=3.5,
         mew=0,
-        color=CAUSE,
+        color=CAUSE_COLOUR,
         label="refused",
         rasterized=True,
     )
@@ -101,12 +117,12 @@ def draw_outliers(panel: Axes, found: FilterRun, title: str, first: int = 0) -> 
 
 
 def draw_wrong_velocities(panel: Axes, found: FilterRun, title: str) -> None:
-    """Draw the same of the velocities."""
+    """Draw the size of every velocity innovation by its prediction over time, with those that are left out."""
     draw_outliers(panel, found, title, 3)
 
 
 def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
-    """Draw the distribution of normalised innovations beside the one that the filter promises."""
+    """Draw the distribution of normalised innovations beside the standard normal one that the filter predicts."""
     z = normalised(found)
     edges = np.linspace(-6.0, 6.0, 73)
     for part, name, style in ((slice(0, 3), "position", "-"), (slice(3, 6), "velocity", ":")):
@@ -114,16 +130,16 @@ def draw_distribution(panel: Axes, found: FilterRun, title: str) -> None:
         if not len(values):
             continue
         density, _ = np.histogram(np.clip(values, -6.0, 6.0), edges, density=True)
-        panel.stairs(density, edges, color=AFTER, ls=style, lw=1.2, label=name)
+        panel.stairs(density, edges, color=AFTER_COLOUR, ls=style, lw=1.2, label=name)
     middle = 0.5 * (edges[:-1] + edges[1:])
-    panel.plot(middle, norm.pdf(middle), color=CAUSE, lw=1.0, label="promised")
+    panel.plot(middle, norm.pdf(middle), color=CAUSE_COLOUR, lw=1.0, label="predicted")
     panel.set(xlabel="innovation ÷ predicted sd", ylabel="density", title=title)
 
 
-def draw_memory(panel: Axes, found: FilterRun, title: str) -> None:
-    """Draw normalised innovations of the position, smoothed over 10 s: what stays for a while."""
+def draw_slow_means(panel: Axes, found: FilterRun, title: str) -> None:
+    """Draw normalised innovations of the position, smoothed over 10 s: its slow part."""
     z, t = normalised(found), found.linearized.t
-    for row, colour in ((0, AFTER), (1, CAUSE), (2, BEFORE)):
+    for row, colour in ((0, AFTER_COLOUR), (1, CAUSE_COLOUR), (2, BEFORE_COLOUR)):
         block = ((t - t[0]) // 10.0).astype(int)
         good = np.isfinite(z[:, row])
         count = np.bincount(block[good], minlength=block[-1] + 1)
@@ -133,7 +149,7 @@ def draw_memory(panel: Axes, found: FilterRun, title: str) -> None:
             mean / count[count > 0],
             lw=0.9,
             color=colour,
-            label=CHANNELS[row][0],
+            label=INNOVATION_ROWS[row][0],
         )
     panel.set(xlabel="time, s", ylabel="innovation ÷ predicted sd, means of 10 s", title=title)
 
@@ -142,6 +158,6 @@ VIEWS: Mapping[str, View] = {
     "distribution": draw_distribution,
     "positions": draw_outliers,
     "velocities": draw_wrong_velocities,
-    "slow means": draw_memory,
+    "slow means": draw_slow_means,
 }
 """Figure of every view that a cause may declare but ``sensitivity``, which needs its estimates (`draw_effect`)."""

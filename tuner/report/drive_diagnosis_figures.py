@@ -1,7 +1,7 @@
-"""Pictures of a drive's diagnosis: the filter before and after its findings.
+"""Figures of the diagnosis of a drive: innovations, NIS and outages of the filter before and after its findings.
 
 Innovations by channel in the band of ±1 sd, their correlation over time, NIS along the drive, errors after outages,
-and for each finding the view in which it is plain (`tuner.report.drive_cause_panels`).
+and for each finding the view of the innovations in which it shows (`tuner.report.drive_cause_panels`).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from tuner.formats.files import whole_file
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
 from tuner.report.drive_cause_panels import (
-    AFTER,
-    BEFORE,
-    CHANNELS,
+    AFTER_COLOUR,
+    BEFORE_COLOUR,
+    INNOVATION_ROWS,
     VIEWS,
     View,
     draw_distribution,
@@ -38,14 +38,14 @@ from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
 
-OUTAGES = (30.0, 60.0)
+OUTAGE_LENGTHS = (30.0, 60.0)
 """Lengths of the outages, s."""
-RECOVERY = 30.0
-"""Time with fixes between two of them, s."""
+RECOVERY_TIME = 30.0
+"""Time with fixes between two outages, s: the filter is settled again."""
 LONGEST_LAG = 60.0
-"""Of the autocorrelation, s."""
-WINDOW = 30.0
-"""Over which NIS is averaged, s."""
+"""Longest lag of the autocorrelation that is drawn, s: a correlated GNSS error shows within a minute."""
+NIS_WINDOW = 30.0
+"""Time over which NIS is averaged, s: some 30 fixes at 1 Hz, a band of ± 15 %."""
 
 
 def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path]]:
@@ -68,8 +68,8 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
         ),
         _draw(
             directory / "drive-consistency.svg",
-            "Left: normalised innovations must not remember each other. Right: NIS, averaged over "
-            f"{WINDOW:.0f} s, must stay about 1; the shaded band holds 95 % of honest averages.",
+            f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
+            "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
             (11.0, 4.0),
             (1, 2),
             [partial(_correlation, passes), partial(_nis, passes)],
@@ -81,7 +81,7 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
             _draw(
                 directory / "drive-outages.svg",
                 "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
-                "diagonal is better. The drive that named the findings is the one shown: the gain on data held out "
+                "diagonal is better. These are the data the findings were estimated from: the gain on held-out data "
                 "is in the table.",
                 (11.0, 4.6),
                 (1, len(outages)),
@@ -144,10 +144,10 @@ def _viewed(view: View, found: FilterRun, title: str, panel: Axes) -> None:
 
 
 def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> None:
-    name, unit = CHANNELS[row]
+    name, unit = INNOVATION_ROWS[row]
     reach = 0.0
     for found, colour, label, size in zip(
-        passes, ("0.7", AFTER), ("before", "after"), (3.5, 2.5), strict=True
+        passes, ("0.7", AFTER_COLOUR), ("before", "after"), (3.5, 2.5), strict=True
     ):
         for number, solution in enumerate(found.solutions):
             z, sd = solution.innovation[:, row], np.sqrt(solution.innovation_covariance[:, row, row])
@@ -173,7 +173,7 @@ def _innovations(passes: tuple[FilterRun, FilterRun], row: int, panel: Axes) -> 
 
 
 def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
-    for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
+    for found, colour, title in zip(passes, (BEFORE_COLOUR, AFTER_COLOUR), ("before", "after"), strict=True):
         for first, kind, style in ((0, "position", "-"), (3, "velocity", ":")):
             z = normalised(found)[:, first : first + 3]
             step = float(np.median(np.diff(found.linearized.t)))
@@ -184,18 +184,20 @@ def _correlation(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
             panel.plot(lags * step, values, style, color=colour, lw=1.3, label=f"{kind}, {title}")
     band = 1.96 / np.sqrt(3.0 * max(1, len(passes[1].linearized)))
     panel.axhspan(-band, band, color="0.85", lw=0, zorder=0)
-    panel.set(xscale="log", xlabel="lag, s", ylabel="autocorrelation", title="memory of the innovations")
+    panel.set(
+        xscale="log", xlabel="lag, s", ylabel="autocorrelation", title="autocorrelation of the innovations"
+    )
 
 
 def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
-    for found, colour, title in zip(passes, (BEFORE, AFTER), ("before", "after"), strict=True):
+    for found, colour, title in zip(passes, (BEFORE_COLOUR, AFTER_COLOUR), ("before", "after"), strict=True):
         z2 = normalised(found) ** 2
         t = found.linearized.t
-        block = ((t - t[0]) // WINDOW).astype(int)
+        block = ((t - t[0]) // NIS_WINDOW).astype(int)
         count = np.bincount(block, weights=np.isfinite(z2).sum(axis=1))
         total = np.bincount(block, weights=np.nansum(z2, axis=1))
         full = count > 0
-        middle = t[0] + WINDOW * (np.arange(len(count)) + 0.5)
+        middle = t[0] + NIS_WINDOW * (np.arange(len(count)) + 0.5)
         panel.plot(middle[full], total[full] / count[full], "-o", ms=2.5, lw=1.0, color=colour, label=title)
     usual = float(np.median(count[full]))
     low, high = (float(chi2.ppf(q, usual)) / usual for q in (0.025, 0.975))
@@ -211,11 +213,11 @@ def _nis(passes: tuple[FilterRun, FilterRun], panel: Axes) -> None:
 def _outages(passes: tuple[FilterRun, FilterRun]) -> list[tuple[float, FloatArray, FloatArray]]:
     """Return length and paired horizontal errors, m, of outages of the whole drive."""
     answer = []
-    for horizon in OUTAGES:
+    for horizon in OUTAGE_LENGTHS:
         windows = [
             (begin, begin + horizon)
             for s in passes[1].stretches
-            for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY)
+            for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY_TIME)
         ]
         if not windows:
             continue
@@ -240,7 +242,7 @@ def _errors_of(found: FilterRun, windows: list[tuple[float, float]]) -> dict[tup
 def _paired(horizon: float, before: FloatArray, after: FloatArray, panel: Axes) -> None:
     high = 1.1 * max(before.max(), after.max())
     panel.plot([0.0, high], [0.0, high], color="0.6", lw=0.9)
-    panel.plot(before, after, "o", ms=5, mew=0, alpha=0.75, color=AFTER)
+    panel.plot(before, after, "o", ms=5, mew=0, alpha=0.75, color=AFTER_COLOUR)
     rms = [float(np.sqrt(np.mean(x**2))) for x in (before, after)]
     panel.set(
         xlim=(0.0, high),

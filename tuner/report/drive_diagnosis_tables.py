@@ -16,28 +16,28 @@ def drive_tables(found: DriveDiagnosis) -> list[Table | str]:
     """Return findings with their words, the gain, the inflations with their causes, and what stays open."""
     answer: list[Table | str] = []
     if found.quiet:
-        answer.append("  nothing found: the drive is what a simulation of this filter would be")
+        answer.append("  nothing found: the drive agrees with a simulation of this filter")
     if found.findings:
         answer.append(findings_table(found.findings, "What the navigation simulation gets wrong"))
     for finding in found.findings:
         answer.append(f"  {finding.text} → {finding.consequence}")
     if found.gain is not None:
-        answer.append(f"  {whole_gain(found.gain)}")
+        answer.append(f"  {whole_gain_text(found.gain)}")
     if not found.credited:
-        answer.append(f"  {harm_words(found.gain)}")
+        answer.append(f"  {harm_text(found.gain)}")
     answer += [f"  {one.text}" for one in found.inseparable]
     answer += [
-        f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the drive has more in it than was named"
+        f"  unexplained: {u.statistic}, p = {u.p_value:.1e}: the findings do not account for it"
         for u in found.unexplained
     ]
     if found.noise_scales:
-        answer += inflation_tables(found.noise_scales)
+        answer += noise_scale_tables(found.noise_scales)
     answer += [f"  missing: {line}" for line in missing(found)]
     return answer + [f"  note: {note}" for note in found.notes]
 
 
 def missing(found: DriveDiagnosis) -> list[str]:
-    """Say what a better recording would have to bring."""
+    """Return what a better recording would have to contain."""
     lines = []
     if found.findings and found.gain is None:
         lines.append(
@@ -47,10 +47,10 @@ def missing(found: DriveDiagnosis) -> list[str]:
         lines.append(
             "what is left unexplained has no cause in the catalogue; a reference solution would show when it acts"
         )
-    if hidden := [SHORT[one.setting] for one in found.noise_scales if not one.identifiable]:
+    if hidden := [SHORT_NAMES[one.setting] for one in found.noise_scales if not one.identifiable]:
         lines.append(
-            f"{', '.join(hidden)}: this drive cannot tell; a static log tells the unit's own noise, better fixes or "
-            "times without fixes tell what it is in motion"
+            f"{', '.join(hidden)}: not identifiable on this drive; a static log shows the unit's own noise, better "
+            "fixes or times without fixes show what it is in motion"
         )
     if not found.noise_scales:
         lines.append(
@@ -59,16 +59,16 @@ def missing(found: DriveDiagnosis) -> list[str]:
     return lines
 
 
-def whole_gain(gain: Gain) -> str:
-    """Say what all findings together are worth on the part of the drive that was held out."""
+def whole_gain_text(gain: Gain) -> str:
+    """Return the gain of all findings together on the held-out part of the drive, in words."""
     parts = [f"log likelihood {gain.nats:+.0f} nats"]
     for name, (before, after) in gain.user.items():
         quantity, _, unit = name.partition(" ")
-        if quantity.endswith(INTERVAL):
+        if quantity.endswith(CHANGE_INTERVAL):
             continue
         head = _PLAIN.get(quantity, quantity.replace("_", " "))
         text = f"{head} {digits(before)} → {digits(after)} {unit.strip('[]')}".strip()
-        change = gain.user.get(f"{quantity}{INTERVAL} {unit}".strip())
+        change = gain.user.get(f"{quantity}{CHANGE_INTERVAL} {unit}".strip())
         if change is not None:
             text += f" (change {digits(change[0])} … {digits(change[1])} with 95 %)"
         parts.append(text)
@@ -76,8 +76,8 @@ def whole_gain(gain: Gain) -> str:
     return f"all findings together, on {part}: {'; '.join(parts)}"
 
 
-def harm_words(gain: Gain | None) -> str:
-    """Say why findings are not taken over."""
+def harm_text(gain: Gain | None) -> str:
+    """Return why findings do not enter the configuration, in words."""
     lost = gain is not None and gain.nats < 0.0
     why = "lose likelihood" if lost else "gain likelihood, but errors of outages grow"
     return (
@@ -86,13 +86,13 @@ def harm_words(gain: Gain | None) -> str:
     )
 
 
-def inflation_tables(estimates: Sequence[NoiseScaleEstimate]) -> list[Table | str]:
-    """Return one row a noise setting: what is stated, what the drive asks for, why."""
-    table = Table(title="What the drive asks of each noise setting (95 % intervals)")
-    for head in ("setting", "stated", "drive asks for", "factor", "with all findings", "accounted for by"):
+def noise_scale_tables(estimates: Sequence[NoiseScaleEstimate]) -> list[Table | str]:
+    """Return one row a noise setting: the stated value, the scale estimated from the drive, and its causes."""
+    table = Table(title="Noise settings: stated, and estimated from the drive (95 % intervals)")
+    for head in ("setting", "stated", "estimated", "factor", "with all findings", "accounted for by"):
         table.add_column(head)
     for one in estimates:
-        table.add_row(SHORT[one.setting], *_cells(one))
+        table.add_row(SHORT_NAMES[one.setting], *_cells(one))
     return [table, *(f"  {one.text}" for one in estimates if one.causes)]
 
 
@@ -110,26 +110,26 @@ def _cells(one: NoiseScaleEstimate) -> tuple[str, ...]:
     stated = f"{shown(1.0)} {unit}"
     if not one.identifiable:
         return stated, "–", "–", "–", "not identifiable on this drive"
-    asked = "–"
+    estimated = "–"
     if one.plain.value is not None and one.plain.interval is not None:
         low, high = (shown(end) for end in one.plain.interval)
-        asked = f"{shown(one.plain.value)} ({low} … {high}) {unit}"
+        estimated = f"{shown(one.plain.value)} ({low} … {high}) {unit}"
     elif one.plain.upper is not None:
-        asked = f"below {shown(one.plain.upper)} {unit}"
+        estimated = f"below {shown(one.plain.upper)} {unit}"
     why = ", ".join(cause.replace("_", " ") for cause in one.causes)
     nothing = "nothing to account for" if may_be_one(one.plain) else "the findings"
-    return stated, asked, factor_text(one.plain), factor_text(one.named), why or nothing
+    return stated, estimated, factor_text(one.plain), factor_text(one.named), why or nothing
 
 
-INTERVAL = "_change_interval"
+CHANGE_INTERVAL = "_change_interval"
 """Ending of a figure that is the interval of the change of another."""
 _PLAIN = {
-    "nis": "NIS a row (1 is honest)",
+    "nis": "NIS a row (1 where consistent)",
     "innovation_lag1_correlation": "correlation of one innovation with the next",
     "outage_30s_horizontal": "horizontal error after 30 s without fixes, rms",
     "outage_60s_horizontal": "horizontal error after 60 s without fixes, rms",
 }
-SHORT = {
+SHORT_NAMES = {
     "gyro_white": "gyro white",
     "accel_white": "accel white",
     "gyro_bias": "gyro bias",

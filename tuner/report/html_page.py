@@ -1,4 +1,4 @@
-"""One HTML page, complete in itself: what is in the log, what its simulation misses, what the filter gets.
+"""The report as one HTML page, complete in itself: noise, diagnosis, filter configuration and check.
 
 The page carries its figures as inline SVG and its style in the head: it can be mailed, opened offline and
 printed.
@@ -18,7 +18,7 @@ from tuner.report.allan_figure import draw_allan
 from tuner.report.identification_tables import identification_tables
 from tuner.types import ChannelNoise, FilterConfig, Identification
 
-STYLE = """
+PAGE_STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c1917; max-width: 1180px; margin: 2rem auto; padding:
 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: .2rem; }
@@ -72,11 +72,11 @@ def write_page(
     for heading, content in sections:
         parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
     parts += [_figure(path.read_text(encoding="utf-8"), caption) for caption, path in figures]
-    parts += ["<h2>What the filter believes</h2>", _blocks([_settings(config)]), _reasons(config)]
+    parts += ["<h2>Filter configuration</h2>", _blocks([_settings(config)]), _reasons(config)]
     if absent:
         parts.append("<h2>What was not done</h2>")
         parts.append(_list([f"{part}: {reason}" for part, reason in absent.items()]))
-    head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{STYLE}</style>"
+    head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{PAGE_STYLE}</style>"
     body = "\n".join(parts)
     language = '<html lang="en">'
     return f"<!doctype html>\n{language}<head>{head}</head><body>\n{body}\n</body></html>\n"

@@ -99,14 +99,14 @@ def tune_sections(result: TuneResult) -> list[Section]:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
         content = [*diagnosis_tables(result.diagnosis), *hidden_effect_lines(judged)]
         if content:
-            sections.append(("What a simulation of it gets wrong", content))
+            sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
     if result.calibration is not None:
         sections.append(("Calibration from poses", calibration_lines(result.calibration)))
     if result.drive is not None:
-        sections.append(("What the drive says", drive_tables(result.drive.diagnosis)))
+        sections.append(("Drive diagnosis", drive_tables(result.drive.diagnosis)))
     if result.check is not None:
         tables = consistency_tables(result.check.consistency, result.check.notes)
-        sections.append(("Is the filter honest?", tables))
+        sections.append(("Consistency of the filter", tables))
     return sections
 
 

@@ -1,4 +1,4 @@
-"""The view of the residual in which a cause shows: one small function a kind of cause, drawing one panel."""
+"""Panels of the figures of a static diagnosis: for each kind of cause, the view of the residuals in which it shows."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from scipy.stats import norm
 from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
-from tuner.report.diagnosed_axis import Subject
+from tuner.report.diagnosed_axis import DiagnosedAxis
 
 FloatArray = NDArray[np.float64]
-View = Callable[[Axes, Subject, Mapping[str, float]], None]
+View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
 
-DATA, CAUSE, QUIET = "#1f5fa8", "#c2410c", "0.45"
-POINTS = 600
-"""Blocks of a time course."""
+DATA_COLOUR, CAUSE_COLOUR, MODEL_COLOUR = "#1f5fa8", "#c2410c", "0.45"
+COURSE_BLOCKS = 600
+"""Blocks of a time course: as many as the panel has pixels to show."""
 
 
-def shown(subject: Subject, values: FloatArray) -> FloatArray:
+def shown(subject: DiagnosedAxis, values: FloatArray) -> FloatArray:
     """Return values in the customary unit of the axis."""
     return values * in_customary(1.0, "level", subject.unit)
 
 
-def unit_of(subject: Subject) -> str:
+def unit_of(subject: DiagnosedAxis) -> str:
     """Return the customary unit of the axis."""
     return pretty(customary_unit("level", subject.unit))
 
 
-def blocks(x: FloatArray, count: int = POINTS) -> FloatArray:
+def blocks(x: FloatArray, count: int = COURSE_BLOCKS) -> FloatArray:
     """Return the samples as rows of blocks, shape (count or fewer, size)."""
     size = max(1, len(x) // count)
     return x[: len(x) // size * size].reshape(-1, size)
 
 
-def _periodogram(subject: Subject) -> tuple[FloatArray, FloatArray]:
+def _periodogram(subject: DiagnosedAxis) -> tuple[FloatArray, FloatArray]:
     e = np.clip(subject.e, -5.0, 5.0)
     power = np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
     return np.arange(1, len(power) + 1) / (len(e) * subject.interval), power
 
 
-def draw_peak(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_peak(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the spectrum of the residuals around a line or a resonance."""
     f, power = _periodogram(subject)
     centre, step = values["frequency"], f[0]
@@ -54,33 +54,37 @@ def draw_peak(panel: Axes, subject: Subject, values: Mapping[str, float]) -> Non
     reach = max(40.0 * step, 6.0 * width)
     smooth = max(1, int(0.15 * width / step))
     near = (f > centre - reach - step) & (f < centre + reach)
-    panel.plot(f[near], uniform_filter1d(power, smooth)[near], color=DATA, lw=0.9, label="residuals")
-    panel.axhline(1.0, color=QUIET, ls="--", lw=0.9, label="what the model expects")
-    panel.axvline(centre, color=CAUSE, lw=1.0, alpha=0.6, label=f"{centre:.6g} Hz")
+    panel.plot(f[near], uniform_filter1d(power, smooth)[near], color=DATA_COLOUR, lw=0.9, label="residuals")
+    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="expected by the model")
+    panel.axvline(centre, color=CAUSE_COLOUR, lw=1.0, alpha=0.6, label=f"{centre:.6g} Hz")
     if width:
-        panel.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=CAUSE, alpha=0.15, lw=0)
+        panel.axvspan(centre - 0.5 * width, centre + 0.5 * width, color=CAUSE_COLOUR, alpha=0.15, lw=0)
     panel.set(xlabel="frequency, Hz", ylabel="spectrum of the residuals", title="spectrum around it")
 
 
-def draw_colour(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_colour(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the whole spectrum of the residuals and what the extended model makes of it."""
     f, power = _periodogram(subject)
     rows, at = blocks(power, 200).mean(axis=1), blocks(f, 200).mean(axis=1)
-    panel.plot(at, rows, ".", ms=3, color=DATA, label="residuals (means over a band)")
-    panel.axhline(1.0, color=QUIET, ls="--", lw=0.9, label="model before")
+    panel.plot(at, rows, ".", ms=3, color=DATA_COLOUR, label="residuals (means over a band)")
+    panel.axhline(1.0, color=MODEL_COLOUR, ls="--", lw=0.9, label="model before")
     dt = subject.interval
     ratio = subject.after.psd(at, interval=dt) / subject.before.psd(at, interval=dt)
     panel.plot(
-        at, ratio * rows.mean() / ratio.mean(), color=CAUSE, lw=1.3, label="extended model ÷ model before"
+        at,
+        ratio * rows.mean() / ratio.mean(),
+        color=CAUSE_COLOUR,
+        lw=1.3,
+        label="extended model ÷ model before",
     )
     if "cutoff" in values:
         panel.axvline(
-            values["cutoff"], color=CAUSE, ls=":", lw=1.0, label=f"cut-off {values['cutoff']:.4g} Hz"
+            values["cutoff"], color=CAUSE_COLOUR, ls=":", lw=1.0, label=f"cut-off {values['cutoff']:.4g} Hz"
         )
     panel.set(xlabel="frequency, Hz", ylabel="spectrum of the residuals", title="shape of the spectrum")
 
 
-def draw_temperature(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_temperature(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw bias over temperature, in the order of time, and the bias that was found."""
     assert subject.temperature is not None
     code = next(
@@ -92,13 +96,13 @@ def draw_temperature(panel: Axes, subject: Subject, values: Mapping[str, float])
     celsius, hours = blocks(subject.temperature).mean(axis=1), blocks(subject.t).mean(axis=1) / 3600.0
     bias = bias - bias.mean()
     dots = panel.scatter(celsius, bias, c=hours, s=6, cmap="viridis", lw=0, label="means of the samples")
-    panel.plot(celsius, signal, color=CAUSE, lw=1.2, label="found")
+    panel.plot(celsius, signal, color=CAUSE_COLOUR, lw=1.2, label="found")
     assert panel.figure is not None
     panel.figure.colorbar(dots, ax=panel, label="time, h")
     panel.set(xlabel="temperature, °C", ylabel=f"bias, {unit_of(subject)}", title="bias over temperature")
 
 
-def draw_course(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the bias over time, with the event or the transient that was found."""
     cause = next((f.cause for f in subject.findings if set(values) <= set(f.parameters)), "")
     if "dwell_low" in values:
@@ -108,65 +112,70 @@ def draw_course(panel: Axes, subject: Subject, values: Mapping[str, float]) -> N
         part = slice(0, len(subject.y))
     hours = blocks(subject.t[part]).mean(axis=1) / 3600.0
     bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
-    panel.plot(hours, bias - bias.mean(), color=DATA, lw=0.8, label="means of the samples")
+    panel.plot(hours, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
     if cause in subject.signals:
         signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
-        panel.plot(hours, signal - signal.mean(), color=CAUSE, lw=1.4, label="found")
+        panel.plot(hours, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     for event in subject.values("motion") if cause == "motion" else ():
         first, last = event["start"] / 3600.0, (event["start"] + event["duration"]) / 3600.0
-        panel.axvspan(first, last, color=CAUSE, alpha=0.2, lw=1.5)
+        panel.axvspan(first, last, color=CAUSE_COLOUR, alpha=0.2, lw=1.5)
     panel.set(xlabel="time, h", ylabel=f"bias, {unit_of(subject)}", title="time course")
 
 
-def draw_variance(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the variance of the residuals over time, with the burst or the drift that was found."""
     square = np.minimum(subject.e**2, 25.0)
     hours = blocks(subject.t, 300).mean(axis=1) / 3600.0
     rows = blocks(square, 300)
-    panel.plot(hours, rows.mean(axis=1), ".", ms=3, color=DATA, label="residuals")
+    panel.plot(hours, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
     half = 1.96 * np.sqrt(2.0 / rows.shape[1])
     panel.axhspan(1.0 - half, 1.0 + half, color="0.85", lw=0, label="95 % of the model's")
     if "variance_ratio" in values:
         first, last = values["start"] / 3600.0, (values["start"] + values["duration"]) / 3600.0
         panel.axvspan(
-            first, last, color=CAUSE, alpha=0.2, lw=0, label=f"variance × {values['variance_ratio']:.3g}"
+            first,
+            last,
+            color=CAUSE_COLOUR,
+            alpha=0.2,
+            lw=0,
+            label=f"variance × {values['variance_ratio']:.3g}",
         )
     else:
         unit = next(f.parameters["slope"].unit for f in subject.findings if f.cause == "variance_drift")
         by = subject.temperature if unit == "1/K" and subject.temperature is not None else subject.t
         course = blocks(by, 300).mean(axis=1)
         level = np.exp(values["slope"] * (course - course.mean()))
-        panel.plot(hours, level * rows.mean() / level.mean(), color=CAUSE, lw=1.4, label="found")
+        panel.plot(hours, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     panel.set(xlabel="time, h", ylabel="variance of the residuals", title="variance over time")
 
 
-def draw_histogram(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:  # noqa: ARG001
-    """Draw the law of the residuals beside the normal one."""
+def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001
+    """Draw the distribution of the residuals beside the normal one."""
     reach = float(min(max(6.0, np.max(np.abs(subject.e)) * 1.02), 40.0))
     edges = np.linspace(-reach, reach, 121)
     count, _ = np.histogram(subject.e, edges)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA, alpha=0.5, label="residuals")
+    panel.stairs(np.maximum(count, 0.3), edges, fill=True, color=DATA_COLOUR, alpha=0.5, label="residuals")
     expected = len(subject.e) * np.diff(norm.cdf(edges))
-    panel.plot(middle, expected, color=QUIET, ls="--", lw=1.2, label="normal law")
-    panel.set(xlabel="residual, standard deviations", ylabel="samples", title="law of the residuals")
+    panel.plot(middle, expected, color=MODEL_COLOUR, ls="--", lw=1.2, label="normal distribution")
+    panel.set(xlabel="residual, standard deviations", ylabel="samples", title="distribution of the residuals")
     panel.set(yscale="log", ylim=(0.3, 3.0 * count.max()))
 
 
-def draw_codes(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
+def draw_codes(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw how often each value was read; for repeated readings, how often each difference."""
     what, values_of = "samples", subject.y
     if "fraction" in values:
         what, values_of = "differences of samples", np.diff(subject.y)
     numbers = shown(subject, values_of)
     low, high = np.quantile(numbers, [1e-4, 1.0 - 1e-4])
-    panel.hist(numbers, bins=np.linspace(low, high, 201).tolist(), color=DATA, alpha=0.7, label=what)
+    panel.hist(numbers, bins=np.linspace(low, high, 201).tolist(), color=DATA_COLOUR, alpha=0.7, label=what)
     panel.set(yscale="log", xlabel=f"{what} less their median, {unit_of(subject)}", ylabel="count")
     panel.set_title(f"histogram of the {what}")
 
 
-def draw_stamps(panel: Axes, subject: Subject, values: Mapping[str, float]) -> None:
-    """Draw what the time stamps were found to be, in words: the samples have been put on an even grid."""
+def draw_stamps(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
+    """Write the figures of the time stamps as text: the samples have been put on an even grid."""
     lines = [f"{name.replace('_', ' ')}: {value:.6g}" for name, value in values.items()]
     panel.text(0.05, 0.5, "\n".join(lines), transform=panel.transAxes, va="center")
     panel.set(title=f"time stamps of {subject.axis}", xticks=[], yticks=[])

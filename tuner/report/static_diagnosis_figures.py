@@ -23,8 +23,8 @@ from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import whole_file
-from tuner.report.diagnosed_axis import Subject, parameters, subject
-from tuner.report.static_cause_panels import CAUSE, DATA, shown, unit_of, view_of
+from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
+from tuner.report.static_cause_panels import CAUSE_COLOUR, DATA_COLOUR, shown, unit_of, view_of
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
 
@@ -32,12 +32,12 @@ FloatArray = NDArray[np.float64]
 
 MOST_REPLICAS = 39
 """Simulated records of a band: the range of 39 holds 95 % of further ones."""
-BEFORE = "0.35"
+BEFORE_COLOUR = "0.35"
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """A curve of samples: where, how it is computed from samples, and what a noise model says there."""
+    """A curve of samples: its abscissa, how it is computed from samples, and its expectation under a noise model."""
 
     place: FloatArray
     of: Callable[[FloatArray], FloatArray]
@@ -49,21 +49,21 @@ class _Curve:
 def draw_findings(
     records: Sequence[Record], diagnosis: Diagnosis, directory: Path, replicas: int = 0, seed: int = 0
 ) -> list[tuple[str, Path]]:
-    """Draw every finding to ``finding-NUMBER-CAUSE.png`` and ``.svg``; those of one cause and channels together.
+    """Draw every finding to ``finding-NUMBER-CAUSE_COLOUR.png`` and ``.svg``; those of one cause and channels together.
 
     Returns
     -------
     list of (str, Path)
         Caption and SVG of each picture.
     """
-    subjects: dict[str, Subject | None] = {}
+    subjects: dict[str, DiagnosedAxis | None] = {}
     drawn: dict[tuple[str, tuple[str, ...]], tuple[str, Path]] = {}
     for finding in diagnosis.findings:
         if (finding.cause, finding.channels) in drawn:
             continue
         for axis in finding.channels:
             if axis not in subjects:
-                subjects[axis] = subject(records, axis, diagnosis)
+                subjects[axis] = diagnosed_axis(records, axis, diagnosis)
         chosen = next((s for axis in finding.channels if (s := subjects[axis]) is not None), None)
         if chosen is None:
             continue
@@ -79,7 +79,7 @@ def _is_spectral(code: str) -> bool:
     return declared is not None and declared.group == "fast spectrum"
 
 
-def _draw(one: Subject, finding: Finding, paths: Sequence[Path], replicas: int, seed: int) -> None:
+def _draw(one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int) -> None:
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
     with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
         figure = Figure(figsize=(11.0, 4.4), layout="constrained")
@@ -96,13 +96,15 @@ def _draw(one: Subject, finding: Finding, paths: Sequence[Path], replicas: int, 
                 figure.savefig(temporary, dpi=130)
 
 
-def _draw_curve(panel: Axes, one: Subject, curve: _Curve, replicas: int, seed: int) -> None:
-    panel.plot(curve.place, curve.of(one.y), "o", ms=2.6, mew=0, color=DATA, label="measured", zorder=3)
+def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:
+    panel.plot(
+        curve.place, curve.of(one.y), "o", ms=2.6, mew=0, color=DATA_COLOUR, label="measured", zorder=3
+    )
     signal = one.signal
     more = curve.of(signal) ** 2 if one.signals else 0.0
     for label, colour, model, added, path in (
-        ("model before", BEFORE, one.before, 0.0, np.zeros_like(signal)),
-        ("extended model", CAUSE, one.after, more, signal),
+        ("model before", BEFORE_COLOUR, one.before, 0.0, np.zeros_like(signal)),
+        ("extended model", CAUSE_COLOUR, one.after, more, signal),
     ):
         if not model.terms:
             continue
@@ -120,7 +122,7 @@ def _draw_curve(panel: Axes, one: Subject, curve: _Curve, replicas: int, seed: i
     panel.set(xscale="log", yscale="log", xlabel=curve.label, ylabel=curve.unit, title=one.axis)
 
 
-def _allan(one: Subject) -> _Curve:
+def _allan(one: DiagnosedAxis) -> _Curve:
     m = np.unique(np.geomspace(1, max(2, len(one.y) // 5), 32).astype(np.int64))
     tau = np.asarray(m * one.interval, dtype=np.float64)
     return _Curve(
@@ -132,7 +134,7 @@ def _allan(one: Subject) -> _Curve:
     )
 
 
-def _spectrum(one: Subject) -> _Curve:
+def _spectrum(one: DiagnosedAxis) -> _Curve:
     n, dt = len(one.y), one.interval
     edges = 4 * np.unique(np.geomspace(1, n // 8, 200).astype(np.int64))
     f = np.asarray(0.5 * (edges[:-1] + edges[1:]) / (n * dt), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""A diagnosis in tables: findings, what they are worth, what stays unexplained, what is only noted."""
+"""The diagnosis of a static log in tables: findings with their gains, rejected tests without a cause, notes."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from tuner.types import Coefficient, Diagnosis, Finding, Gain
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
-    """Return one table of findings (SI), their words and gains, and the alarms without a cause."""
+    """Return one table of findings (SI), their words and gains, and the rejected tests without a cause."""
     answer: list[Table | str] = []
     if diagnosis.quiet:
-        answer.append("  nothing found: the log is what a simulation of its noise terms would be")
+        answer.append("  nothing found: the log agrees with a simulation of its noise terms")
     if diagnosis.findings:
         answer.append(findings_table(diagnosis.findings, "What the simulation gets wrong"))
     for finding in diagnosis.findings:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
-        if finding.gain is not None and (told := gain_text(finding.gain)):
-            answer.append(f"    {told}")
+        if finding.gain is not None and (gain := gain_text(finding.gain)):
+            answer.append(f"    {gain}")
         if finding.gain is not None and _contradicted(finding.cause, finding.gain):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
     answer += [
@@ -34,14 +34,14 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
 
 
 def _contradicted(cause: str, gain: Gain) -> bool:
-    """Return whether data held out speak against a cause; an event of one part says nothing of another."""
+    """Return whether held-out data contradict a cause; an event in one part does not concern another."""
     declared = CAUSES.get(cause)
     happens_once = declared is not None and declared.happens_once
     return gain.nats < 0.0 and gain.split != "in sample" and not happens_once
 
 
 def gain_text(gain: Gain) -> str:
-    """Return the currencies of a gain beside likelihood, before → after; empty where there are none."""
+    """Return the measures of a gain beside likelihood, before → after; empty where there are none."""
     parts = [
         f"{name} inside the band of replicas {100.0 * before:.0f} → {100.0 * after:.0f} %"
         for name, (before, after) in gain.coverage.items()
@@ -61,7 +61,7 @@ def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
         where = f"{one['cause']} in {', '.join(one['channels'])} ({values})"
         verdict = "found" if one["found"] else "not found"
         if not one["found"] and one["named"]:
-            verdict = f"seen, but taken for {', '.join(one['named'])}"
+            verdict = f"detected, but named as {', '.join(one['named'])}"
         lines.append(f"  hidden in this simulated log (key.json): {where}: {verdict}")
     return lines
 
@@ -85,12 +85,12 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
 
 def _lines(f: Finding, name: str) -> list[str]:
     """Return a parameter with its interval, of each channel where they differ."""
-    return [f"{name} {_say(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
-        f"{name} {_say(f.parameters[name])}"
+    return [f"{name} {_coefficient_text(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
+        f"{name} {_coefficient_text(f.parameters[name])}"
     ]
 
 
-def _say(c: Coefficient) -> str:
+def _coefficient_text(c: Coefficient) -> str:
     unit = "" if c.unit == "1" else f" {c.unit}"
     if c.value is None:
         return "–" if c.upper is None else f"< {digits(c.upper)}{unit}"

@@ -22,18 +22,18 @@ _SCORED = {
     "nis_position": "the position innovations",
     "nis_velocity": "the velocity innovations",
 }
-_DEGREES = float(np.degrees(1.0))
+_DEGREES_PER_RADIAN = float(np.degrees(1.0))
 _UNITS = (
     ("position", 1.0, "m"),
     ("velocity", 1.0, "m/s"),
-    ("tilt", _DEGREES, "deg"),
-    ("heading", _DEGREES, "deg"),
-    ("gyro bias", _DEGREES, "deg/s"),
+    ("tilt", _DEGREES_PER_RADIAN, "deg"),
+    ("heading", _DEGREES_PER_RADIAN, "deg"),
+    ("gyro bias", _DEGREES_PER_RADIAN, "deg/s"),
     ("accelerometer bias", 1.0, "m/s²"),
 )
 """How names of states begin, factor from SI and customary unit."""
-NAMED = 3
-"""Rival explanations that a sentence names beside the likeliest."""
+MAX_RIVALS = 3
+"""Rival explanations that a sentence names beside the likeliest: more make it unreadable."""
 
 
 def verdict_text(verdict: Verdict) -> str:
@@ -52,7 +52,9 @@ def verdict_text(verdict: Verdict) -> str:
             return _start(numbers)
         case VerdictCode.TRUTH_FAR:
             parts = [_far(name, float(np.max(ratio))) for name, ratio in numbers.items()]
-            return f"what was flown is beyond what the filter believes: {', '.join(parts)}"
+            return (
+                f"the simulated errors are far larger than the filter is configured for: {', '.join(parts)}"
+            )
         case VerdictCode.SPURIOUS_INFORMATION:
             return _spurious(verdict)
         case VerdictCode.EXPLAINED:
@@ -67,7 +69,7 @@ def verdict_text(verdict: Verdict) -> str:
                 f"at lag {numbers['lag']}, where white ones stay within ±{numbers['band']:.2f}"
             )
         case VerdictCode.CONSISTENT:
-            return "nothing speaks against the filter: no score is shown to be 10 % from honest"
+            return "no score contradicts the filter: none is shown to be 10 % from its prediction"
 
 
 def explanation_text(explanation: Explanation) -> str:
@@ -85,7 +87,7 @@ def observability_text(observability: Observability) -> tuple[str, ...]:
         names = ", ".join(direction.states[:-1]) + f" and {direction.states[-1]}"
         shares = " and ".join(f"{100.0 * left[name]:.2g} %" for name in direction.states)
         sentences.append(
-            f"cannot be told apart on this trajectory: {names} ({shares} of their prior sd left)"
+            f"cannot be distinguished on this trajectory: {names} ({shares} of their prior sd left)"
         )
     hardly = [f"{name} ({100.0 * value:.2g} %)" for name, value in left.items() if value > HARDLY_OBSERVED]
     if hardly:
@@ -94,7 +96,7 @@ def observability_text(observability: Observability) -> tuple[str, ...]:
 
 
 def _diverged(how: str) -> str:
-    return f"the filter diverged{how}: nothing it says can be used"
+    return f"the filter diverged{how}: its output cannot be used"
 
 
 def _start(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
@@ -109,7 +111,7 @@ def _start(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
 
 
 def _far(name: str, ratio: float) -> str:
-    return f"{name}, of which it believes none" if math.isinf(ratio) else f"{name} {ratio:.2g} times as large"
+    return f"{name}, configured as none" if math.isinf(ratio) else f"{name} {ratio:.2g} times as large"
 
 
 def _spurious(verdict: Verdict) -> str:
@@ -118,17 +120,17 @@ def _spurious(verdict: Verdict) -> str:
         f"{factor * float(np.max(verdict.numbers[k])):.2g} {unit}" for k in ("filter_sd", "linear_sd")
     )
     return (
-        f"the filter takes its own errors for information: it believes {verdict.subject} to {own} "
-        f"(1 sd, while aided), where this motion tells it to {linear}; its noise "
-        "cannot be judged here: fly turns and changes of speed, or begin with a smaller uncertainty"
+        f"the filter takes its own errors for information: its {verdict.subject} has {own} "
+        f"(1 sd, while aided), where this motion supports {linear}; its noise "
+        "cannot be judged here: simulate turns and changes of speed, or begin with a smaller uncertainty"
     )
 
 
 def _explained(explanations: Sequence[Explanation]) -> str:
     reason = f"{explanation_text(explanations[0])}: that explains the runs best"
     if len(explanations) > 1:
-        others = (explanation_text(other) for other in explanations[1 : NAMED + 1])
-        reason += "; not told from it: " + "; ".join(others)
+        others = (explanation_text(other) for other in explanations[1 : MAX_RIVALS + 1])
+        reason += "; not distinguished from it: " + "; ".join(others)
     return reason
 
 

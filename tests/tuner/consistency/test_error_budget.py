@@ -110,7 +110,7 @@ def test_standing_still_leaves_bias_and_tilt_together(config):
     assert seen.left["heading"] > 0.9
     assert seen.left["gyro bias x"] < 0.3
     said = " ".join(observability_text(seen))
-    assert "cannot be told apart" in said
+    assert "cannot be distinguished" in said
     assert "heading" in said
 
 

@@ -9,7 +9,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
-from tuner.report.diagnosed_axis import signal_of, subject
+from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.html_page import write_page
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
@@ -78,7 +78,7 @@ def test_the_signal_of_a_line_is_the_line(tmp_path):
 def test_a_signal_of_another_cause_is_taken_out_of_the_view():
     step, slope = finding("step", EFFECTS["step"]), finding("temperature", EFFECTS["temperature"])
     found = Diagnosis((step, slope), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    one = subject(record("step@gyro_x:time=150,size=3e-4"), "gyro_x", found)
+    one = diagnosed_axis(record("step@gyro_x:time=150,size=3e-4"), "gyro_x", found)
     np.testing.assert_allclose(one.without_others("temperature") + one.signals["step"], one.y)
     np.testing.assert_allclose(one.signal, one.signals["step"] + one.signals["temperature"])
 
@@ -110,7 +110,7 @@ def test_what_was_hidden_is_judged_in_words():
         for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
     ]
     assert words[0].endswith("(frequency 12.5): found")
-    assert words[1].endswith("seen, but taken for vibration")
+    assert words[1].endswith("detected, but named as vibration")
     assert words[2].endswith("not found")
 
 

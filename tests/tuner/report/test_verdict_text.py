@@ -60,12 +60,12 @@ EXPLANATIONS = {
 }
 
 VERDICTS = {
-    "the filter diverged: nothing it says can be used": Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),
+    "the filter diverged: its output cannot be used": Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),
     "the filter diverged: its errors are not finite": Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),
-    "the filter diverged in 6 of 12 runs: nothing it says can be used": Verdict(
+    "the filter diverged in 6 of 12 runs: its output cannot be used": Verdict(
         VerdictCode.RUNS_DIVERGED, Severity.DIVERGED, numbers={"diverged_runs": 6, "runs": 12}
     ),
-    "the filter diverged and refuses most of its fixes: nothing it says can be used": Verdict(
+    "the filter diverged and refuses most of its fixes: its output cannot be used": Verdict(
         VerdictCode.FIXES_REFUSED, Severity.DIVERGED
     ),
     "its start (1 sd: attitude 2.9, 2.9, 10 deg, gyro constants 10, 10, 10 deg/s) is more than a linear filter always "
@@ -78,14 +78,14 @@ VERDICTS = {
             "gyro_bias_sd": (10.0 * DEGREE,) * 3,
         },
     ),
-    "what was flown is beyond what the filter believes: gyro white noise 85 times as large, gyro constants, of which "
-    "it believes none": Verdict(
+    "the simulated errors are far larger than the filter is configured for: gyro white noise 85 times as large, "
+    "gyro constants, configured as none": Verdict(
         VerdictCode.TRUTH_FAR,
         Severity.EXPLANATION,
         numbers={"gyro white noise": 85.2, "gyro constants": math.inf},
     ),
-    "the filter takes its own errors for information: it believes heading to 10 deg (1 sd, while aided), where this "
-    "motion tells it to 54 deg; its noise cannot be judged here: fly turns and changes of speed, or begin with a "
+    "the filter takes its own errors for information: its heading has 10 deg (1 sd, while aided), where this "
+    "motion supports 54 deg; its noise cannot be judged here: simulate turns and changes of speed, or begin with a "
     "smaller uncertainty": Verdict(
         VerdictCode.SPURIOUS_INFORMATION,
         Severity.EXPLANATION,
@@ -95,8 +95,8 @@ VERDICTS = {
     "all sensor noise (sd) about 3.2 times (3 … 3.4) too small: that explains the runs best": Verdict(
         VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(SMALL,)
     ),
-    "all sensor noise (sd) about 3.2 times (3 … 3.4) too small: that explains the runs best; not told from it: "
-    "gyro bias noise (sd) about 3.1 times (2.8 … 3.3) too large": Verdict(
+    "all sensor noise (sd) about 3.2 times (3 … 3.4) too small: that explains the runs best; not distinguished from "
+    "it: gyro bias noise (sd) about 3.1 times (2.8 … 3.3) too large": Verdict(
         VerdictCode.EXPLAINED, Severity.EXPLANATION, explanations=(SMALL, SCALE)
     ),
     "no single cause explains the scores": Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION),
@@ -115,7 +115,7 @@ VERDICTS = {
         "velocity",
         {"correlation": -0.25, "lag": 3, "band": 0.12},
     ),
-    "nothing speaks against the filter: no score is shown to be 10 % from honest": Verdict(
+    "no score contradicts the filter: none is shown to be 10 % from its prediction": Verdict(
         VerdictCode.CONSISTENT, Severity.CONSISTENT
     ),
 }
@@ -146,7 +146,7 @@ def test_states_that_a_trajectory_does_not_distinguish():
     weak = WeakDirection(("heading", "gyro bias x"), (0.7, 0.7), 2.0)
     left = {"heading": 0.9, "gyro bias x": 0.1, "position north": 0.01}
     assert observability_text(Observability(left, (weak,))) == (
-        "cannot be told apart on this trajectory: heading and gyro bias x (90 % and 10 % of their prior sd left)",
+        "cannot be distinguished on this trajectory: heading and gyro bias x (90 % and 10 % of their prior sd left)",
         "hardly better known than at the start: heading (90 %)",
     )
 
