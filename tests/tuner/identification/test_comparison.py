@@ -12,7 +12,11 @@ from tuner.types.records import Record
 
 def white_log(density, seed, n=4000, interval=0.01):
     y = density / np.sqrt(interval) * np.random.default_rng(seed).standard_normal((n, 1))
-    return identify([Record("gyro", np.arange(n) * interval, y, ("gyro_x",), "rad/s", interval)], arma=None)
+    return identify(
+        [Record("gyro", np.arange(n) * interval, y, ("gyro_x",), "rad/s", interval)],
+        terms=["white"],
+        arma=None,
+    )
 
 
 def test_a_grade_agrees_with_itself():

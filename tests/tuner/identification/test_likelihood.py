@@ -7,6 +7,7 @@ from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
+from tests.cramer_rao import spectral_bound
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.likelihood import fit, fit_periodogram
 from tuner.identification.objective import Objective
@@ -134,7 +135,14 @@ def test_parameters_are_found_within_five_standard_errors(terms):
     y = model.sample(20_000, INTERVAL, np.random.default_rng(4))
     found = fit([y], INTERVAL, [t.name for t in terms])
     truth = np.log([getattr(t, p) for t in terms for p in t.PARAMETERS])
-    assert np.all(np.abs(found.estimate - truth) < 5.0 * np.sqrt(np.diag(found.covariance)))
+    bound = spectral_bound(
+        lambda f, *values: model.with_values(values).psd(f, interval=INTERVAL),
+        tuple(np.exp(truth)),
+        20_000,
+        INTERVAL,
+    )
+    assert np.all(np.abs(found.estimate - truth) < 5.0 * bound)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), bound, rtol=0.3)
     for value, (low, high) in zip(np.exp(found.estimate), found.intervals, strict=True):
         assert 0.0 <= low < value < high
     assert found.terms == tuple(t.name for t in found.model.terms)

@@ -83,15 +83,30 @@ def test_intervals_cover_at_95_percent():
     assert binom.ppf(1e-4, n, 0.95) / n <= share <= 0.995
 
 
+def bounds(poses, sd):
+    """Sds of the nine parameters where only the length of gravity is known: linear least squares about the truth.
+
+    The length of M⁻¹(f − b) changes with b by −uᵀM⁻¹ and with M_ij by −uᵀM⁻¹ e_i g_j, u along g; noise |M⁻ᵀu| sd.
+    """
+    inverse = np.linalg.inv(MATRIX)
+    rows = []
+    for g in poses:
+        by_force = g / np.linalg.norm(g) @ inverse
+        entries = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
+        rows.append([*-by_force, *(-by_force[i] * g[j] for i, j in entries)] / np.linalg.norm(by_force))
+    return sd * np.sqrt(np.diag(np.linalg.inv(np.transpose(rows) @ rows)))
+
+
 def test_a_log_of_poses_is_calibrated():
     rng = np.random.default_rng(3)
     found = calibrate(turned(directions(rng, 16), rng))
     assert found.poses >= 16
-    for name, value in TRUTH.items():
+    for (name, value), sd in zip(
+        TRUTH.items(), bounds(directions(np.random.default_rng(3), 16), 0.02 / 20.0), strict=True
+    ):
         c = found.accel[name]
-        half = 0.5 * (c.interval[1] - c.interval[0])
-        assert abs(c.value - value) < 3.0 * half  # six sigma
-        assert half < 0.01
+        assert abs(c.value - value) < 6.0 * sd, name
+        assert c.interval[1] - c.interval[0] == pytest.approx(2.0 * 1.96 * sd, rel=0.5), name
     for axis, value in zip("xyz", GYRO_BIAS, strict=True):
         assert found.gyro[f"bias_{axis}"].value == pytest.approx(value, abs=1e-4)
 

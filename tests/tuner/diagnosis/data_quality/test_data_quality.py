@@ -113,8 +113,13 @@ def test_repeated_samples_are_found_and_counted(step, fraction):
     assert alarms(tests) == ["duplicates"]
     (held,) = [t for t in tests if t.cause == "duplicates"]
     share = held.parameters["fraction"]
-    half = 0.5 * (share.interval[1] - share.interval[0])
-    assert share.value == pytest.approx(fraction, abs=2.5 * half)  # 5 sd
+    # A share p of equal neighbours, fraction + (1 − fraction) g with g = step/(2 √π) by chance, has the sd √(p(1−p)/n):
+    # one that needs g from the record, too, knows the fraction at most half as well. Six of the latter.
+    by_chance = step / (2.0 * np.sqrt(np.pi))
+    equal = fraction + (1.0 - fraction) * by_chance
+    sd = np.sqrt(equal * (1.0 - equal) / 200_000) / (1.0 - by_chance)
+    assert share.value == pytest.approx(fraction, abs=6.0 * 2.0 * sd)
+    assert share.interval[1] - share.interval[0] > 0.7 * 2.0 * 1.96 * sd
 
 
 def test_intervals_of_the_fraction_cover_it():
@@ -204,8 +209,12 @@ def test_rails_are_found_where_they_are(step, kind):
     assert alarms(tests) == ["clipping"]
     (found,) = [t for t in tests if t.p_value < ALARM]
     assert set(found.parameters) == {"high"}
+    assert found.parameters["high"].value == pytest.approx(
+        clip.high, abs=0.5 * step + 1e-12
+    )  # the nearest code
     low, high = found.parameters["high"].interval
     assert low - 1e-12 <= clip.high <= high + 1e-12
+    assert high - low == pytest.approx(step, abs=1e-9)
 
 
 def test_expected_crossings_are_those_of_a_gaussian():

@@ -26,7 +26,13 @@ def test_twice_the_error_is_worse():
     rng = np.random.default_rng(1)
     first = rng.chisquare(2, 20)
     low, high = change_interval(np.stack([first, 4.0 * first], axis=-1))
-    assert 0.0 < low < np.sqrt(first.mean()) < high
+    # Squared errors s and 4 s: rms √m and 2 √m; (4 s − s)/(3 √m) has the mean √m and the standard error std/(√20 √m).
+    middle = np.sqrt(first.mean())
+    assert 0.5 * (low + high) == pytest.approx(middle, rel=1e-9)
+    assert 0.5 * (high - low) == pytest.approx(
+        2.093 * first.std(ddof=1) / np.sqrt(20.0) / middle, rel=1e-3
+    )  # t of 19
+    assert low > 0.0
 
 
 HIDDEN = (

@@ -33,14 +33,15 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
     assert diagnosis.unexplained == ()
     told = sorted(diagnosis.findings, key=lambda finding: finding.parameters["start"].value)
     for first, finding in zip(starts, told, strict=True):
-        for name, truth in (
-            ("start", first * INTERVAL),
-            ("duration", length * INTERVAL),
-            ("variance_ratio", ratio),
+        # An edge misplaced by k samples is as likely as exp(−k ¼ ln((1 + r)²/(4 r))) (Bhattacharyya): 1e-6 for each.
+        edge = INTERVAL * 14.0 / (0.25 * np.log((1.0 + ratio) ** 2 / (4.0 * ratio)))
+        # A variance of m samples has the relative sd √(2/m): five of them, and what misplaced edges take away.
+        for name, truth, tolerance in (
+            ("start", first * INTERVAL, edge),
+            ("duration", length * INTERVAL, 2.0 * edge),
+            ("variance_ratio", ratio, (5.0 + max(1.0 / ratio - 1.0, 0.0)) * ratio * np.sqrt(2.0 / length)),
         ):
-            low, high = finding.parameters[name].interval
-            # twice the 95 % interval about the estimate: 4 sd, of 66 numbers in all
-            assert abs(finding.parameters[name].value - truth) <= high - low, name
+            assert abs(finding.parameters[name].value - truth) <= tolerance, name
 
 
 def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():

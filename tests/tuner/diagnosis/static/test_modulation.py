@@ -56,8 +56,10 @@ def test_variance_by_temperature_is_named():
     assert finding.cause == "variance_drift"
     slope = finding.parameters["slope"]
     assert slope.unit == "1/K"
+    # Regression of ln r², of variance 2 for the best estimate, on 10 K · 0.3 sin: sd √(2/(60000 · 4.5)) = 0.0027/K.
+    assert slope.value == pytest.approx(0.1, abs=5.0 * 0.0027)
     low, high = slope.interval
-    assert abs(slope.value - 0.1) < 1.5 * (high - low)  # three times the half width of 95 %: 6 sd
+    assert high - low > 0.9 * 2.0 * 1.96 * 0.0027
 
 
 @pytest.mark.parametrize("family", range(3), ids=NAMES)
