@@ -5,7 +5,7 @@
     e ← Φ e + B θ + w,    ν = H e + D θ + v,    c = K ν,    e ← e − c
 
 with w and v as the hypothesis has them, K as the recorded filter had it. They say how a statistic is spread where
-the hypothesis is true, and hide causes in records whose filter does not know them.
+the hypothesis is true, and hide causes in runs whose filter does not model them.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Source:
         rng : numpy.random.Generator
             Source of all noise.
         theta : ndarray, shape (p,), optional
-            Mean parameters, one for each column of the record.
+            Constants, one for each column of B.
         """
         h, linearized = self.noise, self.noise.linearized
         k, n = linearized.transition.shape[:2]

@@ -39,7 +39,7 @@ LEAST = 0.01
 def sage_husa(
     noise: NoiseHypothesis, *, forgetting: float = FORGETTING
 ) -> tuple[dict[str, FloatArray], NoiseHypothesis]:
-    """Run the adaptive filter over a record.
+    """Run the adaptive filter over a linearised run.
 
     Parameters
     ----------

@@ -62,10 +62,10 @@ def test_an_unknown_lever_arm_is_not_taken_for_zero(drive, configuration, begin,
     """A start that took the first fix for the inertial unit had position errors of 20 stated sds."""
     moved = change(_from(drive, begin))
     inside = moved.gnss.t > begin
-    found = navigate_drive(replace(moved, gnss=moved.gnss.rows(inside)), configuration)
-    for (value, sd), true in zip(found.estimates["lever_arm"], ARM, strict=True):
+    result = navigate_drive(replace(moved, gnss=moved.gnss.rows(inside)), configuration)
+    for (value, sd), true in zip(result.estimates["lever_arm"], ARM, strict=True):
         assert abs(value - true) < 5.0 * sd
-    position, attitude = _nees(drive, found.solutions[0])
+    position, attitude = _nees(drive, result.solutions[0])
     assert position < 5.0
     assert attitude < 5.0
 
@@ -89,11 +89,11 @@ def test_fixes_some_seconds_apart_tell_the_heading(interval):
     )
     t = driven.imu_t
     steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
-    found = align(steps, driven.gnss, offset=0.0)
-    heading = rotation.rpy_from_quat(found.quat_nb)[2]
-    at = int(np.argmin(np.abs(driven.reference.t - found.t)))
+    alignment = align(steps, driven.gnss, offset=0.0)
+    heading = rotation.rpy_from_quat(alignment.quat_nb)[2]
+    at = int(np.argmin(np.abs(driven.reference.t - alignment.t)))
     off = (heading - driven.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
-    assert abs(off) < 5.0 * max(found.heading_sd, np.radians(2.0))
+    assert abs(off) < 5.0 * max(alignment.heading_sd, np.radians(2.0))
 
 
 @pytest.fixture(scope="module")
@@ -110,15 +110,15 @@ def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
     t = driven.imu_t
     steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
     channels = [config.channels[axis] for axis in AXES]
-    found = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
+    alignment = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
     true = np.array([key["channels"][axis]["constant"] for axis in AXES])
-    at = int(np.argmin(np.abs(driven.reference.t - found.t)))
-    off = rotation.rpy_from_quat(found.quat_nb) - driven.reference.rpy[at]
+    at = int(np.argmin(np.abs(driven.reference.t - alignment.t)))
+    off = rotation.rpy_from_quat(alignment.quat_nb) - driven.reference.rpy[at]
     off = (off + np.pi) % (2.0 * np.pi) - np.pi
-    assert np.abs(off[:2]).max() < 5.0 * found.tilt_sd
-    assert abs(off[2]) < 5.0 * max(found.heading_sd, np.radians(1.0))
-    assert found.heading_sd < np.radians(5.0)
-    assert np.abs(found.gyro_bias - true[:3]).max() < np.radians(0.2)
+    assert np.abs(off[:2]).max() < 5.0 * alignment.tilt_sd
+    assert abs(off[2]) < 5.0 * max(alignment.heading_sd, np.radians(1.0))
+    assert alignment.heading_sd < np.radians(5.0)
+    assert np.abs(alignment.gyro_bias - true[:3]).max() < np.radians(0.2)
 
 
 def test_a_clean_drive_that_stood_three_seconds_has_no_finding(coarse):
@@ -135,15 +135,15 @@ def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
     )
     t = driven.imu_t
     steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
-    found = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
-    assert not found.gyro_bias.any()
+    alignment = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
+    assert not alignment.gyro_bias.any()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("grade", ["adis16405", "mpu9250", "icm20602"])
 def test_clean_simulated_drives_have_no_finding(grade):
-    """Eight ways to begin; with 1 % of false findings more than two of eight come once in 18 000 studies."""
-    found = []
+    """Eight starts; with 1 % of false findings more than two of eight come once in 18 000 studies."""
+    causes = []
     for seed, (trajectory, receiver, duration) in enumerate(
         [
             ("city", "spp", 900.0),
@@ -156,9 +156,11 @@ def test_clean_simulated_drives_have_no_finding(grade):
             ("circle", "rtk", 300.0),
         ]
     ):
-        told = load_gnss(receiver)
+        receiver_noise = load_gnss(receiver)
         driven, _ = simulate_drive(
-            load_grade(grade), TRAJECTORIES[trajectory](duration), told, rate=50.0, seed=50 + seed
+            load_grade(grade), TRAJECTORIES[trajectory](duration), receiver_noise, rate=50.0, seed=50 + seed
         )
-        found += [f.cause for f in diagnose_drive(driven, load_config(grade, gnss=told)).findings][:1]
-    assert len(found) <= 2, found
+        causes += [f.cause for f in diagnose_drive(driven, load_config(grade, gnss=receiver_noise)).findings][
+            :1
+        ]
+    assert len(causes) <= 2, causes

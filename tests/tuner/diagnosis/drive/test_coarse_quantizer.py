@@ -18,9 +18,9 @@ def rounded(step: float) -> Drive:
 
 
 def test_a_quantizer_coarser_than_the_noise_is_reported() -> None:
-    (told,) = coarse_quantizer_notes(rounded(0.01))
-    assert told.startswith("gyro")
-    assert "0.01 rad/s" in told
+    (note,) = coarse_quantizer_notes(rounded(0.01))
+    assert note.startswith("gyro")
+    assert "0.01 rad/s" in note
 
 
 def test_a_fine_quantizer_is_not_reported() -> None:

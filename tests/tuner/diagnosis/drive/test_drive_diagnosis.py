@@ -31,8 +31,8 @@ def clean(simulated, drive_config):
 
 def test_record_is_the_filter(clean):
     """Kalman recursion over Φ, Q and H gives the filter's own innovation covariances and corrections."""
-    _, found = clean
-    linearized, solution = found.linearized, found.solutions[0]
+    _, diagnosis = clean
+    linearized, solution = diagnosis.linearized, diagnosis.solutions[0]
     noise, p = sum(linearized.noise.values()), linearized.initial.copy()
     for i in range(len(linearized)):
         p = linearized.transition[i] @ p @ linearized.transition[i].T + noise[i]
@@ -62,13 +62,13 @@ def test_sensitivity_is_the_derivative(simulated, drive_config):
         )
         moved = whiten(as_configured(changed.linearized))
         change = moved.residual - base.residual
-        told = base.slope[:, first.linearized.parameters.index(Parameter.parse(name))] * size
-        assert np.linalg.norm(change - told) < 0.15 * np.linalg.norm(told), name
+        estimates = base.slope[:, first.linearized.parameters.index(Parameter.parse(name))] * size
+        assert np.linalg.norm(change - estimates) < 0.15 * np.linalg.norm(estimates), name
 
 
 def test_a_clean_drive_has_no_finding(clean, drive_config):
-    drive, found = clean
-    shifts = score_tests(whiten(as_configured(found.linearized)), found.linearized.parameters, ())
+    drive, diagnosis = clean
+    shifts = score_tests(whiten(as_configured(diagnosis.linearized)), diagnosis.linearized.parameters, ())
     assert min(one.p_value for one in shifts) > 1e-5
     assert diagnose_drive(drive, drive_config).quiet
 
@@ -83,35 +83,35 @@ def test_a_clean_drive_has_no_finding(clean, drive_config):
         ("misalignment", {"values": {"misalignment.roll": 0.008}}, {"roll": 0.008}),
     ],
 )
-def test_shift_is_named(simulated, drive_config, cause, hidden, truth):
-    found = diagnose_drive(simulated(7, duration=DURATION, **hidden), drive_config)
-    assert [finding.cause for finding in found.findings] == [cause]
-    (finding,) = found.findings
+def test_a_constant_cause_is_named(simulated, drive_config, cause, hidden, truth):
+    diagnosis = diagnose_drive(simulated(7, duration=DURATION, **hidden), drive_config)
+    assert [finding.cause for finding in diagnosis.findings] == [cause]
+    (finding,) = diagnosis.findings
     assert finding.p_value < significance_threshold()
     for name, value in truth.items():
-        told = finding.parameters[name]
-        half = 0.5 * (told.interval[1] - told.interval[0])
-        assert abs(told.value - value) < 2.6 * half
-    assert found.gain.nats > 0.0
-    again = load_config(config_json(found.after), source="again")
-    assert again == found.after
-    (late_gain,) = again.findings
-    assert late_gain["channels"] == list(finding.channels)
-    for name, told in finding.parameters.items():
-        assert late_gain["parameters"][name]["interval"] == pytest.approx(told.interval)
-        assert late_gain["parameters"][name]["unit"] == told.unit
+        estimate = finding.parameters[name]
+        half = 0.5 * (estimate.interval[1] - estimate.interval[0])
+        assert abs(estimate.value - value) < 2.6 * half
+    assert diagnosis.gain.nats > 0.0
+    again = load_config(config_json(diagnosis.after), source="again")
+    assert again == diagnosis.after
+    (stored,) = again.findings
+    assert stored["channels"] == list(finding.channels)
+    for name, estimate in finding.parameters.items():
+        assert stored["parameters"][name]["interval"] == pytest.approx(estimate.interval)
+        assert stored["parameters"][name]["unit"] == estimate.unit
 
 
 def test_large_delay_and_wrong_sds(simulated, drive_config):
-    found = diagnose_drive(simulated(3, duration=DURATION, delay=-0.6, fixes=POSITIONS), drive_config)
-    told = {finding.cause: finding.parameters for finding in found.findings}
-    assert set(told) == {"time_offset", "gnss_noise_scale"}
-    assert told["time_offset"]["delay"].value == pytest.approx(-0.6, abs=0.03)
-    assert told["gnss_noise_scale"]["position_horizontal"].value == pytest.approx(2.0, rel=0.2)
-    assert found.compensation.value("time_offset", "delay") == pytest.approx(-0.6, abs=0.03)
+    diagnosis = diagnose_drive(simulated(3, duration=DURATION, delay=-0.6, fixes=POSITIONS), drive_config)
+    estimates = {finding.cause: finding.parameters for finding in diagnosis.findings}
+    assert set(estimates) == {"time_offset", "gnss_noise_scale"}
+    assert estimates["time_offset"]["delay"].value == pytest.approx(-0.6, abs=0.03)
+    assert estimates["gnss_noise_scale"]["position_horizontal"].value == pytest.approx(2.0, rel=0.2)
+    assert diagnosis.compensation.value("time_offset", "delay") == pytest.approx(-0.6, abs=0.03)
 
 
-def test_a_shift_must_carry_to_the_last_part():
+def test_a_constant_must_gain_in_the_last_part():
     rng = np.random.default_rng(4)
     t, slope = np.arange(2000.0), rng.standard_normal((2000, 1))
     noise = rng.standard_normal(2000)
@@ -149,6 +149,6 @@ def test_fit_adds_to_what_is_compensated(simulated, drive_config):
         run = run_filter(drive, Hypothesis.first(drive, drive_config, Compensation({DELAY: known})))
         names = run.linearized.parameters
         at = run.hypothesis.compensation.vector(names)
-        told = fit_constants(whiten(as_configured(run.linearized)), names, ("time_offset",), at)
-        totals.append((told.value[0], np.sqrt(told.covariance[0, 0])))
+        estimates = fit_constants(whiten(as_configured(run.linearized)), names, ("time_offset",), at)
+        totals.append((estimates.value[0], np.sqrt(estimates.covariance[0, 0])))
     assert abs(totals[0][0] - totals[1][0]) < 0.7 * totals[0][1]

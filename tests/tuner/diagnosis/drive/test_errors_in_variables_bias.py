@@ -21,7 +21,7 @@ RECEIVER = replace(load_gnss("spp"), interval=2.4)
 
 @pytest.fixture(scope="module")
 def hour():
-    """An hour of gentle slopes with gyros of 2°/√h: slopes say little of constants, noise says more."""
+    """An hour of gentle slopes with gyros of 2°/√h: slopes give little information, noise biases them."""
     drive, _ = simulate_drive(
         load_grade("adis16405"), TRAJECTORIES["city"](3600.0), RECEIVER, rate=25.0, seed=5
     )
@@ -31,12 +31,12 @@ def hour():
 
 def test_errors_in_variables_bias_of_constants_is_reported(hour):
     """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
-    drive, _, found = hour
-    lean, names = errors_in_variables_bias(drive, found), found.linearized.parameters
-    w = found.whitened
-    upright = replace(found, hypothesis=replace(found.hypothesis, errors_in_variables_bias=lean)).whitened
+    drive, _, run = hour
+    bias, names = errors_in_variables_bias(drive, run), run.linearized.parameters
+    w = run.whitened
+    corrected = replace(run, hypothesis=replace(run.hypothesis, errors_in_variables_bias=bias)).whitened
     s = w.slope[:, names.index(Parameter("gravity", "offset"))]
-    before, after = (float(s @ each.residual / np.sqrt(s @ s)) for each in (w, upright))
+    before, after = (float(s @ each.residual / np.sqrt(s @ s)) for each in (w, corrected))
     assert after - before > 2.0
     assert abs(after) < 5.0
 
@@ -48,8 +48,8 @@ def test_a_clean_hour_has_no_finding(hour):
 
 
 def test_the_noise_that_is_added_is_the_one_configured(hour):
-    drive, config, found = hour
-    more = with_more_noise(drive, found, np.random.default_rng(3))
+    drive, config, run = hour
+    more = with_more_noise(drive, run, np.random.default_rng(3))
     step = float(np.median(np.diff(drive.imu_t)))
     white = np.diff(more.rates - drive.rates, axis=0).std(axis=0) * np.sqrt(0.5 * step)
     densities = [
@@ -64,7 +64,7 @@ def test_the_noise_that_is_added_is_the_one_configured(hour):
 
 
 def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
-    """With a delay of 60 ms in the way noise seems to lean on it by 3 ms; the interval would miss the truth by half."""
+    """With a delay of 60 ms present the bias seems to be 3 ms; the interval would miss the truth by half."""
     receiver = load_gnss("dgnss")
     drive, _ = simulate_drive(
         load_grade("adis16465"),
@@ -74,8 +74,8 @@ def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
         seed=44,
         hidden=("time_offset:delay=0.06",),
     )
-    found = examine_drive(drive, load_config("adis16465", gnss=receiver))
-    final = found.search.final
-    assert [finding.cause for finding in found.diagnosis.findings] == ["time_offset"]
+    run = examine_drive(drive, load_config("adis16465", gnss=receiver))
+    final = run.search.final
+    assert [finding.cause for finding in run.diagnosis.findings] == ["time_offset"]
     place = final.linearized.parameters.index(Parameter("time_offset", "delay"))
     assert abs(final.hypothesis.errors_in_variables_bias[place]) < 5e-4

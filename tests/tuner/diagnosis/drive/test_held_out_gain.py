@@ -12,7 +12,7 @@ from tuner.diagnosis.drive.held_out_gain import change_interval
 
 @pytest.mark.parametrize("windows", [2, 4, 8, 20])
 def test_equal_filters_are_seldom_said_to_be_worse(windows):
-    """At most 2.5 % of 2000 drives with errors of one law, before and after alike: a bound that fails in 1e-5."""
+    """At most 2.5 % of 2000 drives with errors of one distribution before and after: a bound that fails in 1e-5."""
     rng = np.random.default_rng(windows)
     errors = rng.standard_normal((2000, windows, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T
     more = rng.standard_normal((2000, windows, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T

@@ -105,7 +105,7 @@ def test_as_configured_the_innovations_are_those_of_the_filter(drawn: Linearized
 
 
 def test_corrections_are_known_inputs(drawn: LinearizedRun) -> None:
-    """Another filter on the same way, with the corrections it made, has the same likelihood under any noise."""
+    """Another filter on the same trajectory, with the corrections it made, has the same likelihood under any noise."""
     rng = np.random.default_rng(1)
     shift = 0.1 * rng.standard_normal(drawn.correction.shape) * np.sqrt(np.diag(drawn.initial))
     moved = np.zeros_like(drawn.innovation)
@@ -187,7 +187,7 @@ def test_an_impulse_is_scored(drawn: LinearizedRun) -> None:
 
 
 def test_rounding_does_not_grow(long_drive: LinearizedRun) -> None:
-    """Variances as of Joseph's form in extended precision, with fixes far better than told and noise far stronger."""
+    """Variances as of Joseph's form in extended precision, fixes far better and noise far stronger than configured."""
     sd, drive = long_drive.sd / 100.0, np.full(4, 100.0)
     likelihood = evaluate(replace(as_configured(long_drive), sd=sd, process_noise_scale=drive))
     P, one = long_drive.initial.astype(np.longdouble), np.eye(15, dtype=np.longdouble)

@@ -18,7 +18,7 @@ WIDER = 4.9 / 1.96
 
 @pytest.fixture(scope="module")
 def turned(simulated):
-    """A unit pitched and yawed in a vehicle of which its maker says that it is not."""
+    """A unit pitched and yawed in a vehicle against its stated mounting."""
     drive = simulated(11)
     mat = rotation.mat_from_rpy((0.0, PITCH, YAW))
     rates = np.hstack([drive.rates[:, :3] @ mat.T, drive.rates[:, 3:] @ mat.T])
@@ -30,8 +30,8 @@ def test_a_wrong_mounting_is_named_where_wheels_do_not_slip(turned, drive_config
     (finding,) = diagnosis.findings
     assert finding.cause == "mounting"
     for name, truth in (("pitch", PITCH), ("yaw", YAW)):
-        told = finding.parameters[name]
-        assert abs(told.value - truth) < WIDER * 0.5 * (told.interval[1] - told.interval[0])
+        angle = finding.parameters[name]
+        assert abs(angle.value - truth) < WIDER * 0.5 * (angle.interval[1] - angle.interval[0])
     mended = compensate(turned, diagnosis.compensation).mounting
     np.testing.assert_allclose(mended, rotation.mat_from_rpy((0.0, PITCH, YAW)), atol=0.03)
 

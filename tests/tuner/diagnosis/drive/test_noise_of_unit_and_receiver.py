@@ -33,16 +33,16 @@ def holds(coefficient, truth):
 def test_wrong_receiver_and_wrong_unit_are_both_named(simulated, drive_config, fixes, gyro, accel, seed):
     """Found in 24 of 24 such drives; what one of the two is off by does not leak into the other."""
     drive = simulated(seed, fixes=fixes, unit=np.repeat([gyro, accel], 3))
-    told = {f.cause: f.parameters for f in diagnose_drive(drive, drive_config).findings}
-    assert set(told) == {"gnss_noise_scale", "imu_noise_scale"}
-    for name, c in told["gnss_noise_scale"].items():
+    parameters = {f.cause: f.parameters for f in diagnose_drive(drive, drive_config).findings}
+    assert set(parameters) == {"gnss_noise_scale", "imu_noise_scale"}
+    for name, c in parameters["gnss_noise_scale"].items():
         assert holds(c, fixes), name
-    for name, c in told["imu_noise_scale"].items():
+    for name, c in parameters["imu_noise_scale"].items():
         assert holds(c, (gyro, accel)[UNIT[name]]), name
 
 
 def test_noisy_gyros_are_named_alone(simulated, drive_config):
-    """A factor 2.5 on the noise that a datasheet tells is some 40 nats on 300 s: the datasheet is not to hide it."""
+    """A factor 2.5 on the noise of a datasheet is some 40 nats on 300 s: the datasheet is not to hide it."""
     drive = simulated(5, unit=np.repeat([2.5, 1.0], 3))
     (finding,) = diagnose_drive(drive, drive_config).findings
     assert finding.cause == "imu_noise_scale"
@@ -61,9 +61,9 @@ def test_half_of_the_fixes_report_four_times_their_error(simulated, drive_config
         assert holds(finding.parameters[f"{row}_class_1"], 0.25), row
     assert SD[0] < finding.parameters["position_edge_1"].value < 4.0 * SD[0]
     assert diagnosis.gain.nats > 0.0
-    laws = compensate_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_sd_models
+    models = compensate_settings(filter_settings(diagnosis.after), diagnosis.compensation).fix_sd_models
     reported = np.hstack([drive.gnss.position_sd, drive.gnss.velocity_sd])
-    modelled = np.hstack([laws[0].sds(reported[:, :3]), laws[1].sds(reported[:, 3:])])
+    modelled = np.hstack([models[0].sds(reported[:, :3]), models[1].sds(reported[:, 3:])])
     np.testing.assert_allclose(modelled, np.tile(SD, (len(modelled), 1)), rtol=0.3)
     assert load_config(config_json(diagnosis.after), source="again") == diagnosis.after
 

@@ -19,7 +19,7 @@ def known(name: str, coefficient: str, sd: float) -> TermEstimate:
 
 
 def test_intervals_become_sds_of_logs() -> None:
-    told = static_prior(
+    prior = static_prior(
         {
             "gyro_x": channel(
                 "gyro_x", known("white", "density", 0.03), known("bias_instability", "level", 0.2)
@@ -29,15 +29,15 @@ def test_intervals_become_sds_of_logs() -> None:
             ),
         }
     )
-    assert told["gyro_white"] == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2.0))
-    assert told["gyro_bias"] == pytest.approx(0.2)
-    assert "accel_white" not in told
+    assert prior["gyro_white"] == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2.0))
+    assert prior["gyro_bias"] == pytest.approx(0.2)
+    assert "accel_white" not in prior
 
 
 def test_white_noise_is_taken_at_its_word_the_rest_is_vague() -> None:
     bounded = TermEstimate("white", {"density": Coefficient.bounded(2.0, "1", "short")})
-    told = TermEstimate("white", {"density": Coefficient(1.0, None, None, "1")})
+    prior = TermEstimate("white", {"density": Coefficient(1.0, None, None, "1")})
     level = TermEstimate("bias_instability", {"level": Coefficient(1.0, None, None, "1")})
     assert static_prior({"accel_x": channel("accel_x", bounded)})["accel_white"] == UNKNOWN_LOG_SD
-    of_sheet = static_prior({"accel_x": channel("accel_x", told, level)})
+    of_sheet = static_prior({"accel_x": channel("accel_x", prior, level)})
     assert of_sheet == {"accel_white": DATASHEET_LOG_SD, "accel_bias": UNKNOWN_LOG_SD}

@@ -30,11 +30,11 @@ def seldom(p_values: np.ndarray, level: float) -> bool:
 
 
 def claims(noise: NoiseHypothesis) -> dict[str, float]:
-    found, masked = noise_scores(noise), mask(noise)
-    every = [gnss_noise(noise, found), imu_noise(noise, found), bias_jump(noise)]
+    scores, masked = noise_scores(noise), mask(noise)
+    every = [gnss_noise(noise, scores), imu_noise(noise, scores), bias_jump(noise)]
     every += [outliers(noise, masked, cause) for cause in ROWS_OF_CAUSE]
     every.append(correlated_gnss(noise, evaluate(noise)))
-    return {claim.result.cause: claim.result.p_value for claim in every}
+    return {test.result.cause: test.result.p_value for test in every}
 
 
 def study(linearized: LinearizedRun, n: int) -> dict[str, np.ndarray]:
@@ -97,8 +97,11 @@ def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearizedRun) 
     noise = as_configured(source.draw(np.random.default_rng(0)))
     free, tied = fit_noise(noise), fit_noise(noise, prior_sd={"gyro_white": 0.05})
     assert 1.0 < tied.factor("gyro_white") < free.factor("gyro_white")
-    found = noise_scores(noise)
-    exact, vague = imu_noise(noise, found), imu_noise(noise, found, prior_sd=dict.fromkeys(NOISE_GROUPS, 1.0))
+    scores = noise_scores(noise)
+    exact, vague = (
+        imu_noise(noise, scores),
+        imu_noise(noise, scores, prior_sd=dict.fromkeys(NOISE_GROUPS, 1.0)),
+    )
     assert exact.result.p_value < ALARM < vague.result.p_value
     assert {"gyro", "accel"} <= set(exact.describe())
 
@@ -112,17 +115,17 @@ def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
         np.random.default_rng(0), size
     )
     noise = as_configured(replace(drawn, B=city_drive.B, D=city_drive.D))
-    claim = bias_jump(noise)
-    assert claim.result.p_value < ALARM
-    assert jump_sensor(claim.noise) == "accel"
-    gained = evaluate(claim.noise).value - evaluate(noise).value
-    assert gained == pytest.approx(0.5 * claim.result.statistic, rel=1e-6)
-    told = claim.describe()
-    assert abs(told["time"].value - city_drive.t[450]) < 20.0
+    test = bias_jump(noise)
+    assert test.result.p_value < ALARM
+    assert jump_sensor(test.noise) == "accel"
+    gained = evaluate(test.noise).value - evaluate(noise).value
+    assert gained == pytest.approx(0.5 * test.result.statistic, rel=1e-6)
+    estimates = test.describe()
+    assert abs(estimates["time"].value - city_drive.t[450]) < 20.0
     for axis, value in zip("xyz", size, strict=True):
-        c = told[axis]
+        c = estimates[axis]
         assert abs(c.value - value) < 4.5 / 1.96 * 0.5 * (c.interval[1] - c.interval[0])
-    assert claim.result.gain > imu_noise(noise, noise_scores(noise)).result.gain
+    assert test.result.gain > imu_noise(noise, noise_scores(noise)).result.gain
 
 
 def with_errors(linearized: LinearizedRun, errors: np.ndarray, seed: int) -> NoiseHypothesis:
@@ -146,16 +149,16 @@ def test_outliers_are_masked_and_named(city_drive: LinearizedRun, cause: str) ->
     errors[which, rows] = 7.0 * rng.choice([-1.0, 1.0], (9, 3)) * city_drive.sd[which, rows]
     noise = with_errors(city_drive, errors, 1)
     masked = mask(noise)
-    said = {kind: outliers(noise, masked, kind) for kind in ROWS_OF_CAUSE}
-    assert said[cause].result.p_value < 1e-9
+    tests = {kind: outliers(noise, masked, kind) for kind in ROWS_OF_CAUSE}
+    assert tests[cause].result.p_value < 1e-9
     other = next(kind for kind in ROWS_OF_CAUSE if kind != cause)
-    assert said[other].result.p_value > ALARM
-    out = np.flatnonzero(~said[cause].noise.rows[:, rows.start])
+    assert tests[other].result.p_value > ALARM
+    out = np.flatnonzero(~tests[cause].noise.rows[:, rows.start])
     assert set(which) <= set(out)
     assert len(out) <= 10
-    told = said[cause].describe()
-    assert told["fraction"].interval[0] < 0.01 < told["fraction"].interval[1]
-    assert said[cause].result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
+    estimates = tests[cause].describe()
+    assert estimates["fraction"].interval[0] < 0.01 < estimates["fraction"].interval[1]
+    assert tests[cause].result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
 
 
 def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None:
@@ -163,11 +166,11 @@ def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None
     errors[300:750, 3:5] = np.random.default_rng(2).normal(0.0, 8.0, (450, 2))
     noise = with_errors(city_drive, errors, 3)
     masked = mask(noise)
-    claim = outliers(noise, masked, "gnss_velocity")
-    assert claim.result.p_value < 1e-9
+    test = outliers(noise, masked, "gnss_velocity")
+    assert test.result.p_value < 1e-9
     assert np.count_nonzero(masked.out[300:750, 1]) > 420
     assert np.count_nonzero(masked.out[:, 0]) < 3
-    assert claim.result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
+    assert test.result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
     assert outliers(noise, masked, "gnss_outliers").result.p_value > ALARM
 
 
@@ -179,25 +182,25 @@ def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
     noise = as_configured(source.draw(np.random.default_rng(0)))
     masked = mask(noise)
     assert min(outliers(noise, masked, cause).result.p_value for cause in ROWS_OF_CAUSE) > ALARM
-    claim = gnss_noise(noise, noise_scores(noise))
-    assert claim.result.p_value < 1e-9
-    for name, c in claim.describe().items():
+    test = gnss_noise(noise, noise_scores(noise))
+    assert test.result.p_value < 1e-9
+    for name, c in test.describe().items():
         assert c.interval[0] * 0.95 < 2.0 < c.interval[1] * 1.05, name
 
 
 def test_correlated_positions_are_found_and_named(city_drive: LinearizedRun) -> None:
     truth = replace(as_configured(city_drive), markov_sd=np.array([0.6, 0.6, 1.1]), markov_time=20.0)
     noise = as_configured(Source.of(truth).draw(np.random.default_rng(0)))
-    claim = correlated_gnss(noise, evaluate(noise))
-    assert claim.result.p_value < 1e-6
-    found = noise_scores(noise)
-    assert claim.result.gain > max(gnss_noise(noise, found).result.gain, imu_noise(noise, found).result.gain)
-    told = claim.describe()
+    test = correlated_gnss(noise, evaluate(noise))
+    assert test.result.p_value < 1e-6
+    scores = noise_scores(noise)
+    assert test.result.gain > max(gnss_noise(noise, scores).result.gain, imu_noise(noise, scores).result.gain)
+    estimates = test.describe()
     for name, value in (("sd", 0.6), ("sd_vertical", 1.1), ("time_constant", 20.0)):
-        low, high = np.log(told[name].interval)
-        assert abs(np.log(told[name].value / value)) < 4.5 / 3.92 * (high - low), name
-    again = noise_scores(claim.noise)
-    assert gnss_noise(claim.noise, again).result.p_value > ALARM
+        low, high = np.log(estimates[name].interval)
+        assert abs(np.log(estimates[name].value / value)) < 4.5 / 3.92 * (high - low), name
+    again = noise_scores(test.noise)
+    assert gnss_noise(test.noise, again).result.p_value > ALARM
 
 
 def test_wrong_noise_is_not_correlation(city_drive: LinearizedRun) -> None:

@@ -18,10 +18,10 @@ from tuner.navigation.fix_sd_model import fix_sd_model
 
 
 def reporting(linearized: LinearizedRun, level: np.ndarray, truth: np.ndarray, seed: int) -> NoiseHypothesis:
-    """Draw a record whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
+    """Draw a run whose receiver reports `level` (k,) times the usual sds; the true ones are `truth` times them."""
     reported = linearized.sd * level[:, None]
-    told = replace(linearized, reported_sd=reported, sd=reported)
-    true = replace(as_configured(told), sd=linearized.sd * truth[:, None])
+    reporting_run = replace(linearized, reported_sd=reported, sd=reported)
+    true = replace(as_configured(reporting_run), sd=linearized.sd * truth[:, None])
     return as_configured(Source.of(true).draw(np.random.default_rng(seed)))
 
 
@@ -37,39 +37,41 @@ def test_classes_are_parted_where_the_sd_jumps() -> None:
     assert not class_edges(np.append(sd[:300], [5.0, 6.0])), "two fixes are no class"
 
 
-def test_a_steady_report_has_no_law(city_drive: LinearizedRun) -> None:
+def test_constant_reported_sds_have_no_model(city_drive: LinearizedRun) -> None:
     assert choose_sd_model(as_configured(city_drive), "position") is None
 
 
-@pytest.mark.parametrize("law", ["factor", "classes", "power", "silence"])
-def test_the_law_is_found(city_drive: LinearizedRun, law: str) -> None:
+@pytest.mark.parametrize("kind", ["factor", "classes", "power", "uninformative"])
+def test_the_model_of_reported_sds_is_found(city_drive: LinearizedRun, kind: str) -> None:
     rng = np.random.default_rng(4)
     level = np.exp(0.6 * rng.standard_normal(900))
-    if law == "classes":
+    if kind == "classes":
         level = np.repeat([0.05, 1.0], (400, 500)) * rng.uniform(1.0, 1.8, 900)
     truth = {
         "factor": 1.3 * level,
         "classes": level * np.where(level < 0.5, 3.0, 0.8),
         "power": 1.1 * level**0.4,
-        "silence": np.full(900, 1.4),
-    }[law]
+        "uninformative": np.full(900, 1.4),
+    }[kind]
     noise = reporting(city_drive, level, truth, 7)
-    found, claim = choose_sd_model(noise, "position"), reported_sd_test(noise, "position")
-    if law == "factor":
-        assert found is None or found.kind == "factor"
-        assert claim is None
+    model, test = choose_sd_model(noise, "position"), reported_sd_test(noise, "position")
+    if kind == "factor":
+        assert model is None or model.kind == "factor"
+        assert test is None
         return
-    assert found.kind == ("classes" if law == "classes" else "power")
-    assert found.p_value < 1e-9
-    told = claim.describe()
-    if law == "classes":
+    assert model.kind == ("classes" if kind == "classes" else "power")
+    assert model.p_value < 1e-9
+    estimates = test.describe()
+    if kind == "classes":
         for name, value in (("class_0", 3.0), ("class_1", 0.8)):
-            assert told[f"position_horizontal_{name}"].value == pytest.approx(value, rel=0.2)
-            assert told[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
+            assert estimates[f"position_horizontal_{name}"].value == pytest.approx(value, rel=0.2)
+            assert estimates[f"position_vertical_{name}"].value == pytest.approx(value, rel=0.25)
     else:
-        assert told["position_exponent"].value == pytest.approx({"power": 0.4, "silence": 0.0}[law], abs=0.15)
-    expected = fix_sd_model(claim.kind, "position").sds(noise.linearized.reported_sd[:, :3])
-    np.testing.assert_allclose(claim.noise.sd[:, :3], expected, rtol=1e-9)
+        assert estimates["position_exponent"].value == pytest.approx(
+            {"power": 0.4, "uninformative": 0.0}[kind], abs=0.15
+        )
+    expected = fix_sd_model(test.sd_model, "position").sds(noise.linearized.reported_sd[:, :3])
+    np.testing.assert_allclose(test.noise.sd[:, :3], expected, rtol=1e-9)
 
 
 def test_adaptive_noise_follows_but_is_rough(city_drive: LinearizedRun) -> None:

@@ -36,34 +36,34 @@ def passed(linearized: LinearizedRun, theta: dict[Parameter, float], seed: int):
     """Return a run over a replica with constants that nothing compensates."""
     values = np.array([theta.get(name, 0.0) for name in linearized.parameters])
     drawn = Source.of(as_configured(linearized)).draw(np.random.default_rng(seed), values)
-    told = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
+    shorter = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
     return SimpleNamespace(
-        linearized=told,
-        whitened=whiten(as_configured(told)),
+        linearized=shorter,
+        whitened=whiten(as_configured(shorter)),
         hypothesis=SimpleNamespace(compensation=Compensation()),
     )
 
 
-def weak(found) -> ScoreTest:
+def weak(run) -> ScoreTest:
     """Return the test of the lever arm, as if it gained little."""
-    names = found.linearized.parameters
-    told = retest(found.whitened, names, KNOWN, "lever_arm", np.zeros(3))
-    return replace(told, gain=0.5 * MAX_WEAK_GAIN)
+    names = run.linearized.parameters
+    shorter = retest(run.whitened, names, KNOWN, "lever_arm", np.zeros(3))
+    return replace(shorter, gain=0.5 * MAX_WEAK_GAIN)
 
 
 def test_constants_of_all_parts_together_are_the_constant(short_drive: LinearizedRun) -> None:
-    loose = with_piecewise_constants(short_drive, ("time_offset",))
-    extra = [loose.parameters.index(Parameter("time_offset", f"delay_{p}")) for p in range(1, N_PARTS)]
-    assert len(loose.parameters) == 7 + N_PARTS - 1
-    inside = (loose.D[:, :, extra] != 0.0).any(axis=1)
+    piecewise = with_piecewise_constants(short_drive, ("time_offset",))
+    extra = [piecewise.parameters.index(Parameter("time_offset", f"delay_{p}")) for p in range(1, N_PARTS)]
+    assert len(piecewise.parameters) == 7 + N_PARTS - 1
+    inside = (piecewise.D[:, :, extra] != 0.0).any(axis=1)
     assert inside.sum(axis=1).max() == 1  # parts do not overlap
     last = short_drive.t >= short_drive.t[0] + (1.0 - 1.0 / N_PARTS) * np.ptp(short_drive.t)
-    np.testing.assert_array_equal(loose.D[last][:, :, extra[-1]], short_drive.D[last][:, :, 0])
-    assert not loose.D[~last][:, :, extra[-1]].any()
+    np.testing.assert_array_equal(piecewise.D[last][:, :, extra[-1]], short_drive.D[last][:, :, 0])
+    assert not piecewise.D[~last][:, :, extra[-1]].any()
 
 
 def test_a_lever_arm_beside_a_steady_delay_stands(city_drive: LinearizedRun) -> None:
-    found = passed(
+    run = passed(
         city_drive,
         {
             Parameter("time_offset", "delay"): DELAY,
@@ -72,22 +72,22 @@ def test_a_lever_arm_beside_a_steady_delay_stands(city_drive: LinearizedRun) -> 
         },
         1,
     )
-    alarm = weak(found)
-    assert alarm.p_value < THRESHOLD
-    assert explained_by_stronger(found, KNOWN, alarm, THRESHOLD) == ()
+    test = weak(run)
+    assert test.p_value < THRESHOLD
+    assert explained_by_stronger(run, KNOWN, test, THRESHOLD) == ()
 
 
 def test_what_a_wandering_delay_leaves_is_reported_as_uncertain(city_drive: LinearizedRun) -> None:
     wandering = {Parameter("time_offset", f"delay_{p}"): 0.1 * DELAY * (-1.0) ** p for p in range(1, N_PARTS)}
-    found = passed(
+    run = passed(
         with_piecewise_constants(city_drive, ("time_offset",)),
         {Parameter("time_offset", "delay"): DELAY, **wandering},
         2,
     )
-    alarm = weak(found)
-    assert explained_by_stronger(found, KNOWN, replace(alarm, statistic=10.0), THRESHOLD) == ("time_offset",)
-    assert explained_by_stronger(found, KNOWN, replace(alarm, gain=2.0 * MAX_WEAK_GAIN), THRESHOLD) == ()
-    assert "time_offset" in rejection_note("lever_arm", alarm.gain, ("time_offset",))
+    test = weak(run)
+    assert explained_by_stronger(run, KNOWN, replace(test, statistic=10.0), THRESHOLD) == ("time_offset",)
+    assert explained_by_stronger(run, KNOWN, replace(test, gain=2.0 * MAX_WEAK_GAIN), THRESHOLD) == ()
+    assert "time_offset" in rejection_note("lever_arm", test.gain, ("time_offset",))
 
 
 @pytest.mark.parametrize(("size", "still"), [(0.0, False), (0.02, True)])
@@ -95,11 +95,11 @@ def test_a_jump_is_tested_a_second_time(city_drive: LinearizedRun, size: float, 
     plain = as_configured(city_drive)
     jumped = with_jump(plain, 450, "accel").linearized
     theta = {Parameter("time_offset", "delay"): DELAY, Parameter("bias_jump", "accel_x"): size}
-    found = passed(jumped, theta, 3)
-    alarm = bias_jump(replace(as_configured(found.linearized), columns=(0,))).result
-    assert jump_remains(found, ("time_offset",), ("time_offset",), THRESHOLD) == still
-    told = replace(alarm, gain=0.5 * MAX_WEAK_GAIN, statistic=30.0)
-    assert causes_stronger_than_jump(found, ("time_offset",), told) == ("time_offset",)
+    run = passed(jumped, theta, 3)
+    test = bias_jump(replace(as_configured(run.linearized), columns=(0,))).result
+    assert jump_remains(run, ("time_offset",), ("time_offset",), THRESHOLD) == still
+    shorter = replace(test, gain=0.5 * MAX_WEAK_GAIN, statistic=30.0)
+    assert causes_stronger_than_jump(run, ("time_offset",), shorter) == ("time_offset",)
 
 
 def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearizedRun) -> None:
@@ -109,6 +109,6 @@ def test_a_jump_that_no_sensor_makes_is_rejected(city_drive: LinearizedRun) -> N
         values[jumped.parameters.index(Parameter("bias_jump", "gyro_z"))] = size
         drawn = Source.of(as_configured(jumped)).draw(np.random.default_rng(4), values)
         linearized = replace(drawn, parameters=drawn.parameters[:7], B=drawn.B[:, :, :7], D=drawn.D[:, :, :7])
-        claim: CauseTest = bias_jump(as_configured(linearized))
-        assert abs(evaluate(claim.noise).theta[2]) == pytest.approx(size, rel=0.05)
-        assert Candidate(claim.result, claim=claim).credible == credible
+        test: CauseTest = bias_jump(as_configured(linearized))
+        assert abs(evaluate(test.noise).theta[2]) == pytest.approx(size, rel=0.05)
+        assert Candidate(test.result, test=test).credible == credible

@@ -43,7 +43,7 @@ def test_fixed_means_change_nothing_at_the_same_noise(short_drive: LinearizedRun
 
 
 def test_noise_is_fitted_beside_free_means(short_drive: LinearizedRun) -> None:
-    """The fit with means held in turn is a maximum of the likelihood with the means profiled out."""
+    """The fit with means fixed in turn is a maximum of the likelihood with the means profiled out."""
     wrong = replace(short_drive, sd=short_drive.sd * 2.0)
     data = replace(drawn(wrong, 1), sd=short_drive.sd)
     free = replace(as_configured(data), columns=(0, 1, 2, 3))
@@ -62,9 +62,9 @@ def test_a_drifting_delay_is_distinguished_from_a_constant_one(city_drive: Linea
     linearized, rate = drawn(city_drive, 2), 2e-4
     for true in (0.0, rate):
         moved = late(linearized, 0.02 + true * (linearized.t - linearized.t.mean()))
-        told = linear_trend(whiten(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
-        assert abs(told.rate - true) < 5.0 * told.sd
-        assert (told.p_value < 1e-6) == (true > 0.0)
+        trend = linear_trend(whiten(as_configured(moved)), moved.parameters, ("time_offset",), DELAY)
+        assert abs(trend.rate - true) < 5.0 * trend.sd
+        assert (trend.p_value < 1e-6) == (true > 0.0)
 
 
 def test_a_run_of_wrong_positions_is_left_out_at_once(city_drive: LinearizedRun) -> None:
