@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from inspect import isabstract
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,12 @@ from models.registry import Registry
 __all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]
 
 
+def _effect_of(declared: Any) -> type[DriveEffect]:
+    """Return the effect of what an entry point names: a cause, which has one, or an effect."""
+    effect: type[DriveEffect] = getattr(declared, "effect", declared)
+    return effect
+
+
 def _complete(effect: type[DriveEffect]) -> None:
     """Refuse what is not an effect that can be applied and drawn."""
     if not (isinstance(effect, type) and issubclass(effect, DriveEffect)) or isabstract(effect):
@@ -68,7 +75,11 @@ def _complete(effect: type[DriveEffect]) -> None:
 
 
 EFFECTS: Registry[type[DriveEffect]] = Registry(
-    "cause of a drive", "tuner.drive_causes", name_of=lambda effect: effect.name, check=_complete
+    "cause of a drive",
+    "tuner.drive_causes",
+    name_of=lambda effect: effect.name,
+    check=_complete,
+    declared_by=_effect_of,
 )
 """Class of every effect on a drive, by the code of its cause, in the order in which sensor errors are composed."""
 EFFECTS.extend(

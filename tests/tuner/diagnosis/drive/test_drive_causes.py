@@ -3,69 +3,52 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields
-from typing import ClassVar
+import sys
+from dataclasses import fields
+from pathlib import Path
 
-import numpy as np
 import pytest
 
-from models.effects.drive import EFFECTS
-from models.effects.drive.base import AXES, DriveEffect
+from models.effects.drive import EFFECTS, parse
 from models.registry import RegistryError
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.base import (
     DRIVE_CAUSES,
     ConstantCause,
+    DriveCause,
     constant_causes,
     constant_parameters,
 )
 from tuner.diagnosis.drive.causes.registry import FALSE_ALARM_PROBABILITY, significance_threshold
+from tuner.formats.configuration import config_json, load_config
 
 CROSS_COUPLING = 0.02
+EXAMPLE = Path(__file__).with_name("cross_coupling_cause.py")
 
 
-@dataclass(frozen=True)
-class AccelCrossCoupling(DriveEffect):
-    """An accelerometer along x that feels the force along y."""
-
-    name: ClassVar[str] = "accel_cross_coupling"
-    stage: ClassVar[int] = AXES
-    is_constant: ClassVar[bool] = True
-    xy: float = 0.0
-
-    @classmethod
-    def sensor_error(cls, name):
-        error = np.zeros((6, 6))
-        error[3, 4] = 1.0
-        return error
-
-    def apply(self, drive, rng):
-        return drive.felt(drive.truth @ (self.xy * self.sensor_error("xy")).T)
-
-    @classmethod
-    def draw(cls, rng, drive):
-        return cls(rng.uniform(-0.01, 0.01))
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install the example as pip would, for one test."""
+    (tmp_path / "cross_coupling_cause.py").write_text(EXAMPLE.read_text())
+    facts = tmp_path / "coupling-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: coupling\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text(
+        "[tuner.drive_causes]\naccel_cross_coupling = cross_coupling_cause:AccelCrossCoupling\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for registry in (DRIVE_CAUSES, EFFECTS):
+        monkeypatch.setattr(registry, "_declared", dict(registry._declared))
+        monkeypatch.setattr(registry, "_entry_points_loaded", False)
+    yield
+    sys.modules.pop("cross_coupling_cause", None)
 
 
-class CrossCoupling(ConstantCause):
-    """The cause of a package that knows this effect."""
-
-    cause = "accel_cross_coupling"
-    effect = AccelCrossCoupling
-    channels = ("accel",)
-    meaning = "an accelerometer feels the force along another axis"
-    consequence = "calibrate"
-    units = dict.fromkeys(("xy",), "1")
-    prior_sd, largest = 5e-3, 0.1
-
-
-def test_a_further_constant_is_named_estimated_and_compensated(simulated, drive_config):
-    """Its declaration is all that the diagnosis, the compensation and the simulator need."""
-    before = significance_threshold()
-    with DRIVE_CAUSES.added(CrossCoupling):
-        assert significance_threshold() < before
-        drive = simulated(3, values={"accel_cross_coupling.xy": CROSS_COUPLING})
-        diagnosis = diagnose_drive(drive, drive_config)
+@pytest.mark.usefixtures("package")
+def test_a_constant_of_another_package_is_named_estimated_and_compensated(simulated, drive_config):
+    """Its one declaration is all that the diagnosis, the compensation and the configuration file need."""
+    drive = simulated(3, values={"accel_cross_coupling.xy": CROSS_COUPLING})
+    diagnosis = diagnose_drive(drive, drive_config)
     (finding,) = diagnosis.findings
     assert finding.cause == "accel_cross_coupling"
     low, high = finding.parameters["xy"].interval
@@ -73,8 +56,27 @@ def test_a_further_constant_is_named_estimated_and_compensated(simulated, drive_
     assert abs(middle - CROSS_COUPLING) < 2.5 * half
     assert half < 0.25 * CROSS_COUPLING
     assert diagnosis.compensation.value("accel_cross_coupling", "xy") == pytest.approx(middle, abs=half)
-    assert "accel_cross_coupling" not in DRIVE_CAUSES
-    assert "accel_cross_coupling" not in EFFECTS
+    stored = load_config(config_json(diagnosis.after), source="stored")
+    assert stored.compensation == diagnosis.compensation
+    assert str(parse("accel_cross_coupling:xy=0.02")) == "accel_cross_coupling:xy=0.02"
+
+
+def test_the_page_shows_the_example():
+    page = (Path(__file__).parents[4] / "docs/extending/drive_cause.md").read_text()
+    assert EXAMPLE.read_text() in page
+    assert len(EXAMPLE.read_text().splitlines()) <= 45
+
+
+def test_a_further_cause_lowers_the_threshold_of_the_others():
+    class Further(DriveCause):
+        """A cause without a test."""
+
+        cause, channels, meaning, consequence = "further", ("gnss",), "further", "none"
+
+    before = significance_threshold()
+    with DRIVE_CAUSES.added(Further):
+        assert significance_threshold() < before
+    assert significance_threshold() == before
 
 
 def test_parameters_of_constants_are_those_of_their_effects():
