@@ -26,6 +26,7 @@ import math
 import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from enum import StrEnum
 from functools import cache
 from typing import (
     Annotated,
@@ -286,6 +287,18 @@ def _load_literal(content: object, kind: Any) -> Any:
     return content
 
 
+def _load_enum(content: object, kind: Any) -> Any:
+    """Return a member of an enumeration of texts."""
+    names = [member.value for member in kind]
+    if content not in names:
+        refuse(f"one of {', '.join(names)}", shown(content))
+    return kind(content)
+
+
+def _is_enum(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, StrEnum)
+
+
 def _is_literal(kind: Any) -> bool:
     return get_origin(kind) is Literal
 
@@ -377,6 +390,7 @@ _CONVERTER.register_structure_hook_factory(is_mapping, _mapping_factory)
 _CONVERTER.register_structure_hook_factory(_is_tuple, _tuple_factory)
 _CONVERTER.register_structure_hook_func(lambda kind: kind == tuple[float, float], _load_interval)
 _CONVERTER.register_structure_hook_func(_is_literal, _load_literal)
+_CONVERTER.register_structure_hook_func(_is_enum, _load_enum)
 _CONVERTER.register_structure_hook_func(_is_array, _load_array)
 _CONVERTER.register_structure_hook_func(_is_limited, _load_limited)
 _CONVERTER.register_structure_hook_func(_is_vector, _load_vector)

@@ -1,5 +1,23 @@
 """All kinds of values that documents hold, each with the file that declares how it is stored."""
 
-from tuner.formats import compensation, configuration, curves, diagnosis, identification, inflation, noise
+from tuner.formats import (
+    compensation,
+    configuration,
+    consistency,
+    curves,
+    diagnosis,
+    identification,
+    inflation,
+    noise,
+)
 
-__all__ = ["compensation", "configuration", "curves", "diagnosis", "identification", "inflation", "noise"]
+__all__ = [
+    "compensation",
+    "configuration",
+    "consistency",
+    "curves",
+    "diagnosis",
+    "identification",
+    "inflation",
+    "noise",
+]

@@ -17,6 +17,7 @@ from hypothesis.extra import numpy as hnp
 from models.noise import TERMS, GaussMarkov, NoiseModel, Term
 from tuner.formats import native
 from tuner.formats.configuration import config_json, load_config
+from tuner.formats.consistency import load_consistency, scores_json
 from tuner.formats.curves import curves_json, load_curves
 from tuner.formats.diagnosis import diagnosis_json, load_diagnosis
 from tuner.formats.files import json_text
@@ -48,6 +49,17 @@ from tuner.types import (
     Spectrum,
     TermEstimate,
     Unexplained,
+)
+from tuner.types.consistency import (
+    Consistency,
+    Explanation,
+    ExplanationKind,
+    Outage,
+    Score,
+    Severity,
+    Verdict,
+    VerdictCode,
+    Whiteness,
 )
 from tuner.types.records import DataError
 
@@ -335,6 +347,64 @@ noise_scales = st.builds(
 )
 def test_diagnosis_of_a_drive(found: DriveDiagnosis) -> None:
     assert same(load_diagnosis(stored(diagnosis_json(found)), source="a.json"), found)
+
+
+positive_scores = st.floats(0.0, 1e100)
+codes_of_verdicts = st.sampled_from(list(VerdictCode))
+
+
+def scores(name: str) -> st.SearchStrategy[Score]:
+    bands = st.tuples(positive_scores, positive_scores | st.just(math.inf))
+    return st.builds(Score, st.just(name), positive_scores, st.integers(1, 30), positive_scores, bands)
+
+
+def some_scores(*names: str) -> st.SearchStrategy[tuple[Score, ...]]:
+    return st.tuples(*(scores(name) for name in names)) | st.just(())
+
+
+explanations = st.builds(
+    Explanation,
+    st.sampled_from(list(ExplanationKind)),
+    texts,
+    numbers,
+    intervals,
+    numbers,
+    st.none() | numbers,
+)
+explanations = explanations | st.builds(
+    dataclasses.replace, explanations, equivalent=st.none() | explanations
+)
+ratios = numbers | st.integers(0, 9) | st.just(math.inf)
+verdicts = st.builds(
+    Verdict,
+    codes_of_verdicts,
+    st.sampled_from(list(Severity)),
+    texts,
+    st.dictionaries(texts, ratios | st.lists(numbers, max_size=3).map(tuple), max_size=2),
+    st.lists(explanations, max_size=2).map(tuple),
+)
+outages = st.builds(Outage, positive_scores, numbers, numbers, scores("outage 60 s"), st.integers(0, 9))
+
+
+@thorough
+@given(
+    st.builds(
+        Consistency,
+        st.none() | scores("nees"),
+        some_scores("position", "velocity"),
+        some_scores("nis", "nis_position") | some_scores("nis_velocity"),
+        st.none() | st.builds(Whiteness, texts, st.integers(1, 10), numbers, positive_scores),
+        st.lists(outages, max_size=2).map(tuple),
+        st.dictionaries(texts, st.tuples(numbers, numbers, numbers), max_size=2),
+        numbers,
+        st.booleans(),
+        st.lists(verdicts, max_size=3).map(tuple),
+    )
+)
+def test_consistency(found: Consistency) -> None:
+    content = stored(scores_json(found))
+    assert content["consistent"] == found.consistent
+    assert same(load_consistency(content, source="a.json"), found.shown)
 
 
 @st.composite

@@ -8,6 +8,7 @@ from typing import Any
 
 from tuner.consistency.drive import DriveResult
 from tuner.consistency.error_budget import blind_spots, table
+from tuner.formats.consistency import scores_json
 from tuner.navigation.drive.vehicle_constraints import constraint_counts
 from tuner.report.verdict_text import explanation_text, verdict_text
 from tuner.types.consistency import (
@@ -16,8 +17,6 @@ from tuner.types.consistency import (
     ErrorBudget,
     Explanation,
     Observability,
-    Score,
-    Verdict,
 )
 from tuner.types.records import Drive
 
@@ -36,43 +35,12 @@ def consistency_json(
     notes : sequence of str
         What had to be assumed or repaired.
     """
-    found = found.shown
-    nis = {s.name: _score(s) for s in found.nis}
-    white = found.whiteness
+    content = scores_json(found)
     return {
-        "schema": "tuner.consistency/1",
+        "schema": content.pop("schema"),
         "source": dict(source),
-        "consistent": found.consistent,
-        "diverged": found.diverged,
         "verdicts": [verdict_text(verdict) for verdict in found.verdicts],
-        "verdict_codes": [_verdict(verdict) for verdict in found.verdicts],
-        "nees": None if found.nees is None else _score(found.nees),
-        "blocks": {s.name: _score(s) for s in found.blocks},
-        "nis": nis.get("nis"),
-        "nis_parts": {name: value for name, value in nis.items() if name != "nis"},
-        "whiteness": None
-        if white is None
-        else {
-            "part": white.part,
-            "lag": white.lag,
-            "correlation": white.correlation,
-            "band": [-white.band, white.band],
-            "consistent": white.consistent,
-        },
-        "outage": [
-            {
-                "seconds": outage.seconds,
-                "rms_m": outage.rms,
-                "predicted_m": outage.predicted,
-                "ratio": outage.score.ratio,
-                "band": _ratio_band(outage.score),
-                "windows": outage.windows,
-                "consistent": outage.score.consistent,
-            }
-            for outage in found.outages
-        ],
-        "errors": {name: list(values) for name, values in found.errors.items()},
-        "gated": found.gated,
+        **content,
         "notes": list(notes),
     }
 
@@ -137,35 +105,3 @@ def budget_json(budget: ErrorBudget, seen: Observability) -> dict[str, Any]:
             {"states": list(d.states), "parts": list(d.parts), "strength": d.strength} for d in seen.weak
         ],
     }
-
-
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    """Return code, severity, subject and numbers; None stands for a ratio to nothing."""
-    return {
-        "code": verdict.code.value,
-        "severity": verdict.severity.value,
-        "subject": verdict.subject or None,
-        "numbers": {name: _plain(value) for name, value in verdict.numbers.items()},
-        "explanations": [explanation.source for explanation in verdict.explanations],
-    }
-
-
-def _plain(value: float | tuple[float, ...]) -> float | list[float] | None:
-    if isinstance(value, tuple):
-        return list(value)
-    return value if math.isfinite(value) else None
-
-
-def _score(score: Score) -> dict[str, Any]:
-    return {
-        "mean": score.mean,
-        "dof": score.dof,
-        "band": list(score.band),
-        "ratio": score.ratio,
-        "effective_dof": score.effective,
-        "consistent": score.consistent,
-    }
-
-
-def _ratio_band(score: Score) -> list[float]:
-    return [(limit / score.dof) ** 0.5 for limit in score.band]

@@ -1,0 +1,224 @@
+"""Scores of a filter as JSON, schema ``tuner.consistency/1``, and back.
+
+Of a filter that diverged only the verdicts and the share of fixes refused are stored. Verdicts are codes with numbers
+under ``verdict_codes``; `tuner.report` adds them as sentences. A number of a verdict that is null is infinite: a ratio
+to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, Self, TypeAlias
+
+from tuner.formats.codec import dump, load, refuse, shown, store, stored_form, structured
+from tuner.types.consistency import (
+    Consistency,
+    Explanation,
+    Outage,
+    Score,
+    Severity,
+    Verdict,
+    VerdictCode,
+    Whiteness,
+)
+
+
+def scores_json(found: Consistency) -> dict[str, Any]:
+    """Return scores and verdicts as plain values."""
+    content: dict[str, Any] = dump(found)
+    return content
+
+
+def load_consistency(content: object, *, source: str) -> Consistency:
+    """Return the scores and verdicts of plain values.
+
+    Raises
+    ------
+    DataError
+        One line: file, place, expected, found, what to do.
+    """
+    advice = "write the file anew with 'tuner check CONFIG --json FILE'"
+    return load(content, Consistency, source=source, advice=advice)
+
+
+@stored_form(Score)
+@dataclass(frozen=True)
+class _ScoreForm:
+    """A mean square; `ratio` is true rms ÷ predicted sd."""
+
+    name: str
+    mean: float
+    dof: int
+    band: tuple[float, float]
+    ratio: float
+    effective_dof: float
+    consistent: bool
+
+    @classmethod
+    def of(cls, score: Score, /) -> Self:
+        """Return the form of a score."""
+        return cls(
+            score.name, score.mean, score.dof, score.band, score.ratio, score.effective, score.consistent
+        )
+
+    def restored(self) -> Score:
+        """Return the score."""
+        return Score(self.name, self.mean, self.dof, self.effective_dof, self.band)
+
+
+@stored_form(Whiteness)
+@dataclass(frozen=True)
+class _WhitenessForm:
+    """An autocorrelation and the band of white innovations."""
+
+    part: str
+    lag: int
+    correlation: float
+    band: tuple[float, float]
+    consistent: bool
+
+    @classmethod
+    def of(cls, white: Whiteness, /) -> Self:
+        """Return the form of an autocorrelation."""
+        return cls(white.part, white.lag, white.correlation, (-white.band, white.band), white.consistent)
+
+    def restored(self) -> Whiteness:
+        """Return the autocorrelation."""
+        return Whiteness(self.part, self.lag, self.correlation, self.band[1])
+
+
+@stored_form(Outage)
+@dataclass(frozen=True)
+class _OutageForm:
+    """Position after some time without fixes; `band` is of the ratio."""
+
+    seconds: float
+    rms_m: float
+    predicted_m: float
+    ratio: float
+    band: tuple[float, float]
+    windows: int
+    consistent: bool
+    score: Score
+
+    @classmethod
+    def of(cls, outage: Outage, /) -> Self:
+        """Return the form of an outage."""
+        score = outage.score
+        low, high = (math.sqrt(limit / score.dof) for limit in score.band)
+        return cls(
+            outage.seconds,
+            outage.rms,
+            outage.predicted,
+            score.ratio,
+            (low, high),
+            outage.windows,
+            score.consistent,
+            score,
+        )
+
+    def restored(self) -> Outage:
+        """Return the outage."""
+        return Outage(self.seconds, self.rms_m, self.predicted_m, self.score, self.windows)
+
+
+_Numbers: TypeAlias = float | tuple[float, ...]
+
+
+@stored_form(Verdict)
+@dataclass(frozen=True)
+class _VerdictForm:
+    """A verdict; `explanations` are the names of those in `explained_by`."""
+
+    code: VerdictCode
+    severity: Severity
+    subject: str | None
+    numbers: Mapping[str, _Numbers]
+    explanations: tuple[str, ...] = ()
+    explained_by: tuple[Explanation, ...] = ()
+
+    @classmethod
+    def of(cls, verdict: Verdict, /) -> Self:
+        """Return the form of a verdict."""
+        return cls(
+            verdict.code,
+            verdict.severity,
+            verdict.subject or None,
+            verdict.numbers,
+            tuple(explanation.source for explanation in verdict.explanations),
+            verdict.explanations,
+        )
+
+    def restored(self) -> Verdict:
+        """Return the verdict."""
+        return Verdict(self.code, self.severity, self.subject or "", self.numbers, self.explained_by)
+
+
+@stored_form(Consistency)
+@dataclass(frozen=True, kw_only=True)
+class _ConsistencyForm:
+    """Scores of a filter, by name."""
+
+    schema: Literal["tuner.consistency/1"] = "tuner.consistency/1"
+    consistent: bool
+    diverged: bool
+    verdict_codes: tuple[Verdict, ...] = ()
+    nees: Score | None
+    blocks: Mapping[str, Score]
+    nis: Score | None
+    nis_parts: Mapping[str, Score]
+    whiteness: Whiteness | None
+    outage: tuple[Outage, ...]
+    errors: Mapping[str, tuple[float, ...]]
+    gated: float
+
+    @classmethod
+    def of(cls, found: Consistency, /) -> Self:
+        """Return the form of what may be shown of the scores."""
+        found = found.shown
+        nis = {score.name: score for score in found.nis}
+        return cls(
+            consistent=found.consistent,
+            diverged=found.diverged,
+            verdict_codes=found.verdicts,
+            nees=found.nees,
+            blocks={score.name: score for score in found.blocks},
+            nis=nis.pop("nis", None),
+            nis_parts=nis,
+            whiteness=found.whiteness,
+            outage=found.outages,
+            errors=found.errors,
+            gated=found.gated,
+        )
+
+    def restored(self) -> Consistency:
+        """Return the scores."""
+        whole = () if self.nis is None else (self.nis,)
+        return Consistency(
+            nees=self.nees,
+            blocks=tuple(self.blocks.values()),
+            nis=(*whole, *self.nis_parts.values()),
+            whiteness=self.whiteness,
+            outages=self.outage,
+            errors=self.errors,
+            gated=self.gated,
+            diverged=self.diverged,
+            verdicts=self.verdict_codes,
+        )
+
+
+def _load_numbers(content: object) -> _Numbers:
+    """Return one number or several; null is infinite."""
+    if isinstance(content, list):
+        numbers = structured(content, tuple[float, ...])
+        return tuple(math.inf if math.isnan(number) else number for number in numbers)
+    if content is None:
+        return math.inf
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        refuse("a number, a list of numbers or null", shown(content))
+    return content
+
+
+store(_Numbers, load=_load_numbers)
