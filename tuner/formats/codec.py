@@ -32,7 +32,6 @@ from typing import (
     Annotated,
     Any,
     Literal,
-    NoReturn,
     Protocol,
     Self,
     TypeVar,
@@ -48,24 +47,12 @@ from cattrs.cols import is_mapping, mapping_structure_factory
 from cattrs.gen import make_dict_structure_fn, override
 
 from tuner.formats.files import plain
+from tuner.formats.mismatch import Mismatch, place, refuse, shown
 from tuner.types.numbers import Finite, Limits, VectorLimits
 from tuner.types.records import DataError
 
 T = TypeVar("T")
 K = TypeVar("K", contravariant=True)
-
-
-class Mismatch(ValueError):
-    """An entry that is not what the document must have there; `path` leads to it from the entry being read."""
-
-    def __init__(self, expected: str, found: str, path: tuple[str | int, ...] = ()) -> None:
-        super().__init__(f"expected {expected}, got {found}")
-        self.path = path
-
-    def within(self, *path: str | int) -> Self:
-        """Return the error with the keys that lead to the entry being read in front of its place."""
-        self.path = (*path, *self.path)
-        return self
 
 
 class Form(Protocol):
@@ -148,25 +135,6 @@ def refuse_unknown_keys(kind: type[T]) -> type[T]:
     """Declare that a misspelt key of `kind` is refused; for documents that people write."""
     _CLOSED.add(kind)
     return kind
-
-
-def shown(value: object) -> str:
-    """Return a value as a document has it."""
-    words = {None: "null", True: "true", False: "false"}
-    return words[value] if value is None or isinstance(value, bool) else repr(value)
-
-
-def place(source: str, path: Sequence[str | int]) -> str:
-    """Return a place in a document as messages name it: ``mine.yaml: gnss.correlated[0].sd``."""
-    steps = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
-    if ": " in source:  # the source names a part of a document already
-        return source + steps
-    return f"{source}: {steps.removeprefix('.')}" if steps else source
-
-
-def refuse(expected: str, found: str, *path: str | int) -> NoReturn:
-    """Raise the error of an entry that is not what it must be; `path` leads to it from the entry being read."""
-    raise Mismatch(expected, found, path)
 
 
 @cache

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from models.effects.drive import EFFECTS
-from tuner.formats.codec import refuse, store, structured
+from tuner.formats.codec import store, structured
+from tuner.formats.mismatch import refuse
 from tuner.types import Compensation, Parameter
 from tuner.types.numbers import Finite
 

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeAlias
 
-from tuner.formats.codec import dump, load, refuse, shown, store, stored_form, structured
+from tuner.formats.codec import dump, load, store, stored_form, structured
+from tuner.formats.mismatch import refuse, shown
 from tuner.types.consistency import (
     Consistency,
     Explanation,

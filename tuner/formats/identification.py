@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.noise import TERMS, NoiseModel
-from tuner.formats.codec import Mismatch, dump, load, refuse, store, stored_form, structured
+from tuner.formats.codec import dump, load, store, stored_form, structured
+from tuner.formats.mismatch import Mismatch, refuse
 from tuner.formats.noise import noise_model
 from tuner.types import (
     AllanCurve,

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tuner.formats.codec import dump, refuse, shown, store, structured
+from tuner.formats.codec import dump, store, structured
+from tuner.formats.mismatch import refuse, shown
 from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
 from tuner.types.numbers import Finite
 

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from models.noise import TERMS, NoiseModel
-from tuner.formats.codec import dump, refuse, shown, store, structured
+from tuner.formats.codec import dump, store, structured
+from tuner.formats.mismatch import refuse, shown
 from tuner.types import Coefficient, TermEstimate
 
 
