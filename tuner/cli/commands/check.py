@@ -10,8 +10,14 @@ from tuner.cli.progress import Messages
 
 @click.command("check", short_help="Is the filter consistent? Monte-Carlo on simulated trajectories.")
 @click.argument("config", metavar="CONFIG")
-@click.option("--truth", metavar="CONFIG2", help="Simulate this sensor instead of the one of CONFIG.")
-@click.option("--trajectory", default="city", show_default=True, metavar="NAME", help="Built-in trajectory.")
+@click.option("--truth", metavar="CONFIG2", help="Simulate the sensor of CONFIG2, with the filter of CONFIG.")
+@click.option(
+    "--trajectory",
+    default="city",
+    show_default=True,
+    metavar="NAME",
+    help="Trajectory: static straight circle figure_eight s_turns climb city.",
+)
 @click.option(
     "--duration",
     type=Finite(min=60.0),
@@ -21,10 +27,14 @@ from tuner.cli.progress import Messages
     help="Length of a run, s.",
 )
 @click.option(
-    "--runs", type=click.IntRange(min=2), default=40, show_default=True, help="Simulated switch-ons."
+    "--runs",
+    type=click.IntRange(min=2),
+    default=40,
+    show_default=True,
+    help="Number of simulated runs, each with new turn-on biases.",
 )
-@click.option("--gnss", metavar="GRADE", help="Built-in receiver, in place of the configuration's.")
-@click.option("--budget", is_flag=True, help="Add the share of every error source in the errors.")
+@click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")
+@click.option("--budget", is_flag=True, help="Add the error budget: the share of every source in the errors.")
 @strict("the filter is not consistent")
 @common
 def command(
@@ -40,10 +50,10 @@ def command(
     output: Output,
     messages: Messages,
 ) -> int:
-    """Simulate the filter of CONFIG, a YAML or the name of a built-in grade, and score its errors.
+    """Simulate the filter of CONFIG many times and score its errors against those it predicts.
 
-    Scores are NEES, NIS, whiteness of innovations and the position error after 10, 30, 60 and 300 s without
-    fixes, each against what the filter predicts.
+    CONFIG is a noise.yaml, a kf-gins.yaml or the name of a built-in grade. The scores are NEES, NIS, the whiteness of
+    the innovations, and the position error after 10, 30, 60 and 300 s without fixes.
     """
     from tuner import check
     from tuner.catalogue.grades import DEFAULT_RECEIVER

@@ -16,7 +16,7 @@ from tuner.cli.progress import Messages
 @click.option(
     "--by",
     type=click.Choice(["still", "temperature"]),
-    help="Compare the parts of one log: stretches at rest between motions, or bins of temperature.",
+    help="Compare the parts of one log: its stationary parts, or three bins of temperature.",
 )
 @reading
 @common
@@ -28,11 +28,10 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Compare sensors coefficient by coefficient; where intervals allow, say which differ and by how much.
+    """Compare sensors coefficient by coefficient, and test at 95 % whether the last differs from the first.
 
-    Ratios are of the last source to the first. A source is a log, a curve, a datasheet, a noise.yaml,
-    the JSON of identify or tune, or the name of a built-in grade. With --by: the parts of one log.
-    Without arguments: list the grades.
+    A source is a log, an Allan curve, a datasheet, a noise.yaml, the JSON of identify or tune, or the name of a
+    built-in grade. With --by, the parts of one log are compared. Without arguments, the grades are listed.
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade

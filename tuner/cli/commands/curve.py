@@ -29,10 +29,10 @@ ESTIMATORS = (
 
 @click.command("curve", short_help="One empirical curve: Allan family, spectrum, correlation.")
 @click.argument("log")
-@click.option("--estimator", type=click.Choice(ESTIMATORS), default="oadev", show_default=True)
 @click.option(
-    "--tau", metavar="LIST", help="Cluster times in seconds, separated by commas; one result for each."
+    "--estimator", type=click.Choice(ESTIMATORS), default="oadev", show_default=True, help="Statistic."
 )
+@click.option("--tau", metavar="LIST", help="Cluster times, s, separated by commas; default log-spaced.")
 @reading
 @common
 def command(
@@ -44,7 +44,7 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Compute one curve of a log, without preprocessing, refusal or bias correction."""
+    """Compute one empirical curve of a log with its intervals: raw, without preprocessing or bias correction."""
     from tuner.curves import empirical
     from tuner.formats.curves import curves_json
     from tuner.report.curve_tables import statistic_tables

@@ -1,4 +1,4 @@
-"""`tuner diagnose`: what the simulation of the fitted noise gets wrong, why, and what naming it gains."""
+"""`tuner diagnose`: what a simulation of the fitted noise, or of a filter on a drive, gets wrong, and why."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from tuner.types import Diagnosis
 
 
-@click.command("diagnose", short_help="What the simulation gets wrong, why, and the gain of saying so.")
+@click.command("diagnose", short_help="What the simulation gets wrong, why, and the gain of modelling it.")
 @click.argument("log", metavar="LOG|DRIVE")
 @click.option("--holdout", metavar="LOG2", help="A second log of the same unit, to measure the gain on.")
-@click.option("--config", metavar="CONFIG", help="Of a drive: the filter, as YAML or built-in grade.")
-@click.option("--gnss", metavar="GRADE|LOG", help="Of a drive: receiver, where fixes report no sds.")
+@click.option("--config", metavar="CONFIG", help="Of a drive: the filter, as noise.yaml or built-in grade.")
 @click.option(
-    "--wheels", is_flag=True, help="Of a drive: wheels do not slip sideways; the stated mounting is tested."
+    "--gnss", metavar="GRADE|LOG", help="Of a drive: receiver, where the fixes report no standard deviations."
+)
+@click.option(
+    "--wheels",
+    is_flag=True,
+    help="Of a drive: assume wheels that do not slip sideways, and test the mounting.",
 )
 @strict("a misfit stays unexplained")
 @replicas
@@ -39,10 +43,11 @@ def command(
     output: Output,
     messages: Messages,
 ) -> int:
-    """Fit the base noise to a static log, test the residuals in many ways, name the causes of what they show.
+    """Find what a simulation of the fitted model gets wrong, and name the causes.
 
-    Of a drive (NPZ with fixes, folder with imu.csv and gnss.csv, YAML of KF-GINS) the innovations of the filter are
-    tested: of the filter of CONFIG, or without it of one made from the parts in which the vehicle stands.
+    Of a static LOG: the base noise terms are fitted, the residuals tested, and the model extended by what explains
+    them. Of a DRIVE (NPZ with fixes, folder with imu.csv and gnss.csv, YAML of KF-GINS): the innovations of the filter
+    of CONFIG are tested; without --config, of a filter made from the stationary parts of the drive.
     """
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json

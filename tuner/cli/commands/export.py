@@ -13,16 +13,20 @@ from tuner.cli.progress import Messages
 
 @click.command("export", short_help="Write a configuration in the dialect of another filter.")
 @click.argument("config", required=False, metavar="CONFIG")
-@click.option("--to", "dialect", metavar="DIALECT", help="See --list.")
+@click.option("--to", "dialect", metavar="DIALECT", help="Name of the dialect; --list shows all.")
 @click.option(
     "-o",
     "--output-file",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Default: standard output.",
+    help="File to write; default standard output.",
 )
-@click.option("--drive", metavar="DRIVE", help="With --to kf-gins -o FILE: the drive, written beside FILE.")
-@click.option("--list", "list_dialects", is_flag=True, help="Show the dialects and their units.")
+@click.option(
+    "--drive",
+    metavar="DRIVE",
+    help="With --to kf-gins -o FILE: also write this drive, beside FILE, as KF-GINS reads it.",
+)
+@click.option("--list", "list_dialects", is_flag=True, help="List the dialects and their units.")
 @common
 def command(
     config: str | None,
@@ -34,7 +38,7 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Export CONFIG, a noise.yaml of tune or the name of a built-in grade."""
+    """Write CONFIG, a noise.yaml or the name of a built-in grade, in the dialect and units of another filter."""
     from tuner import export
     from tuner.exporters import DIALECTS
     from tuner.formats.files import write_text

@@ -16,7 +16,9 @@ from tuner.cli.progress import Messages
 if TYPE_CHECKING:
     from tuner.identification.arma import Likelihood
 
-ARMA: Mapping[str, Likelihood | None] = MappingProxyType({"fast": "fast", "exact": "exact", "off": None})
+ARMA_LIKELIHOODS: Mapping[str, Likelihood | None] = MappingProxyType(
+    {"fast": "fast", "exact": "exact", "off": None}
+)
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
 
@@ -26,7 +28,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
     "--terms",
     callback=term_list,
     metavar="LIST",
-    help="Fit exactly this sum, such as white,gauss_markov,random_walk.",
+    help="Fit exactly these noise terms, such as white,gauss_markov,random_walk.",
 )
 @click.option(
     "--method",
@@ -37,18 +39,23 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 )
 @click.option(
     "--arma",
-    type=click.Choice(list(ARMA)),
+    type=click.Choice(list(ARMA_LIKELIHOODS)),
     default="fast",
     show_default=True,
-    help="Time-series model.",
+    help="Likelihood of the ARMA model beside the terms; off for none.",
 )
 @click.option(
     "--latitude",
     type=Finite(-90, 90),
     metavar="DEG",
-    help="Take the Earth's rate out of the gyro means.",
+    help="Latitude of the log: subtracts the Earth's rate from the gyro means.",
 )
-@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Allan figure (PNG or SVG).")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the Allan figure into FILE (PNG or SVG).",
+)
 @reading
 @common
 def command(
@@ -63,11 +70,10 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Find the noise terms of each axis: quantization, white, flicker or Gauss–Markov, random walk, ramp.
+    """Find the noise terms of each axis with intervals: quantization, white, flicker or Gauss–Markov, random walk, ramp.
 
-    A CSV with columns tau,deviation[,dof] is fitted as a curve. Several logs of one sensor are pooled,
-    with their spread. A CSV of satellite fixes of an antenna at rest (t,lat,lon,height,…) gives the errors
-    of the receiver.
+    Several logs of one sensor are pooled, with their spread. A CSV with columns tau,deviation[,dof] is fitted as an
+    Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…) gives the errors of the receiver.
     """
     from tuner.formats.identification import identification_json
     from tuner.identification.identify_source import identify_fixes, identify_source
@@ -89,7 +95,7 @@ def command(
             load_source(log, reading, messages) or log,
             terms=terms,
             method=method,
-            arma=ARMA[arma],
+            arma=ARMA_LIKELIHOODS[arma],
             latitude=latitude,
             progress=messages.say,
         )

@@ -1,4 +1,4 @@
-"""`tuner navigate`: a measured drive through the filter of a configuration."""
+"""`tuner navigate`: a measured drive filtered as a configuration says, and scored."""
 
 from __future__ import annotations
 
@@ -10,9 +10,14 @@ from tuner.cli.progress import Messages
 
 @click.command("navigate", short_help="Filter a measured drive: innovations, errors, outages.")
 @click.argument("drive", metavar="DRIVE")
-@click.option("--config", required=True, metavar="CONFIG", help="YAML or the name of a built-in grade.")
-@click.option("--gnss", metavar="GRADE", help="Built-in receiver, in place of the configuration's.")
-@click.option("--imu-frame", metavar="FRAME", help="Axes of the sensor in the vehicle: FRD, FLU, RFU.")
+@click.option(
+    "--config",
+    required=True,
+    metavar="CONFIG",
+    help="The filter: a noise.yaml or the name of a built-in grade.",
+)
+@click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")
+@click.option("--imu-frame", metavar="FRAME", help="Axes of the sensor in the vehicle: FRD, FLU, RFU, …")
 @click.option(
     "--mounting-rpy",
     callback=three_numbers,
@@ -23,7 +28,7 @@ from tuner.cli.progress import Messages
     "--lever-arm",
     callback=three_numbers,
     metavar="X,Y,Z",
-    help="From sensor to antenna, forward, right, down, m.",
+    help="From the sensor to the antenna: forward, right, down, m.",
 )
 @click.option(
     "--state",
@@ -31,7 +36,7 @@ from tuner.cli.progress import Messages
     multiple=True,
     callback=state,
     metavar="NAME=SD",
-    help="A further state; may be repeated.",
+    help="A further state of the filter with its prior sd; may be repeated.",
 )
 @click.option(
     "--non-holonomic",
@@ -39,7 +44,7 @@ from tuner.cli.progress import Messages
     flag_value=0.2,
     type=Finite(min=0.0, min_open=True),
     metavar="[SD]",
-    help="Wheels do not slip: sideways and vertical velocity within SD m/s (0.2), once a second.",
+    help="Non-holonomic constraint, once a second: sideways and vertical velocity within SD m/s (0.2).",
 )
 @click.option(
     "--zero-velocity",
@@ -47,7 +52,7 @@ from tuner.cli.progress import Messages
     flag_value=0.05,
     type=Finite(min=0.0, min_open=True),
     metavar="[SD]",
-    help="Where the unit is as calm as at the start it stands: velocity within SD m/s (0.05), no turn.",
+    help="Zero-velocity updates where the unit is as quiet as at the start: within SD m/s (0.05), no turn.",
 )
 @strict("the filter is not consistent")
 @common
@@ -66,10 +71,10 @@ def command(
     output: Output,
     messages: Messages,
 ) -> int:
-    """Filter DRIVE, a folder with imu.csv and gnss.csv, an NPZ, or a YAML of KF-GINS.
+    """Filter a measured drive and score the filter: innovations, outages, errors.
 
-    Fixes are withheld for 10, 30 and 60 s at a time to see how far the prediction can be trusted; errors are
-    against the reference where the drive has one.
+    DRIVE is a folder with imu.csv and gnss.csv, an NPZ, or a YAML of KF-GINS. Fixes are withheld for 10, 30 and 60 s at
+    a time to score the prediction; errors are against the reference where the drive has one.
     """
     from tuner import navigate
     from tuner.navigation.drive.vehicle_constraints import Vehicle

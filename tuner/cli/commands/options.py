@@ -19,7 +19,7 @@ Command = Callable[..., Any]
 
 
 class Finite(click.FloatRange):
-    """A number in a range; neither NaN, which no range refuses, nor infinite."""
+    """A finite number in a range: click's own range lets NaN and infinity pass."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number, or refuse it."""
@@ -31,7 +31,7 @@ class Finite(click.FloatRange):
 
 @dataclass(frozen=True)
 class Reading:
-    """How to understand a log: see `tuner.readers.read`."""
+    """Units, rate and columns of a log that the user states; arguments of `tuner.readers.read`."""
 
     rate: float | None = None
     gyro_unit: str | None = None
@@ -68,16 +68,16 @@ def common(command: Command) -> Command:
         "json_file",
         metavar="FILE",
         callback=_json_file,
-        help="Result as JSON (- for standard output).",
+        help="Write the result as JSON (- for standard output).",
     )
     @click.option(
         "--seed",
         type=click.IntRange(min=0),
         default=0,
         show_default=True,
-        help="Seed of everything random.",
+        help="Seed of all random numbers.",
     )
-    @click.option("--quiet", is_flag=True, help="No progress, no messages.")
+    @click.option("--quiet", is_flag=True, help="Show no progress and no messages.")
     @functools.wraps(command)
     def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
         messages = Messages(quiet)
@@ -100,25 +100,37 @@ def replicas(command: Command) -> Command:
         default=0,
         show_default=True,
         metavar="N",
-        help="Simulated records a finding, for bands.",
+        help="Simulated records for each finding, for the bands in the figures; 0 for none.",
     )
     return option(command)
 
 
 def reading(command: Command) -> Command:
-    """Add the options that say how to understand a log; the command receives `reading`."""
+    """Add the options on units, rate and columns of a log; the command receives `reading`."""
 
     @click.option(
         "--rate",
         type=Finite(min=0, min_open=True),
         metavar="HZ",
-        help="Sampling rate where the log has no time.",
+        help="Sampling rate, Hz, where the log has no time stamps.",
     )
-    @click.option("--gyro-unit", metavar="UNIT", help="rad/s deg/s deg/h, or increments rad deg arcsec.")
-    @click.option("--accel-unit", metavar="UNIT", help="m/s^2 g mg, or increments m/s.")
-    @click.option("--gyro-scale", type=float, metavar="X", help="Gyro unit of one count.")
-    @click.option("--accel-scale", type=float, metavar="X", help="Accelerometer unit of one count.")
-    @click.option("--columns", metavar="NAME=COLUMN,…", help="Which column, or array of an NPZ, is what.")
+    @click.option(
+        "--gyro-unit",
+        metavar="UNIT",
+        help="Unit of the gyros: rad/s deg/s deg/h, or increments rad deg arcsec.",
+    )
+    @click.option(
+        "--accel-unit", metavar="UNIT", help="Unit of the accelerometers: m/s^2 g mg, or increments m/s."
+    )
+    @click.option("--gyro-scale", type=float, metavar="X", help="Size of one gyro count in that unit.")
+    @click.option(
+        "--accel-scale", type=float, metavar="X", help="Size of one accelerometer count in that unit."
+    )
+    @click.option(
+        "--columns",
+        metavar="NAME=COLUMN,…",
+        help="Columns of the log, or arrays of an NPZ, such as gyro_x=wx,t=stamp.",
+    )
     @functools.wraps(command)
     def wrapped(
         *args: Any,

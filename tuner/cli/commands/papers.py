@@ -17,9 +17,11 @@ from tuner.cli.progress import Messages
     "--output-directory",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write papers.md there, figures and papers.json into DIR/papers.",
+    help="Write papers.md into DIR, figures and papers.json into DIR/papers.",
 )
-@click.option("--small", is_flag=True, help="Smaller samples: everything in about a minute, wider intervals.")
+@click.option(
+    "--small", is_flag=True, help="Smaller samples: all items in about a minute, with wider intervals."
+)
 @common
 def command(
     names: tuple[str, ...],
@@ -29,11 +31,11 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Reproduce items of the three papers; without NAME: list them.
+    """Reproduce figures, tables and claims of the three papers; without NAME, list the items.
 
-    Each item simulates data to the paper's settings, runs the functions of the other commands, draws the paper's
-    figure and judges every claim: reproduced, corrected, untestable. The page is written anew after each item, so that
-    an interrupted run keeps what is done.
+    Each item simulates data with the paper's settings, runs the functions of the other commands, draws the paper's
+    figure and judges every claim: reproduced, corrected or untestable. The page is written after each item, so that an
+    interrupted run keeps what is finished.
     """
     import time
 

@@ -12,9 +12,13 @@ from tuner.cli.progress import Messages
 @click.command("plan", short_help="How long a static test must be.")
 @click.argument("source", metavar="SENSOR-OR-LOG")
 @click.option(
-    "--accuracy", type=float, default=0.1, show_default=True, help="Wanted relative standard deviation."
+    "--accuracy",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="Wanted relative standard deviation of each term.",
 )
-@click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test.")
+@click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test, h.")
 @reading
 @common
 def command(
@@ -26,9 +30,9 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Say what a static test of a sensor can show: the Cramér–Rao bound of every term and the cluster rule.
+    """Plan a static test: the Cramér–Rao bound of every noise term, and the hours that a wanted accuracy needs.
 
-    The noise to expect comes from a built-in grade, a datasheet or an earlier log of the sensor.
+    The expected noise is that of a built-in grade, a datasheet or an earlier log of the sensor.
     """
     from tuner.identification.identify_source import identify_source
     from tuner.identification.record_length import plan_test

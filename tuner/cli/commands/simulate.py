@@ -1,4 +1,4 @@
-"""`tuner simulate`: a static log or a drive, effects hidden on request, the key in a file of its own."""
+"""`tuner simulate`: a static log or a drive with hidden effects, and the ground truth in a file of its own."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from tuner.cli.progress import Messages
     "hidden",
     multiple=True,
     metavar="EFFECT[@AXES][:NAME=VALUE,…]",
-    help="Hide an effect; may be repeated.",
+    help="Add an effect to the data, such as line@gyro_x:frequency=12; may be repeated.",
 )
-@click.option("--trajectory", metavar="NAME", help="A drive along a built-in trajectory, as NPZ.")
-@click.option("--gnss", metavar="GRADE", help="Built-in receiver of a drive.")
-@click.option("--hours", type=Finite(min=0, min_open=True), default=1.0, show_default=True)
+@click.option("--trajectory", metavar="NAME", help="Simulate a drive along this built-in trajectory.")
+@click.option("--gnss", metavar="GRADE", help="Built-in GNSS receiver of the drive.")
+@click.option("--hours", type=Finite(min=0, min_open=True), default=1.0, show_default=True, help="Length, h.")
 @click.option(
     "--rate",
     type=Finite(min=0, min_open=True),
     metavar="HZ",
-    help="Default: the rate of the sensor.",
+    help="Sampling rate, Hz; default that of the sensor.",
 )
 @click.option(
     "-o",
     "--output-file",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="CSV, CSV.GZ or NPZ; default SENSOR.npz.",
+    help="CSV, CSV.GZ or NPZ file (a drive: NPZ); default SENSOR.npz.",
 )
 @common
 def command(
@@ -48,10 +48,10 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Simulate SENSOR, a built-in grade: a static log, or a drive along a trajectory with a receiver.
+    """Simulate a static log of SENSOR or, with --trajectory, a drive with GNSS fixes.
 
-    SENSOR may also be a noise.yaml of tune: its noise and its findings are made again, those of a drive with
-    --trajectory. What was hidden is written to FILE.key.json.
+    SENSOR is a built-in grade, or a noise.yaml of tune, whose noise and findings are simulated (findings on a drive with
+    --trajectory only). The ground truth, with every hidden effect, is written to FILE.key.json.
     """
     from tuner.formats.files import json_text, write_text
     from tuner.formats.logs import write_drive, write_log
