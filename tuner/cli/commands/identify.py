@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Finite, Output, Reading, common, reading, term_list
+from tuner.cli.commands.options import Output, Reading, common, latitude, noise_terms, reading
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -24,12 +24,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
 @click.command("identify", short_help="Noise terms of a log, with intervals.")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG…]")
-@click.option(
-    "--terms",
-    callback=term_list,
-    metavar="LIST",
-    help="Fit exactly these noise terms, such as white,gauss_markov,random_walk.",
-)
+@noise_terms
 @click.option(
     "--method",
     type=click.Choice(METHODS),
@@ -44,12 +39,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
     show_default=True,
     help="Likelihood of the ARMA model beside the terms; off for none.",
 )
-@click.option(
-    "--latitude",
-    type=Finite(-90, 90),
-    metavar="DEG",
-    help="Latitude of the log: subtracts the Earth's rate from the gyro means.",
-)
+@latitude
 @click.option(
     "--figure",
     type=click.Path(path_type=Path),
@@ -70,7 +60,7 @@ def command(
     output: Output,
     messages: Messages,
 ) -> None:
-    """Find the noise terms of each axis with intervals: quantization, white, flicker or Gauss–Markov, random walk, ramp.
+    """Find the noise terms of each axis, with intervals: quantization, white, flicker, random walk, ramp and others.
 
     Several logs of one sensor are pooled, with their spread. A CSV with columns tau,deviation[,dof] is fitted as an
     Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…) gives the errors of the receiver.

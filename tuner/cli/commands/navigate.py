@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tuner.cli.commands.options import Finite, Output, common, state, strict, three_numbers
+from tuner.cli.commands.options import POSITIVE, Output, common, state, strict, three_numbers
 from tuner.cli.progress import Messages
 
 
@@ -42,7 +42,7 @@ from tuner.cli.progress import Messages
     "--non-holonomic",
     is_flag=False,
     flag_value=0.2,
-    type=Finite(min=0.0, min_open=True),
+    type=POSITIVE,
     metavar="[SD]",
     help="Non-holonomic constraint, once a second: sideways and vertical velocity within SD m/s (0.2).",
 )
@@ -50,7 +50,7 @@ from tuner.cli.progress import Messages
     "--zero-velocity",
     is_flag=False,
     flag_value=0.05,
-    type=Finite(min=0.0, min_open=True),
+    type=POSITIVE,
     metavar="[SD]",
     help="Zero-velocity updates where the unit is as quiet as at the start: within SD m/s (0.05), no turn.",
 )

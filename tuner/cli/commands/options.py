@@ -29,6 +29,10 @@ class Finite(click.FloatRange):
         return number
 
 
+POSITIVE = Finite(min=0, min_open=True)
+DIRECTORY = click.Path(path_type=Path, file_okay=False)
+
+
 @dataclass(frozen=True)
 class Reading:
     """Units, rate and columns of a log that the user states; arguments of `tuner.readers.read`."""
@@ -92,6 +96,41 @@ def strict(verdict: str) -> Callable[[Command], Command]:
     return click.option("--strict", is_flag=True, help=f"Exit status 1 where {verdict}.")
 
 
+def noise_terms(command: Command) -> Command:
+    """Add ``--terms``; the command receives a tuple of names of noise terms, or None."""
+    option = click.option(
+        "--terms",
+        callback=term_list,
+        metavar="LIST",
+        help="Fit exactly these noise terms, such as white,gauss_markov,random_walk.",
+    )
+    return option(command)
+
+
+def horizon(command: Command) -> Command:
+    """Add ``--horizon``, s."""
+    option = click.option(
+        "--horizon",
+        type=POSITIVE,
+        default=1000.0,
+        show_default=True,
+        metavar="S",
+        help="Longest time the filter must predict without aiding, s.",
+    )
+    return option(command)
+
+
+def latitude(command: Command) -> Command:
+    """Add ``--latitude``, deg."""
+    option = click.option(
+        "--latitude",
+        type=Finite(-90, 90),
+        metavar="DEG",
+        help="Latitude of the log: subtracts the Earth's rate from the gyro means.",
+    )
+    return option(command)
+
+
 def replicas(command: Command) -> Command:
     """Add ``--replicas``."""
     option = click.option(
@@ -110,7 +149,7 @@ def reading(command: Command) -> Command:
 
     @click.option(
         "--rate",
-        type=Finite(min=0, min_open=True),
+        type=POSITIVE,
         metavar="HZ",
         help="Sampling rate, Hz, where the log has no time stamps.",
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import Output, common
+from tuner.cli.commands.options import DIRECTORY, Output, common
 from tuner.cli.progress import Messages
 
 
@@ -15,7 +15,7 @@ from tuner.cli.progress import Messages
 @click.option(
     "-o",
     "--output-directory",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=DIRECTORY,
     metavar="DIR",
     help="Write papers.md into DIR, figures and papers.json into DIR/papers.",
 )

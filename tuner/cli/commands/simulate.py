@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import Finite, Output, common
+from tuner.cli.commands.options import POSITIVE, Output, common
 from tuner.cli.progress import Messages
 
 
@@ -21,10 +21,10 @@ from tuner.cli.progress import Messages
 )
 @click.option("--trajectory", metavar="NAME", help="Simulate a drive along this built-in trajectory.")
 @click.option("--gnss", metavar="GRADE", help="Built-in GNSS receiver of the drive.")
-@click.option("--hours", type=Finite(min=0, min_open=True), default=1.0, show_default=True, help="Length, h.")
+@click.option("--hours", type=POSITIVE, default=1.0, show_default=True, help="Length, h.")
 @click.option(
     "--rate",
-    type=Finite(min=0, min_open=True),
+    type=POSITIVE,
     metavar="HZ",
     help="Sampling rate, Hz; default that of the sensor.",
 )

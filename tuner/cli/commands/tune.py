@@ -8,44 +8,29 @@ from typing import Any
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Finite, Output, Reading, common, reading, replicas, term_list
+from tuner.cli.commands.options import (
+    DIRECTORY,
+    Output,
+    Reading,
+    common,
+    horizon,
+    latitude,
+    noise_terms,
+    reading,
+    replicas,
+)
 from tuner.cli.progress import Messages
 
 
 @click.command("tune", short_help="The main job: from a log to a filter configuration, with report.")
 @click.argument("log", required=False)
-@click.option(
-    "-o",
-    "--output-dir",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Folder for the results; default tuner-out/NAME.",
-)
-@click.option(
-    "--horizon",
-    type=Finite(min=0, min_open=True),
-    default=1000.0,
-    show_default=True,
-    metavar="S",
-    help="Longest time the filter must predict without aiding, s.",
-)
-@click.option(
-    "--drive", metavar="DRIVE", help="Measured drive of the same unit (folder, NPZ, YAML of KF-GINS)."
-)
+@click.option("-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Folder; default tuner-out/NAME.")
+@horizon
+@click.option("--drive", metavar="DRIVE", help="Measured drive of the same unit.")
 @click.option("--complete", metavar="GRADE", help="Built-in grade that stands in for a sensor the log lacks.")
 @click.option("--gnss", metavar="GRADE|LOG", help="GNSS receiver: built-in grade, or a log of fixes at rest.")
-@click.option(
-    "--terms",
-    callback=term_list,
-    metavar="LIST",
-    help="Fit exactly these noise terms, such as white,random_walk.",
-)
-@click.option(
-    "--latitude",
-    type=Finite(-90, 90),
-    metavar="DEG",
-    help="Latitude of the log: subtracts the Earth's rate from the gyro means.",
-)
+@noise_terms
+@latitude
 @replicas
 @reading
 @common
