@@ -50,8 +50,8 @@ def command(
 ) -> None:
     """Simulate a static log of SENSOR or, with --trajectory, a drive with GNSS fixes.
 
-    SENSOR is a built-in grade, or a noise.yaml of tune, whose noise and findings are simulated (findings on a drive with
-    --trajectory only). The ground truth, with every hidden effect, is written to FILE.key.json.
+    SENSOR is a built-in grade, or a noise.yaml of tune, whose noise and findings are simulated (findings of a drive
+    with --trajectory only). The ground truth, with every hidden effect, is written to FILE.key.json.
     """
     from tuner.formats.files import json_text, write_text
     from tuner.formats.logs import write_drive, write_log
