@@ -14,7 +14,7 @@ from tuner.types.records import DataError
 
 
 def is_datasheet(path: Path) -> bool:
-    """Tell whether a file begins as a datasheet does."""
+    """Return whether a file begins as a datasheet does."""
     try:
         with path.open(encoding="utf-8") as file:
             head = file.read(4096)

@@ -48,7 +48,7 @@ FORMAT = "tuner-datasheet/1"
 KINDS: Mapping[str, str] = MappingProxyType(
     {"typical": "datasheet typical", "maximum": "datasheet maximum", "measured": "measured"}
 )
-"""What a number may be, and how to say it."""
+"""Kinds of numbers on a sheet, in words."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class _Sheet:
 
 @dataclass(frozen=True)
 class _Origin:
-    """What a number is and where it comes from, as far as the sheet has said so far."""
+    """What a number is and where it comes from, as far as the outer parts of the sheet state it."""
 
     kind: Kind
     reference: str
@@ -176,7 +176,7 @@ class _Origin:
         return _Origin(part.kind or self.kind, self.reference if part.reference is None else part.reference)
 
     def words(self) -> str:
-        """Say it: ``datasheet typical: PS-MPU-9250A-01``."""
+        """Return kind and reference: ``datasheet typical: PS-MPU-9250A-01``."""
         return f"{KINDS[self.kind]}: {self.reference}" if self.reference else KINDS[self.kind]
 
 

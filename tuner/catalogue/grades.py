@@ -35,7 +35,7 @@ GNSS_FORMAT = "tuner-gnss/1"
 DEFAULT_RECEIVER = "spp"
 """Built-in receiver where nobody names one: single-point positioning, the least that any receiver does."""
 
-_SINGLE = {
+_BASE_PARAMETER = {
     "quantization": "increment_sd",
     "white": "density",
     "bias_instability": "level",
@@ -149,9 +149,9 @@ def _path(folder: str, name: str) -> Path:
 
 
 def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
-    """Yield the terms a triad tells of, in the order of its noise model."""
+    """Yield the terms of a triad, in the order of its noise model."""
     terms = iter(triad.noise_model().terms)
-    for name, field in _SINGLE.items():
+    for name, field in _BASE_PARAMETER.items():
         number: Sourced[float] | None = getattr(triad, name)
         if number is not None:
             (unit,) = next(terms).units(triad.unit)

@@ -29,7 +29,7 @@ SCALE_FACTOR_SD = 300.0
 
 
 def write(config: FilterConfig, target: Target) -> str:
-    """Return the entries of KF-GINS that a configuration tells: noise, and sds of the start."""
+    """Return the entries of KF-GINS that follow from a configuration: noise, and sds of the start."""
     return yaml_text(entries(config, target), header=header(config, target))
 
 

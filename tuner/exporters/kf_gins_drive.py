@@ -1,4 +1,4 @@
-"""A drive in the text layout of KF-GINS, with all that its ``kf-gins.yaml`` asks for.
+"""A drive in the text layout of KF-GINS, with all entries that ``kf-gins.yaml`` needs.
 
 ==============  ===========================================================================================
 NAME-imu.txt    seconds of the week, Δθ x y z rad, Δv x y z m/s: forward, right, down where the mounting is known
@@ -11,7 +11,7 @@ NAME.yaml       paths, rate, start, and the configuration
 KF-GINS neither aligns itself nor estimates clocks and lever arm, it knows no gap, and of the receiver it takes
 positions only. So our filter takes the positions of the drive; what is written begins where it has settled, with its
 estimates and sds; the delay of the fixes and an unknown lever arm are what it makes of the whole drive. Of several
-stretches the longest is written, and what is bridged is filled with held rates.
+stretches the longest is written, and gaps within it are filled with the last rates.
 
 Source: README.md, sections 2.1 to 2.3, of https://github.com/i2Nav-WHU/KF-GINS.
 """
@@ -42,13 +42,13 @@ from tuner.types.records import Drive, Reference
 
 FloatArray = NDArray[np.float64]
 
-WEEK = 604800.0
+SECONDS_PER_WEEK = 604800.0
 """s: KF-GINS refuses later stamps."""
-LONGEST = 0.1
+MIN_GAP = 0.1
 """Interval from which KF-GINS takes an increment for one of 1/imudatarate, s."""
-SAME = 1e-6
+EQUAL_STAMPS = 1e-6
 """Stamps nearer than this are one, s."""
-NONE_WITHHELD = np.zeros((0, 2))
+NO_WINDOWS = np.zeros((0, 2))
 
 
 def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     drive : Drive
         The drive.
     config : FilterConfig
-        What both filters shall believe.
+        The configuration of both filters.
     path : Path
         The YAML; the other files are written beside it.
 
@@ -73,7 +73,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
     settings, assumed = drive_filter(drive, config)
     if np.isfinite(gnss.position_sd).any() and settings.fix_sd_models is None:
-        settings = replace(settings, position_sd=None)  # KF-GINS believes what is reported
+        settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
     stretches, found = prepare(drive, settings)
     notes = [*drive.notes, *assumed, *found]
     if wrong:
@@ -85,7 +85,7 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     k = max(range(len(stretches)), key=lambda i: len(stretches[i].fixes))
     if len(stretches) > 1:
         notes.append(f"stretch {k + 1} of {len(stretches)} written: KF-GINS knows no gap")
-    solution, stretch = navigate(stretches[: k + 1], settings, NONE_WITHHELD)[k], stretches[k]
+    solution, stretch = navigate(stretches[: k + 1], settings, NO_WINDOWS)[k], stretches[k]
     first = _settled(stretch, solution)
     notes.append(f"written from {solution.t[first]:.1f} s on, where our filter has settled")
     begin = _seconds_of_week(drive, stretch)
@@ -127,23 +127,23 @@ def _settled(stretch: Stretch, solution: Solution) -> int:
 
 def _seconds_of_week(drive: Drive, stretch: Stretch) -> float:
     """Return what takes the time of a drive to seconds of the week; 0 where the week ends on the way."""
-    begin = drive.origin % WEEK
-    return begin if begin + float(stretch.steps.ends()[-1]) < WEEK else 0.0
+    begin = drive.origin % SECONDS_PER_WEEK
+    return begin if begin + float(stretch.steps.ends()[-1]) < SECONDS_PER_WEEK else 0.0
 
 
 def _inertial(drive: Drive, ends: tuple[float, float], begin: float, rate: int) -> FloatArray:
-    """Return t and increments, shape (n, 7), between two times, gaps filled with the rates held.
+    """Return t and increments, shape (n, 7), between two times, gaps filled with the last rates.
 
     The first row stands for the start itself: KF-GINS uses its increments only to correct those of the next.
     """
     start, stop = ends
-    rows = np.flatnonzero((drive.imu_t > start + SAME) & (drive.imu_t <= stop + SAME))
+    rows = np.flatnonzero((drive.imu_t > start + EQUAL_STAMPS) & (drive.imu_t <= stop + EQUAL_STAMPS))
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = drive.rates[np.concatenate([rows[:1], rows])]
     rates = np.hstack([rates[:, :3] @ mounting, rates[:, 3:] @ mounting])
     t = np.concatenate([[start], drive.imu_t[rows]])
     dt = np.diff(t, prepend=start - 1.0 / rate)
-    parts = np.where(dt < 0.99 * LONGEST, 1, np.ceil(dt * max(rate, 2.0 / LONGEST))).astype(int)
+    parts = np.where(dt < 0.99 * MIN_GAP, 1, np.ceil(dt * max(rate, 2.0 / MIN_GAP))).astype(int)
     last = np.cumsum(parts)
     before = np.repeat(last, parts) - 1 - np.arange(last[-1])  # parts from here to the stamp
     step = np.repeat(dt / parts, parts)

@@ -27,7 +27,7 @@ _LIMITS = {
     "EKF2_ABIAS_INIT": Limits(0.0, 0.5),
 }
 
-_FLOAT = 9
+_REAL_TYPE_CODE = 9
 """Type code of a real parameter in the file format."""
 
 
@@ -51,7 +51,7 @@ def write(config: FilterConfig, target: Target) -> str:
     for name, figure in figures.items():
         bounded = limited(figure, _LIMITS[name])
         lines.append(f"{name}: {bounded.note}")
-        parameters.append(f"1\t1\t{name}\t{bounded.value:.9g}\t{_FLOAT}")
+        parameters.append(f"1\t1\t{name}\t{bounded.value:.9g}\t{_REAL_TYPE_CODE}")
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 

@@ -16,7 +16,7 @@ from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig
 
-_ORDER = "diagonal: m², rad², (m/s)², (rad/s)², (m/s²)²; for the last two the turn-on variance"
+_DIAGONAL_NOTE = "diagonal: m², rad², (m/s)², (rad/s)², (m/s²)²; for the last two the turn-on variance"
 
 
 def write(config: FilterConfig, target: Target) -> str:
@@ -43,7 +43,9 @@ def write(config: FilterConfig, target: Target) -> str:
         *rates["accel"],
     ]
     parameters = {
-        "initial_estimate_covariance": Noted(Inline([rounded(variance) for variance in diagonal]), _ORDER)
+        "initial_estimate_covariance": Noted(
+            Inline([rounded(variance) for variance in diagonal]), _DIAGONAL_NOTE
+        )
     }
     tree = {"imu_message": message, "ekf_filter_node": {"ros__parameters": parameters}}
     header = (

@@ -1,4 +1,4 @@
-"""VINS-Mono, VINS-Fusion, GVINS: figures per sample of a mid-point integration, whatever their names say.
+"""VINS-Mono, VINS-Fusion, GVINS: figures per sample of a mid-point integration, although their names suggest densities.
 
 The code adds (0.25 + 0.25) dt² acc_n² to the variance of a velocity increment and dt² acc_w² to that of a
 bias. The true growth N² dt and K² dt is had with

@@ -23,7 +23,7 @@ _DOF = frozenset(("dof", "edf", "degrees_of_freedom"))
 
 
 def is_curve(path: str | Path) -> bool:
-    """Tell whether a file is a text file with the columns tau and deviation."""
+    """Return whether a file is a text file with the columns tau and deviation."""
     path = Path(path)
     if not path.is_file():
         return False

@@ -27,8 +27,9 @@ UNREADABLE_SHARE = 0.01
 """Largest share of rows with NaN or infinity that is repaired."""
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
-_SI = {"gyro": "rad/s", "accel": "m/s^2"}
-_EPOCH = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+_SI_UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
+_EPOCH_UNITS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+"""Sizes from which stamps are since 1970 in a unit: 1973 and later."""
 
 
 def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
@@ -82,7 +83,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 t=t,
                 y=y,
                 axes=sensor.axes,
-                unit=_SI[sensor.name],
+                unit=_SI_UNITS[sensor.name],
                 interval=base.interval,
                 segments=base.segments,
                 covariates=MappingProxyType(channels),
@@ -91,7 +92,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 timing=MappingProxyType(timing),
             )
         )
-    stated = frozenset(s for s in _SI if options.unit.get(s) is not None)
+    stated = frozenset(s for s in _SI_UNITS if options.unit.get(s) is not None)
     notes += check_units(
         str(listing.path), records, {name: unit for name, (unit, _, _) in units.items()}, stated=stated
     )
@@ -148,7 +149,7 @@ def _seconds(time: NDArray[Any], channel: Channel, notes: list[str]) -> tuple[fl
         msg = f"time column '{channel.part}' holds no number"
         raise DataError(msg)
     if unit is None:
-        unit = next((u for size, u in _EPOCH if abs(float(first)) > size), "s")
+        unit = next((u for size, u in _EPOCH_UNITS if abs(float(first)) > size), "s")
         if unit != "s":
             notes.append(f"time in {unit} (stamps since 1970)")
     factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{channel.part}'")]

@@ -2,7 +2,7 @@
 
 Rules, in order: what the user maps; a column named as ours or by an alias (`names.STEMS`); of arrays whose
 name only contains a sensor's (``gyro_raw``, ``gyro_dps_1``) one named raw before others, then the longest,
-and for the second sensor the one with the same length and ending as the first. A choice is told in a note.
+and for the second sensor the one with the same length and ending as the first. Each choice gets a note.
 """
 
 from __future__ import annotations

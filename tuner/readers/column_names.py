@@ -127,7 +127,7 @@ def known_unit(text: str) -> str | None:
 
 
 def is_count(text: str) -> bool:
-    """Tell whether a unit means raw counts."""
+    """Return whether a unit means raw counts."""
     return known_unit(text) == "count"
 
 
@@ -198,7 +198,7 @@ def unit_in_words(plain: str, sensor: str) -> str | None:
 
 
 def increments(plain: str) -> bool:
-    """Tell whether a name says that the values are increments."""
+    """Return whether a name says that the values are increments."""
     return any(f"_{stem}_" in f"_{plain}_" for stem in INCREMENTS)
 
 

@@ -218,10 +218,10 @@ def _drive(
     lever_arm: tuple[float, float, float] | None = None,
     notes: tuple[str, ...] = (),
 ) -> Drive:
-    """Clean the streams, put them on one clock and check that they can be what they are said to be."""
-    said = list(notes)
-    imu = ordered(path, "IMU", imu, imu, said)
-    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], said)
+    """Clean the streams, put them on one clock and check that their numbers are possible in the stated units."""
+    messages = list(notes)
+    imu = ordered(path, "IMU", imu, imu, messages)
+    fixes = ordered(path, "GNSS", fixes, fixes[:, :4], messages)
     begin, end = imu[0, 0], imu[-1, 0]
     inside = (fixes[:, 0] >= begin) & (fixes[:, 0] <= end)
     if np.count_nonzero(inside) < 2:
@@ -232,13 +232,13 @@ def _drive(
         )
         raise DataError(msg)
     if not inside.all():
-        said.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
+        messages.append(f"{np.count_nonzero(~inside)} fixes outside the inertial record removed")
     fixes = fixes[inside]
-    check_drive(path, imu, fixes, said)
+    check_drive(path, imu, fixes, messages)
     repeats = int(np.count_nonzero(np.all(np.diff(imu[:, 1:], axis=0) == 0.0, axis=1)))
     if repeats:
-        said.append(
-            f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept as held"
+        messages.append(
+            f"{repeats} inertial rows repeat the one before ({100.0 * repeats / len(imu):.2g} %): kept"
         )
     llh = np.column_stack([np.radians(fixes[:, 1:3]), fixes[:, 3]])
     gnss = Gnss(fixes[:, 0] - begin, llh, fixes[:, 4:7], fixes[:, 7:10], fixes[:, 10:13])
@@ -247,17 +247,17 @@ def _drive(
         imu[:, 0] - begin,
         imu[:, 1:],
         gnss,
-        None if truth is None else _reference(path, truth, begin, said),
+        None if truth is None else _reference(path, truth, begin, messages),
         float(begin),
         lever_arm,
         mounting,
         path.name,
         digest(path if path.is_file() else path / "imu.csv"),
-        tuple(said),
+        tuple(messages),
     )
 
 
-def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: list[str]) -> FloatArray:
+def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, notes: list[str]) -> FloatArray:
     """Return rows in order of time, without doubled stamps and without those that lack a needed number."""
     if not len(rows):
         msg = f"{path}: {name}: no rows"
@@ -268,7 +268,7 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
         msg = f"{path}: {name}: {bad} of {len(rows)} rows are not numbers; at most 1 % may be"
         raise DataError(msg)
     if bad:
-        said.append(f"{bad} unreadable {name} rows removed")
+        notes.append(f"{bad} unreadable {name} rows removed")
     rows = rows[good]
     behind = np.flatnonzero(rows[:, 0] < np.maximum.accumulate(rows[:, 0]))
     if len(behind) > MAX_DISORDERED_SHARE * len(rows):
@@ -278,16 +278,16 @@ def ordered(path: Path, name: str, rows: FloatArray, needed: FloatArray, said: l
         )
         raise DataError(msg)
     if len(behind):
-        said.append(f"{len(behind)} {name} rows out of order sorted")
+        notes.append(f"{len(behind)} {name} rows out of order sorted")
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
     fresh = np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])
     if not fresh.all():
-        said.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
+        notes.append(f"{np.count_nonzero(~fresh)} {name} rows with a doubled stamp removed")
     return np.asarray(rows[fresh])
 
 
-def _reference(path: Path, rows: FloatArray, begin: float, said: list[str]) -> Reference:
-    rows = ordered(path, "reference", rows, rows[:, :4], said)
+def _reference(path: Path, rows: FloatArray, begin: float, notes: list[str]) -> Reference:
+    rows = ordered(path, "reference", rows, rows[:, :4], notes)
     llh = np.column_stack([np.radians(rows[:, 1:3]), rows[:, 3]])
     sd = None
     if rows.shape[1] > 10 and np.isfinite(rows[:, 10:]).any():

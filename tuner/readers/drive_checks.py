@@ -1,6 +1,6 @@
-"""Whether a drive can be what it is said to be: units, dead sensors, speeds that no vehicle of ours has.
+"""Are the numbers of a drive possible in the stated units? Dead sensors, and speeds that no vehicle has.
 
-Whether its streams agree with one another is asked where it is filtered (`tuner.navigation.drive.unit_checks`,
+Whether its streams agree with one another is checked where it is filtered (`tuner.navigation.drive.unit_checks`,
 `.axes`).
 """
 
@@ -36,8 +36,8 @@ MIN_CHECKED_DISTANCE = 1e3
 """Distance of fixes from which the speed between them is checked, m."""
 
 
-def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str]) -> None:
-    """Refuse what cannot be a drive in these units, and say what is odd.
+def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, notes: list[str]) -> None:
+    """Refuse what cannot be a drive in these units, and note what is odd.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str])
         t, angular rates, specific forces.
     fixes : ndarray, shape (k, 13)
         t, latitude and longitude in degrees, height, velocity, and the sds of both; NaN where there is none.
-    said : list of str
+    notes : list of str
         Notes, to which this adds.
 
     Raises
@@ -55,9 +55,9 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str])
     DataError
         What cannot be, in one line.
     """
-    _inertial(path, imu, said)
-    _positions(path, fixes, said)
-    _velocities(path, fixes, said)
+    _inertial(path, imu, notes)
+    _positions(path, fixes, notes)
+    _velocities(path, fixes, notes)
     if np.nanmin(fixes[:, 7:13], initial=0.0) < 0.0:
         msg = (
             f"{path}: expected standard deviations that are not negative, got {np.nanmin(fixes[:, 7:13]):.4g}; "
@@ -74,12 +74,12 @@ def check_drive(path: Path, imu: FloatArray, fixes: FloatArray, said: list[str])
     for name, columns in (("position", slice(7, 10)), ("velocity", slice(10, 13))):
         zero = int(np.count_nonzero(np.any(fixes[:, columns] == 0.0, axis=1)))
         if zero:
-            said.append(
+            notes.append(
                 f"{zero} fixes report a standard deviation of 0 for their {name}: that of the configuration counts"
             )
 
 
-def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
+def _inertial(path: Path, imu: FloatArray, notes: list[str]) -> None:
     interval = float(np.median(np.diff(imu[:, 0]))) if len(imu) > 1 else math.inf
     if not interval <= MAX_SAMPLE_INTERVAL:
         msg = (
@@ -96,7 +96,9 @@ def _inertial(path: Path, imu: FloatArray, said: list[str]) -> None:
         )
         raise DataError(msg)
     if count:
-        said.append(f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s")
+        notes.append(
+            f"{count} inertial samples have no specific force at all, first at {imu[first, 0]:.6g} s"
+        )
     force = float(np.median(np.linalg.norm(imu[:, 4:7], axis=1)))
     if not 5.0 < force < 20.0:
         msg = (
@@ -128,7 +130,7 @@ def _force_unit(force: float, interval: float) -> str:
     return f"it looks to be in {' or '.join(likely)}: convert it to m/s²" if likely else "check the unit"
 
 
-def _positions(path: Path, fixes: FloatArray, said: list[str]) -> None:
+def _positions(path: Path, fixes: FloatArray, notes: list[str]) -> None:
     if np.max(np.abs(fixes[:, 1])) > 90.0 or np.max(np.abs(fixes[:, 2])) > 360.0:
         msg = (
             f"{path}: expected latitude and longitude in degrees, got up to {np.max(np.abs(fixes[:, 1:3])):.5g}; "
@@ -142,30 +144,28 @@ def _positions(path: Path, fixes: FloatArray, said: list[str]) -> None:
     speed = np.where(apart > MIN_CHECKED_DISTANCE, apart / np.diff(fixes[:, 0]), 0.0)
     # A fix that is far off makes two such steps.
     _possible(
-        path, fixes[1:, 0], speed, "positions that ask for", 2.0 * MAX_OUTLIER_SHARE, "degrees and s", said
+        path, fixes[1:, 0], speed, "positions that ask for", 2.0 * MAX_OUTLIER_SHARE, "degrees and s", notes
     )
 
 
-def _velocities(path: Path, fixes: FloatArray, said: list[str]) -> None:
+def _velocities(path: Path, fixes: FloatArray, notes: list[str]) -> None:
     speed = np.nan_to_num(np.linalg.norm(fixes[:, 4:7], axis=1))
-    _possible(path, fixes[:, 0], speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", said)
+    _possible(path, fixes[:, 0], speed, "velocities of", MAX_OUTLIER_SHARE, "m/s", notes)
 
 
 def _possible(
-    path: Path, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, said: list[str]
+    path: Path, t: FloatArray, speed: FloatArray, what: str, share: float, unit: str, notes: list[str]
 ) -> None:
-    """Refuse speeds that are impossible too often, say of a few where the first one is."""
+    """Refuse speeds that are impossible too often; of a few, note where the first one is."""
     wrong = speed > MAX_SPEED
     count, first = int(np.count_nonzero(wrong)), int(np.argmax(wrong))
     if not count:
         return
-    told = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
+    speeds = f"{what} up to {float(speed.max()):.4g} m/s in {count} of {len(speed)} fixes, first at {t[first]:.6g} s"
     if count > share * len(speed):
-        msg = (
-            f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {told}; check the units ({unit})"
-        )
+        msg = f"{path}: expected a vehicle slower than {MAX_SPEED:g} m/s, got {speeds}; check the units ({unit})"
         raise DataError(msg)
-    said.append(f"{told}: no vehicle does that, they are outliers")
+    notes.append(f"{speeds}: no vehicle does that, they are outliers")
 
 
 def _llh(fixes: FloatArray) -> FloatArray:

@@ -31,9 +31,9 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-NEEDED = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
-FIXES = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
-REFERENCE = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
+REQUIRED_ARRAYS = ("imu_t", "gyro", "accel", "gnss_t", "gnss_llh")
+FIX_ARRAYS = ("gnss_llh", "gnss_vned", "gnss_pstd", "gnss_vstd")
+REFERENCE_ARRAYS = ("ref_llh", "ref_vned", "ref_rpy", "ref_pstd", "ref_vstd", "ref_astd")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def read_drive_npz(path: Path) -> DriveArrays:
         What is no NPZ, or an array or setting that is not as it must be.
     """
     data = _arrays(path)
-    missing = [name for name in NEEDED if name not in data]
+    missing = [name for name in REQUIRED_ARRAYS if name not in data]
     if missing:
         msg = f"{path}: expected the arrays of a drive, {', '.join(missing)} missing"
         raise DataError(msg)
@@ -88,8 +88,8 @@ def read_drive_npz(path: Path) -> DriveArrays:
     given = "ref_t" in data and "ref_llh" in data
     return DriveArrays(
         _table(path, data, "imu_t", ("gyro", "accel")),
-        _table(path, data, "gnss_t", FIXES),
-        _table(path, data, "ref_t", REFERENCE) if given else None,
+        _table(path, data, "gnss_t", FIX_ARRAYS),
+        _table(path, data, "ref_t", REFERENCE_ARRAYS) if given else None,
         meta.imu_frame,
         meta.mounting_rpy_deg,
         meta.lever_arm_frd_m,

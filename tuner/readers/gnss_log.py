@@ -13,7 +13,7 @@ from tuner.types.records import DataError, Gnss
 
 
 def is_fixes(path: str | Path) -> bool:
-    """Tell whether a file is a text file with the columns t, lat, lon and height."""
+    """Return whether a file is a text file with the columns t, lat, lon and height."""
     path = Path(path)
     if not path.is_file():
         return False

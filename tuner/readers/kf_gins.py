@@ -39,12 +39,12 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-GAP = 0.1
+MIN_GAP = 0.1
 """Distance of stamps from which an increment is taken for one of 1/imudatarate, s."""
-RATE = 200.0
+DEFAULT_RATE = 200.0
 """imudatarate where the file has none, Hz."""
-BIAS = (("initgyrbias", "deg/h"), ("initaccbias", "mGal"))
-SCALE = (("initgyrscale", "ppm"), ("initaccscale", "ppm"))
+BIAS_ENTRIES = (("initgyrbias", "deg/h"), ("initaccbias", "mGal"))
+SCALE_ENTRIES = (("initgyrscale", "ppm"), ("initaccscale", "ppm"))
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ def read_kf_gins(path: Path) -> KfGins:
         )
         raise DataError(msg)
     notes: list[str] = []
-    bias, scale = _six(settings, BIAS), _six(settings, SCALE)
+    bias, scale = _six(settings, BIAS_ENTRIES), _six(settings, SCALE_ENTRIES)
     if bias.any() or scale.any():
         notes.append("the initial sensor errors of the settings are taken out")
     interval = 1.0 / settings.imudatarate
     dt = np.diff(imu[:, 0], prepend=imu[0, 0] - interval)
-    dt = np.where(dt < GAP, dt, interval)
+    dt = np.where(dt < MIN_GAP, dt, interval)
     rates = (imu[:, 1:7] / np.where(dt > 0.0, dt, np.nan)[:, None] - bias) / (1.0 + scale)
     begin = -math.inf if settings.starttime is None else settings.starttime
     end = settings.endtime if settings.endtime >= 0.0 else math.inf
@@ -118,7 +118,7 @@ class _Settings:
 
     imupath: str
     gnsspath: str
-    imudatarate: Positive = RATE
+    imudatarate: Positive = DEFAULT_RATE
     starttime: Finite | None = None
     endtime: Finite = -1.0
     antlever: LeverArm | None = None

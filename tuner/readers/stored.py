@@ -17,8 +17,8 @@ from tuner.formats.identification import load_identification
 from tuner.formats.noise import noise_model
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient, Identification, TermEstimate
 
-_RESULT = "tuner.result/1"
-_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+_RESULT_SCHEMA = "tuner.result/1"
+_ALLAN_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of unit bias instability, 0.664."""
 
 
@@ -56,7 +56,7 @@ def _from_configuration(path: Path) -> Identification:
 
 def _from_json(path: Path) -> Identification:
     content = parse_json(read_text(path, expected="readable JSON"), source=str(path))
-    if isinstance(content, dict) and content.get("schema") == _RESULT:
+    if isinstance(content, dict) and content.get("schema") == _RESULT_SCHEMA:
         return load_identification(content.get("identification"), source=f"{path}: identification")
     return load_identification(content, source=str(path))
 
@@ -87,7 +87,7 @@ def _channel(
         mean=unknown,
         sigma_10s=figure(math.sqrt(float(model.allan_variance(10.0)))) if model.terms else unknown,
         minimum=figure(float(deviation[lowest])) if model.terms else unknown,
-        floor=figure(float(deviation[lowest]) / _FLOOR) if model.terms else unknown,
+        floor=figure(float(deviation[lowest]) / _ALLAN_FLOOR) if model.terms else unknown,
         minimum_tau=float(tau[lowest]),
         allan=AllanCurve("none", np.zeros(0), np.zeros((0, 1)), np.zeros((0, 1)), unit, (axis,)),
     )

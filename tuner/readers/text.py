@@ -1,7 +1,7 @@
 """Text logs: CSV, TSV, semicolons or blanks between columns, gzip allowed, in bounded memory.
 
 The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM); lines that
-begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `CHUNK` bytes into
+begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `BYTES_AT_ONCE` bytes into
 arrays of the final size. Memory is 8 bytes a row and column that is used, 24 bytes a row for the time base,
 and some ten pieces; a log that needs repair is copied once.
 
@@ -27,15 +27,16 @@ from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
-CHUNK = 1 << 22
-"""Bytes of text that are parsed at a time."""
-_HEAD = 1 << 16
+BYTES_AT_ONCE = 1 << 22
+"""Bytes of text that are parsed at a time: memory stays bounded, and the parser is not slowed by small pieces."""
+_HEAD_BYTES = 1 << 16
+"""Bytes in which the header and a row of numbers must be found."""
 GZIP = b"\x1f\x8b"
 """First bytes of a file packed by gzip."""
-_MISSING = frozenset(
+_MISSING_NUMBERS = frozenset(
     ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
 )
-_KF_GINS = (
+_KF_GINS_COLUMNS = (
     "t",
     "dtheta_x [rad]",
     "dtheta_y [rad]",
@@ -62,7 +63,7 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
     names = dialect.names
     notes: tuple[str, ...] = ()
     if not dialect.header and path.name.lower().removesuffix(".gz").endswith(".txt") and len(names) == 7:
-        names = _KF_GINS
+        names = _KF_GINS_COLUMNS
         notes = (
             "no header and seven columns in a .txt: read as t [s], 3 angle increments [rad], 3 velocity "
             "increments [m/s]",
@@ -98,7 +99,7 @@ def find_dialect(path: Path) -> Dialect:
     """
     try:
         with open_bytes(path) as file:
-            head = file.read(_HEAD)
+            head = file.read(_HEAD_BYTES)
     except (OSError, EOFError, zlib.error) as error:
         msg = f"{path}: cannot be read: {error}"
         raise DataError(msg) from None
@@ -206,18 +207,18 @@ def _count_lines(path: Path) -> int:
     """Return the number of lines."""
     lines, last = 0, b"\n"
     with open_bytes(path) as file:
-        while piece := file.read(CHUNK):
+        while piece := file.read(BYTES_AT_ONCE):
             lines += piece.count(b"\n")
             last = piece[-1:]
     return lines + (last != b"\n")
 
 
 def _pieces(file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the number of the first line and the bytes of whole lines, about `CHUNK` at a time."""
+    """Yield the number of the first line and the bytes of whole lines, about `BYTES_AT_ONCE` at a time."""
     for _ in range(skip):
         file.readline()
     line = skip + 1
-    while piece := file.read(CHUNK):
+    while piece := file.read(BYTES_AT_ONCE):
         piece += file.readline()
         yield line, piece
         line += piece.count(b"\n")
@@ -264,7 +265,7 @@ def _shown(separator: str | None) -> str:
 
 def _is_number(cell: str) -> bool:
     text = cell.strip().strip('"')
-    if text.lower() in _MISSING:
+    if text.lower() in _MISSING_NUMBERS:
         return True
     try:
         float(text)
@@ -274,12 +275,12 @@ def _is_number(cell: str) -> bool:
 
 
 def _is_data(line: str) -> bool:
-    """Tell whether a line is a row of data: no comment, and mostly numbers."""
+    """Return whether a line is a row of data: no comment, and mostly numbers."""
     bare = line.strip()
     if not bare or bare.startswith(("#", "%")):
         return False
     cells = [cell.strip().lower() for cell in _split(bare, _separator(bare))]
-    numbers = sum(cell not in _MISSING and _is_number(cell) for cell in cells)
+    numbers = sum(cell not in _MISSING_NUMBERS and _is_number(cell) for cell in cells)
     return 2 * numbers > sum(cell != "" for cell in cells)
 
 

@@ -3,8 +3,8 @@
 `stamps` says which rows to keep, the interval p and how many samples are missing where. Here the rows are put
 on a grid: even with interval p within a segment, each segment at its own median phase.
 
-Gaps of at most `BRIDGE` samples are bridged by linear interpolation as long as all bridges together are at
-most `BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes sums of
+Gaps of at most `MAX_BRIDGED_GAP` samples are bridged by linear interpolation as long as all bridges together are at
+most `MAX_BRIDGED_SHARE` of the samples; every other gap ends a segment. A bridge of g samples changes sums of
 white samples around it: its two neighbours weigh 1 + g/2 each. To first order the estimate of white density N
 rises by at most Σ(g + g²/2)/(2n) at long cluster times and falls by at most Σ(g + 1)/(2n) at the shortest (n
 samples).
@@ -25,20 +25,26 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-BRIDGE = 5
-"""Longest gap that is bridged, samples."""
-BRIDGED_SHARE = 0.01
-"""Largest share of all samples that may come from bridges."""
-SHORTEST = 3
+MAX_BRIDGED_GAP = 5
+"""Longest gap that is bridged, samples: chosen to mend lost packets of a serial line."""
+MAX_BRIDGED_SHARE = 0.01
+"""Largest share of all samples that may come from bridges: N is then biased by 1.8 % at most."""
+MIN_SEGMENT_SAMPLES = 3
 """Samples that one Allan point needs; shorter segments are left out."""
-STEPS = 64
-"""Different steps of a clock of few digits, at most."""
-TICK = 1e-7
+MAX_CLOCK_STEPS = 64
+"""Different steps of a clock of few digits, at most: chosen to separate rounding from jitter of a fine clock."""
+EQUAL_STEPS = 1e-7
 """Steps closer than this are one, s: floating point counts seconds since 1970 to 2e-7."""
-_UNITS = sorted((*(10.0**-k for k in range(10)), *(2.0**-k for k in range(10, 46))), reverse=True)
-_NEAR, _SHOWN = 0.15, 4096
-_FINE = 1e-3
-_STAMPS = 1 << 17
+_CLOCK_UNITS = sorted((*(10.0**-k for k in range(10)), *(2.0**-k for k in range(10, 46))), reverse=True)
+"""Units of a clock, s: decimal places of text, and last binary places of seconds since an epoch."""
+_ROUNDING_TOLERANCE = 0.15
+"""Part of a unit by which stamps may miss its multiples: chosen to admit stamps of a converted unit."""
+_RESOLUTION_STAMPS = 4096
+"""Stamps from which the resolution is read: it is the same in all of them."""
+_FINE_RESOLUTION = 1e-3
+"""Resolution ÷ interval up to which rounding is too small to be called jitter."""
+_MAX_STAMPS = 1 << 17
+"""Stamps from which jitter and rounding are estimated: the sd is then known to 0.2 %."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class Timebase:
     interval : float
         Sampling interval, s.
     segments : tuple of (start, stop)
-        Sample ranges without a gap, at least `SHORTEST` long.
+        Sample ranges without a gap, at least `MIN_SEGMENT_SAMPLES` long.
     rows : ndarray of int, shape (n,), or None
         Rows of the log that are kept, in the order of time; None where all are, as they stand.
     positions : ndarray of int, shape (n,), or None
@@ -60,7 +66,7 @@ class Timebase:
     duplicates, disordered, gaps, missing, bridged : int
         Rows dropped, rows out of order, gaps, samples missing in them, samples made by bridges.
     unread : int
-        Gaps that only rows without a number make: the clock told them all.
+        Gaps that only rows without a number make: their stamps are there.
     jitter : float
         Sd of the stamping error between neighbours, s; rare late stamps left out.
     bias : (float, float)
@@ -100,31 +106,31 @@ class Timebase:
     def notes(self) -> tuple[str, ...]:
         """Return every repair in words, with its count."""
         p = self.interval
-        said = []
+        notes = []
         if self.disordered:
-            said.append(f"{self.disordered} rows were out of order and were sorted by time")
+            notes.append(f"{self.disordered} rows were out of order and were sorted by time")
         if self.duplicates:
-            said.append(f"{self.duplicates} duplicate rows were dropped")
+            notes.append(f"{self.duplicates} duplicate rows were dropped")
         if self.gaps:
-            said.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
+            notes.append(f"{self.gaps} gaps with {self.missing} missing samples ({self.missing * p:.6g} s)")
         if self.bridged:
             low, high = self.bias
-            said.append(
-                f"{self.bridged} missing samples were bridged by linear interpolation (gaps up to {BRIDGE} "
+            notes.append(
+                f"{self.bridged} missing samples were bridged by linear interpolation (gaps up to {MAX_BRIDGED_GAP} "
                 "samples); "
                 f"this biases white density N by no more than {100 * low:+.3g} .. {100 * high:+.3g} %"
             )
         if self.left_out:
-            said.append(
-                f"{self.left_out} samples lie in pieces shorter than {SHORTEST} samples and are not used"
+            notes.append(
+                f"{self.left_out} samples lie in pieces shorter than {MIN_SEGMENT_SAMPLES} samples and are not used"
             )
         if self.jitter > 0.05 * p:
-            said.append(
+            notes.append(
                 f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {1 / p:.9g} Hz"
             )
         if self.wander > 10 * max(p, self.jitter):
-            said.append(f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz")
-        return tuple(said)
+            notes.append(f"stamps wander by up to {self.wander:.3g} s from even sampling at {1 / p:.9g} Hz")
+        return tuple(notes)
 
 
 def even_timebase(count: int, interval: float, valid: BoolArray | None = None) -> Timebase:
@@ -181,16 +187,16 @@ def _unread(ahead: IntArray, at: IntArray, size: IntArray) -> int:
 
 
 def _require(count: int) -> None:
-    if count < SHORTEST:
-        msg = f"only {count} usable samples: one Allan point needs {SHORTEST}; record longer"
+    if count < MIN_SEGMENT_SAMPLES:
+        msg = f"only {count} usable samples: one Allan point needs {MIN_SEGMENT_SAMPLES}; record longer"
         raise DataError(msg)
 
 
 def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Timebase:
     """Return the time base of ordered stamps with `size` samples missing after rows `at`."""
-    short = size <= BRIDGE
+    short = size <= MAX_BRIDGED_GAP
     bridged = int(size[short].sum())
-    if bridged > BRIDGED_SHARE * len(t):
+    if bridged > MAX_BRIDGED_SHARE * len(t):
         short, bridged = np.zeros_like(short), 0
     before = np.append(0, np.cumsum(size))
 
@@ -216,13 +222,13 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
         wander = max(wander, float(np.abs(offsets - begin).max()))
         grid.append(begin + interval * np.arange(count, dtype=float))
         floor = float(grid[-1][-1]) + 0.5 * interval
-        if count >= SHORTEST:
+        if count >= MIN_SEGMENT_SAMPLES:
             segments.append((filled, filled + count))
         else:
             left_out += count
         filled += count
     if not segments:
-        msg = f"no piece of the log without a gap holds {SHORTEST} samples: one Allan point needs them"
+        msg = f"no piece of the log without a gap holds {MIN_SEGMENT_SAMPLES} samples: one Allan point needs them"
         raise DataError(msg)
     positions = None
     if bridged:
@@ -247,8 +253,8 @@ def _on_grid(t: FloatArray, interval: float, at: IntArray, size: IntArray) -> Ti
 
 
 def _some(start: int, stop: int) -> IntArray:
-    """Return up to `_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
-    return np.unique(np.linspace(start, stop - 1, min(stop - start, _STAMPS)).astype(np.int64))
+    """Return up to `_MAX_STAMPS` rows from start to stop, evenly chosen, the first and the last among them."""
+    return np.unique(np.linspace(start, stop - 1, min(stop - start, _MAX_STAMPS)).astype(np.int64))
 
 
 def rounding_of(steps: FloatArray) -> float:
@@ -257,13 +263,13 @@ def rounding_of(steps: FloatArray) -> float:
     A clock written with few digits has few steps, and these differ by its unit at least; the least difference is the
     unit, since an interval between two multiples is written as both.
     """
-    told = np.unique(np.round(steps / TICK).astype(np.int64))
-    if not 1 < len(told) <= STEPS:
+    different = np.unique(np.round(steps / EQUAL_STEPS).astype(np.int64))
+    if not 1 < len(different) <= MAX_CLOCK_STEPS:
         return 0.0
-    unit = float(np.diff(told).min()) * TICK
+    unit = float(np.diff(different).min()) * EQUAL_STEPS
     unit *= float(np.sum(steps) / unit / np.sum(np.round(steps / unit)))
     off = np.abs(steps / unit - np.round(steps / unit))
-    return unit if unit > 100.0 * TICK and float(off.max()) < 0.05 else 0.0
+    return unit if unit > 100.0 * EQUAL_STEPS and float(off.max()) < 0.05 else 0.0
 
 
 def resolution_of(t: FloatArray) -> float:
@@ -271,12 +277,12 @@ def resolution_of(t: FloatArray) -> float:
 
     The unit is a decimal or a binary one: text, a counter, the last place of seconds since some epoch.
     """
-    t = t[:_SHOWN]
+    t = t[:_RESOLUTION_STAMPS]
     last = 4.0 * float(np.spacing(np.abs(t).max()))
-    for unit in _UNITS:
+    for unit in _CLOCK_UNITS:
         if unit <= last:
             break
-        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= _NEAR * unit:
+        if float(np.abs(t - unit * np.rint(t / unit)).max()) <= _ROUNDING_TOLERANCE * unit:
             return unit
     return last
 
@@ -289,4 +295,4 @@ def _jitter(error: FloatArray, interval: float, resolution: float) -> float:
     usual = 1.4826 * float(np.median(np.abs(error)))
     inner = error[np.abs(error) <= max(0.5 * interval, 5.0 * usual)]
     sd = float(np.sqrt(np.mean(inner**2) / 2.0)) if len(inner) else usual
-    return sd if resolution > _FINE * interval or sd > resolution else 0.0
+    return sd if resolution > _FINE_RESOLUTION * interval or sd > resolution else 0.0

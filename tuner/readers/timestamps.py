@@ -1,4 +1,4 @@
-"""What stamps say of the clock: order, duplicates, interval, missing samples.
+"""Order, duplicates, interval and missing samples, from the time stamps of a log.
 
 A stamp is modelled as t_i = a + p k_i + e_i: p is the interval, k_i the number of the sample since the start
 (it jumps where samples are missing) and e_i the stamping error (rounding, jitter).
@@ -10,7 +10,7 @@ duplicates
     dropped too where they are rare (1 %); where they are the rule, the stamps are coarser than the sampling
     or written in batches, and the rows of a batch are spread at the usual interval.
 interval
-    Pooled least-squares slope of t on k; it starts from the median difference. If one straight line explains
+    Pooled least-squares slope of t on k; it starts from the median difference. If one line explains
     all stamps within their resolution (1 ms stamps of a 400 Hz log), nothing is missing.
 gaps
     A step over 1.5 p, or over p by more than the stamping error explains, is a gap if it shifts the clock
@@ -31,14 +31,22 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_BATCHED = 0.01
-_DISORDERED = 0.10
-_WINDOW = 32
-_PATIENCE = 8
-_PIECE = 100_000
-_BATCHES = 32
-_EVEN = 8
-_BLOCK = 1 << 20
+_MAX_EQUAL_SHARE = 0.01
+"""Share of rows with the stamp of the row before above which stamps are coarse, not repeated by mistake."""
+_MAX_DISORDERED_SHARE = 0.10
+"""Share of rows behind an earlier stamp above which the clock was reset; fewer are sorted."""
+_SHIFT_ROWS = 32
+"""Rows on either side whose lower quartiles measure a shift of the clock: chosen to average the jitter of stamps."""
+_DELAY_CANDIDATES = 8
+"""Candidates within which a shift that is taken back was a delay: chosen for bursts of late packets."""
+_CANDIDATES_AT_ONCE = 100_000
+"""Candidates treated at a time, so that memory stays bounded: 50 MB."""
+_MIN_BATCHES = 32
+"""Batches from which their length is known."""
+_MIN_ODD_STEPS = 8
+"""Steps of two units from which their even distances cannot be chance."""
+_ROWS_AT_ONCE = 1 << 20
+"""Rows treated at a time, so that memory stays bounded: 8 MB a column."""
 
 
 def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray | None, int]:
@@ -46,7 +54,7 @@ def in_order(t: FloatArray, rows: IntArray | None) -> tuple[FloatArray, IntArray
     if (t[1:] >= t[:-1]).all():
         return t, rows, 0
     behind = np.flatnonzero(t < np.maximum.accumulate(t))
-    if len(behind) > _DISORDERED * len(t):
+    if len(behind) > _MAX_DISORDERED_SHARE * len(t):
         msg = (
             f"time runs backwards at row {behind[0] + 1} and stays behind for {len(behind)} of {len(t)} "
             "rows (a clock "
@@ -68,7 +76,7 @@ def without_duplicates(
         msg = "the time column is constant: pass the right column with --columns t=NAME, or --rate"
         raise DataError(msg)
     drop = later
-    if len(later) > _BATCHED * len(t):
+    if len(later) > _MAX_EQUAL_SHARE * len(t):
         at = later if rows is None else rows[later]
         before = later - 1 if rows is None else rows[later - 1]
         drop = later[equal(at, before)] if equal is not None else later[:0]
@@ -85,7 +93,7 @@ def _spread(t: FloatArray) -> tuple[FloatArray, float]:
     first = np.flatnonzero(np.concatenate(([True], t[1:] != t[:-1])))
     if len(first) == len(t):
         return t, 0.0
-    reach = min(_BATCHES, len(first) - 1)
+    reach = min(_MIN_BATCHES, len(first) - 1)
     usual = float(np.median((t[first[reach:]] - t[first[:-reach]]) / (first[reach:] - first[:-reach])))
     size = np.diff(np.append(first, len(t)))
     within = np.arange(len(t)) - np.repeat(first, size)
@@ -128,12 +136,12 @@ def _resolution(t: FloatArray, step: FloatArray) -> float:
         unit = 10.0**-digits
         scaled = t[:4096] / unit
         if np.abs(scaled - np.rint(scaled)).max() < 1e-3:
-            return unit if _rounding_shows(np.rint(step[:_BLOCK] / unit)) else 0.0
+            return unit if _rounding_shows(np.rint(step[:_ROWS_AT_ONCE] / unit)) else 0.0
     return 0.0
 
 
 def _rounding_shows(step: FloatArray) -> bool:
-    """Tell whether steps, in units of the resolution, vary by rounding.
+    """Return whether steps, in units of the resolution, vary by rounding.
 
     Rounded steps are m and m ± 1. At m = 1 a step of two may as well be a lost sample: rounding puts them at
     even distances, losses do not.
@@ -143,7 +151,7 @@ def _rounding_shows(step: FloatArray) -> bool:
     if usual > 1:
         return bool(len(odd) > 1e-3 * len(step))
     distance = np.diff(odd)
-    return len(odd) > _EVEN and bool(distance.max() <= 1.5 * distance.min() + 1)
+    return len(odd) > _MIN_ODD_STEPS and bool(distance.max() <= 1.5 * distance.min() + 1)
 
 
 def _pooled_slope(t: FloatArray, cuts: IntArray) -> tuple[float, float]:
@@ -167,17 +175,17 @@ def _pooled_slope(t: FloatArray, cuts: IntArray) -> tuple[float, float]:
 
 def _blocks(piece: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield row numbers and stamps from the start of a piece, a block at a time."""
-    for start in range(0, len(piece), _BLOCK):
-        block = piece[start : start + _BLOCK] - piece[0]
+    for start in range(0, len(piece), _ROWS_AT_ONCE):
+        block = piece[start : start + _ROWS_AT_ONCE] - piece[0]
         yield np.arange(start, start + len(block), dtype=float), block
 
 
 def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float) -> IntArray:
     """Return how many samples are missing after each candidate row, shape (m,).
 
-    The shift of the clock against the row number is measured between the lower quartiles of up to `_WINDOW`
+    The shift of the clock against the row number is measured between the lower quartiles of up to `_SHIFT_ROWS`
     rows on either side (late stamps are more common than early ones), after the hurried stamps that follow a
-    late one, and never across another candidate. A shift that is taken back within `_PATIENCE` candidates was
+    late one, and never across another candidate. A shift that is taken back within `_DELAY_CANDIDATES` candidates was
     a delay.
     """
     settled = np.append(np.flatnonzero(step >= 0.5 * interval), len(step))
@@ -185,15 +193,15 @@ def _lost(t: FloatArray, step: FloatArray, candidates: IntArray, interval: float
     low = np.concatenate(([0], candidates[:-1] + 1))
     high = np.append(candidates[1:], len(t) - 1)
     shift = np.empty(len(candidates))
-    reach = np.arange(_WINDOW)
-    for start in range(0, len(candidates), _PIECE):
-        piece = slice(start, start + _PIECE)
+    reach = np.arange(_SHIFT_ROWS)
+    for start in range(0, len(candidates), _CANDIDATES_AT_ONCE):
+        piece = slice(start, start + _CANDIDATES_AT_ONCE)
         before = np.maximum(candidates[piece, None] - reach, low[piece, None])
         after = np.minimum(first[piece, None] + reach, high[piece, None])
         shift[piece] = _quartile(t, after, interval) - _quartile(t, before, interval)
     total = np.cumsum(np.rint(shift / interval).astype(np.int64))
     lasting = total.copy()
-    for later in range(1, min(_PATIENCE, len(total))):
+    for later in range(1, min(_DELAY_CANDIDATES, len(total))):
         lasting[:-later] = np.minimum(lasting[:-later], total[later:])
     lost: IntArray = np.maximum(np.diff(lasting, prepend=0), 0)
     return lost

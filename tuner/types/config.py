@@ -16,7 +16,7 @@ from tuner.types.numbers import NonNegative, Positive
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """What the filter believes of one axis (SI).
+    """Noise of one axis as the filter is configured for it (SI).
 
     Attributes
     ----------

@@ -76,7 +76,7 @@ def test_text_in_numbers_is_located(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: int, piece: int | None
 ) -> None:
     if piece is not None:
-        monkeypatch.setattr("tuner.readers.text.CHUNK", piece)
+        monkeypatch.setattr("tuner.readers.text.BYTES_AT_ONCE", piece)
     lines = rows()
     cells = lines[row].split(",")
     cells[3] = "oops"

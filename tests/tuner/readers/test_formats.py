@@ -286,7 +286,7 @@ def test_comments_blank_lines_and_trailing_separators(tmp_path: Path) -> None:
 
 
 def test_progress_runs_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tuner.readers.text.CHUNK", 4096)
+    monkeypatch.setattr("tuner.readers.text.BYTES_AT_ONCE", 4096)
     path = write_csv(tmp_path / "log.csv", COLUMNS)
     seen: list[tuple[int, int]] = []
     gyro, _ = read(path, progress=lambda done, total: seen.append((done, total)))
@@ -297,7 +297,7 @@ def test_progress_runs_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_memory_is_the_arrays_and_little_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tuner.readers.text.CHUNK", 1 << 16)
+    monkeypatch.setattr("tuner.readers.text.BYTES_AT_ONCE", 1 << 16)
     count = 60_000
     columns = {name: np.resize(value, count) for name, value in COLUMNS.items()}
     path = write_csv(tmp_path / "log.csv", columns | {"t": 0.01 * np.arange(count)})

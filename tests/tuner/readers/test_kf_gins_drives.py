@@ -19,7 +19,7 @@ from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
-from tuner.exporters.kf_gins_drive import LONGEST, WEEK, write_drive
+from tuner.exporters.kf_gins_drive import MIN_GAP, SECONDS_PER_WEEK, write_drive
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.types.records import DataError
@@ -153,8 +153,8 @@ def test_files_fit_the_settings_to_the_digit(written):
     # Sought with imu.time < starttime and gnss.time <= starttime: the first row is the start.
     assert imu[0, 0] == found["starttime"]
     assert gnss[0, 0] > found["starttime"]
-    assert imu[-1, 0] < WEEK
-    assert np.diff(imu[:, 0]).max() < LONGEST
+    assert imu[-1, 0] < SECONDS_PER_WEEK
+    assert np.diff(imu[:, 0]).max() < MIN_GAP
     assert np.diff(imu[:, 0]).min() > 0.0
     np.testing.assert_allclose(np.median(gnss[:, 4:], axis=0), [0.4, 0.4, 0.8])
 
@@ -249,7 +249,7 @@ def test_gaps_are_filled_with_constant_rates(data, saved, configuration, tmp_pat
     write_drive(read_drive(file), configuration(), settings)
     imu = np.loadtxt(tmp_path / "gap-imu.txt")
     dt = np.diff(imu[:, 0])
-    assert dt.max() < LONGEST
+    assert dt.max() < MIN_GAP
     rates = imu[1:, 1:] / dt[:, None]
     inside = (imu[1:, 0] > data["imu_t"][8000] + 1e-6) & (imu[1:, 0] <= data["imu_t"][8016] + 1e-6)
     assert np.count_nonzero(inside) >= 16

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tuner.readers.time_base import BRIDGE, even_timebase, stamped_timebase
+from tuner.readers.time_base import MAX_BRIDGED_GAP, even_timebase, stamped_timebase
 from tuner.types.records import DataError
 
 COUNT = 20_000
@@ -83,7 +83,7 @@ def test_every_loss_is_found(gaps: dict[int, int], jitter: float, rounded: bool,
     assert base.interval == pytest.approx(0.005, rel=1e-5)
     kept = base.rows if base.rows is not None else np.arange(5000)
     assert len(kept) == 5000
-    short = [g for g in gaps.values() if g <= BRIDGE]
+    short = [g for g in gaps.values() if g <= MAX_BRIDGED_GAP]
     assert base.bridged == sum(short)
     assert len(base.t) == 5000 + sum(short)
     for start, stop in base.segments:
