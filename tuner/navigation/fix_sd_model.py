@@ -1,4 +1,4 @@
-"""How the standard deviations of fixes stand to what a receiver reports.
+"""Model of the standard deviations of fixes as a function of those that a receiver reports.
 
 With r the reported sd of a row and ρ the level of its fix, the root mean square of the reported sds north and east of
 its position, or of its velocity::
@@ -7,7 +7,7 @@ its position, or of its velocity::
 
 a is a factor on all fixes, horizontal or vertical, f_c one on the fixes of class c, which begins at ρ = `edges`[c − 1]
 (fixed, float and single solutions report sds that are far apart), b an exponent: 1 where the report is right but for a
-factor, 0 where it says nothing. In a compensation, for the block ``position`` or ``velocity``::
+factor, 0 where it contains no information. In a compensation, for the block ``position`` or ``velocity``::
 
     gnss_noise_scale.BLOCK_horizontal, BLOCK_vertical                         a
     gnss_noise_scale.BLOCK_horizontal_class_C, BLOCK_vertical_class_C         f_C, from 0 on
@@ -34,7 +34,7 @@ BLOCKS: Mapping[str, slice] = {"position": slice(0, 3), "velocity": slice(3, 6)}
 
 @dataclass(frozen=True)
 class FixSdModel:
-    """The law of one block.
+    """Model of the sds of one block, position or velocity.
 
     Attributes
     ----------
@@ -68,13 +68,13 @@ def sd_levels(reported: FloatArray) -> FloatArray:
 
 
 def class_edges_of(values: Mapping[str, float], block: str) -> tuple[float, ...]:
-    """Return the levels at which classes of a block begin in a compensation."""
+    """Return the levels at which classes of a block begin, from the compensated values of ``gnss_noise_scale``."""
     names = itertools.takewhile(values.__contains__, (f"{block}_edge_{c}" for c in itertools.count(1)))
     return tuple(values[name] for name in names)
 
 
 def fix_sd_model(values: Mapping[str, float], block: str) -> FixSdModel:
-    """Return the law of a block in a compensation."""
+    """Return the model of a block, from the values of ``gnss_noise_scale`` in a compensation by name."""
     own = f"{block}_"
     edges = class_edges_of(values, block)
     horizontal, vertical = (

@@ -114,7 +114,7 @@ def simulate_drive(
         t, perfect + errors, at, llh, vel, sd[:, :3], sd[:, 3:], course, lever_arm, None, errors, white
     )
     samples = _with_receiver_errors(samples, receiver, fixes)
-    changed, told = _with_hidden_effects(samples, hidden, effects)
+    changed, added = _with_hidden_effects(samples, hidden, effects)
     drive = Drive(
         f"{name}-{motion.name}",
         t,
@@ -134,7 +134,7 @@ def simulate_drive(
         "duration_s": motion.duration,
         "receiver": {"position_sd": receiver.position_sd, "velocity_sd": receiver.velocity_sd},
         "hidden": [
-            *told,
+            *added,
             *(
                 {"cause": h.effect.name, "channels": list(h.axes), "parameters": h.effect.parameters()}
                 for h in at_rest
@@ -166,7 +166,7 @@ def hide_in_drive(
     -------
     drive : Drive
         With the effects in it.
-    told : list of dict
+    added : list of dict
         Cause and parameters of each.
 
     Raises
@@ -183,8 +183,8 @@ def hide_in_drive(
         drive.imu_t, drive.rates, gnss.t, gnss.llh, gnss.vel_n, gnss.position_sd, gnss.velocity_sd, course,
         drive.lever_arm or (0.0, 0.0, 0.0), drive.mounting,
     )  # fmt: skip
-    changed, told = _with_hidden_effects(samples, hidden, np.random.default_rng(seed))
-    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), told
+    changed, added = _with_hidden_effects(samples, hidden, np.random.default_rng(seed))
+    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), added
 
 
 def _with_static_effects(

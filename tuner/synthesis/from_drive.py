@@ -120,13 +120,13 @@ def identification_of_drive(drive: Drive, found: StationaryNoise) -> Identificat
     channels = {}
     for axis, channel in grade.channels.items():
         n = found.white[axis.rpartition("_")[0]]
-        told = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), f"{channel.unit}/sqrt(Hz)")
+        density = Coefficient.known(n, n * (1.0 - share), n * (1.0 + share), f"{channel.unit}/sqrt(Hz)")
         terms = tuple(
-            TermEstimate("white", {"density": told}) if t.name == "white" else t for t in channel.terms
+            TermEstimate("white", {"density": density}) if t.name == "white" else t for t in channel.terms
         )
         channels[axis] = replace(channel, terms=terms, span=found.seconds)
     why = (
-        f"white noise is that of {found.seconds:.0f} s of standing in this drive; bias terms are those of {name}, the "
+        f"white noise is that of {found.seconds:.0f} s at rest in this drive; bias terms are those of {name}, the "
         f"built-in grade with the nearest white noise, since a drive is too short to show them"
     )
     return replace(grade, source={**grade.source, "name": drive.name}, channels=channels, notes=(why,))
@@ -253,7 +253,7 @@ def _allan(blocks: FloatArray, m: int) -> FloatArray:
 def _vibration(
     blocks: FloatArray, still: BoolArray, moving: BoolArray, dt: float, least: FloatArray
 ) -> dict[str, float]:
-    """Return the root of the density above `MIN_VIBRATION_FREQUENCY`, moving ÷ standing, by sensor."""
+    """Return the root of the density above `MIN_VIBRATION_FREQUENCY`, in motion ÷ at rest, by sensor."""
     high = rfftfreq(blocks.shape[1], dt) >= MIN_VIBRATION_FREQUENCY
     if np.count_nonzero(high) < 4 or not moving.any():
         return {}

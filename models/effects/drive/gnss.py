@@ -2,7 +2,7 @@
 
 ::
 
-    lever_arm          the antenna stands (x, y, z) from where it is believed to stand
+    lever_arm          the antenna is (x, y, z) from its stated place
     velocity_lag       v_meas(t) = v(t − delay)
     gnss_noise_scale   white errors · ratio (true ÷ reported sd)
     correlated_gnss    position + g: Gauss–Markov of `sd` and `time_constant`, each of north, east, down
@@ -165,9 +165,11 @@ class GnssNoiseScale(DriveEffect):
         sd = np.hstack([drive.position_sd, drive.velocity_sd])
         more = np.sqrt(np.maximum(ratio**2 - 1.0, 0.0)) * np.nan_to_num(sd)
         change = more * rng.standard_normal(sd.shape)
-        said = sd / np.minimum(ratio, 1.0)
+        reported_sd = sd / np.minimum(ratio, 1.0)
         return replace(
-            drive.moved(change[:, :3], change[:, 3:]), position_sd=said[:, :3], velocity_sd=said[:, 3:]
+            drive.moved(change[:, :3], change[:, 3:]),
+            position_sd=reported_sd[:, :3],
+            velocity_sd=reported_sd[:, 3:],
         )
 
     @classmethod

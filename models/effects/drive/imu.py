@@ -281,7 +281,7 @@ class ImuNoiseScale(DriveEffect):
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Scale the white noise where it is known; else add as much as is missing, for ratios ≥ 1.
 
-        What a measured unit has is then told by the median of its second differences.
+        The noise of a measured unit is then estimated by the median of its second differences.
         """
         ratio = np.repeat([self.gyro, self.accel], 3)
         if drive.white is not None:

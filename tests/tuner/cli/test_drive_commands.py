@@ -172,7 +172,7 @@ def test_white_noise_is_read_where_the_vehicle_stands(drive):
     assert {c.white_density for a, c in config.channels.items() if a.startswith("gyro")} == {
         at_rest.white["gyro"]
     }
-    assert "of standing" in config.notes[0]
+    assert "at rest" in config.notes[0]
 
 
 def test_without_velocities_positions_tell_where_the_vehicle_stands(drive):
@@ -221,7 +221,7 @@ def test_noise_scales_are_put_in_words():
     assert "once time offset is named" in words(estimate)
     assert "no known cause" in words(replace(estimate, named=three, causes=("unknown",)))
     assert "not identifiable" in words(replace(estimate, identifiable=False, causes=()))
-    assert "times as noisy moving" in words(replace(estimate, named=three, causes=("vibration",)), 3.2)
+    assert "times as noisy in motion" in words(replace(estimate, named=three, causes=("vibration",)), 3.2)
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):

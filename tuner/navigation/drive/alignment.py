@@ -192,7 +192,7 @@ def align_once(
     stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
     bias, excess = np.zeros(6), np.zeros(3)
-    # Gyros that turn the unit by less than what an alignment is good for are believed: less than the Earth may turn it.
+    # Biases that rotate the unit by less than an alignment resolves are not estimated.
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
     quiet = slice(int(np.searchsorted(ends, begin)), int(np.searchsorted(ends, still_end)))
@@ -218,24 +218,24 @@ def align_once(
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
     beta[:, 2] -= down * span
-    share, told = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
+    share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
 
-    def changes(seen: RotatedSteps, delay: float, *, pull: bool = False) -> FloatArray:
-        return _change(seen.at(fix_t - delay, way=by_position, pull=pull), windows, span)
+    def changes(rotated: RotatedSteps, delay: float, *, derivative: bool = False) -> FloatArray:
+        return _change(rotated.at(fix_t - delay, position=by_position, derivative=derivative), windows, span)
 
     def biased(delay: float) -> BiasEstimate:
         def felt(bias: FloatArray) -> tuple[FloatArray, FloatArray]:
-            seen = rotate_steps(steps, window, bias)
-            return changes(seen, delay), changes(seen, delay, pull=True)
+            rotated = rotate_steps(steps, window, bias)
+            return changes(rotated, delay), changes(rotated, delay, derivative=True)
 
         times = fix_t[windows[:, -1]] - fix_t[0]
-        return biases_from_motion(felt, beta, times, bias, unknown, share, told)
+        return biases_from_motion(felt, beta, times, bias, unknown, share, reported)
 
     found = biased(0.0) if unknown.any() else BiasEstimate(bias, np.zeros((9, 9)))
-    seen = rotate_steps(steps, window, found.bias)
+    rotated = rotate_steps(steps, window, found.bias)
 
     def solve(delay: float) -> tuple[FloatArray, float]:
-        alpha = changes(seen, delay)
+        alpha = changes(rotated, delay)
         mat = wahba(alpha, beta)
         off = np.sum((beta - alpha @ mat.T) ** 2, axis=1)
         return mat, float(np.mean(np.minimum(off, outlier_limit(off))))
@@ -249,24 +249,24 @@ def align_once(
         delay = float(minimize_scalar(lambda d: solve(float(d))[1], bounds=(low, high), method="bounded").x)
         if unknown.any():
             found = biased(delay)
-            seen = rotate_steps(steps, window, found.bias)
+            rotated = rotate_steps(steps, window, found.bias)
     mat, cost = solve(delay)
-    # Speed changes tell the heading: what windows of standing show is the receiver's noise. Neighbouring
+    # Speed changes determine the heading: stationary windows show the receiver's noise. Neighbouring
     # windows overlap, so a window counts by its share.
     level = np.sum(beta[:, :2] ** 2, axis=1)
-    standing = fix_t[windows[:, -1]] <= max(still_end, begin)
-    noise = float(np.mean(level[standing])) if np.count_nonzero(standing) > 3 else 0.0
+    stationary = fix_t[windows[:, -1]] <= max(still_end, begin)
+    noise = float(np.mean(level[stationary])) if np.count_nonzero(stationary) > 3 else 0.0
     change = float(np.sum(level - noise)) * share
     heading_sd = math.sqrt(cost / max(change, 0.1 * cost))
-    k = int(np.argmin(np.abs(seen.t - fix_t[0])))
-    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), seen.quat[k])
+    k = int(np.argmin(np.abs(rotated.t - fix_t[0])))
+    quat = rotation.quat_multiply(rotation.quat_from_mat(mat), rotated.quat[k])
     bias = found.bias[:3]
     if bias.any():  # the gyros feel the Earth turn
         lat = float(gnss.llh[0, 0])
         bias = bias - rotation.mat_from_quat(quat).T @ np.array(earth_rate(np.sin(lat), np.cos(lat)))
     misfit = float(np.sqrt(cost / 3.0))
     return Alignment(
-        float(seen.t[k]),
+        float(rotated.t[k]),
         quat,
         max(heading_sd, float(np.sqrt(found.covariance[2, 2]))),
         max(misfit / (9.8 * length), float(np.sqrt(np.diag(found.covariance)[:2].mean()))),

@@ -51,23 +51,27 @@ class RotatedSteps:
         Ends of the steps, the beginning of the first before them, s.
     quat : ndarray, shape (n, 4)
         Attitude of b in b₀.
-    velocity, way : ndarray, shape (n, 3)
+    velocity, position : ndarray, shape (n, 3)
         First and second integral of the force.
-    velocity_pull, way_pull : ndarray, shape (n, 18)
+    velocity_derivative, position_derivative : ndarray, shape (n, 18)
         Their derivatives by the biases, M and −Θ, each row by row.
     """
 
     t: FloatArray
     quat: FloatArray
     velocity: FloatArray
-    way: FloatArray
-    velocity_pull: FloatArray
-    way_pull: FloatArray
+    position: FloatArray
+    velocity_derivative: FloatArray
+    position_derivative: FloatArray
 
-    def at(self, t: FloatArray, *, way: bool, pull: bool) -> FloatArray:
+    def at(self, t: FloatArray, *, position: bool, derivative: bool) -> FloatArray:
         """Return an integral, or its derivative by the biases, at times (k,); shape (k, 3) or (k, 18)."""
-        integrals = (self.velocity_pull, self.way_pull) if pull else (self.velocity, self.way)
-        y = integrals[way]
+        integrals = (
+            (self.velocity_derivative, self.position_derivative)
+            if derivative
+            else (self.velocity, self.position)
+        )
+        y = integrals[position]
         return np.stack([np.interp(t, self.t, column) for column in y.T], axis=-1)
 
 
@@ -82,17 +86,17 @@ class BiasEstimate:
 def rotate_steps(steps: Steps, window: slice, bias: FloatArray) -> RotatedSteps:
     """Rotate the steps of a window into b₀, biases (6,) subtracted."""
     dt = steps.dt[window, None]
-    felt = steps.increments[window] - bias * dt
-    quat = _attitudes(felt[:, :3])
+    integrated = steps.increments[window] - bias * dt
+    quat = _attitudes(integrated[:, :3])
     mats = rotation.mat_from_quat(quat)
     mean = 0.5 * (mats[1:] + mats[:-1])
-    pieces = (mean @ felt[:, 3:, None])[..., 0]
+    pieces = (mean @ integrated[:, 3:, None])[..., 0]
     theta = _cumulative(mean.reshape(-1, 9) * dt)
     middle = 0.5 * (theta[1:] + theta[:-1]).reshape(-1, 3, 3)
     velocity = _cumulative(pieces)
-    pull = np.hstack([_cumulative((rotation.skew(pieces) @ middle).reshape(-1, 9)), -theta])
+    derivative = np.hstack([_cumulative((rotation.skew(pieces) @ middle).reshape(-1, 9)), -theta])
     t = steps.ends()[window.start : window.start + len(quat)]
-    return RotatedSteps(t, quat, velocity, _integral(velocity, dt), pull, _integral(pull, dt))
+    return RotatedSteps(t, quat, velocity, _integral(velocity, dt), derivative, _integral(derivative, dt))
 
 
 def wahba(alpha: FloatArray, beta: FloatArray) -> FloatArray:
@@ -107,7 +111,7 @@ def outlier_limit(square: FloatArray) -> float:
 
 
 def biases_from_motion(
-    felt: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    integrated: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     beta: FloatArray,
     times: FloatArray,
     prior: FloatArray,
@@ -119,7 +123,7 @@ def biases_from_motion(
 
     Parameters
     ----------
-    felt : callable
+    integrated : callable
         α (w, 3) and its derivatives (w, 18) of all windows, biases (6,) subtracted.
     beta : ndarray, shape (w, 3)
         Changes of velocity.
@@ -135,8 +139,8 @@ def biases_from_motion(
     sd = np.maximum(sd, MIN_BIAS_SD)
 
     def fitted(bias: FloatArray, used: int) -> _Fit:
-        alpha, pull = felt(bias)
-        return _fit(alpha[:used], pull[:used], beta[:used], (prior - bias) / sd)
+        alpha, derivative = integrated(bias)
+        return _fit(alpha[:used], derivative[:used], beta[:used], (prior - bias) / sd)
 
     def solved(bias: FloatArray, used: int) -> _Answer:
         here = fitted(bias, used)
@@ -159,7 +163,7 @@ def biases_from_motion(
             bias, here = bias + part * step, there
         return bias, covariance, here
 
-    def elsewhere(answers: list[_Answer], used: int) -> list[_Answer]:
+    def from_other_starts(answers: list[_Answer], used: int) -> list[_Answer]:
         # Gravity tells turns about level axes; about the vertical there may be several answers.
         bias, _, fit = min(answers, key=lambda one: one[2].cost(share / max(noise, 1e-300)))
         if used > first and fit.square.mean() < MAX_MISFIT * 3.0 * noise:
@@ -172,11 +176,11 @@ def biases_from_motion(
     used = first = max(min(MIN_WINDOWS, len(times)), int(np.searchsorted(times, length)))
     answers = [solved(prior, used)]
     if used < len(times):
-        answers = elsewhere(answers, used)
+        answers = from_other_starts(answers, used)
     while used < len(times):
         length *= 2.0
         used = max(used, int(np.searchsorted(times, length)))
-        answers = elsewhere([solved(bias, used) for bias, _, _ in _distinct(answers)], used)
+        answers = from_other_starts([solved(bias, used) for bias, _, _ in _distinct(answers)], used)
     weight = share / max(min(float(fit.square.mean()) for _, _, fit in answers) / 3.0, noise)
     bias, covariance, _ = min(answers, key=lambda one: one[2].cost(weight))
     return BiasEstimate(bias, covariance)
@@ -211,13 +215,15 @@ _Answer = tuple[FloatArray, FloatArray, _Fit]
 """Biases, the covariance of attitude and biases, the fit."""
 
 
-def _fit(alpha: FloatArray, pull: FloatArray, beta: FloatArray, prior: FloatArray) -> _Fit:
+def _fit(alpha: FloatArray, derivative: FloatArray, beta: FloatArray, prior: FloatArray) -> _Fit:
     """Turn α (w, 3) to β (w, 3) and return what is left, and how attitude and biases change it."""
     mat = wahba(alpha, beta)
     off = beta - alpha @ mat.T
     square = np.sum(off**2, axis=1)
     most = outlier_limit(square)
-    by_bias = np.concatenate([pull[:, :9].reshape(-1, 3, 3), pull[:, 9:].reshape(-1, 3, 3)], axis=2)
+    by_bias = np.concatenate(
+        [derivative[:, :9].reshape(-1, 3, 3), derivative[:, 9:].reshape(-1, 3, 3)], axis=2
+    )
     design = np.concatenate([-rotation.skew(alpha @ mat.T), mat @ by_bias], axis=2)
     weight = np.minimum(1.0, most / np.maximum(square, most))
     score = np.einsum("wij,wi,w->j", design, off, weight)

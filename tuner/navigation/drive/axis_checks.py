@@ -53,10 +53,10 @@ def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None
     DataError
         Where positions fit only with latitude and longitude exchanged.
     """
-    told = mean_velocities(gnss)
-    if len(told) < MIN_WINDOWS:
+    means = mean_velocities(gnss)
+    if len(means) < MIN_WINDOWS:
         return gnss, None
-    slope, mean = told.by_position, told.by_velocity
+    slope, mean = means.by_position, means.by_velocity
 
     def misfit(vel: FloatArray, parts: slice = slice(0, 3), by: FloatArray = slope) -> float:
         return float(np.mean(np.abs(vel - by)[:, parts]))
@@ -66,11 +66,11 @@ def with_axes_found(gnss: Gnss, source: str = "drive") -> tuple[Gnss, str | None
     least = min(misfit(order[name]), misfit(mean))
     if np.all(np.abs(gnss.llh[:, 1]) < np.pi / 2.0):
         other = mean_velocities(replace(gnss, llh=gnss.llh[:, [1, 0, 2]])).by_position
-        turned = min(misfit(vel, by=other) for vel in (mean, *order.values()))
-        if turned < MAX_MISFIT_SHARE * least:
+        rotated = min(misfit(vel, by=other) for vel in (mean, *order.values()))
+        if rotated < MAX_MISFIT_SHARE * least:
             msg = (
                 f"{source}: expected positions as latitude, longitude, height, got latitude and longitude exchanged: "
-                f"only so do differences of positions agree with the velocities (to {turned:.2g} instead of "
+                f"only so do differences of positions agree with the velocities (to {rotated:.2g} instead of "
                 f"{least:.2g} m/s); exchange the two columns"
             )
             raise DataError(msg)
@@ -94,15 +94,15 @@ def inertial_axes(drive: Drive) -> str | None:
     if least >= MAX_INERTIAL_MISFIT_SHARE * stated:  # both are infinite where nothing can be aligned
         return None
     alike = [_simplest(g, a) for g, a, misfit in ways if misfit < EQUAL_MISFIT_RATIO * least]
-    gyro, accel = min(alike, key=lambda way: _change_counts(*way))
-    said = [
+    gyro, accel = min(alike, key=lambda reading: _change_counts(*reading))
+    readings = [
         f"the {what} read as {_triple_text(m)}"
         for what, m in (("gyros", gyro), ("accelerometers", accel))
         if _is_changed(m)
     ]
     return (
-        f"the fixes are met only with {' and '.join(said)} instead of (x, y, z): what is left of the speed changes is "
-        f"{100.0 * least / stated:.2g} % of what it is as stated; mend the columns"
+        f"the fixes agree only with {' and '.join(readings)} instead of (x, y, z): the misfit of the speed changes is "
+        f"{100.0 * least / stated:.2g} % of the one as stated; correct the columns"
     )
 
 
@@ -137,9 +137,9 @@ def _signed_permutations() -> list[FloatArray]:
 
 
 def _simplest(gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the same way up to a common rotation that changes the fewest axes."""
-    turned = [(r @ gyro, r @ accel) for r in _signed_permutations() if np.linalg.det(r) > 0.0]
-    return min(turned, key=lambda way: _change_counts(*way))
+    """Return the reading, up to a common rotation, that changes the fewest axes."""
+    rotated = [(r @ gyro, r @ accel) for r in _signed_permutations() if np.linalg.det(r) > 0.0]
+    return min(rotated, key=lambda reading: _change_counts(*reading))
 
 
 def _change_counts(gyro: FloatArray, accel: FloatArray) -> tuple[int, int]:

@@ -47,11 +47,11 @@ def mean_velocities(gnss: Gnss) -> MeanVelocities:
     whole = holes[first] == holes[last]
     first, last = first[whole], last[whole]
     pieces = 0.5 * (gnss.vel_n[1:] + gnss.vel_n[:-1]) * dt[:, None]
-    way = np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)])
+    path = np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)])
     span = (gnss.t[last] - gnss.t[first])[:, None]
     moved = (gnss.llh[last] - gnss.llh[first]) * metres_per_radian(gnss.llh[first])
     return MeanVelocities(
-        gnss.t[first], np.asarray(moved / span), np.asarray((way[last] - way[first]) / span)
+        gnss.t[first], np.asarray(moved / span), np.asarray((path[last] - path[first]) / span)
     )
 
 

@@ -149,7 +149,7 @@ def prepare(
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"aligned at {a.t:.1f} s after {a.still:.0f} s of standing: heading to {np.degrees(a.heading_sd):.1f}°, "
+            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: heading to {np.degrees(a.heading_sd):.1f}°, "
             f"fixes {a.delay:+.3f} s late"
         )
     if not stretches:
@@ -168,7 +168,9 @@ def navigate(
         x, p = initial_estimates(settings, stretch, answers[-1] if answers else None)
         fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
 
-        def flown(fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p) -> Solution:
+        def filtered(
+            fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p
+        ) -> Solution:
             return engine.run(
                 settings,
                 initial_state(settings, stretch, x),
@@ -180,8 +182,8 @@ def navigate(
             )
 
         if lag:
-            fixes = advanced(fixes, stretch.steps, flown(interpolated(fixes, lag)), lag)
-        answers.append(flown(fixes))
+            fixes = advanced(fixes, stretch.steps, filtered(interpolated(fixes, lag)), lag)
+        answers.append(filtered(fixes))
     return tuple(answers)
 
 
@@ -327,11 +329,11 @@ def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
 
 def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
-    told = reported_sds(gnss, settings)
+    reported = reported_sds(gnss, settings)
     if settings.fix_sd_models is None:
-        return told if settings.position_sd is None else np.maximum(told, _configured(settings))
+        return reported if settings.position_sd is None else np.maximum(reported, _configured(settings))
     position, velocity = settings.fix_sd_models
-    return np.hstack([position.sds(told[:, :3]), velocity.sds(told[:, 3:])])
+    return np.hstack([position.sds(reported[:, :3]), velocity.sds(reported[:, 3:])])
 
 
 def reported_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:

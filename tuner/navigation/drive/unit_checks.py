@@ -206,14 +206,14 @@ def gyro_factor(drive: Drive, gnss: Gnss) -> UnitFactor | None:
 
 
 def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
-    """Refuse velocities, heights or gyros in another unit than the positions speak of; return doubts.
+    """Refuse velocities, heights or gyros in another unit than the positions imply; return warnings.
 
     Raises
     ------
     DataError
         With the unit, the factor and its interval.
     """
-    doubts = []
+    warnings = []
     for series, found in _factors(drive, gnss):
         if not found.other:
             continue
@@ -223,15 +223,15 @@ def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
                 "velocities; write them in degrees"
             )
             raise DataError(msg)
-        named, said = series.named(found), f"{series.name} are {found} {series.by}: check their unit"
+        named, message = series.named(found), f"{series.name} are {found} {series.by}: check their unit"
         if named:
             msg = f"{drive.source}: {named}"
             raise DataError(msg)
         if not 1.0 / MAX_FACTOR < found.value < MAX_FACTOR:
-            msg = f"{drive.source}: {said}, expected {series.unit}"
+            msg = f"{drive.source}: {message}, expected {series.unit}"
             raise DataError(msg)
-        doubts.append(said)
-    return tuple(doubts)
+        warnings.append(message)
+    return tuple(warnings)
 
 
 def suspected_unit(drive: Drive, gnss: Gnss) -> str | None:
@@ -253,12 +253,12 @@ def suspected_unit(drive: Drive, gnss: Gnss) -> str | None:
 
 def _factors(drive: Drive, gnss: Gnss) -> list[tuple[CheckedUnit, UnitFactor]]:
     """Return the factors that the drive tells."""
-    told, dt = mean_velocities(gnss), float(np.median(np.diff(drive.imu_t)))
+    means, dt = mean_velocities(gnss), float(np.median(np.diff(drive.imu_t)))
     gains = {f"rad in {dt:.4g} s": dt, f"deg in {dt:.4g} s": dt / DEG}
     found = [(replace(GYROS, others={**GYROS.others, **gains}), gyro_factor(drive, gnss))]
     # Errors of a receiver that stands may well go together.
-    if len(told) and np.sqrt(np.mean(told.by_velocity[:, :2] ** 2)) > STATIONARY_SPEED:
-        found = [(VELOCITIES, velocity_factor(told)), (HEIGHTS, height_factor(told)), *found]
+    if len(means) and np.sqrt(np.mean(means.by_velocity[:, :2] ** 2)) > STATIONARY_SPEED:
+        found = [(VELOCITIES, velocity_factor(means)), (HEIGHTS, height_factor(means)), *found]
     return [(series, one) for series, one in found if one is not None]
 
 
