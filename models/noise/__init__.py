@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,9 +25,11 @@ from models.noise.bias_instability import BiasInstability, flicker_ladder
 from models.noise.gauss_markov import GaussMarkov, LowPassWhite
 from models.noise.power_law import Quantization, Ramp, RandomWalk, White, quantize_increments
 from models.noise.sinusoid import Sinusoid
+from models.registry import Registry
 from models.statespace import StateSpace, block_sum
 
 __all__ = [
+    "POWER_LAW",
     "TERMS",
     "Arma",
     "BiasInstability",
@@ -43,24 +45,41 @@ __all__ = [
     "quantize_increments",
 ]
 
-TERMS: dict[str, type[Term]] = {
-    term.name: term
-    for term in (
-        Quantization,
-        White,
-        BiasInstability,
-        RandomWalk,
-        Ramp,
-        GaussMarkov,
-        Sinusoid,
-        LowPassWhite,
-        Arma,
-    )
-}
-"""The class of each term, by name."""
+POWER_LAW = (Quantization, White, BiasInstability, RandomWalk, Ramp)
+"""The five terms of IEEE Std 952 whose Allan variance is one power of τ, in the order of their slopes."""
 
-_SINGLE = ("quantization", "white", "bias_instability", "random_walk", "ramp")
-"""Terms written as one mapping; the others as a list of mappings."""
+
+def _complete(kind: Any) -> None:
+    """Raise unless a class states all that `Term` needs."""
+    if not (isinstance(kind, type) and issubclass(kind, Term)):
+        msg = f"expected a subclass of models.noise.Term, got {kind!r}"
+        raise TypeError(msg)
+    if not kind.PARAMETERS:
+        msg = "PARAMETERS must name at least the amplitude"
+        raise ValueError(msg)
+    if len(kind.UNITS) != len(kind.PARAMETERS) and kind.units is Term.units:
+        msg = f"UNITS must hold one entry for each of PARAMETERS {', '.join(kind.PARAMETERS)}"
+        raise ValueError(msg)
+    if strange := [name for name in kind.PARAMETERS if name not in {field.name for field in fields(kind)}]:
+        msg = f"PARAMETERS must name fields of the dataclass, '{strange[0]}' is none"
+        raise ValueError(msg)
+    if kind.state_space is Term.state_space:
+        lacking = [name for name in _BY_ITSELF if getattr(kind, name) is getattr(Term, name)]
+        if lacking:
+            msg = f"it must give state_space, or {', '.join(lacking)}"
+            raise ValueError(msg)
+
+
+_BY_ITSELF = ("psd", "allan_variance", "hadamard_variance", "autocovariance", "sample")
+"""What a term without a state space gives itself."""
+
+TERMS: Registry[type[Term]] = Registry(
+    "noise term", "tuner.noise_terms", name_of=lambda kind: kind.name, check=_complete
+)
+"""Classes of the noise terms by name, in the order in which results list them; open to other packages."""
+TERMS.extend(
+    (Quantization, White, BiasInstability, GaussMarkov, RandomWalk, Ramp, LowPassWhite, Sinusoid, Arma)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,11 +213,15 @@ class NoiseModel:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain data, ready for JSON or YAML: each term's fields by its name."""
+        """Return plain data, ready for JSON or YAML: each term's fields by its name.
+
+        One mapping for a term of `POWER_LAW`, else a list of mappings.
+        """
         model: dict[str, Any] = {}
         for term in self.terms:
             model.setdefault(term.name, []).append(term.as_dict())
-        return {k: v[0] if k in _SINGLE and len(v) == 1 else v for k, v in model.items()}
+        once = {kind.name for kind in POWER_LAW}
+        return {k: v[0] if k in once and len(v) == 1 else v for k, v in model.items()}
 
     @classmethod
     def from_dict(cls, model: Mapping[str, Any]) -> NoiseModel:
@@ -211,12 +234,10 @@ class NoiseModel:
         """
         terms: list[Term] = []
         for name, items in model.items():
-            if name not in TERMS:
-                msg = f"unknown noise term '{name}'; known are {', '.join(TERMS)}"
-                raise ValueError(msg)
-            for fields in [items] if isinstance(items, Mapping) else items:
+            kind = TERMS[name]
+            for values in [items] if isinstance(items, Mapping) else items:
                 try:
-                    terms.append(TERMS[name](**fields))
+                    terms.append(kind(**values))
                 except TypeError as error:
                     msg = f"noise term '{name}': {error}"
                     raise ValueError(msg) from error

@@ -55,6 +55,7 @@ class Arma(Term):
     name: ClassVar[str] = "arma"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("variance",)
     UNITS: ClassVar[tuple[float | str, ...]] = ()
+    fitted: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,13 +13,14 @@ where the rate is not stationary::
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from models.noise import from_state_space
 from models.units import time_derivative
 
 if TYPE_CHECKING:
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from models.statespace import StateSpace
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_LOG_STEP = 1e-3
+"""Step of the logarithm of a parameter: truncation (1e-12) and rounding (1e-13) are then about equal."""
 
 
 def as_array(values: ArrayLike) -> FloatArray:
@@ -42,45 +47,172 @@ def require_positive(name: str, value: float) -> None:
 
 
 @dataclass(frozen=True)
-class Term(ABC):
-    """A noise process with a name and positive parameters; the first parameter scales its amplitude."""
+class Term:
+    """A noise process with a name and positive parameters; the first parameter scales its amplitude.
+
+    A new term is a frozen dataclass with `name`, `PARAMETERS`, `UNITS` and `state_space`; see
+    docs/extending/noise-term.md. Everything else is computed from the state space, and may be overridden by a closed
+    form. A term without a state space (white noise, flicker) gives every function itself.
+    """
 
     name: ClassVar[str]
     PARAMETERS: ClassVar[tuple[str, ...]]
+    """Names of the positive parameters, the amplitude first; in the order of the first fields."""
     UNITS: ClassVar[tuple[float | str, ...]]
     """Unit of each parameter: a unit, or the power p of 1/s by which it differs from the unit of the rate."""
+    SYMBOLS: ClassVar[tuple[str, ...]] = ()
+    """Symbol of each parameter in tables and figures; its name where there is none."""
+    title: ClassVar[str] = ""
+    """What tables call the term; nothing where `name` says it."""
+    deterministic: ClassVar[bool] = False
+    """Whether it has no spectral density: a ramp, a line."""
+    fitted: ClassVar[bool] = True
+    """Whether it can be fitted to a record by its name."""
+    is_bias: ClassVar[bool] = True
+    """Whether a filter follows it as an error of the bias; not so for what is white to it or stays in the integral."""
 
     def __post_init__(self) -> None:
         for parameter in self.PARAMETERS:
             require_positive(parameter, getattr(self, parameter))
 
-    @abstractmethod
+    def state_space(self) -> StateSpace | None:
+        """Return the states that make the process; None where it is white, or a difference of such.
+
+        Raises
+        ------
+        ValueError
+            Where the process has no finite state space.
+        """
+        msg = f"noise term '{self.name}' gives no state space"
+        raise ValueError(msg)
+
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the two-sided spectral density at frequencies f, Hz; shape of f, unit²/Hz."""
+        return from_state_space.power_spectrum(self._system("spectrum"), as_array(f), interval)
 
-    @abstractmethod
     def psd_gradient(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
-        """Return the derivatives of `psd` by the logarithms of PARAMETERS, shape (p, *shape of f)."""
+        """Return the derivatives of `psd` by the logarithms of PARAMETERS, shape (p, *shape of f).
 
-    @abstractmethod
+        Computed by central differences of fourth order, right to about 1e-10 of the spectrum.
+        """
+        rows = [2.0 * self.psd(f, interval=interval)]
+        for parameter in self.PARAMETERS[1:]:
+            one, two = (
+                self._moved(parameter, h).psd(f, interval=interval)
+                - self._moved(parameter, -h).psd(f, interval=interval)
+                for h in (_LOG_STEP, 2.0 * _LOG_STEP)
+            )
+            rows.append((8.0 * one - two) / (12.0 * _LOG_STEP))
+        return np.stack(rows)
+
     def allan_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the Allan variance at cluster times τ, s; shape of τ, unit²."""
+        return from_state_space.difference_variance(
+            self._system("Allan variance"), as_array(tau), interval, 2
+        )
 
-    @abstractmethod
     def hadamard_variance(self, tau: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return the Hadamard variance at cluster times τ, s; shape of τ, unit²."""
+        return from_state_space.difference_variance(
+            self._system("Hadamard variance"), as_array(tau), interval, 3
+        )
 
-    @abstractmethod
-    def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:
+    def autocovariance(self, lag: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return the autocovariance at lags, s; shape of lag, unit²; ValueError where it does not exist."""
+        system = self._system("autocovariance")
+        if not from_state_space.is_stationary(system):
+            msg = f"noise term '{self.name}' has no autocovariance: it is not stationary"
+            raise ValueError(msg)
+        return from_state_space.autocovariance(system, as_array(lag))
 
-    @abstractmethod
-    def state_space(self) -> StateSpace | None:
-        """Return the states that make the process; None where it is white, or a difference of such."""
-
-    @abstractmethod
     def sample(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return n consecutive samples, shape (n,)."""
+        return from_state_space.sample(self._system("samples"), n, interval, rng)
+
+    @classmethod
+    def trial_shapes(cls, times: FloatArray) -> tuple[tuple[float, ...], ...]:
+        """Return trial values of the parameters after the amplitude, where a fit begins to search.
+
+        Every combination: the given times for a parameter in s, 0.5 ÷ time for one in Hz.
+
+        Parameters
+        ----------
+        times : ndarray
+            Times that the record covers, s, rising.
+
+        Raises
+        ------
+        ValueError
+            Where a parameter is neither a time nor a frequency: the term gives its own trial values then.
+        """
+        trials: list[list[float]] = []
+        for parameter, unit in zip(cls.PARAMETERS[1:], cls.UNITS[1:], strict=True):
+            if unit not in ("s", "Hz"):
+                msg = f"noise term '{cls.name}' cannot be fitted: it gives no trial_shapes for '{parameter}'"
+                raise ValueError(msg)
+            trials.append(times.tolist() if unit == "s" else (0.5 / times[::-1]).tolist())
+        return tuple(product(*trials))
+
+    def fastest_time(self) -> float:
+        """Return the time within which the process changes least, s: the inverse of its fastest pole.
+
+        0 for a process without states, infinite for one that has only integrators.
+        """
+        try:
+            system = self.state_space()
+        except ValueError:
+            return 0.0
+        if system is None:
+            return 0.0
+        rate = float(np.max(np.abs(np.linalg.eigvals(system.F))))
+        return 1.0 / rate if rate > 0.0 else np.inf
+
+    def exponentials(self) -> tuple[ComplexArray, ComplexArray] | None:
+        """Return c and p of the autocovariance Σ c exp(−p |t|); None where the term has no such form."""
+        try:
+            system = self.state_space()
+        except ValueError:
+            return None
+        if system is None or not from_state_space.is_stationary(system):
+            return None
+        return from_state_space.exponentials(system)
+
+    def phase_covariance(self, t: ArrayLike, scale: float) -> FloatArray:
+        """Return the generalised covariance of the integral of the process at lags t ≥ 0, s; shape of t, unit² s².
+
+        −½ of the variance of the integral over t where the process is stationary; a parabola may be added, as second
+        differences do not see it. A process without exponentials counts as white noise that has its Allan variance
+        at τ = scale.
+
+        Parameters
+        ----------
+        t : array_like
+            Lags, s.
+        scale : float
+            Cluster time, s, of the differences that are wanted.
+        """
+        lag = as_array(t)
+        found = self.exponentials()
+        if found is None:
+            return -0.5 * float(self.allan_variance(scale)) * scale * lag
+        total = np.zeros(np.shape(lag))
+        for c, p in zip(*found, strict=True):
+            total -= np.real(c / p**2 * (p * lag + np.expm1(-p * lag)))
+        return total
+
+    def phase_white_variance(self) -> float:
+        """Return the variance of the white error of the integral, unit² s²; 0 but for quantization."""
+        return 0.0
+
+    def _system(self, wanted: str) -> StateSpace:
+        system = self.state_space()
+        if system is None:
+            msg = f"noise term '{self.name}' has no state space: it must give its own {wanted}"
+            raise ValueError(msg)
+        return system
+
+    def _moved(self, parameter: str, log_step: float) -> Self:
+        return replace(self, **{parameter: getattr(self, parameter) * float(np.exp(log_step))})
 
     def scaled(self, factor: float) -> Self:
         """Return the term of a process multiplied by a factor."""

@@ -43,6 +43,8 @@ class BiasInstability(Term):
     name: ClassVar[str] = "bias_instability"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("level",)
     UNITS: ClassVar[tuple[float | str, ...]] = (0.0,)
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("B",)
+    title: ClassVar[str] = "bias instability"
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return B²/(2πf), or B² dt/(2 sin(πf dt)) of samples; infinite at f = 0."""
@@ -101,6 +103,16 @@ class BiasInstability(Term):
         np.cumsum(steps, out=samples[1:])
         samples *= self.level * np.sqrt(2.0 / np.pi)
         return samples
+
+    def fastest_time(self) -> float:
+        """Return infinity: what flicker holds of high frequencies lies far below white noise."""
+        return np.inf
+
+    def phase_covariance(self, t: ArrayLike, scale: float) -> FloatArray:
+        """Return B² t² ln(t/scale) / (2π)."""
+        lag = as_array(t)
+        log = np.log(np.maximum(lag / scale, np.finfo(float).tiny))
+        return as_array(self.level**2 / (2.0 * np.pi) * lag**2 * log)
 
 
 @lru_cache(maxsize=1)  # axes and runs of a study are equally long

@@ -38,6 +38,8 @@ class GaussMarkov(Term):
     name: ClassVar[str] = "gauss_markov"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("sd", "time_constant")
     UNITS: ClassVar[tuple[float | str, ...]] = (0.0, "s")
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("σ GM", "T GM")
+    title: ClassVar[str] = "Gauss–Markov"
 
     @property
     def driving_density(self) -> float:
@@ -82,6 +84,11 @@ class GaussMarkov(Term):
         drive *= self.sd * np.sqrt(-np.expm1(-2.0 * a))
         return np.asarray(lfilter([1.0], [1.0, -np.exp(-a)], drive))
 
+    def phase_covariance(self, t: ArrayLike, scale: float) -> FloatArray:  # noqa: ARG002
+        """Return −σ² T² (t/T − 1 + e^{−t/T})."""
+        scaled = as_array(t) / self.time_constant
+        return as_array(-((self.sd * self.time_constant) ** 2) * (scaled + np.expm1(-scaled)))
+
 
 @dataclass(frozen=True)
 class LowPassWhite(Term):
@@ -94,6 +101,7 @@ class LowPassWhite(Term):
     name: ClassVar[str] = "low_pass_white"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("density", "cutoff")
     UNITS: ClassVar[tuple[float | str, ...]] = (-0.5, "Hz")
+    is_bias: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -39,6 +39,9 @@ class Quantization(Term):
     name: ClassVar[str] = "quantization"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("increment_sd",)
     UNITS: ClassVar[tuple[float | str, ...]] = (-1.0,)
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("Q",)
+    title: ClassVar[str] = "quantization"
+    is_bias: ClassVar[bool] = False
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return 4 Q²/dt sin²(πf dt); the process exists only with its sampling interval."""
@@ -70,6 +73,10 @@ class Quantization(Term):
         """Return differences of white increment errors, as a fine quantiser leaves them."""
         return np.diff(rng.standard_normal(n + 1)) * (self.increment_sd / interval)
 
+    def phase_white_variance(self) -> float:
+        """Return Q²."""
+        return self.increment_sd**2
+
 
 @dataclass(frozen=True)
 class White(Term):
@@ -80,6 +87,9 @@ class White(Term):
     name: ClassVar[str] = "white"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("density",)
     UNITS: ClassVar[tuple[float | str, ...]] = (-0.5,)
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("N",)
+    title: ClassVar[str] = "white (random walk of the integral)"
+    is_bias: ClassVar[bool] = False
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return N² at every frequency, the same for samples."""
@@ -120,6 +130,8 @@ class RandomWalk(Term):
     name: ClassVar[str] = "random_walk"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("density",)
     UNITS: ClassVar[tuple[float | str, ...]] = (0.5,)
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("K",)
+    title: ClassVar[str] = "rate random walk"
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:
         """Return K²/(2πf)², or K² dt²/(4 sin²(πf dt)) of samples; infinite at f = 0."""
@@ -160,6 +172,10 @@ class RandomWalk(Term):
         walk *= self.density * np.sqrt(interval)
         return walk
 
+    def phase_covariance(self, t: ArrayLike, scale: float) -> FloatArray:  # noqa: ARG002
+        """Return K² t³/12."""
+        return as_array(self.density**2 * as_array(t) ** 3 / 12.0)
+
 
 @dataclass(frozen=True)
 class Ramp(Term):
@@ -170,6 +186,9 @@ class Ramp(Term):
     name: ClassVar[str] = "ramp"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("rate",)
     UNITS: ClassVar[tuple[float | str, ...]] = (1.0,)
+    SYMBOLS: ClassVar[tuple[str, ...]] = ("R",)
+    title: ClassVar[str] = "ramp"
+    deterministic: ClassVar[bool] = True
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return 0: R²/(2πf)³, often printed, gives no finite Allan variance."""

@@ -35,6 +35,8 @@ class Sinusoid(Term):
     name: ClassVar[str] = "sinusoid"
     PARAMETERS: ClassVar[tuple[str, ...]] = ("amplitude", "frequency")
     UNITS: ClassVar[tuple[float | str, ...]] = (0.0, "Hz")
+    deterministic: ClassVar[bool] = True
+    fitted: ClassVar[bool] = False
 
     def psd(self, f: ArrayLike, *, interval: float | None = None) -> FloatArray:  # noqa: ARG002
         """Return 0: the power sits in the line, not in a density."""
@@ -73,6 +75,10 @@ class Sinusoid(Term):
         phase = rng.uniform(0.0, 2.0 * np.pi) if self.phase is None else self.phase
         angle = 2.0 * np.pi * self.frequency * interval * np.arange(n) + phase
         return as_array(self.amplitude * np.cos(angle))
+
+    def fastest_time(self) -> float:
+        """Return 0: a line is no slow error, whatever its period."""
+        return 0.0
 
     def _sine_square(self, tau: ArrayLike) -> FloatArray:
         return as_array(np.sin(np.pi * self.frequency * as_array(tau)) ** 2)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.noise import GaussMarkov
+from models.noise import POWER_LAW, GaussMarkov
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from tuner.catalogue.datasheet_format import parse_sheet
@@ -35,13 +35,8 @@ GNSS_FORMAT = "tuner-gnss/1"
 DEFAULT_RECEIVER = "spp"
 """Built-in receiver where nobody names one: single-point positioning, the least that any receiver does."""
 
-_BASE_PARAMETER = {
-    "quantization": "increment_sd",
-    "white": "density",
-    "bias_instability": "level",
-    "random_walk": "density",
-    "ramp": "rate",
-}
+POWER_LAW_PARAMETER = {kind.name: kind.PARAMETERS[0] for kind in POWER_LAW}
+"""Parameter of each term that a triad gives one number of."""
 
 
 @refuse_unknown_keys
@@ -151,7 +146,7 @@ def _path(folder: str, name: str) -> Path:
 def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
     """Yield the terms of a triad, in the order of its noise model."""
     terms = iter(triad.noise_model().terms)
-    for name, field in _BASE_PARAMETER.items():
+    for name, field in POWER_LAW_PARAMETER.items():
         number: Sourced[float] | None = getattr(triad, name)
         if number is not None:
             (unit,) = next(terms).units(triad.unit)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.noise import BiasInstability, GaussMarkov, NoiseModel
+from models.noise import BiasInstability, NoiseModel
 from models.noise.bias_instability import flicker_ladder
 from tuner.consistency.scores import SETTLING_TIME, STRAYED_RATIO, run_ratios, some_strayed
 from tuner.navigation.settings import FilterSettings
@@ -101,13 +101,18 @@ def _true_and_configured(
 
 
 def _bias_noise(noise: NoiseModel) -> float:
-    """Return the sd of the state that represents a decade of flicker, or of the strongest Gauss–Markov error."""
+    """Return the sd of the state that represents a decade of flicker, or of the strongest stationary error."""
     ladder = [
         flicker_ladder(term.level, 1.0, 1.0)[0].sd
         for term in noise.terms
         if isinstance(term, BiasInstability)
     ]
-    return max([*ladder, *(term.sd for term in noise.terms if isinstance(term, GaussMarkov))], default=0.0)
+    wandering = [
+        term
+        for term in noise.terms
+        if term.is_bias and not term.deterministic and term.exponentials() is not None
+    ]
+    return max([*ladder, *(float(np.sqrt(term.autocovariance(0.0))) for term in wandering)], default=0.0)
 
 
 def _rms(values: ArrayLike) -> float:

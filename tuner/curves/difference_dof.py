@@ -16,8 +16,8 @@ random walk                   K² |t|³/12
 Gauss–Markov                  -σ² T² (|t|/T - 1 + e^{-|t|/T})
 ============================  =====================================
 
-A sum of terms sums c. Where there are many lags s is a smooth function of l/m, and the sum runs over 32
-points a cluster.
+and of any other term `models.noise.base.Term.phase_covariance`. A sum of terms sums c. Where there are many lags s
+is a smooth function of l/m, and the sum runs over 32 points a cluster.
 
 References
 ----------
@@ -30,16 +30,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import (
-    BiasInstability,
-    GaussMarkov,
-    NoiseModel,
-    Quantization,
-    Ramp,
-    RandomWalk,
-    Sinusoid,
-    White,
-)
+from models.noise import NoiseModel, White
 
 FloatArray = NDArray[np.float64]
 
@@ -58,8 +49,7 @@ _WEIGHTS = {2: (6.0, -4.0, 1.0), 3: (20.0, -15.0, 6.0, -1.0)}
 class Difference:
     """Autocovariance of a difference of the phase of a noise model, against the lag in clusters.
 
-    Ramps and sinusoids do not scatter and are left out; terms without a c of their own count as white noise
-    of the same Allan variance at τ; a model without noise counts as white.
+    Ramps and sinusoids do not scatter and are left out; a model without noise counts as white.
 
     Parameters
     ----------
@@ -74,8 +64,9 @@ class Difference:
     def __init__(self, model: NoiseModel, order: int, tau: float) -> None:
         self.weights = np.array(_WEIGHTS[order])
         self.tau = tau
-        self.terms = [t for t in model.terms if not isinstance(t, (Ramp, Sinusoid, Quantization))]
-        self.jitter = sum(t.increment_sd**2 for t in model.terms if isinstance(t, Quantization))
+        random = [t for t in model.terms if not t.deterministic]
+        self.terms = [t for t in random if not t.phase_white_variance()]
+        self.jitter = sum(t.phase_white_variance() for t in random)
         if not self.terms and not self.jitter:
             self.terms = [White(1.0)]
 
@@ -98,17 +89,7 @@ class Difference:
         t = np.abs(lag) * self.tau
         total = np.zeros_like(t)
         for term in self.terms:
-            match term:
-                case BiasInstability():
-                    log = np.log(np.maximum(np.abs(lag), np.finfo(float).tiny))
-                    total += term.level**2 / (2.0 * np.pi) * t**2 * log
-                case RandomWalk():
-                    total += term.density**2 * t**3 / 12.0
-                case GaussMarkov():
-                    scaled = t / term.time_constant
-                    total -= (term.sd * term.time_constant) ** 2 * (scaled + np.expm1(-scaled))
-                case _:
-                    total -= 0.5 * float(term.allan_variance(self.tau)) * self.tau * t
+            total += term.phase_covariance(t, self.tau)
         return total
 
 

@@ -25,12 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from models.noise import (
     BiasInstability,
-    GaussMarkov,
     NoiseModel,
     Quantization,
-    Ramp,
     RandomWalk,
-    Sinusoid,
     White,
 )
 from tuner.curves import difference_dof as differences
@@ -101,14 +98,16 @@ def _named(name: str) -> NoiseModel:
 def dominant(model: NoiseModel, tau: float) -> str:
     """Return the noise type, of those in `PURE_NOISES`, that carries most of the Allan variance of a model at τ, s.
 
-    Gauss–Markov noise counts as bias instability, ramps and sinusoids do not count, all else counts as white.
+    Stationary noise of a bias, such as Gauss–Markov, counts as bias instability, ramps and sinusoids do not count, all
+    else counts as white.
     """
     share = dict.fromkeys(PURE_NOISES, 0.0)
     for term in model.terms:
-        if isinstance(term, GaussMarkov):
-            share["bias_instability"] += float(term.allan_variance(tau))
-        elif not isinstance(term, (Ramp, Sinusoid)):
-            share[term.name if term.name in PURE_NOISES else "white"] += float(term.allan_variance(tau))
+        if term.deterministic:
+            continue
+        wanders = term.is_bias and term.exponentials() is not None
+        name = term.name if term.name in PURE_NOISES else "bias_instability" if wanders else "white"
+        share[name] += float(term.allan_variance(tau))
     return max(share, key=lambda name: (share[name], name == "white"))
 
 

@@ -7,38 +7,15 @@ from __future__ import annotations
 
 import math
 
+from models.noise import TERMS
 from models.units import from_si
 from tuner.types import Coefficient
 
-_GYRO = {
-    "quantization.increment_sd": "arcsec",
-    "white.density": "deg/sqrt(h)",
-    "bias_instability.level": "deg/h",
-    "random_walk.density": "deg/h/sqrt(h)",
-    "ramp.rate": "deg/h^2",
-    "gauss_markov.sd": "deg/h",
-    "sinusoid.amplitude": "deg/h",
-    "low_pass_white.density": "deg/sqrt(h)",
-    "level": "deg/h",
+_CUSTOMARY = {
+    "rad/s": {-1.0: "arcsec", -0.5: "deg/sqrt(h)", 0.0: "deg/h", 0.5: "deg/h/sqrt(h)", 1.0: "deg/h^2"},
+    "m/s^2": {-1.0: "mm/s", -0.5: "ug/sqrt(Hz)", 0.0: "ug", 0.5: "ug/sqrt(h)", 1.0: "ug/h"},
 }
-_ACCEL = {
-    "quantization.increment_sd": "mm/s",
-    "white.density": "ug/sqrt(Hz)",
-    "bias_instability.level": "ug",
-    "random_walk.density": "ug/sqrt(h)",
-    "ramp.rate": "ug/h",
-    "gauss_markov.sd": "ug",
-    "sinusoid.amplitude": "ug",
-    "low_pass_white.density": "ug/sqrt(Hz)",
-    "level": "ug",
-}
-_EITHER = {
-    "gauss_markov.time_constant": "s",
-    "sinusoid.frequency": "Hz",
-    "sinusoid.phase": "rad",
-    "low_pass_white.cutoff": "Hz",
-    "low_pass_white.order": "",
-}
+"""Customary unit of a number that differs from the rate by a power of 1/s, by unit of the rate and that power."""
 _PRETTY = {
     "deg/sqrt(h)": "deg/√h",
     "deg/h/sqrt(h)": "deg/h/√h",
@@ -48,29 +25,33 @@ _PRETTY = {
     "ug/h": "µg/h",
     "ug": "µg",
 }
-SYMBOLS = {
-    "quantization.increment_sd": "Q",
-    "white.density": "N",
-    "bias_instability.level": "B",
-    "random_walk.density": "K",
-    "ramp.rate": "R",
-    "gauss_markov.sd": "σ GM",
-    "gauss_markov.time_constant": "T GM",
-}
-TITLES = {
-    "quantization": "quantization",
-    "white": "white (random walk of the integral)",
-    "bias_instability": "bias instability",
-    "random_walk": "rate random walk",
-    "ramp": "ramp",
-    "gauss_markov": "Gauss–Markov",
-}
+
+
+def symbol(quantity: str) -> str:
+    """Return the symbol of ``white.density``, and so on: ``N``; its words where it has none."""
+    name, _, parameter = quantity.partition(".")
+    kind = TERMS.get(name)
+    if kind is not None and parameter in kind.PARAMETERS[: len(kind.SYMBOLS)]:
+        return kind.SYMBOLS[kind.PARAMETERS.index(parameter)]
+    return quantity.replace(".", " ")
+
+
+def term_title(term: str) -> str:
+    """Return what tables call a noise term; nothing where its name says it."""
+    kind = TERMS.get(term)
+    return "" if kind is None else kind.title
 
 
 def customary_unit(quantity: str, unit: str) -> str:
     """Return the customary unit of ``white.density``, ``level``, … of a sensor with SI unit `unit`."""
-    table = _GYRO if unit == "rad/s" else _ACCEL
-    return table.get(quantity) or _EITHER.get(quantity, "")
+    customary = _CUSTOMARY["rad/s" if unit == "rad/s" else "m/s^2"]
+    if quantity == "level":
+        return customary[0.0]
+    name, _, parameter = quantity.partition(".")
+    kind = TERMS.get(name)
+    units = {} if kind is None else dict(zip(kind.PARAMETERS, kind.UNITS, strict=False))
+    of_parameter = units.get(parameter, "")
+    return of_parameter if isinstance(of_parameter, str) else customary.get(of_parameter, "")
 
 
 def pretty(unit: str) -> str:

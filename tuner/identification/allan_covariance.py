@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import xlogy
 
-from models.noise import GaussMarkov, LowPassWhite, Term
+from models.noise import BiasInstability, GaussMarkov, Quantization, Ramp, RandomWalk, Term
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -53,8 +53,9 @@ def allan_covariance(
     Parameters
     ----------
     terms : sequence of Term
-        Sum of noise terms. A ramp is taken as deterministic. A term without a closed generalised covariance
-        (sinusoid, ARMA) counts as white noise with its own Allan variance.
+        Sum of noise terms. A ramp is taken as deterministic. A stationary term without a kernel of its own is
+        correlated like the Gauss–Markov process of its correlation time, any other (sinusoid, ARMA) like white noise;
+        the variances are those of the term.
     m : ndarray of int, shape (k,)
         Cluster sizes, samples.
     lengths : sequence of int
@@ -100,9 +101,9 @@ def _pair(
     ramp = 0.0
     for term, amplitude in parts:
         size = float(amplitude[i] * amplitude[j])
-        if term.name == "ramp":
+        if isinstance(term, Ramp):
             ramp += size
-        elif term.name == "quantization":
+        elif isinstance(term, Quantization):
             np.add.at(spike, np.searchsorted(lags, knots), size * _WEIGHTS / 6.0)
         else:
             kernel = _kernel(term, interval)
@@ -145,16 +146,21 @@ Kernel = Callable[[FloatArray, int, int], FloatArray]
 
 
 def _kernel(term: Term, interval: float) -> Kernel:
-    """Return the cross-covariance kernel (lag, m1, m2) of a term up to its scale."""
-    if term.name == "bias_instability":
+    """Return the cross-covariance kernel (lag, m1, m2) of a term up to its scale.
+
+    A stationary term without a kernel of its own has that of the Gauss–Markov process with its correlation time
+    S(0)/(2σ²), any other that of white noise: the variances are exact, their correlations are not.
+    """
+    if isinstance(term, BiasInstability):
         return _flicker
-    if term.name == "random_walk":
+    if isinstance(term, RandomWalk):
         return _random_walk
     if isinstance(term, GaussMarkov):
         return partial(_gauss_markov, samples=term.time_constant / interval)
-    if isinstance(term, LowPassWhite):
-        return partial(_gauss_markov, samples=0.5 / (np.pi * term.cutoff * interval))
-    return _white
+    if term.exponentials() is None:
+        return _white
+    correlation_time = float(term.psd(0.0) / (2.0 * term.autocovariance(0.0)))
+    return partial(_gauss_markov, samples=correlation_time / interval)
 
 
 def _differences(lag: FloatArray, m1: int, m2: int, shape: Callable[[FloatArray], FloatArray]) -> FloatArray:

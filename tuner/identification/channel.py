@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import NoiseModel, Quantization
+from models.noise import TERMS, NoiseModel, Quantization
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
 from tuner.identification.allan_leastsquares import fit as fit_curve
@@ -35,17 +35,6 @@ FloatArray = NDArray[np.float64]
 
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
-_ORDER = (
-    "quantization",
-    "white",
-    "bias_instability",
-    "gauss_markov",
-    "random_walk",
-    "ramp",
-    "low_pass_white",
-    "sinusoid",
-    "arma",
-)
 _SHORTEST = 16
 """Fewest samples of a gap-free segment."""
 
@@ -105,6 +94,7 @@ def identify_channel(
     series = None
     if arma is not None and len(longest) >= FEWEST:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
+    order = list(TERMS)
     compared = method in ("likelihood", "leastsquares")
     doubts = disagreement(whole, band, estimates.model) if compared else ()
     return ChannelIdentification(
@@ -114,7 +104,7 @@ def identify_channel(
         span=single.span,
         method=method,
         model=estimates.model,
-        terms=tuple(sorted(every, key=lambda term: _ORDER.index(term.name))),
+        terms=tuple(sorted(every, key=lambda term: order.index(term.name))),
         parameters=estimates.parameters,
         covariance=estimates.covariance,
         mean=mean_of_noise(float(np.mean(np.concatenate(pieces))), chosen.model, single.span, single.unit),

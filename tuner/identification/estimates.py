@@ -13,17 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from models.noise import BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.noise import POWER_LAW, NoiseModel, Term
 from tuner.identification.slopes import Segment
 from tuner.types import LEVEL, Coefficient, TermEstimate
 
 FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
-BASE: dict[str, Term] = {
-    term.name: term
-    for term in (Quantization(1.0), White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0))
-}
+BASE: dict[str, Term] = {kind.name: kind(**{kind.PARAMETERS[0]: 1.0}) for kind in POWER_LAW}
 """The terms whose Allan variance is one power of τ, of unit amplitude, in the order of their slopes."""
 
 ALLOWS_NONE = {True: "asked for, but the data allow none of it", False: "the data allow none of it"}

@@ -11,26 +11,33 @@ that is S(f_k) times an edge factor (s = (-1)^k)::
     Gauss-Markov            1 - (2T_c/T) (1 - s e^{-T/T_c}) / (1 + (ωT_c)²)
     quantization            S + (4Q²/T) cos²(πfτ0)
 
-The first three hold exactly, the flicker one through its generalised autocovariance -(B²/π) ln|u|; terms
-without a rule here are taken as S(f), right to O(memory/T).
+    H e^{Ft} P0 H'          1 + [2 Re H A⁻²v - (2/ω) Im H A⁻¹v] / (S T),    A = F + iω,  v = (s e^{FT} - 1) P0 H'
+
+The first three hold exactly, the flicker one through its generalised autocovariance -(B²/π) ln|u|; the last serves
+every other stationary term, by its state space. A term that is neither is taken as S(f), right to O(memory/T).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 from scipy.special import sici
 
-from models.noise import BiasInstability, GaussMarkov, Quantization
+from models.noise import BiasInstability, GaussMarkov, Quantization, Term
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
 
+LOG_STEP = 1e-4
+"""Step of the logarithm of a parameter in central differences: relative error 1e-8."""
 
-def expected_power(term: Any, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
+
+def expected_power(term: Term, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
     """Return E a² of a term on the grid, shape (m,), and its derivatives by the logs of its parameters."""
     spectrum = term.psd(grid.frequency, interval=grid.interval)
     gradient = term.psd_gradient(grid.frequency, interval=grid.interval)
@@ -39,9 +46,38 @@ def expected_power(term: Any, grid: CosinePeriodogram) -> tuple[FloatArray, Floa
 
 
 @singledispatch
-def _edge(_term: Any, _grid: CosinePeriodogram) -> tuple[Any, Any]:
+def _edge(term: Term, grid: CosinePeriodogram) -> tuple[Any, Any]:
     """Return the edge factor and its derivatives by the logs of the parameters."""
-    return 1.0, 0.0
+    factor = _edge_of_states(term, grid)
+    if factor is None:
+        return 1.0, 0.0
+    slopes = [np.zeros_like(factor)]
+    for parameter in term.PARAMETERS[1:]:
+        above, below = (
+            _edge_of_states(replace(term, **{parameter: getattr(term, parameter) * np.exp(step)}), grid)
+            for step in (LOG_STEP, -LOG_STEP)
+        )
+        assert above is not None
+        assert below is not None
+        slopes.append((above - below) / (2.0 * LOG_STEP))
+    return factor, np.stack(slopes)
+
+
+def _edge_of_states(term: Term, grid: CosinePeriodogram) -> FloatArray | None:
+    """Return the edge factor of a stationary term from its state space; None for another."""
+    if term.exponentials() is None:
+        return None
+    system = term.state_space()
+    assert system is not None
+    omega = 2.0 * np.pi * grid.frequency
+    start = system.P0 @ system.H.T
+    spans, where = np.unique(grid.span, return_inverse=True)
+    ends = (expm(system.F * spans[:, None, None]) @ start)[where]
+    shift = system.F + 1j * omega[:, None, None] * np.eye(system.size)
+    once = np.linalg.solve(shift, grid.parity[:, None, None] * ends - start)
+    twice = np.linalg.solve(shift, once)
+    lost = (system.H @ twice)[:, 0, 0].real - (system.H @ once)[:, 0, 0].imag / omega
+    return np.asarray(1.0 + 2.0 * lost / (grid.span * term.psd(grid.frequency)))
 
 
 @_edge.register

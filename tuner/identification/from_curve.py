@@ -186,7 +186,8 @@ def _octaves(curve: AllanCurve) -> OctaveCurve:
 
 def _start(term: type[Term]) -> Term:
     """Return a term of unit parameters: amplitudes are found anew, time constants start at 100 s."""
-    return term(*(100.0 if name == "time_constant" else 1.0 for name in term.PARAMETERS))
+    values = (100.0 if unit == "s" else 1.0 for unit in term.UNITS)
+    return term(**dict(zip(term.PARAMETERS, values, strict=True)))
 
 
 def _select(octaves: OctaveCurve) -> list[_Tried]:

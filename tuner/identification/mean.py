@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from models.earth import EARTH_RATE
-from models.noise import NoiseModel
+from models.noise import NoiseModel, Ramp
 from tuner.types import LEVEL, Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -47,7 +47,7 @@ def mean_of_noise(mean: float, model: NoiseModel, span: float, unit: str) -> Coe
     unit : str
         Unit of the samples.
     """
-    random = [term for term in model.terms if term.name != "ramp"]
+    random = [term for term in model.terms if not isinstance(term, Ramp)]
     variance = sum(float(term.allan_variance(np.array([span]))[0]) for term in random)
     reach = float(norm.isf(0.5 * (1.0 - LEVEL)) * np.sqrt(variance))
     return Coefficient.known(mean, mean - reach, mean + reach, unit)

@@ -20,27 +20,21 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations_with_replacement, groupby, product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import BiasInstability, GaussMarkov, LowPassWhite, Quantization, Ramp, RandomWalk, White
+from models.noise import TERMS, Ramp, Term
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
 Trial = tuple[tuple[float, ...], FloatArray]
-
-TERMS: dict[str, type[Any]] = {
-    kind.name: kind for kind in (Quantization, White, BiasInstability, GaussMarkov, RandomWalk, LowPassWhite)
-}
-"""Random terms that can be fitted; ``ramp`` may join them."""
 
 NEGLIGIBLE = 1e-7
 """Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
@@ -58,18 +52,18 @@ class Objective:
     data : CosinePeriodogram
         What was measured.
     kinds : tuple of type
-        Classes of the random terms, in the order of `TERMS`.
+        Classes of the random terms, in the order of `models.noise.TERMS`.
     ramp : bool
         Whether a ramp is profiled out.
     lower, upper : ndarray, shape (p,)
         Bounds of the logs.
     grids : tuple of tuple of (tuple, ndarray)
-        For each term, trial values of the parameter after the amplitude (an empty tuple where there is none)
+        For each term, trial values of the parameters after the amplitude (an empty tuple where there are none)
         with the expected power of the unit amplitude.
     """
 
     data: CosinePeriodogram
-    kinds: tuple[type[Any], ...]
+    kinds: tuple[type[Term], ...]
     ramp: bool
     lower: FloatArray
     upper: FloatArray
@@ -78,19 +72,20 @@ class Objective:
     @classmethod
     def of(cls, data: CosinePeriodogram, terms: Sequence[str]) -> Objective:
         """Prepare the terms of these names; ValueError if one is unknown or none is random."""
-        names = [name for name in TERMS for given in terms if given == name]
-        if not names or not set(terms) <= {*TERMS, Ramp.name}:
-            msg = f"'terms' must hold some of {', '.join(TERMS)} (and ramp), got {', '.join(terms)}"
+        random = random_terms()
+        kinds = tuple(kind for name, kind in random.items() for given in terms if given == name)
+        if not kinds or not set(terms) <= {*random, Ramp.name}:
+            msg = f"'terms' must hold some of {', '.join(random)} (and ramp), got {', '.join(terms)}"
             raise ValueError(msg)
-        kinds = tuple(TERMS[name] for name in names)
         least, most = data.power[data.count > 1].min(initial=data.power.max()), data.power.max()
         power = np.maximum(data.power, max(1e-3 * least, 1e-15 * most))
         grids = tuple(_trials(kind, data) for kind in kinds)
         lower, upper = [], []
         for trials in grids:
             ratios = np.stack([power / shape for _, shape in trials])
-            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([s / 10.0 for s in trials[0][0]])]
-            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([s * 100.0 for s in trials[-1][0]])]
+            scales = list(zip(*(scale for scale, _ in trials), strict=True))
+            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([min(s) / 10.0 for s in scales])]
+            upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([max(s) * 100.0 for s in scales])]
         return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), grids)
 
     def is_amplitude(self, j: int) -> bool:
@@ -106,7 +101,7 @@ class Objective:
                 power, gradient = gain * trials[0][1], 2.0 * gain * trials[0][1][None]
             else:
                 scale = np.exp(theta[at + 1 : at + len(kind.PARAMETERS)])
-                power, gradient = expected_power(kind(1.0, *scale), self.data)
+                power, gradient = expected_power(_unit(kind, scale), self.data)
                 power, gradient = gain * power, gain * gradient
             total += power
             rows.append(gradient)
@@ -188,10 +183,17 @@ class Objective:
         return variances + np.finfo(float).tiny
 
 
-def _trials(kind: type[Any], data: CosinePeriodogram) -> tuple[Trial, ...]:
+def random_terms() -> dict[str, type[Term]]:
+    """Return the terms that can be fitted to a spectrum, by name; ``ramp`` may join them."""
+    return {name: kind for name, kind in TERMS.items() if kind.fitted and not kind.deterministic}
+
+
+def _trials(kind: type[Term], data: CosinePeriodogram) -> tuple[Trial, ...]:
     """Return the trial values of a term with the expected power of its unit amplitude."""
     times = np.geomspace(3.0 * data.interval, 0.5 * data.longest, _GRID_POINTS)
-    scales = [()] if len(kind.PARAMETERS) == 1 else [(t,) for t in times.tolist()]
-    if kind is LowPassWhite:
-        scales = [(0.5 / t,) for t in times[::-1].tolist()]
-    return tuple((scale, expected_power(kind(1.0, *scale), data)[0]) for scale in scales)
+    return tuple((scale, expected_power(_unit(kind, scale), data)[0]) for scale in kind.trial_shapes(times))
+
+
+def _unit(kind: type[Term], scale: Iterable[float]) -> Term:
+    """Return a term of unit amplitude with these values of its other parameters."""
+    return kind(**dict(zip(kind.PARAMETERS, (1.0, *scale), strict=True)))

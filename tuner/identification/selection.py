@@ -35,10 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from models.noise import NoiseModel, Ramp, RandomWalk, Term
+from models.noise import TERMS, NoiseModel, Ramp, RandomWalk, Term
 from tuner.identification.intervals import end
 from tuner.identification.likelihood import LikelihoodFit, describe, magnitude, slope_interval
-from tuner.identification.objective import TERMS, Objective
+from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.record_length import relative_sd
 from tuner.types import Candidate
@@ -157,7 +157,7 @@ def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
         upper, theta = end(objective, theta, j, float(ndtri(0.975)))
         if not np.isfinite(upper):
             return Bound(name, TERMS[name].PARAMETERS[0], upper, "record too short: it sets no limit")
-        term = TERMS[name](upper)
+        term = TERMS[name](**{TERMS[name].PARAMETERS[0]: upper})
         twin = _twin(objective, theta, j)
     return Bound(name, term.PARAMETERS[0], upper, _reason(term, fit.model, data, twin))
 

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tuner.formats.customary_units import SYMBOLS, customary_unit, digits, in_customary, pretty
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
 from tuner.formats.files import whole_file
 from tuner.types import ChannelIdentification, Identification
 
@@ -112,7 +112,7 @@ def _draw_model(
         )
         at = int(np.argmax(np.where((tau > 2 * tau[0]) & (tau < 0.3 * tau[-1]), variance / total, 0.0)))
         panel.annotate(
-            SYMBOLS.get(f"{term.name}.{term.PARAMETERS[0]}", term.name),
+            term.SYMBOLS[0] if term.SYMBOLS else term.name,
             (tau[at], shown(np.sqrt(variance[at : at + 1]))[0]),
             xytext=(3, 5),
             textcoords="offset points",
@@ -133,7 +133,7 @@ def _label(channel: ChannelIdentification, name: str) -> str:
         if coefficient.value is None:
             continue
         value = digits(in_customary(coefficient.value, quantity, channel.unit))
-        text = f"{SYMBOLS.get(quantity, field)} {value}"
+        text = f"{symbol(quantity)} {value}"
         if coefficient.interval is not None:
             half = 0.5 * (coefficient.interval[1] - coefficient.interval[0])
             text += f" ± {digits(in_customary(half, quantity, channel.unit), 2)}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from tuner.formats.customary_units import SYMBOLS
-
 LEVEL_NAMES = {
     "mean": "mean",
     "sigma_10s": "σ(10 s)",
@@ -11,8 +9,3 @@ LEVEL_NAMES = {
     "floor": "… ÷ 0.664",
 }
 """Heads of the rows that are no coefficient of a term, by the field of `ChannelIdentification`."""
-
-
-def symbol(name: str) -> str:
-    """Return the symbol of a coefficient such as ``white.density``; its name where it has none."""
-    return SYMBOLS.get(name, name.replace(".", " "))

@@ -8,16 +8,16 @@ from rich.table import Table
 
 from models.sensors import SensorGrade
 from tuner.formats.customary_units import (
-    SYMBOLS,
     customary_unit,
     digits,
     in_customary,
     phrase,
     pretty,
+    symbol,
 )
 from tuner.identification.comparison import ComparedCoefficient, Comparison
 from tuner.identification.record_length import Plan
-from tuner.report.coefficient_text import LEVEL_NAMES, symbol
+from tuner.report.coefficient_text import LEVEL_NAMES
 
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
@@ -60,7 +60,7 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     for kind, quantity in columns:
         unit = UNITS[kind]
         table.add_column(
-            f"{kind} {SYMBOLS[quantity]}, {pretty(customary_unit(quantity, unit))}", justify="right"
+            f"{kind} {symbol(quantity)}, {pretty(customary_unit(quantity, unit))}", justify="right"
         )
     for grade in grades:
         values = {

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from rich.table import Table
 
-from tuner.formats.customary_units import SYMBOLS, TITLES, customary_unit, digits, in_customary, pretty
+from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, term_title
 from tuner.report.allan_figure import draw_allan
 from tuner.report.identification_tables import identification_tables
 from tuner.types import ChannelNoise, FilterConfig, Identification
@@ -164,7 +164,7 @@ def _reasons(config: FilterConfig) -> str:
     fates: dict[str, list[str]] = {}
     for channel in config.channels.values():
         for name, fate in channel.fates.items():
-            label = SYMBOLS.get(name, TITLES.get(name, name))
+            label = term_title(name) or name
             fates.setdefault(f"{label}: {fate}", []).append(channel.axis)
     lines = [f"{text} [{', '.join(axes)}]" for text, axes in fates.items()]
     lines += [f"{i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations]

@@ -7,15 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from rich.table import Table
 
 from tuner.formats.customary_units import (
-    TITLES,
     customary_unit,
     digits,
     in_customary,
     phrase,
     pretty,
+    symbol,
+    term_title,
 )
 from tuner.identification.gnss_receiver import ReceiverErrors
-from tuner.report.coefficient_text import LEVEL_NAMES, symbol
+from tuner.report.coefficient_text import LEVEL_NAMES
 from tuner.types import (
     ChannelIdentification,
     Coefficient,
@@ -101,7 +102,7 @@ def _sensor_table(channels: Sequence[ChannelIdentification]) -> Table:
         for channel in channels:
             found = dict(_coefficients(channel)).get(name)
             cells.append("–" if found is None else phrase(found, name, unit, with_unit=False))
-        head = f"{symbol(name)}  {TITLES.get(name.split('.')[0], '')}, {pretty(customary_unit(name, unit))}"
+        head = f"{symbol(name)}  {term_title(name.split('.')[0])}, {pretty(customary_unit(name, unit))}"
         table.add_row(head, *cells)
     table.add_section()
     level = pretty(customary_unit("level", unit))

@@ -17,11 +17,7 @@ from numpy.typing import NDArray
 from models.noise import (
     TERMS,
     BiasInstability,
-    GaussMarkov,
-    LowPassWhite,
     NoiseModel,
-    Quantization,
-    Ramp,
     RandomWalk,
     Term,
     White,
@@ -38,9 +34,7 @@ FloatArray = NDArray[np.float64]
 SLOW_INTERVAL = 0.1
 """Sampling interval of slow errors, s: flicker above 5 Hz is far below white noise."""
 MIN_SLOW_TIME_CONSTANT = 1.0
-"""Time constant from which a Gauss–Markov error is sampled as slow, s: ten of its samples."""
-NOT_BIAS_TERMS = (Quantization, LowPassWhite)
-"""Terms that are drawn and no part of a bias: no filter estimates them."""
+"""Shortest time constant from which an error is sampled as slow, s: ten of its samples."""
 HALF = 0.5
 """Share of an upper limit that stands for a term the data only bound: what the filter takes, too."""
 
@@ -121,8 +115,8 @@ class Sensor:
         half = np.round(0.5 * smoothing / (every * interval)).astype(int)
         values, smooth = np.empty((rows, 6)), np.empty((len(after), 6))
         for axis, terms in enumerate(drawn):
-            biases = NoiseModel([term for term in terms if not isinstance(term, NOT_BIAS_TERMS)])
-            others = NoiseModel([term for term in terms if isinstance(term, NOT_BIAS_TERMS)])
+            biases = NoiseModel([term for term in terms if term.is_bias])
+            others = NoiseModel([term for term in terms if not term.is_bias])
             bias = self.constant_sd[axis] * rng.standard_normal() + biases.sample(rows, every * interval, rng)
             smooth[:, axis] = _centred_mean(bias, half[axis], after // every)
             values[:, axis] = bias + others.sample(rows, every * interval, rng)
@@ -192,6 +186,4 @@ def _centred_mean(y: FloatArray, half: int, at: NDArray[np.int64]) -> FloatArray
 
 
 def _is_fast(term: Term) -> bool:
-    if isinstance(term, GaussMarkov):
-        return term.time_constant < MIN_SLOW_TIME_CONSTANT
-    return not isinstance(term, BiasInstability | RandomWalk | Ramp)
+    return not term.is_bias or term.fastest_time() < MIN_SLOW_TIME_CONSTANT

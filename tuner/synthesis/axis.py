@@ -12,6 +12,7 @@ random_walk          drives the bias with K²
 sinusoid             slow: one Gauss–Markov state; fast: a bound on the angle (velocity) it can reach
 ramp                 a state of constant bias rate where it matters within the horizon, else a bound
 arma                 shaping states offered, not added: they describe the same noise once more
+any other            one Gauss–Markov state whose spectrum lies above the term's (`tuner.synthesis.bias_states`)
 ===================  ======================================================================================
 
 A term the data only bound enters with half of its 95 % upper limit. The rule ``bound`` takes upper limits
@@ -26,9 +27,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.noise import GaussMarkov
+from models.noise import (
+    TERMS,
+    BiasInstability,
+    GaussMarkov,
+    LowPassWhite,
+    Quantization,
+    Ramp,
+    RandomWalk,
+    Sinusoid,
+    White,
+)
 from models.noise.bias_instability import ALLAN_FLOOR
-from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state
+from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state, spectrum_bound
 from tuner.synthesis.equivalent_models import structure_function
 from tuner.types import (
     ArmaFit,
@@ -97,10 +108,14 @@ def channel_noise(
     untold = [(term.name, _Share(_UNTOLD)) for term in channel.terms if not _told(term)]
     white = [(t.name, _white(task, t)) for t in terms if t.name in _WHITE_TERMS]
     if not any(share.white_variance for _, share in white):
-        white.append(("white", _white_from_curve(channel)))
+        white.append((White.name, _white_from_curve(channel)))
     density = math.sqrt(sum(share.white_variance for _, share in white))
     task = replace(task, white=density)
-    slow = [(t.name, _SLOW_TERMS[t.name](task, t)) for t in terms if t.name in _SLOW_TERMS]
+    slow = [
+        (t.name, _SLOW_TERMS.get(t.name, _other)(task, t))
+        for t in terms
+        if t.name not in _WHITE_TERMS and t.name != Ramp.name
+    ]
     shares = untold + white + slow
     noise = ChannelNoise(
         channel.axis,
@@ -111,10 +126,10 @@ def channel_noise(
         constant_sd=constant_sd,
         identified=channel.terms,
     )
-    ramp = next((term for term in terms if term.name == "ramp"), None)
+    ramp = next((term for term in terms if term.name == Ramp.name), None)
     if ramp is not None:
         share, rate = _ramp(task, ramp, wander=math.sqrt(structure_function(noise, horizon)))
-        shares.append(("ramp", share))
+        shares.append((Ramp.name, share))
         noise = replace(noise, ramp_sd=rate)
     if channel.arma is not None:
         shares.append(("arma", _Share(_arma_fate(channel.arma))))
@@ -209,6 +224,29 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
     return _Share("fast line: no state, as its integral stays bounded; to be removed at its source")
 
 
+def _other(task: _Task, term: TermEstimate) -> _Share:
+    """Give a term without a rule of its own the Gauss–Markov state that bounds its spectrum, or say why not."""
+    axis, unit = task.channel.axis, task.channel.unit
+    figures = {name: _figure(task, term, name) for name in term.coefficients}
+    inflations = tuple(one for _, records in figures.values() for one in records)
+    if missing := [name for name, (value, _) in figures.items() if not value]:
+        return _Share(f"left out of the filter: no value of {', '.join(missing)} and no limit")
+    try:
+        noise = TERMS[term.name](**{name: value for name, (value, _) in figures.items()})
+        state = spectrum_bound(noise)
+    except (TypeError, ValueError) as error:
+        return _Share(f"left out of the filter: {error}")
+    ratio = state.sd / math.sqrt(float(noise.autocovariance(0.0)))
+    reason = "first-order state in place of the term: its spectrum lies above the term's at every frequency"
+    larger = Enlargement(Quantity(axis, f"{term.name}.{next(iter(figures))}"), ratio, reason)
+    return _Share(
+        f"one state that bounds its spectrum: sd {state.sd:.4g} {unit} ({ratio:.3g} times the term's), "
+        f"{state.time_constant:.4g} s",
+        (*inflations, larger),
+        markov=(state,),
+    )
+
+
 def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, float]:
     """Give the ramp a state where the data contain it, or where half its limit outruns all else."""
     rate, inflations = _figure(task, term, "rate")
@@ -234,11 +272,12 @@ def _arma_fate(fit: ArmaFit) -> str:
 
 
 _UNTOLD = "left out: the identification gives neither a value nor a limit"
-_WHITE_TERMS = frozenset({"white", "low_pass_white"})
+_WHITE_TERMS = frozenset({White.name, LowPassWhite.name})
 _SLOW_TERMS: Mapping[str, Callable[[_Task, TermEstimate], _Share]] = {
-    "quantization": _quantization,
-    "bias_instability": _flicker,
-    "gauss_markov": _gauss_markov,
-    "random_walk": _random_walk,
-    "sinusoid": _sinusoid,
+    Quantization.name: _quantization,
+    BiasInstability.name: _flicker,
+    GaussMarkov.name: _gauss_markov,
+    RandomWalk.name: _random_walk,
+    Sinusoid.name: _sinusoid,
 }
+"""Terms with a rule of their own; every other term is handled by `_other`."""

@@ -36,7 +36,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from models.noise import GaussMarkov
+import numpy as np
+
+from models.noise import GaussMarkov, Term
 from models.noise.bias_instability import ALLAN_FLOOR, flicker_ladder
 
 PEAK_TIME = 1.89262
@@ -168,3 +170,39 @@ def bounding_state(sd: tuple[float, float], time_constant: tuple[float, float]) 
         msg = f"'time_constant' must be an interval of positive numbers, got {time_constant}"
         raise ValueError(msg)
     return GaussMarkov(sd[1] * (high / low) ** 0.25, math.sqrt(low * high))
+
+
+def spectrum_bound(term: Term) -> GaussMarkov:
+    """Return the Gauss–Markov state of least variance whose spectrum lies nowhere below that of a stationary term.
+
+    For a time constant T the least variance is max_f S(f) (1 + (2πfT)²)/(2T); T is the best of a fine grid. The error
+    of any linear filter with this state in place of the term is no larger than the filter says.
+
+    Raises
+    ------
+    ValueError
+        Where the term is not stationary, or its spectrum falls less steeply than 1/f² at high frequencies.
+    """
+    variance = float(term.autocovariance(0.0))
+    found = term.exponentials()
+    if found is None:
+        msg = f"noise term '{term.name}' has no state space, so that no Gauss–Markov state can stand for it"
+        raise ValueError(msg)
+    rates = np.abs(found[1])
+    time = np.geomspace(0.1 / rates.max(), 10.0 / rates.min(), BOUND_GRID)
+    f = np.geomspace(1e-3 * rates.min(), 1e3 * rates.max(), 10 * BOUND_GRID) / (2.0 * np.pi)
+    corner = (2.0 * np.pi * f * time[:, None]) ** 2
+    needed = np.max(term.psd(f) * (1.0 + corner), axis=1) / (2.0 * time)
+    best = int(np.argmin(needed))
+    if needed[best] > MAX_BOUND_VARIANCE * variance:
+        ratio = needed[best] / variance
+        msg = f"noise term '{term.name}': one Gauss–Markov state would need {ratio:.3g} times its variance"
+        raise ValueError(msg)
+    return GaussMarkov(math.sqrt(float(needed[best])), float(time[best]))
+
+
+BOUND_GRID = 300
+"""Time constants that are tried; the variance is then within 0.1 % of the least."""
+MAX_BOUND_VARIANCE = 100.0
+"""Variance of a bounding state ÷ that of the term beyond which the state says nothing useful of it: white noise, or a
+narrow line."""

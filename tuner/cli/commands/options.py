@@ -198,7 +198,7 @@ def term_list(
         return None
     from models.noise import TERMS
 
-    fitted = [name for name in TERMS if name not in ("sinusoid", "arma")]
+    fitted = [name for name, kind in TERMS.items() if kind.fitted]
     names = tuple(part.strip() for part in value.split(","))
     if unknown := [name for name in names if name not in fitted]:
         msg = f"expected terms out of {' '.join(fitted)}, got {unknown[0]!r}"

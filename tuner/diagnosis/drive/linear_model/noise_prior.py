@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from models.noise import TERMS, White
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.types import ChannelNoise, Coefficient
 
@@ -19,11 +20,6 @@ DATASHEET_LOG_SD = 0.1
 """Sd of the log of a white density as a datasheet states it: the spread of units of one type."""
 UNKNOWN_LOG_SD = 0.5
 """Sd of the log of a density that is hardly known: a factor 1.6 either way."""
-COEFFICIENTS = {
-    "white": {"white": "density"},
-    "bias": {"bias_instability": "level", "random_walk": "density", "gauss_markov": "sd"},
-}
-"""Terms behind a group, with the coefficient that sets its density."""
 
 
 def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
@@ -40,9 +36,20 @@ def static_prior(channels: Mapping[str, ChannelNoise]) -> dict[str, float]:
         own = [noise for axis, noise in channels.items() if axis.startswith(sensor)]
         if own:
             unstated = DATASHEET_LOG_SD if kind == "white" else UNKNOWN_LOG_SD
-            sds = [_axis(noise, COEFFICIENTS[kind], unstated) for noise in own]
+            sds = [_axis(noise, _amplitudes(kind), unstated) for noise in own]
             out[group] = float(np.sqrt(np.mean(np.square(sds))))
     return out
+
+
+def _amplitudes(kind: str) -> dict[str, str]:
+    """Return the terms that set the density of a group, ``white`` or ``bias``, with the name of their amplitude."""
+    if kind == "white":
+        return {White.name: White.PARAMETERS[0]}
+    return {
+        name: term.PARAMETERS[0]
+        for name, term in TERMS.items()
+        if term.fitted and term.is_bias and not term.deterministic
+    }
 
 
 def _axis(noise: ChannelNoise, terms: Mapping[str, str], unstated: float) -> float:

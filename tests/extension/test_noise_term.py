@@ -1,0 +1,115 @@
+"""A noise term of another package, one file and one entry point, goes through every stage."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from models.noise import NoiseModel, White
+from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
+from tuner.synthesis.bias_states import spectrum_bound
+
+NAME = "second_order_gauss_markov"
+SD, TIME, DENSITY = 1e-3, 4.0, 2e-4
+INTERVAL, SAMPLES = 0.1, 30_000
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Lay the file and its entry point as pip would."""
+    folder = tmp_path_factory.mktemp("site")
+    shutil.copy(Path(__file__).with_name(f"{NAME}.py"), folder)
+    facts = folder / "other_noise-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: other-noise\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text(f"[tuner.noise_terms]\n{NAME} = {NAME}:SecondOrderGaussMarkov\n")
+    model = NoiseModel([White(DENSITY), SecondOrderGaussMarkov(SD, TIME)])
+    rng = np.random.default_rng(5)
+    y = np.stack([model.sample(SAMPLES, INTERVAL, rng) for _ in range(3)], axis=1)
+    table = np.column_stack([np.arange(SAMPLES) * INTERVAL, y])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="time,gyro_x,gyro_y,gyro_z", comments="")
+    return folder
+
+
+def tuner(package: Path, *arguments: str, known: bool = True) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process that sees the other package, or does not."""
+    path = os.pathsep.join([str(package)] * known + [p for p in sys.path if p])
+    code = "import sys; from tuner.cli import main; sys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-P", "-c", code, *arguments],
+        cwd=package,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def tuned(package: Path) -> Path:
+    """Identify and configure with the term."""
+    done = tuner(
+        package, "tune", "log.csv", "--terms", f"white,{NAME}", "--gyro-unit", "rad/s", "-o", "out", "--quiet"
+    )
+    assert done.returncode == 0, done.stderr
+    return package / "out"
+
+
+def test_it_is_one_short_file() -> None:
+    lines = Path(__file__).with_name(f"{NAME}.py").read_text().splitlines()
+    assert len(lines) <= 40
+
+
+def test_it_is_fitted(tuned: Path) -> None:
+    result = json.loads((tuned / "result.json").read_text())["identification"]
+    for channel in result["channels"].values():
+        (found,) = channel["terms"][NAME]
+        for name, true in (("sd", SD), ("time_constant", TIME)):
+            low, high = found[name]["interval"]
+            # Three channels, two parameters: twice the interval is exceeded by chance once in 1500 seeds.
+            assert low - (high - low) / 2.0 < true < high + (high - low) / 2.0
+        assert found["sd"]["unit"] == "rad/s"
+
+
+def test_the_filter_has_a_state_whose_spectrum_bounds_it(tuned: Path) -> None:
+    config = yaml.safe_load((tuned / "noise.yaml").read_text())
+    axis = config["sensors"]["gyro"]["gyro_x"]
+    (state,) = axis["filter"]["markov"]
+    estimate = next(term for term in axis["identified"] if term["term"] == NAME)
+    term = SecondOrderGaussMarkov(estimate["sd"]["value"], estimate["time_constant"]["value"])
+    # For T' = r T the least variance is σ² r³/(2 (r² − 1)): r = √3, σ'² = 3^1.5/4 σ² by hand.
+    assert state["time_constant"] == pytest.approx(np.sqrt(3.0) * term.time_constant, rel=0.02)
+    assert state["sd"] == pytest.approx(3.0**0.75 / 2.0 * term.sd, rel=1e-3)
+    f = np.geomspace(1e-5, 1e3, 2000)
+    assert np.all(spectrum_bound(term).psd(f) >= (1.0 - 1e-3) * term.psd(f))
+    record = next(i for i in config["inflations"] if i["quantity"] == f"gyro_x.{NAME}.sd")
+    assert record["factor"] == pytest.approx(3.0**0.75 / 2.0, rel=1e-3)
+    assert "bounds its spectrum" in axis["fates"][NAME]
+
+
+def test_it_is_exported_and_simulated(package: Path, tuned: Path) -> None:
+    exported = tuner(package, "export", "out/noise.yaml", "--to", "gazebo")
+    assert exported.returncode == 0, exported.stderr
+    assert f"{NAME}.sd × 1.14" in exported.stdout
+    done = tuner(package, "simulate", "out/noise.yaml", "-o", "again.csv", "--hours", "0.1", "--seed", "1")
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_the_package_the_term_is_refused_in_one_line(package: Path, tuned: Path) -> None:
+    done = tuner(
+        package, "identify", "log.csv", "--terms", f"white,{NAME}", "--gyro-unit", "rad/s", known=False
+    )
+    assert done.returncode != 0
+    assert f"got '{NAME}'" in done.stderr
+    done = tuner(package, "simulate", "out/noise.yaml", "-o", "again.csv", "--hours", "0.1", known=False)
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert f"unknown noise term '{NAME}'" in done.stderr
