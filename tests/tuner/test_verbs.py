@@ -148,7 +148,7 @@ def test_compare_names_its_sources_and_refuses_one_alone(log):
 def test_a_simulated_unit_stands_in_where_nothing_is_given(short_check, monkeypatch):
     def brief(seed):
         grade = load_grade("mpu9250")
-        return simulate(grade, duration=120.0, rate=100.0, seed=seed, hidden=("spikes@gyro_x",))
+        return simulate(grade, duration=120.0, rate=100.0, seed=seed, effects=("spikes@gyro_x",))
 
     monkeypatch.setattr(pipeline, "demo", brief)
     found = tuner.tune(seed=7)

@@ -34,7 +34,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "compare": "Logs, identifications and built-in grades side by side.",
         "export": "Write a configuration in the dialect of another filter.",
         "papers": "The three papers, reproduced and judged.",
-        "simulate": "A static log of a sensor, with effects hidden on request.",
+        "simulate": "A log or a drive of a sensor, with effects on request.",
     }
 )
 """Every command with its line of help; its code is `tuner.cli.commands.NAME.command`."""

@@ -39,7 +39,7 @@ def lowpass_n(settings: Settings) -> Item:
     duration = float(settings.size(14_400, 3_600))
     seed = int(settings.rng("lowpass-n").integers(1 << 31))
     before, after = (
-        simulate({"gyro_x": Channel(model)}, duration=duration, rate=RATE, seed=seed, hidden=hidden)[0][0]
+        simulate({"gyro_x": Channel(model)}, duration=duration, rate=RATE, seed=seed, effects=hidden)[0][0]
         for hidden in ((), (f"lowpass@gyro_x:cutoff={CUTOFF:g}",))
     )
     density = model.white_density()
@@ -105,7 +105,7 @@ def _named(model: NoiseModel, seed: int) -> Claim:
     """Ask the diagnosis what a short filtered record contains."""
     text, paper = "cause that the diagnosis names", "the filter, not a Markov process"
     hidden = (f"lowpass@gyro_x:cutoff={CUTOFF:g}",)
-    records, _ = simulate({"gyro_x": Channel(model)}, duration=600.0, rate=RATE, seed=seed, hidden=hidden)
+    records, _ = simulate({"gyro_x": Channel(model)}, duration=600.0, rate=RATE, seed=seed, effects=hidden)
     found = diagnose(records).findings
     named = ", ".join(finding.cause for finding in found) or "nothing"
     if named != "lowpass":

@@ -1,4 +1,4 @@
-"""Simulated drives of a sensor along a trajectory, and effects hidden in simulated or measured drives.
+"""Simulated drives of a sensor along a trajectory, and effects added to simulated or measured drives.
 
 A perfect unit and a perfect receiver follow the trajectory; the noise of the sensor, turn-on constants and
 the errors of the receiver are added, then the effects, in the order of their stages
@@ -23,7 +23,7 @@ from models.measurements import perfect_fixes
 from models.sensors import SensorGrade
 from models.trajectory.motion import Motion, imu_increments
 from tuner.navigation.settings import ACCELS, GYROS
-from tuner.simulation.effect_spec import Hidden, within_record
+from tuner.simulation.effect_spec import PlacedEffect, within_record
 from tuner.simulation.receiver import draw_fix_errors, reported_sd
 from tuner.simulation.static import Channel, grade_channels, sample_noise
 from tuner.types import GnssNoise
@@ -46,8 +46,8 @@ def simulate_drive(
     *,
     rate: float | None = None,
     seed: int,
-    hidden: Sequence[str | DriveEffect] = (),
-    at_rest: Sequence[Hidden] = (),
+    effects: Sequence[str | DriveEffect] = (),
+    at_rest: Sequence[PlacedEffect] = (),
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     name: str = "simulated",
 ) -> tuple[Drive, dict[str, Any]]:
@@ -58,16 +58,16 @@ def simulate_drive(
     sensor : SensorGrade or mapping of str to Channel
         The sensor, mounted forward, right, down: a grade, or its six axes one by one.
     motion : Motion
-        The truth, which becomes the reference.
+        The true motion, which becomes the reference.
     receiver : GnssNoise
         Errors of the receiver; it reports its true sds.
     rate : float, optional
         Samples a second, Hz; by default that of the grade.
     seed : int
         Seed of all randomness.
-    hidden : sequence of str or DriveEffect
+    effects : sequence of str or DriveEffect
         Effects; a text is ``CODE[:NAME=VALUE,…]``, drawn at random without parameters.
-    at_rest : sequence of Hidden
+    at_rest : sequence of PlacedEffect
         Effects that also a static log shows, in axes of the unit; the unit stays at its temperature.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, m.
@@ -91,7 +91,7 @@ def simulate_drive(
     if not rate or not motion.duration * rate >= 2.0:
         msg = f"'rate' must give two samples or more in {motion.duration} s, got {rate} Hz"
         raise DataError(msg)
-    noise, biases, fixes, effects, unit = np.random.default_rng(seed).spawn(5)
+    noise, biases, fixes, applied, unit = np.random.default_rng(seed).spawn(5)
     increments = np.hstack(imu_increments(motion, 1.0 / rate))
     first = motion.evaluate(np.zeros(1))
     perfect = np.vstack([np.hstack([first.omega_ib_b, first.f_b]), increments * rate])
@@ -114,7 +114,7 @@ def simulate_drive(
         t, perfect + errors, at, llh, vel, sd[:, :3], sd[:, 3:], course, lever_arm, None, errors, white
     )
     samples = _with_receiver_errors(samples, receiver, fixes)
-    changed, added = _with_hidden_effects(samples, hidden, effects)
+    changed, truth = _with_effects(samples, effects, applied)
     drive = Drive(
         f"{name}-{motion.name}",
         t,
@@ -134,7 +134,7 @@ def simulate_drive(
         "duration_s": motion.duration,
         "receiver": {"position_sd": receiver.position_sd, "velocity_sd": receiver.velocity_sd},
         "hidden": [
-            *added,
+            *truth,
             *(
                 {"cause": h.effect.name, "channels": list(h.axes), "parameters": h.effect.parameters()}
                 for h in at_rest
@@ -145,10 +145,10 @@ def simulate_drive(
     return drive, key
 
 
-def hide_in_drive(
-    drive: Drive, hidden: Sequence[str | DriveEffect], *, seed: int
+def add_effects(
+    drive: Drive, effects: Sequence[str | DriveEffect], *, seed: int
 ) -> tuple[Drive, list[dict[str, Any]]]:
-    """Hide effects in a drive, also a measured one.
+    """Add effects to a drive, also a measured one.
 
     Without knowledge of its errors, factors apply to what was measured and noise can only be added. Effects
     that need the course take it from the reference where that has an attitude, else from the fixes.
@@ -157,7 +157,7 @@ def hide_in_drive(
     ----------
     drive : Drive
         The drive.
-    hidden : sequence of str or DriveEffect
+    effects : sequence of str or DriveEffect
         As in `simulate_drive`.
     seed : int
         Seed of all randomness.
@@ -166,8 +166,8 @@ def hide_in_drive(
     -------
     drive : Drive
         With the effects in it.
-    added : list of dict
-        Cause and parameters of each.
+    truth : list of dict
+        Cause and parameters of each effect.
 
     Raises
     ------
@@ -183,14 +183,14 @@ def hide_in_drive(
         drive.imu_t, drive.rates, gnss.t, gnss.llh, gnss.vel_n, gnss.position_sd, gnss.velocity_sd, course,
         drive.lever_arm or (0.0, 0.0, 0.0), drive.mounting,
     )  # fmt: skip
-    changed, added = _with_hidden_effects(samples, hidden, np.random.default_rng(seed))
-    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), added
+    changed, truth = _with_effects(samples, effects, np.random.default_rng(seed))
+    return replace(drive, rates=changed.rates, gnss=_gnss(changed)), truth
 
 
 def _with_static_effects(
-    block: Samples, perfect: FloatArray, effects: Sequence[Hidden], rng: np.random.Generator
+    block: Samples, perfect: FloatArray, effects: Sequence[PlacedEffect], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the errors of the unit, and their white part, with effects in them that a static log shows, too."""
+    """Return the errors of the unit and their white part, after the effects that a static log shows, too."""
     for one in effects:
         within_record(one.effect, block.t[0], block.t[-1])
     changed = hide_at_rest(block, [(e.effect, [AXES.index(a) for a in e.axes]) for e in effects], rng)
@@ -223,8 +223,8 @@ def _with_receiver_errors(
     return replace(samples.moved(errors.position, errors.velocity), fix_white=errors.white)
 
 
-def _with_hidden_effects(
-    samples: DriveSamples, hidden: Sequence[str | DriveEffect], rng: np.random.Generator
+def _with_effects(
+    samples: DriveSamples, items: Sequence[str | DriveEffect], rng: np.random.Generator
 ) -> tuple[DriveSamples, list[dict[str, Any]]]:
     draws, rest = rng.spawn(2)
     try:
@@ -232,7 +232,7 @@ def _with_hidden_effects(
             item if isinstance(item, DriveEffect)
             else parse(item) if ":" in item
             else draw(item, stream, samples)
-            for item, stream in zip(hidden, draws.spawn(len(hidden)), strict=True)
+            for item, stream in zip(items, draws.spawn(len(items)), strict=True)
         ]  # fmt: skip
         for effect in effects:
             within_record(effect, samples.t[0], samples.t[-1])

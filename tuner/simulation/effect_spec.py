@@ -1,7 +1,7 @@
-"""What to hide in a simulated log, as the user writes it: an effect, its channels, its parameters or none.
+"""Specification of an effect in a simulated log: its code, its channels, and its parameters or none.
 
 The text is ``CODE[@CHANNEL+CHANNEL…][:NAME=VALUE,…]``, such as ``temperature@gyro:slope=1e-5`` or
-``line@gyro_x+gyro_y``; what has no parameters is drawn.
+``line@gyro_x+gyro_y``; parameters that are not given are drawn at random.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from models.effects.parsing import Written
 from models.noise import NoiseModel
 from tuner.types.records import DataError
 
-EVERYTHING = "imu"
+ALL_CHANNELS = "imu"
 """Name of all channels together."""
 
 
 @dataclass(frozen=True)
-class Hidden:
-    """An effect and the axes that it is in."""
+class PlacedEffect:
+    """An effect and the axes that it acts on."""
 
     effect: Effect
     axes: tuple[str, ...]
 
 
-def read_hidden(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
-    """Take ``CODE[@CHANNELS][:PARAMETERS]`` apart.
+def read_effect(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """Split ``CODE[@CHANNELS][:PARAMETERS]`` into effect and axes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def read_hidden(text: str, axes: Sequence[str]) -> tuple[str, tuple[str, ...]]:
     """
     head, colon, parameters = text.partition(":")
     code, at, where = (part.strip() for part in head.partition("@"))
-    groups = {axis: (axis,) for axis in axes} | {EVERYTHING: tuple(axes)}
+    groups = {axis: (axis,) for axis in axes} | {ALL_CHANNELS: tuple(axes)}
     for sensor in dict.fromkeys(map(sensor_of, axes)):
         groups[sensor] = tuple(axis for axis in axes if sensor_of(axis) == sensor)
     effect = EFFECTS.get(code)
@@ -71,12 +71,12 @@ def sensor_of(axis: str) -> str:
 
 
 def within_record(effect: Written, begin: float, end: float) -> None:
-    """Refuse an effect that comes when the record is over.
+    """Refuse an effect that begins after the end of the record.
 
     Parameters
     ----------
     effect : Written
-        An effect; those with a ``time`` or ``start`` come then.
+        An effect; one with a ``time`` or ``start`` begins then.
     begin, end : float
         First and last stamp of the record, s.
 
@@ -104,20 +104,20 @@ def noise_scale(model: NoiseModel, interval: float, span: float) -> tuple[float,
 
 
 def resolve(
-    item: str | Hidden,
+    item: str | PlacedEffect,
     models: Mapping[str, NoiseModel],
     *,
     interval: float,
     span: float,
     constant: Mapping[str, float],
     rng: np.random.Generator,
-) -> Hidden:
-    """Return the effect and axes that an item names.
+) -> PlacedEffect:
+    """Return the effect and axes of a specification, drawing what it leaves open.
 
     Parameters
     ----------
-    item : str or Hidden
-        What to hide.
+    item : str or PlacedEffect
+        The specification.
     models : mapping of str to NoiseModel
         Noise of every axis: it sizes an effect that has to be drawn.
     interval, span : float
@@ -132,13 +132,15 @@ def resolve(
     DataError
         An effect, a parameter or a channel that cannot be.
     """
-    if isinstance(item, Hidden):
+    if isinstance(item, PlacedEffect):
         return item
-    text, axes = read_hidden(item, tuple(models))
+    text, axes = read_effect(item, tuple(models))
     white_sd, floor = noise_scale(models[axes[0]], interval, span)
     scale = {"white_sd": white_sd, "interval": interval, "span": span, "floor": floor}
     try:
-        return Hidden(parse(text) if ":" in text else draw(text, rng, **scale, level=constant[axes[0]]), axes)
+        return PlacedEffect(
+            parse(text) if ":" in text else draw(text, rng, **scale, level=constant[axes[0]]), axes
+        )
     except ValueError as error:
         msg = f"effect '{item}': {error}"
         raise DataError(msg) from error

@@ -1,12 +1,12 @@
-"""A configuration made a simulation again: the noise that was identified, and the findings hidden in it.
+"""What to simulate for a log or drive like that of a configuration: its identified noise and its findings.
 
-`remade` makes a static log, `remade_drive` adds what a drive showed.
+`channels_of_config` makes a static log, `drive_effects_of_config` adds what a drive showed.
 
 Where a finding carries the noise of its channels without it (`tuner.synthesis.findings.findings_for_config`),
 that noise is
 taken; elsewhere the identified terms (`tuner.synthesis.findings.agreed`). Causes whose spectrum is part of
 that noise are not
-hidden a second time; telegraph noise is hidden instead of the Gauss–Markov process of its spectrum::
+added a second time; telegraph noise is added instead of the Gauss–Markov process of its spectrum::
 
     sd = size √(low high)/(low + high),  1/T = 1/low + 1/high
 """
@@ -26,7 +26,7 @@ from models.effects.drive.base import DriveEffect
 from models.effects.parsing import Kind
 from models.effects.static.base import STAMP
 from models.noise import GaussMarkov, NoiseModel
-from tuner.simulation.effect_spec import Hidden
+from tuner.simulation.effect_spec import PlacedEffect
 from tuner.simulation.imu import noise_of_channel
 from tuner.simulation.static import Channel
 from tuner.synthesis.findings import IN_THE_NOISE, MARKOV
@@ -41,9 +41,9 @@ SAME = 0.02
 """Difference up to which a term is the process of a telegraph's spectrum."""
 
 
-def remade(
+def channels_of_config(
     config: FilterConfig, *, drive: bool = False
-) -> tuple[dict[str, Channel], tuple[Hidden, ...], tuple[str, ...]]:
+) -> tuple[dict[str, Channel], tuple[PlacedEffect, ...], tuple[str, ...]]:
     """Return what `tuner.simulation.static.simulate` needs to make a log like the one a configuration comes from.
 
     Parameters
@@ -51,13 +51,13 @@ def remade(
     config : FilterConfig
         Noise and findings.
     drive : bool
-        Whether a drive is made: without causes that lie in stamps, and with those of `remade_drive` besides.
+        Whether a drive is made: without causes that lie in stamps, and with those of `drive_effects_of_config` besides.
 
     Returns
     -------
     channels : dict of str to Channel
         Noise and turn-on bias of every axis.
-    hidden : tuple of Hidden
+    effects : tuple of PlacedEffect
         Findings, as effects.
     notes : tuple of str
         Findings that no static log can be given from what the configuration tells.
@@ -77,7 +77,7 @@ def remade(
             for axis, model in finding.get("extension", {}).get("models", {}).items()
         }
         noise = {axis: without.get(axis) or noise_of_channel(c) for axis, c in config.channels.items()}
-        hidden: list[Hidden] = []
+        effects: list[PlacedEffect] = []
         for finding in static:
             known = without.keys() >= set(finding["channels"])
             held = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
@@ -91,12 +91,12 @@ def remade(
                 if effect is None or (drive and effect.stage == STAMP):
                     notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
                 else:
-                    hidden.append(Hidden(effect, axes))
+                    effects.append(PlacedEffect(effect, axes))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         msg = f"{config.name}: expected findings as tune writes them, got {error}"
         raise DataError(msg) from None
     channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
-    return channels, tuple(hidden), tuple(notes)
+    return channels, tuple(effects), tuple(notes)
 
 
 def _beside(noise: NoiseModel, values: Mapping[str, Any]) -> NoiseModel | None:
@@ -120,7 +120,9 @@ def of_drive(finding: Mapping[str, Any]) -> bool:
     return finding.get("cause") == BIAS or set(finding.get("channels", ())) <= DRIVE
 
 
-def remade_drive(config: FilterConfig, *, receiver: bool) -> tuple[tuple[DriveEffect, ...], tuple[str, ...]]:
+def drive_effects_of_config(
+    config: FilterConfig, *, receiver: bool
+) -> tuple[tuple[DriveEffect, ...], tuple[str, ...]]:
     """Return what a drive showed, as effects of a simulated one, and notes on what is none.
 
     Parameters
@@ -128,7 +130,7 @@ def remade_drive(config: FilterConfig, *, receiver: bool) -> tuple[tuple[DriveEf
     config : FilterConfig
         Noise and findings.
     receiver : bool
-        Whether the receiver is that of the configuration: what its noise holds is not hidden a second time.
+        Whether the receiver is that of the configuration: what its noise contains is not added a second time.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from tuner.catalogue.trajectories import load_trajectory
 from tuner.formats import native
 from tuner.readers.source_kind import is_file
 from tuner.simulation.drive import simulate_drive
-from tuner.simulation.from_config import remade, remade_drive
+from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import simulate
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive, Record
@@ -34,7 +34,7 @@ def simulate_source(
     gnss: str | None = None,
     duration: float = 3600.0,
     rate: float | None = None,
-    hidden: tuple[str, ...] = (),
+    effects: tuple[str, ...] = (),
     seed: int = 0,
 ) -> Simulated:
     """Simulate a static log, or a drive along a trajectory with a receiver.
@@ -51,7 +51,7 @@ def simulate_source(
         s.
     rate : float, optional
         Hz; default that of the source.
-    hidden : tuple of str
+    effects : tuple of str
         Effects, as of `tuner.simulation.effect_spec`.
     seed : int
         Seed of everything random.
@@ -71,21 +71,25 @@ def simulate_source(
     if trajectory is not None:
         motion = load_trajectory(trajectory, duration)
         if not grade:
-            return _drive_of_config(native.load(Path(source)), trajectory, gnss, duration, rate, hidden, seed)
+            return _drive_of_config(
+                native.load(Path(source)), trajectory, gnss, duration, rate, effects, seed
+            )
         receiver = load_gnss(gnss or DEFAULT_RECEIVER)
-        drive, key = simulate_drive(load_grade(source), motion, receiver, rate=rate, seed=seed, hidden=hidden)
+        drive, key = simulate_drive(
+            load_grade(source), motion, receiver, rate=rate, seed=seed, effects=effects
+        )
         return Simulated(source, drive, key)
     if grade:
-        records, key = simulate(load_grade(source), duration=duration, rate=rate, seed=seed, hidden=hidden)
+        records, key = simulate(load_grade(source), duration=duration, rate=rate, seed=seed, effects=effects)
         return Simulated(source, records, key)
     config = native.load(Path(source))
-    channels, findings, notes = remade(config)
+    channels, findings, notes = channels_of_config(config)
     records, key = simulate(
         channels,
         duration=duration,
         rate=rate or 1.0 / config.interval,
         seed=seed,
-        hidden=(*findings, *hidden),
+        effects=(*findings, *effects),
     )
     return Simulated(config.name, records, key, notes)
 
@@ -96,20 +100,20 @@ def _drive_of_config(
     gnss: str | None,
     duration: float,
     rate: float | None,
-    hidden: tuple[str, ...],
+    effects: tuple[str, ...],
     seed: int,
 ) -> Simulated:
     """Simulate a drive of the unit and the receiver that a configuration describes, with its findings."""
     own = config.gnss if gnss is None else None
-    channels, at_rest, notes = remade(config, drive=True)
-    effects, more = remade_drive(config, receiver=own is not None)
+    channels, at_rest, notes = channels_of_config(config, drive=True)
+    findings, more = drive_effects_of_config(config, receiver=own is not None)
     drive, key = simulate_drive(
         channels,
         load_trajectory(trajectory, duration),
         own or load_gnss(gnss or DEFAULT_RECEIVER),
         rate=rate or 1.0 / config.interval,
         seed=seed,
-        hidden=(*effects, *hidden),
+        effects=(*findings, *effects),
         at_rest=at_rest,
         name=config.name,
     )

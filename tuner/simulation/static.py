@@ -1,4 +1,4 @@
-"""Static logs of a simulated sensor, with effects hidden in them on request and the key to what was hidden.
+"""Static logs of a simulated sensor with effects on request, and the ground truth of both.
 
 A channel is the sum of the noise terms of its model, a turn-on bias and, on an accelerometer, gravity. The
 unit lies level: the specific force of b (forward-right-down) is (0, 0, −g). Effects come in the order in
@@ -30,7 +30,7 @@ from models.effects.static.thermal import TemperatureSlope, Warmup
 from models.noise import NoiseModel, White
 from models.sensors import KINDS, SensorGrade
 from tuner.readers.time_base import stamped_timebase
-from tuner.simulation.effect_spec import Hidden, noise_scale, resolve, sensor_of, within_record
+from tuner.simulation.effect_spec import PlacedEffect, noise_scale, resolve, sensor_of, within_record
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +71,7 @@ def simulate(
     duration: float,
     rate: float | None = None,
     seed: int,
-    hidden: Sequence[str | Hidden] = (),
+    effects: Sequence[str | PlacedEffect] = (),
     temperature: Profile | None = None,
 ) -> tuple[tuple[Record, ...], dict[str, Any]]:
     """Simulate a static log.
@@ -86,7 +86,7 @@ def simulate(
         Samples a second, Hz; by default that of the grade.
     seed : int
         Seed of all randomness.
-    hidden : sequence of str or Hidden
+    effects : sequence of str or PlacedEffect
         Effects; a text is ``CODE[@CHANNEL+CHANNEL…][:NAME=VALUE,…]``. Without channels the effect is in all
         axes of the first sensor (tilt: of the accelerometer; time stamps: in everything); without parameters
         they are drawn at random, sized by the noise of the first of its axes.
@@ -98,7 +98,7 @@ def simulate(
     records : tuple of Record
         One a sensor, with the covariate ``temperature`` as a digital thermometer reads it.
     key : dict
-        What is in the records, ready for JSON (schema ``tuner.key/1``): noise, constants, hidden effects.
+        What is in the records, ready for JSON (schema ``tuner.key/1``): noise, constants, effects.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def simulate(
     if not (rate and rate > 0 and duration * rate >= 2):
         msg = f"'duration' and 'rate' must give two samples or more, got {duration} s at {rate} Hz"
         raise DataError(msg)
-    noise, biases, draws, effects, reading = np.random.default_rng(seed).spawn(5)
+    noise, biases, draws, applied, reading = np.random.default_rng(seed).spawn(5)
     constant = {a: _gravity(a) + c.bias_sd * float(biases.standard_normal()) for a, c in channels.items()}
     t = np.arange(round(duration * rate)) / rate
     profile = temperature or Warming(25.0, 8.0, duration / 6.0)
@@ -121,13 +121,13 @@ def simulate(
     models = {axis: channel.model for axis, channel in channels.items()}
     chosen = [
         resolve(item, models, interval=1.0 / rate, span=duration, constant=constant, rng=stream)
-        for item, stream in zip(hidden, draws.spawn(len(hidden)), strict=True)
+        for item, stream in zip(effects, draws.spawn(len(effects)), strict=True)
     ]
     for one in chosen:
         within_record(one.effect, t[0], t[-1])
     axes = tuple(channels)
     try:
-        block = hide(block, [(h.effect, [axes.index(a) for a in h.axes]) for h in chosen], effects)
+        block = hide(block, [(h.effect, [axes.index(a) for a in h.axes]) for h in chosen], applied)
     except ValueError as error:
         raise DataError(str(error)) from error
     key = {
@@ -175,7 +175,7 @@ def demo(seed: int) -> tuple[tuple[Record, ...], dict[str, Any]]:
         duration=DEMO_DURATION,
         rate=DEMO_RATE,
         seed=seed,
-        hidden=(Hidden(effect, axes),),
+        effects=(PlacedEffect(effect, axes),),
         temperature=Diurnal(30.0, 5.0, period=log_uniform(rng, 1200.0, 2400.0)),
     )
 

@@ -19,7 +19,7 @@ LINE = "line@gyro_x:frequency=12.5,amplitude=2.5e-4"
 
 def log(path, *hidden, seed):
     axes = {"gyro_x": MODEL, "gyro_y": MODEL}
-    records, _ = simulate(axes, duration=DURATION, rate=RATE, seed=seed, hidden=hidden)
+    records, _ = simulate(axes, duration=DURATION, rate=RATE, seed=seed, effects=hidden)
     write_log(records, path)
     return path
 

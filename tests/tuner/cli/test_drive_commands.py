@@ -47,7 +47,7 @@ def drive():
         load_gnss("spp"),
         rate=25.0,
         seed=3,
-        hidden=[f"time_offset:delay={DELAY}"],
+        effects=[f"time_offset:delay={DELAY}"],
     )
     return made
 

@@ -40,7 +40,7 @@ EFFECTS = {
 
 
 def record(*hidden, seed=1):
-    return simulate({"gyro_x": MODEL}, duration=300.0, rate=100.0, seed=seed, hidden=hidden)[0]
+    return simulate({"gyro_x": MODEL}, duration=300.0, rate=100.0, seed=seed, effects=hidden)[0]
 
 
 def finding(cause, values):
@@ -117,7 +117,7 @@ def test_what_was_hidden_is_judged_in_words():
 def test_what_channels_do_not_share_is_reported_of_each():
     hidden = ("line@gyro_x:frequency=12.5,amplitude=3e-4", "line@gyro_y:frequency=12.5,amplitude=1e-4")
     records, _ = simulate(
-        {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, hidden=hidden
+        {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, effects=hidden
     )
     found = diagnose(records)
     (line,) = found.findings

@@ -17,7 +17,7 @@ from tuner.formats import native
 from tuner.identification import identify
 from tuner.readers.drive import read_drive
 from tuner.simulation.drive import simulate_drive
-from tuner.simulation.from_config import remade, remade_drive
+from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import Channel, simulate
 from tuner.synthesis import synthesize
 from tuner.synthesis.findings import agreed, findings_for_config
@@ -33,7 +33,7 @@ FILTER = "lowpass@gyro_y:cutoff=10"
 def config():
     """Return the configuration of a log of two axes with a line and a burst in one, a filter in the other."""
     axes = dict.fromkeys(("gyro_x", "gyro_y"), Channel(NOISE))
-    records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=4, hidden=[LINE, BURST, FILTER])
+    records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=4, effects=[LINE, BURST, FILTER])
     found = diagnose(records)
     assert sorted(f.cause for f in found.findings) == ["burst", "line", "lowpass"]
     identified = agreed(records, identify(records, arma=None), found, arma=None)
@@ -41,7 +41,7 @@ def config():
 
 
 def test_findings_are_hidden_once(config):
-    channels, hidden, notes = remade(native.loads(native.dumps(config)))
+    channels, hidden, notes = channels_of_config(native.loads(native.dumps(config)))
     assert sorted((h.effect.name, h.axes) for h in hidden) == [("burst", ("gyro_x",)), ("line", ("gyro_x",))]
     assert notes == ()
     assert "sinusoid" not in channels["gyro_x"].model.as_dict()
@@ -64,37 +64,37 @@ def test_what_is_made_again_is_diagnosed_again(config, tmp_path):
 
 def test_without_the_noise_of_the_findings_the_identified_terms_hold_the_line(config):
     bare = tuple({**finding, "extension": {}} for finding in config.findings)
-    channels, hidden, _ = remade(replace(config, findings=bare))
+    channels, hidden, _ = channels_of_config(replace(config, findings=bare))
     assert "sinusoid" in channels["gyro_x"].model.as_dict()
     assert "line" not in [h.effect.name for h in hidden]
 
 
 def test_telegraph_noise_is_made_again_with_its_levels():
     told = "telegraph@gyro_x:size=2e-3,dwell_low=30,dwell_high=20"
-    records, _ = simulate({"gyro_x": Channel(NOISE)}, duration=1200.0, rate=50.0, seed=6, hidden=[told])
+    records, _ = simulate({"gyro_x": Channel(NOISE)}, duration=1200.0, rate=50.0, seed=6, effects=[told])
     found = diagnose(records)
     assert [f.cause for f in found.findings] == ["telegraph"]
     unit = synthesize(identify(records, arma=None), findings=findings_for_config(found))
-    channels, hidden, notes = remade(native.loads(native.dumps(unit)))
+    channels, hidden, notes = channels_of_config(native.loads(native.dumps(unit)))
     assert [(h.effect.name, h.axes) for h in hidden] == [("telegraph", ("gyro_x",))]
     assert notes == ()
     # Its own process is gone; what is left is the noise beside it.
     before, after = found.models["gyro_x"], channels["gyro_x"].model
     assert len(after.terms) == len(before.terms) - 1
-    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=7, hidden=hidden)
+    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=7, effects=hidden)
     assert "telegraph" in [f.cause for f in diagnose(again).findings]  # hundreds of nats
 
 
 def test_samples_repeated_in_all_axes_are_simulated_together():
     axes = dict.fromkeys(("gyro_x", "gyro_y"), Channel(NOISE))
     told = "duplicates@gyro_x+gyro_y:fraction=0.5"
-    records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=8, hidden=[told])
+    records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=8, effects=[told])
     found = diagnose(records)
     assert [(f.cause, f.channels) for f in found.findings] == [("duplicates", ("gyro_x", "gyro_y"))]
     unit = synthesize(identify(records, arma=None), findings=findings_for_config(found))
-    channels, hidden, _ = remade(unit)
+    channels, hidden, _ = channels_of_config(unit)
     assert [(h.effect.name, h.axes) for h in hidden] == [("duplicates", ("gyro_x", "gyro_y"))]
-    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=9, hidden=hidden)
+    again, _ = simulate(channels, duration=1200.0, rate=50.0, seed=9, effects=hidden)
     held = np.diff(again[0].y, axis=0) == 0.0
     assert np.mean(held.all(axis=1)) == pytest.approx(0.5, abs=0.02)  # sd 0.002
     assert np.array_equal(held[:, 0], held[:, 1])
@@ -108,7 +108,7 @@ def test_what_cannot_be_simulated_is_left_out_and_reported(config):
     ]
     found = tuple({**finding, "extension": {}} for finding in more)
     found += ({"cause": "time_offset", "joins": "preprocessing", "parameters": {"delay": 0.1}},)  # of a drive
-    _, hidden, notes = remade(replace(config, findings=found))
+    _, hidden, notes = channels_of_config(replace(config, findings=found))
     assert hidden == ()
     assert [note.split()[0] for note in notes] == ["time_offset", "cross_axis", "clipping"]
 
@@ -194,7 +194,7 @@ def test_a_grade_and_its_configuration_make_like_drives(six):
 
 
 def test_findings_of_a_drive_that_cannot_be_simulated_are_reported(six):
-    effects, notes = remade_drive(six, receiver=False)
+    effects, notes = drive_effects_of_config(six, receiver=False)
     assert [e.name for e in effects] == ["time_offset", "bias_jump", "correlated_gnss"]
     assert notes == ()
     classes = {
@@ -202,11 +202,13 @@ def test_findings_of_a_drive_that_cannot_be_simulated_are_reported(six):
         "channels": ["gnss"],
         "parameters": {"position_edge_1": coefficient(2.0)},
     }
-    _, notes = remade_drive(replace(six, findings=(classes,)), receiver=True)
+    _, notes = drive_effects_of_config(replace(six, findings=(classes,)), receiver=True)
     assert [note.split()[0] for note in notes] == ["gnss_noise_scale"]
     with pytest.raises(DataError, match="as tune writes them"):
-        remade_drive(replace(six, findings=({"cause": "lever_arm", "channels": ["gnss"]},)), receiver=True)
-    _, hidden, notes = remade(six, drive=True)
+        drive_effects_of_config(
+            replace(six, findings=({"cause": "lever_arm", "channels": ["gnss"]},)), receiver=True
+        )
+    _, hidden, notes = channels_of_config(six, drive=True)
     assert [h.effect.name for h in hidden] == ["line"]
     assert [note.split()[0] for note in notes] == ["timing"]
 

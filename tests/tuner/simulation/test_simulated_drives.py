@@ -23,7 +23,7 @@ from tuner.formats.logs import write_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
 from tuner.readers.drive import read_drive
-from tuner.simulation.drive import hide_in_drive, simulate_drive
+from tuner.simulation.drive import add_effects, simulate_drive
 from tuner.types.records import DataError
 
 DURATION, RATE = 120.0, 50.0
@@ -33,7 +33,7 @@ RECEIVER = replace(load_gnss("rtk"), correlated=())
 
 def run(*hidden, seed=3, **options):
     return simulate_drive(
-        load_grade("stim300"), MOTION, RECEIVER, rate=RATE, seed=seed, hidden=hidden, **options
+        load_grade("stim300"), MOTION, RECEIVER, rate=RATE, seed=seed, effects=hidden, **options
     )
 
 
@@ -93,15 +93,15 @@ def test_every_cause_can_be_drawn_into_a_drive():
 def test_what_is_hidden_in_a_measured_drive_is_as_stated():
     clean, _ = run()
     bare = replace(clean, reference=None)
-    late, told = hide_in_drive(bare, [TimeOffset(0.1), "gnss_frame:yaw=0.01"], seed=1)
+    late, told = add_effects(bare, [TimeOffset(0.1), "gnss_frame:yaw=0.01"], seed=1)
     assert [item["cause"] for item in told] == ["time_offset", "gnss_frame"]
     np.testing.assert_allclose(late.gnss.t, clean.gnss.t[: len(late.gnss)] + 0.1)
-    heavier, _ = hide_in_drive(clean, ["gravity:offset=1e-3"], seed=1)
-    from_fixes, _ = hide_in_drive(bare, ["gravity:offset=1e-3"], seed=1)
+    heavier, _ = add_effects(clean, ["gravity:offset=1e-3"], seed=1)
+    from_fixes, _ = add_effects(bare, ["gravity:offset=1e-3"], seed=1)
     change = heavier.rates[:, 3:] - clean.rates[:, 3:]
     np.testing.assert_allclose(np.linalg.norm(change, axis=1), 1e-3, rtol=1e-6)
     assert np.median(np.abs(from_fixes.rates - heavier.rates)[:, 3:]) < 1e-4
-    turned, _ = hide_in_drive(
+    turned, _ = add_effects(
         replace(clean, mounting=np.diag([1.0, -1.0, -1.0])), ["gravity:offset=1e-3"], seed=1
     )
     np.testing.assert_allclose(turned.rates[:, 5] - clean.rates[:, 5], -change[:, 2], atol=1e-12)
@@ -111,9 +111,7 @@ def test_what_is_hidden_in_a_measured_drive_is_as_stated():
 def test_a_measured_drive_takes_every_effect():
     drive = read_drive(Path(os.environ["TUNER_DATA"]) / "drives" / "rtkexplorer_drive_0708.npz")
     for code in EFFECTS:
-        changed, told = hide_in_drive(
-            drive, [code if code != "imu_noise_scale" else f"{code}:gyro=2"], seed=5
-        )
+        changed, told = add_effects(drive, [code if code != "imu_noise_scale" else f"{code}:gyro=2"], seed=5)
         assert told[0]["cause"] == code
         assert np.isfinite(changed.rates).all()
 
@@ -161,4 +159,4 @@ def test_a_stand_still_tells_the_bias_without_the_rate_of_the_earth():
 def test_an_effect_after_the_end_is_refused_with_its_name_once():
     motion = city(60.0)
     with pytest.raises(DataError, match=r"^effect 'bias_jump': expected 'time' within the record"):
-        simulate_drive(load_grade("mti1"), motion, load_gnss("rtk"), seed=1, hidden=("bias_jump:time=100",))
+        simulate_drive(load_grade("mti1"), motion, load_gnss("rtk"), seed=1, effects=("bias_jump:time=100",))

@@ -12,7 +12,7 @@ from models.effects.static.events import Step
 from models.effects.static.temperature_profiles import Constant
 from models.noise import BiasInstability, NoiseModel, Quantization, RandomWalk, White
 from models.sensors import SensorGrade, Sourced, TriadGrade
-from tuner.simulation.effect_spec import Hidden, noise_scale, read_hidden
+from tuner.simulation.effect_spec import PlacedEffect, noise_scale, read_effect
 from tuner.simulation.static import GRAVITY, Channel, demo, grade_channels, simulate
 from tuner.types.records import DataError
 
@@ -23,7 +23,7 @@ AXES = tuple(SIX)
 
 
 def run(*hidden, seed=3, duration=60.0, sensor=SIX, **options):
-    return simulate(sensor, duration=duration, rate=100.0, seed=seed, hidden=hidden, **options)
+    return simulate(sensor, duration=duration, rate=100.0, seed=seed, effects=hidden, **options)
 
 
 def test_a_six_axis_log_with_gravity_and_temperature():
@@ -124,7 +124,7 @@ def test_gaps_end_segments():
 
 
 def test_an_effect_can_be_handed_over_and_the_temperature_chosen():
-    (gyro, _), key = run(Hidden(Step(1.0, 2.0), ("gyro_x",)), temperature=Constant(40.0))
+    (gyro, _), key = run(PlacedEffect(Step(1.0, 2.0), ("gyro_x",)), temperature=Constant(40.0))
     assert key["hidden"] == [
         {"cause": "step", "channels": ["gyro_x"], "parameters": {"time": 1.0, "size": 2.0}}
     ]
@@ -149,7 +149,7 @@ def test_an_effect_can_be_handed_over_and_the_temperature_chosen():
     ],
 )
 def test_the_text_of_what_to_hide(text, effect, axes):
-    assert read_hidden(text, AXES) == (effect, axes)
+    assert read_effect(text, AXES) == (effect, axes)
 
 
 @pytest.mark.parametrize(

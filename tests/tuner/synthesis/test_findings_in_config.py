@@ -31,7 +31,7 @@ def finding(cause, inflations=(), **values):
 
 
 def identified(model=MODEL, *hidden, seed=1):
-    records, _ = simulate({"gyro_x": model}, duration=600.0, rate=100.0, seed=seed, hidden=hidden)
+    records, _ = simulate({"gyro_x": model}, duration=600.0, rate=100.0, seed=seed, effects=hidden)
     return records, identify(records, arma=None)
 
 
@@ -126,7 +126,7 @@ def test_the_key_is_the_judge():
 def test_tune_of_a_log_with_a_line(tmp_path, capsys):
     log = tmp_path / "unit.npz"
     hide = "line@gyro_x:frequency=12.5,amplitude=1e-3"
-    write_log(simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=1, hidden=[hide])[0], log)
+    write_log(simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=1, effects=[hide])[0], log)
     assert run(["tune", str(log), "-o", str(tmp_path / "out"), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert "line in gyro_x" in out
@@ -146,7 +146,7 @@ def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatc
     hidden = "line@gyro_x:frequency=12.5,amplitude=1e-3"
 
     def short(seed):
-        return simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=seed, hidden=[hidden])
+        return simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=seed, effects=[hidden])
 
     monkeypatch.setattr("tuner.simulation.static.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0

@@ -10,11 +10,11 @@ from tuner.cli.commands.options import POSITIVE, Output, common
 from tuner.cli.progress import Messages
 
 
-@click.command("simulate", short_help="A log or a drive of a sensor, with effects hidden on request.")
+@click.command("simulate", short_help="A log or a drive of a sensor, with effects on request.")
 @click.argument("sensor", metavar="SENSOR")
 @click.option(
     "--hide",
-    "hidden",
+    "effects",
     multiple=True,
     metavar="EFFECT[@AXES][:NAME=VALUE,…]",
     help="Add an effect to the data, such as line@gyro_x:frequency=12; may be repeated.",
@@ -38,7 +38,7 @@ from tuner.cli.progress import Messages
 @common
 def command(
     sensor: str,
-    hidden: tuple[str, ...],
+    effects: tuple[str, ...],
     trajectory: str | None,
     gnss: str | None,
     hours: float,
@@ -65,7 +65,7 @@ def command(
         gnss=gnss,
         duration=3600.0 * hours,
         rate=rate,
-        hidden=hidden,
+        effects=effects,
         seed=seed,
     )
     for note in made.notes:

@@ -86,7 +86,11 @@ def test_clean_simulated_sensors_have_no_finding_and_uniform_p_values():
     for seed in range(40):
         step = 0.01 * float(np.exp(np.random.default_rng(seed).uniform(np.log(0.03), 0.0)))
         (gyro,), _ = simulate(
-            {"gyro_x": Channel(model)}, duration=300.0, rate=100.0, seed=seed, hidden=[f"lattice:step={step}"]
+            {"gyro_x": Channel(model)},
+            duration=300.0,
+            rate=100.0,
+            seed=seed,
+            effects=[f"lattice:step={step}"],
         )
         tests = data_quality_tests(gyro)
         assert alarms(tests) == []

@@ -20,7 +20,7 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
         ("timing:clock_ratio=1.0001", {"clock_ratio": 1.0001}),
         ("line:frequency=1,amplitude=0.1", {}),
     ):
-        (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=11, hidden=[text])
+        (gyro,), _ = simulate(clean, duration=200.0, rate=100.0, seed=11, effects=[text])
         test = data_quality_tests(gyro)[0]
         assert test.cause == "timing"
         assert (test.p_value == 0.0) is bool(said)
@@ -35,13 +35,13 @@ def test_stamps_that_are_even_are_quiet_and_others_are_found():
 @pytest.mark.parametrize("rate", [130.0, 400.0, 100.0 / 1.00003])
 def test_rounded_stamps_are_reported_with_their_unit_and_are_no_jitter(rate):
     clean = {"gyro_x": Channel(NoiseModel([White(1.0)]))}
-    (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=1e-3"])
+    (gyro,), _ = simulate(clean, duration=100.0, rate=rate, seed=11, effects=["timing:rounding=1e-3"])
     test = data_quality_tests(gyro)[0]
     assert test.note
     assert test.parameters["rounding"].value == pytest.approx(1e-3, rel=1e-6)
     assert "jitter_sd" not in test.parameters
     (gyro,), _ = simulate(
-        clean, duration=100.0, rate=rate, seed=11, hidden=["timing:rounding=2e-4,jitter_sd=5e-4"]
+        clean, duration=100.0, rate=rate, seed=11, effects=["timing:rounding=2e-4,jitter_sd=5e-4"]
     )
     test = data_quality_tests(gyro)[0]
     assert test.p_value == 0.0

@@ -72,7 +72,7 @@ def test_errors_in_variables_bias_is_reported_where_a_shift_is_removed():
         receiver,
         rate=50.0,
         seed=44,
-        hidden=("time_offset:delay=0.06",),
+        effects=("time_offset:delay=0.06",),
     )
     run = examine_drive(drive, load_config("adis16465", gnss=receiver))
     final = run.search.final

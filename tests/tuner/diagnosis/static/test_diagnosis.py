@@ -23,7 +23,7 @@ NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))
 
 def records(*hidden: str, seed: int = 3, axes: tuple[str, ...] = ("gyro_x",)) -> tuple[Record, ...]:
     sensor = dict.fromkeys(axes, Channel(NOISE))
-    return simulate(sensor, duration=SPAN, rate=RATE, seed=seed, hidden=hidden)[0]
+    return simulate(sensor, duration=SPAN, rate=RATE, seed=seed, effects=hidden)[0]
 
 
 def found(*hidden: str, seed: int = 3) -> Diagnosis:
@@ -142,7 +142,7 @@ def test_quantization_that_hides_beside_a_colour_is_in_its_interval():
     held = 0
     for seed in range(8):
         sensor = {"gyro_x": Channel(NOISE)}
-        (record,) = simulate(sensor, duration=7200.0, rate=RATE, seed=seed, hidden=("colour:ar=-0.2",))[0]
+        (record,) = simulate(sensor, duration=7200.0, rate=RATE, seed=seed, effects=("colour:ar=-0.2",))[0]
         rounding = np.diff(np.random.default_rng(seed).standard_normal(len(record) + 1))
         louder = replace(record, y=record.y + 0.1e-3 * np.sqrt(RATE) * rounding[:, None])
         (finding,) = diagnose((louder,)).findings

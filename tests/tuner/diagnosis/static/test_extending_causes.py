@@ -67,7 +67,7 @@ def test_the_example_is_one_file_of_forty_lines() -> None:
 def test_a_cause_of_another_package_is_hidden_found_named_and_sized(tmp_path: Path) -> None:
     records, key = simulate(
         {"gyro_x": NOISE}, duration=7200.0, rate=20.0, seed=0, temperature=Diurnal(30.0, 5.0, period=1800.0),
-        hidden=(f"temperature_rate:slope={SLOPE}",),
+        effects=(f"temperature_rate:slope={SLOPE}",),
     )  # fmt: skip
     assert [h["cause"] for h in key["hidden"]] == ["temperature_rate"]
     np.testing.assert_allclose(records[0].y, rate_log()[0].y, atol=1e-15)
@@ -113,7 +113,7 @@ def test_a_lag_that_is_not_known_is_reported_as_its_family(seed: int) -> None:
 def test_a_lag_that_is_known_keeps_its_name() -> None:
     records, _ = simulate(
         {"gyro_x": NOISE}, duration=7200.0, rate=20.0, seed=1, temperature=Diurnal(30.0, 5.0, period=1800.0),
-        hidden=("thermal_lag:slope=2e-5,time_constant=200",),
+        effects=("thermal_lag:slope=2e-5,time_constant=200",),
     )  # fmt: skip
     (finding,) = diagnose(records).findings
     assert finding.cause == "thermal_lag"

@@ -67,7 +67,7 @@ def test_local_variance_beside_a_quantizer_is_even_in_every_place():
 
 def test_a_burst_on_a_coarse_quantizer_is_still_found():  # 30 % of the record, variance × 2: hundreds of nats
     record = simulate({"gyro_x": Channel(NOISE)}, duration=2400.0, rate=RATE, seed=2,
-                      hidden=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
+                      effects=("burst:start=600,duration=700,variance_ratio=2",))[0][0]  # fmt: skip
     size = 2.5 * WHITE
     object.__setattr__(record, "y", size * np.round(record.y / size))
     found = residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])

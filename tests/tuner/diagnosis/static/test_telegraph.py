@@ -55,7 +55,7 @@ def test_mean_dwells_are_those_of_the_hidden_path():
     sensor = {"gyro_x": Channel(NOISE)}
     hidden = "telegraph:size=6e-3,dwell_low=40,dwell_high=15"
     (clean,), _ = simulate(sensor, duration=1800.0, rate=50.0, seed=3)
-    (made,), _ = simulate(sensor, duration=1800.0, rate=50.0, seed=3, hidden=[hidden])
+    (made,), _ = simulate(sensor, duration=1800.0, rate=50.0, seed=3, effects=[hidden])
     high = (made.y - clean.y)[:, 0] > 3e-3
     edges = np.flatnonzero(np.diff(high.astype(int), prepend=~high[0], append=~high[-1]))
     dwells, level = np.diff(edges) / 50.0, high[edges[:-1]]
