@@ -1,0 +1,139 @@
+"""Which block is written for an axis: the likelihood's, one fitted to the curve, or one that is marked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.identification.predictive.criteria import CurveComparison, ForecastComparison, follows_curve
+from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
+from tuner.identification.predictive.forecast import compare_forecasts
+from tuner.identification.predictive.measured_allan import MeasuredAllan, measured_allan
+from tuner.identification.predictive.noise_block import FASTEST_STATE, NoiseBlock
+from tuner.identification.predictive.spectral_excess import SpectralExcess, octave_bands, spectral_excess
+
+FloatArray = NDArray[np.float64]
+
+WHITE_FROM = 10.0
+"""Cluster time ÷ time constant from which a fast state that became white noise is judged as such."""
+
+
+LEAST_WHITE_SHARE = 0.5
+"""White density written where none was found ÷ the largest that the curve allows: no filter takes zero."""
+
+
+class BlockSource(StrEnum):
+    """Where the numbers of a block come from."""
+
+    LIKELIHOOD = "likelihood"
+    CURVE = "curve"
+    CURVE_WITH_MOTION = "curve with motion"
+
+
+@dataclass(frozen=True)
+class PredictedBlock:
+    """A block and how well it predicts its record.
+
+    Attributes
+    ----------
+    source : BlockSource
+        Where its numbers come from.
+    block : NoiseBlock
+        What is written, with the bounded parts beside it.
+    measured : MeasuredAllan
+        The curve of the record.
+    curve : CurveComparison
+        Predicted against measured Allan deviation.
+    forecasts : tuple of ForecastComparison
+        True against predicted errors of forecasts.
+    rejected : CurveComparison or None
+        That of the likelihood's block where it is not the one that is written.
+    rejected_forecasts : tuple of ForecastComparison
+        Its forecasts.
+    """
+
+    source: BlockSource
+    block: NoiseBlock
+    measured: MeasuredAllan
+    curve: CurveComparison
+    forecasts: tuple[ForecastComparison, ...]
+    rejected: CurveComparison | None = None
+    rejected_forecasts: tuple[ForecastComparison, ...] = ()
+
+    @property
+    def passes(self) -> bool:
+        """Whether the block predicts both the curve and the forecasts."""
+        return self.curve.passes and all(forecast.passes for forecast in self.forecasts)
+
+
+def choose_block(
+    pieces: Sequence[FloatArray], interval: float, proposed: NoiseBlock | None
+) -> PredictedBlock | None:
+    """Return the block to write for one axis; None where the record is too short to judge any.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray, shape (n_i,)
+        Stretches without a gap, at rest.
+    interval : float
+        Sampling interval, s.
+    proposed : NoiseBlock or None
+        The likelihood's block without any enlargement.
+    """
+    measured = measured_allan(pieces, interval)
+    if measured is None:
+        return None
+    found = spectral_excess(pieces, interval)
+    excess: tuple[SpectralExcess, ...] = () if found is None else (found,)
+    first: PredictedBlock | None = None
+    if proposed is not None:
+        kept = with_bounded_parts(proposed, measured, excess)
+        first = _judged(BlockSource.LIKELIHOOD, kept, measured, pieces)
+        if first.passes:
+            return first
+    fitted = _from_curve(BlockSource.CURVE, excess, measured, pieces)
+    bands = octave_bands(interval, float(measured.tau[0]))
+    if not fitted.curve.passes and bands:
+        wider = _from_curve(BlockSource.CURVE_WITH_MOTION, (*excess, *bands), measured, pieces)
+        if wider.curve.passes:
+            fitted = wider
+    if first is None:
+        return fitted
+    return PredictedBlock(
+        fitted.source, fitted.block, measured, fitted.curve, fitted.forecasts, first.curve, first.forecasts
+    )
+
+
+def _from_curve(
+    source: BlockSource,
+    excess: Sequence[SpectralExcess],
+    measured: MeasuredAllan,
+    pieces: Sequence[FloatArray],
+) -> PredictedBlock:
+    block = raise_random_walk(fit_curve(measured, excess), measured)
+    return _judged(source, block, measured, pieces)
+
+
+def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:
+    """Return the block with white noise: half of the smallest σ(τ)√τ where the curve shows none."""
+    if block.white_density > 0.0:
+        return block
+    largest = float(np.sqrt(np.min(measured.variance * measured.tau)))
+    return replace(block, white_density=LEAST_WHITE_SHARE * largest)
+
+
+def _judged(
+    source: BlockSource, block: NoiseBlock, measured: MeasuredAllan, pieces: Sequence[FloatArray]
+) -> PredictedBlock:
+    """Judge what a filter gets: states faster than it can follow as white noise, from ten time constants on."""
+    fast = [state.time_constant for state in block.states if state.time_constant <= FASTEST_STATE]
+    written = _with_white_noise(block.without_fast_states(), measured)
+    predicted = written.allan_variance(measured.tau, measured.interval)
+    curve = follows_curve(measured, predicted, shortest=WHITE_FROM * max(fast, default=0.0))
+    return PredictedBlock(
+        source, written, measured, curve, compare_forecasts(pieces, measured.interval, written)
+    )

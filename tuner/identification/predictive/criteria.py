@@ -1,0 +1,105 @@
+"""When a block predicts what was measured: its Allan deviation, and the errors of its own forecasts.
+
+*Curve*: predicted ÷ measured Allan deviation within 0.8 … 1.25 at 95 % of the cluster times and within 0.7 … 1.4 at
+all, up to a thirtieth of the record. The true model of simulated records of 20 minutes passes in 97 % of cases, of an
+hour in all of 90; at the longest cluster time that is judged 0.7 is 2.6 sd away.
+
+*Forecasts*: true ÷ predicted rms error of the integral of the samples, some seconds ahead, of a Kalman filter that
+has the block. With n windows in the record the ratio has a relative sd of 1/√(2n), which widens 0.8 … 1.25.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.identification.predictive.measured_allan import MeasuredAllan
+
+FloatArray = NDArray[np.float64]
+
+INNER_LIMIT = 1.25
+"""Factor within which 95 % of the predicted deviations must lie, and every forecast but for its scatter."""
+INNER_SHARE = 0.95
+"""Share of the cluster times within the inner limit."""
+LOWEST_RATIO, HIGHEST_RATIO = 0.7, 1.4
+"""Bounds of predicted ÷ measured deviation at every cluster time."""
+
+
+@dataclass(frozen=True)
+class CurveComparison:
+    """Predicted against measured Allan deviation.
+
+    Attributes
+    ----------
+    tau, ratio : ndarray, shape (q,)
+        Cluster times that are judged, s, and predicted ÷ measured deviation.
+    """
+
+    tau: FloatArray
+    ratio: FloatArray
+
+    @property
+    def worst(self) -> float:
+        """The ratio farthest from 1."""
+        return float(self.ratio[np.argmax(np.abs(np.log(self.ratio)))])
+
+    @property
+    def worst_tau(self) -> float:
+        """Its cluster time, s."""
+        return float(self.tau[np.argmax(np.abs(np.log(self.ratio)))])
+
+    @property
+    def passes(self) -> bool:
+        """Whether the block predicts the curve."""
+        within = np.abs(np.log(self.ratio)) <= np.log(INNER_LIMIT)
+        return bool(
+            np.mean(within) >= INNER_SHARE
+            and self.ratio.min() >= LOWEST_RATIO
+            and self.ratio.max() <= HIGHEST_RATIO
+        )
+
+
+@dataclass(frozen=True)
+class ForecastComparison:
+    """True ÷ predicted rms error of forecasts over one horizon.
+
+    Attributes
+    ----------
+    horizon : float
+        s.
+    ratio : float
+        True ÷ predicted rms error of the integral.
+    lowest, highest : float
+        Bounds of the ratio for a record of this length.
+    """
+
+    horizon: float
+    ratio: float
+    lowest: float
+    highest: float
+
+    @property
+    def passes(self) -> bool:
+        """Whether the forecasts are as good as the block says."""
+        return self.lowest <= self.ratio <= self.highest
+
+
+def follows_curve(
+    measured: MeasuredAllan, predicted: FloatArray, *, shortest: float = 0.0
+) -> CurveComparison:
+    """Compare a predicted Allan variance, shape (q,), with the measured one from a shortest cluster time, s, on."""
+    judged = measured.judged & (measured.tau >= shortest)
+    if not judged.any():
+        judged = measured.judged
+    return CurveComparison(measured.tau[judged], np.sqrt(predicted[judged] / measured.variance[judged]))
+
+
+def forecast_comparison(horizon: float, ratio: float, length: float) -> ForecastComparison:
+    """Return a ratio with its bounds for a record of some length, s, of which a tenth is not judged."""
+    scatter = 1.0 / np.sqrt(2.0 * 0.9 * length / horizon)
+    widened = 1.0 + 2.0 * scatter
+    return ForecastComparison(
+        horizon, ratio, float(1.0 / (INNER_LIMIT * widened)), float(INNER_LIMIT * widened)
+    )
