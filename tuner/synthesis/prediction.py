@@ -1,0 +1,116 @@
+"""A configuration held against the record it came from: every axis must predict its own Allan curve and forecasts.
+
+The settings of an axis that fail are replaced by a block fitted to the curve, and the notes say so with the figures;
+an axis that no block predicts is marked with the cluster times or horizons at which it fails. What stays bounded in
+the integral (quantization noise, lines, resonances) is no setting of a filter; it is kept with the comparison.
+A constant bias rate that was identified is taken out of the samples first: the filter has a state for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.identification.predictive.choose_block import BlockSource, PredictedBlock, choose_block
+from tuner.identification.predictive.noise_block import NoiseBlock
+from tuner.types import ChannelNoise, FilterConfig, TermEstimate
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+
+
+def hold_to_records(
+    config: FilterConfig, records: Sequence[Record]
+) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
+    """Return a configuration whose axes predict their records, and how well each does.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Settings without any enlargement for causes.
+    records : sequence of Record
+        Samples at rest from which they were identified; axes without a record stay as they are.
+    """
+    channels, notes = dict(config.channels), list(config.notes)
+    judged: dict[str, PredictedBlock] = {}
+    for record in records:
+        for axis in [a for a in record.axes if a in channels]:
+            channel = channels[axis]
+            found = choose_block(_samples(record, channel), record.interval, _block(channel))
+            if found is None:
+                continue
+            judged[axis] = found
+            if found.source is not BlockSource.LIKELIHOOD:
+                channels[axis] = _with_block(channel, found)
+            notes += _notes(axis, found)
+    return replace(config, channels=channels, notes=tuple(notes)), judged
+
+
+def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:
+    """Return the stretches without a gap, less the ramp that was identified."""
+    rate = _coefficient(channel.identified, "ramp", "rate")
+    pieces = [
+        (record.column(channel.axis)[start:stop], record.t[start:stop])
+        for start, stop in record.segments
+        if np.ptp(record.column(channel.axis)[start:stop]) > 0.0
+    ]
+    if rate == 0.0:
+        return [np.ascontiguousarray(y) for y, _ in pieces]
+    y, t = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    slope = float(np.polyfit(t - t.mean(), y, 1)[0])
+    return [np.ascontiguousarray(y - slope * (t - t[0])) for y, t in pieces]
+
+
+def _coefficient(terms: Sequence[TermEstimate], name: str, parameter: str) -> float:
+    term = next((term for term in terms if term.name == name and term.present), None)
+    return 0.0 if term is None else float(term.coefficients[parameter].value or 0.0)
+
+
+def _block(channel: ChannelNoise) -> NoiseBlock:
+    return NoiseBlock(
+        channel.white_density,
+        channel.markov,
+        channel.random_walk_density,
+        _coefficient(channel.identified, "quantization", "increment_sd"),
+    )
+
+
+def _with_block(channel: ChannelNoise, found: PredictedBlock) -> ChannelNoise:
+    block = found.block
+    return replace(
+        channel,
+        white_density=block.white_density,
+        markov=block.states,
+        random_walk_density=block.random_walk_density,
+    )
+
+
+def _notes(axis: str, found: PredictedBlock) -> list[str]:
+    """Say where the settings of an axis do not come from its identified terms, and where they do not predict it."""
+    notes = []
+    if found.source is not BlockSource.LIKELIHOOD and found.rejected is not None:
+        failed = [f for f in found.rejected_forecasts if not f.passes]
+        why = (
+            f"they give {found.rejected.worst:.2f} of the measured Allan deviation at {found.rejected.worst_tau:.3g} s"
+            if not found.rejected.passes or not failed
+            else f"the error over {failed[0].horizon:g} s is {failed[0].ratio:.2f} of what they predict"
+        )
+        notes.append(
+            f"{axis}: the settings are fitted to the Allan curve, not made from the identified terms: {why}"
+        )
+    if not found.curve.passes:
+        notes.append(
+            f"{axis}: no sum of white noise, bias states and random walk predicts the Allan curve: "
+            f"{found.curve.worst:.2f} of the measured deviation at {found.curve.worst_tau:.3g} s; "
+            "temperature or motion in the record is to be taken out first"
+        )
+    notes += [
+        f"{axis}: the error over {f.horizon:g} s is {f.ratio:.2f} of what the settings predict "
+        f"({f.lowest:.2f} … {f.highest:.2f} is expected)"
+        for f in found.forecasts
+        if not f.passes
+    ]
+    return notes
