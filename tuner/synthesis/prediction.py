@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.identification.predictive.choose_block import BlockSource, PredictedBlock, choose_block
-from tuner.identification.predictive.noise_block import NoiseBlock
+from tuner.identification.predictive.choose_block import choose_block
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
+from tuner.types.prediction import BlockSource, NoiseBlock, PredictedBlock
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]

@@ -11,13 +11,13 @@ import pytest
 
 from models.noise import GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.curves.allan import overlapping_allan
-from tuner.identification.predictive.choose_block import BlockSource, choose_block
+from tuner.identification.predictive.choose_block import choose_block
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk
 from tuner.identification.predictive.forecast import compare_forecasts
-from tuner.identification.predictive.measured_allan import MeasuredAllan, measured_allan
-from tuner.identification.predictive.noise_block import NoiseBlock
-from tuner.identification.predictive.spectral_excess import SpectralExcess, spectral_excess
+from tuner.identification.predictive.measured_allan import measured_allan
+from tuner.identification.predictive.spectral_excess import spectral_excess
+from tuner.types.prediction import BlockSource, MeasuredAllan, NoiseBlock, SpectralExcess
 
 INTERVAL = 0.05
 MODEL = NoiseModel((White(1.0), GaussMarkov(0.2, 60.0), RandomWalk(0.004)))

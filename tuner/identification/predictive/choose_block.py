@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.identification.predictive.criteria import CurveComparison, ForecastComparison, follows_curve
+from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
 from tuner.identification.predictive.forecast import compare_forecasts
-from tuner.identification.predictive.measured_allan import MeasuredAllan, measured_allan
-from tuner.identification.predictive.noise_block import FASTEST_STATE, NoiseBlock
-from tuner.identification.predictive.spectral_excess import SpectralExcess, octave_bands, spectral_excess
+from tuner.identification.predictive.measured_allan import measured_allan
+from tuner.identification.predictive.spectral_excess import octave_bands, spectral_excess
+from tuner.types.prediction import (
+    FASTEST_STATE,
+    BlockSource,
+    MeasuredAllan,
+    NoiseBlock,
+    PredictedBlock,
+    SpectralExcess,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -24,50 +30,6 @@ WHITE_FROM = 10.0
 
 LEAST_WHITE_SHARE = 0.5
 """White density written where none was found ÷ the largest that the curve allows: no filter takes zero."""
-
-
-class BlockSource(StrEnum):
-    """Where the numbers of a block come from."""
-
-    LIKELIHOOD = "likelihood"
-    CURVE = "curve"
-    CURVE_WITH_MOTION = "curve with motion"
-
-
-@dataclass(frozen=True)
-class PredictedBlock:
-    """A block and how well it predicts its record.
-
-    Attributes
-    ----------
-    source : BlockSource
-        Where its numbers come from.
-    block : NoiseBlock
-        What is written, with the bounded parts beside it.
-    measured : MeasuredAllan
-        The curve of the record.
-    curve : CurveComparison
-        Predicted against measured Allan deviation.
-    forecasts : tuple of ForecastComparison
-        True against predicted errors of forecasts.
-    rejected : CurveComparison or None
-        That of the likelihood's block where it is not the one that is written.
-    rejected_forecasts : tuple of ForecastComparison
-        Its forecasts.
-    """
-
-    source: BlockSource
-    block: NoiseBlock
-    measured: MeasuredAllan
-    curve: CurveComparison
-    forecasts: tuple[ForecastComparison, ...]
-    rejected: CurveComparison | None = None
-    rejected_forecasts: tuple[ForecastComparison, ...] = ()
-
-    @property
-    def passes(self) -> bool:
-        """Whether the block predicts both the curve and the forecasts."""
-        return self.curve.passes and all(forecast.passes for forecast in self.forecasts)
 
 
 def choose_block(

@@ -10,80 +10,12 @@ has the block. With n windows in the record the ratio has a relative sd of 1/√
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.identification.predictive.measured_allan import MeasuredAllan
+from tuner.types.prediction import INNER_LIMIT, CurveComparison, ForecastComparison, MeasuredAllan
 
 FloatArray = NDArray[np.float64]
-
-INNER_LIMIT = 1.25
-"""Factor within which 95 % of the predicted deviations must lie, and every forecast but for its scatter."""
-INNER_SHARE = 0.95
-"""Share of the cluster times within the inner limit."""
-LOWEST_RATIO, HIGHEST_RATIO = 0.7, 1.4
-"""Bounds of predicted ÷ measured deviation at every cluster time."""
-
-
-@dataclass(frozen=True)
-class CurveComparison:
-    """Predicted against measured Allan deviation.
-
-    Attributes
-    ----------
-    tau, ratio : ndarray, shape (q,)
-        Cluster times that are judged, s, and predicted ÷ measured deviation.
-    """
-
-    tau: FloatArray
-    ratio: FloatArray
-
-    @property
-    def worst(self) -> float:
-        """The ratio farthest from 1."""
-        return float(self.ratio[np.argmax(np.abs(np.log(self.ratio)))])
-
-    @property
-    def worst_tau(self) -> float:
-        """Its cluster time, s."""
-        return float(self.tau[np.argmax(np.abs(np.log(self.ratio)))])
-
-    @property
-    def passes(self) -> bool:
-        """Whether the block predicts the curve."""
-        within = np.abs(np.log(self.ratio)) <= np.log(INNER_LIMIT)
-        return bool(
-            np.mean(within) >= INNER_SHARE
-            and self.ratio.min() >= LOWEST_RATIO
-            and self.ratio.max() <= HIGHEST_RATIO
-        )
-
-
-@dataclass(frozen=True)
-class ForecastComparison:
-    """True ÷ predicted rms error of forecasts over one horizon.
-
-    Attributes
-    ----------
-    horizon : float
-        s.
-    ratio : float
-        True ÷ predicted rms error of the integral.
-    lowest, highest : float
-        Bounds of the ratio for a record of this length.
-    """
-
-    horizon: float
-    ratio: float
-    lowest: float
-    highest: float
-
-    @property
-    def passes(self) -> bool:
-        """Whether the forecasts are as good as the block says."""
-        return self.lowest <= self.ratio <= self.highest
 
 
 def follows_curve(

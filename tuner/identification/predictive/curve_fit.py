@@ -25,10 +25,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from models.noise import GaussMarkov, Quantization, RandomWalk, Term, White
-from tuner.identification.predictive.criteria import INNER_LIMIT, follows_curve
-from tuner.identification.predictive.measured_allan import MeasuredAllan
-from tuner.identification.predictive.noise_block import NoiseBlock
-from tuner.identification.predictive.spectral_excess import SpectralExcess
+from tuner.identification.predictive.criteria import follows_curve
+from tuner.types.prediction import INNER_LIMIT, MeasuredAllan, NoiseBlock, SpectralExcess
 
 FloatArray = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tuner.identification.predictive.criteria import ForecastComparison, forecast_comparison
-from tuner.identification.predictive.noise_block import NoiseBlock
+from tuner.identification.predictive.criteria import forecast_comparison
+from tuner.types.prediction import ForecastComparison, NoiseBlock
 
 FloatArray = NDArray[np.float64]
 

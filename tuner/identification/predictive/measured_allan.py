@@ -8,14 +8,14 @@ the variance, 1/ν = Σ share_j/ν_j.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tuner.curves import dof
 from tuner.curves.allan import overlapping_allan
+from tuner.types.prediction import MeasuredAllan
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,38 +26,8 @@ POINTS_PER_OCTAVE = 4
 """Cluster times an octave; neighbours are then correlated, and none falls between two points unseen."""
 LONGEST_SHARE = 0.1
 """Longest cluster time ÷ length of the longest stretch: some five independent differences are left."""
-JUDGED_SHARE = 1.0 / 30.0
-"""Longest cluster time that is judged ÷ length: there the sd of ln σ is 0.10 (white noise) to 0.14 (random walk)."""
 NOISE_KINDS = ("quantization", "white", "bias_instability", "random_walk")
 """Pure noises whose degrees of freedom stand for those of every component of a fit."""
-
-
-@dataclass(frozen=True)
-class MeasuredAllan:
-    """The measured curve of one axis.
-
-    Attributes
-    ----------
-    interval, length : float
-        Sampling interval and length of the longest stretch without a gap, s.
-    tau : ndarray, shape (q,)
-        Cluster times, s.
-    variance : ndarray, shape (q,)
-        Overlapping Allan variance, unit².
-    dof : mapping of str to ndarray, shape (q,)
-        Degrees of freedom if all were noise of one kind, by `NOISE_KINDS`.
-    """
-
-    interval: float
-    length: float
-    tau: FloatArray
-    variance: FloatArray
-    dof: Mapping[str, FloatArray]
-
-    @property
-    def judged(self) -> NDArray[np.bool_]:
-        """Cluster times at which a model is judged, shape (q,)."""
-        return np.asarray(self.tau <= JUDGED_SHARE * self.length)
 
 
 def measured_allan(pieces: Sequence[FloatArray], interval: float) -> MeasuredAllan | None:

@@ -13,12 +13,13 @@ bins next to such a place, the feet of a Hann line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
+
+from tuner.types.prediction import SpectralExcess
 
 FloatArray = NDArray[np.float64]
 
@@ -32,42 +33,6 @@ MIN_WINDOW = 64
 """Samples of the shortest window that tells a line from what surrounds it."""
 HANN_FEET = 2
 """Bins on each side of a line that a Hann window fills."""
-
-
-@dataclass(frozen=True)
-class SpectralExcess:
-    """Power at some frequencies.
-
-    Attributes
-    ----------
-    frequency : ndarray, shape (k,)
-        Hz.
-    power : ndarray, shape (k,)
-        Variance of the samples that each contributes, unit².
-    interval : float
-        Sampling interval, s.
-    """
-
-    frequency: FloatArray
-    power: FloatArray
-    interval: float
-
-    def allan_variance(self, tau: FloatArray) -> FloatArray:
-        """Return L at cluster times τ, s, shape of τ, unit²."""
-        angle = np.pi * self.frequency * self.interval
-        m = np.rint(np.asarray(tau) / self.interval)
-        return np.array(
-            [np.sum(2.0 * self.power * np.sin(angle * k) ** 4 / (k * np.sin(angle)) ** 2) for k in m]
-        )
-
-    def integral_variance(self, duration: float) -> float:
-        """Return the variance of the integral over a duration, s; (unit·s)²."""
-        half = np.pi * self.frequency
-        return float(np.sum(self.power * (np.sin(half * duration) / half) ** 2))
-
-    def scaled(self, share: float) -> SpectralExcess:
-        """Return the same frequencies with their power multiplied."""
-        return SpectralExcess(self.frequency, share * self.power, self.interval)
 
 
 def spectral_excess(pieces: Sequence[FloatArray], interval: float) -> SpectralExcess | None:
