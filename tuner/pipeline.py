@@ -7,7 +7,7 @@ and no file is written: `tuner.report.result_set` does that.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -21,6 +21,7 @@ from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.exporters import export
 from tuner.formats import native
+from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
 from tuner.readers import read
@@ -31,10 +32,13 @@ from tuner.segments.multi_position import PoseCalibration, calibrate
 from tuner.simulation.static import demo
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
-from tuner.synthesis.findings import agreed, findings_for_config, settled_inflations
+from tuner.synthesis.findings import agreed, findings_for_config
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
+from tuner.synthesis.prediction import hold_to_records
+from tuner.synthesis.worst_case import worst_case
 from tuner.types import Diagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.consistency import Check
+from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
 
@@ -79,11 +83,12 @@ class TuneInputs:
 
 @dataclass(frozen=True)
 class LogResult:
-    """Noise of the unit, what a simulation of it gets wrong, and the parts that are absent, each with the reason."""
+    """Noise of the unit, what a simulation of it gets wrong, what is absent and why, and the samples at rest."""
 
     identification: Identification
     diagnosis: Diagnosis | None
     absent: Mapping[str, str]
+    still: tuple[Record, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,8 @@ class TuneResult:
         Settings of the filter.
     check : Check or None
         Monte-Carlo consistency of the filter.
+    predictions : mapping of str to PredictedBlock
+        How well the settings of each axis predict the static log, by axis; before a drive changed them.
     absent : mapping of str to str
         Parts that were not run, each with the reason.
     exports : mapping of str to str
@@ -126,6 +133,7 @@ class TuneResult:
     calibration: PoseCalibration | None
     config: FilterConfig
     check: Check | None
+    predictions: Mapping[str, PredictedBlock]
     absent: Mapping[str, str]
     exports: Mapping[str, str]
     key: Mapping[str, Any] | None = None
@@ -142,6 +150,7 @@ def tune(
     gnss: str | Path | GnssNoise | None = None,
     terms: Sequence[str] | None = None,
     latitude: float | None = None,
+    conservative: bool = False,
     replicas: int = 0,
     seed: int = 0,
     progress: Progress = silent,
@@ -166,6 +175,8 @@ def tune(
         Fit exactly this sum of noise terms.
     latitude : float, optional
         Degrees; takes the Earth's rate out of the gyro means.
+    conservative : bool, optional
+        Use the noise of the worst stretch of the log throughout, instead of its share of the time.
     replicas : int, optional
         Simulated records a finding, for bands.
     seed : int, optional
@@ -189,8 +200,14 @@ def tune(
     )
     progress("synthesising the filter configuration")
     calibration = calibrate(inputs.records) if inputs.records else None
-    config = configure(
-        inputs, noise, calibration=calibration, horizon=horizon, complete=completion, seed=seed
+    config, predictions = configure(
+        inputs,
+        noise,
+        calibration=calibration,
+        horizon=horizon,
+        complete=completion,
+        conservative=conservative,
+        seed=seed,
     )
     examined = None
     if inputs.drive is not None:
@@ -208,6 +225,7 @@ def tune(
         calibration,
         config,
         checked,
+        MappingProxyType(dict(predictions)),
         MappingProxyType({**noise.absent, **unchecked}),
         MappingProxyType(exports),
         inputs.key,
@@ -275,8 +293,10 @@ def identify_and_diagnose(
         try:
             diagnosis = diagnose(inputs.records, replicas=replicas, seed=seed, progress=progress)
         except DataError as error:
-            return LogResult(found, None, {"diagnosis": str(error)})
-        return LogResult(found if terms is not None else agreed(still, found, diagnosis), diagnosis, {})
+            return LogResult(found, None, {"diagnosis": str(error)}, still)
+        return LogResult(
+            found if terms is not None else agreed(still, found, diagnosis), diagnosis, {}, still
+        )
     if isinstance(inputs.source, Identification):
         return LogResult(inputs.source, None, {"diagnosis": NO_SAMPLES})
     if inputs.source is not None:
@@ -294,9 +314,14 @@ def configure(
     calibration: PoseCalibration | None,
     horizon: float,
     complete: SensorGrade | None,
+    conservative: bool,
     seed: int,
-) -> FilterConfig:
-    """Return the configuration that noise, findings and calibration of the static log ask for."""
+) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
+    """Return the configuration that the static log asks for, and how well each of its axes predicts that log.
+
+    Axes that fail to predict their log get settings that do; noise that is larger for a part of the time is advice,
+    unless the configuration is to be conservative.
+    """
     config = synthesize(
         noise.identification,
         name=inputs.name,
@@ -306,9 +331,15 @@ def configure(
         seed=seed,
         findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
     )
+    config, predictions = hold_to_records(config, noise.still)
+    stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
+    config = replace(config, provenance={**config.provenance, "prediction": stored})
     if noise.diagnosis is not None:
-        config = inflate(config, settled_inflations(noise.diagnosis, config))
-    return config if calibration is None else with_calibration(config, calibration)
+        worst = worst_case(noise.diagnosis, config)
+        config = inflate(config, worst) if conservative else replace(config, worst_case=worst)
+    if calibration is not None:
+        config = with_calibration(config, calibration)
+    return config, predictions
 
 
 def check_or_reason(

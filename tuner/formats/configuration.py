@@ -5,7 +5,7 @@ Layout::
     sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
     initial: P0 with reasons      gnss: R and gate      findings: […]
     compensation: {NAME: value}   constants: {STATE: sd of its prior}
-    inflations: [{quantity, kind, factor, reason, …}]   provenance: {…}       notes: […]
+    inflations, worst_case: [{quantity, kind, factor, reason, …}]   provenance: {…}       notes: […]
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from tuner.formats.codec import dump, load, stored_form
 from tuner.types import (
     ChannelNoise,
     Compensation,
+    Enlargement,
     FilterConfig,
     GnssNoise,
     Inflation,
@@ -83,6 +84,7 @@ class _ConfigForm:
     constants: Mapping[str, Finite] = field(default_factory=dict)
     findings: tuple[Mapping[str, Any], ...] = ()
     inflations: tuple[Inflation, ...] = ()
+    worst_case: tuple[Enlargement, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -64,6 +64,7 @@ def dumps(config: FilterConfig) -> str:
         **({"constants": dict(config.constants)} if config.constants else {}),
         "findings": [dict(finding) for finding in config.findings],
         "inflations": [_inflation(inflation) for inflation in config.inflations],
+        **({"worst_case": [_inflation(one) for one in config.worst_case]} if config.worst_case else {}),
         "provenance": dict(config.provenance),
         "notes": config.notes,
     }

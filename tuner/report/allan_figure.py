@@ -6,8 +6,9 @@ faded: each point there rests on fewer than about four independent differences.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import matplotlib as mpl
 import numpy as np
@@ -18,11 +19,13 @@ from numpy.typing import NDArray
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
 from tuner.formats.files import whole_file
 from tuner.types import ChannelIdentification, Identification
+from tuner.types.prediction import PredictedBlock
 
 FloatArray = NDArray[np.float64]
 
 MEASURED_COLOUR = "#1f5fa8"
 MODEL_COLOUR = "#c2410c"
+PREDICTED_COLOUR = "#111827"
 TERM_COLOURS = {
     "quantization": "#7c3aed",
     "white": "#0f766e",
@@ -43,8 +46,17 @@ WELL_KNOWN_SHARE = 0.2
 """Share of the record up to which the empirical curve is drawn in full: beyond a fifth, few differences remain."""
 
 
-def draw_allan(identification: Identification, paths: Sequence[Path], *, title: str = "") -> None:
-    """Draw every channel of an identification and write one file a path (PNG, SVG, … by suffix)."""
+def draw_allan(
+    identification: Identification,
+    paths: Sequence[Path],
+    *,
+    title: str = "",
+    predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
+) -> None:
+    """Draw every channel of an identification, with what the written settings predict where that is known.
+
+    One file a path is written: PNG, SVG, … by its suffix.
+    """
     channels = list(identification.channels.values())
     units = list(dict.fromkeys(c.unit for c in channels))
     rows = [[c for c in channels if c.unit == unit] for unit in units]
@@ -54,7 +66,7 @@ def draw_allan(identification: Identification, paths: Sequence[Path], *, title: 
         grid = figure.subplots(len(rows), columns, squeeze=False, sharey="row")
         for row, panels in zip(rows, grid, strict=True):
             for channel, panel in zip(row, panels, strict=False):
-                _draw_channel(panel, channel)
+                _draw_channel(panel, channel, predictions.get(channel.axis))
             for panel in panels[len(row) :]:
                 panel.set_visible(False)
             panels[0].set_ylabel(f"Allan deviation, {pretty(customary_unit('level', row[0].unit))}")
@@ -65,7 +77,7 @@ def draw_allan(identification: Identification, paths: Sequence[Path], *, title: 
                 figure.savefig(temporary, dpi=130)
 
 
-def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
+def _draw_channel(panel: Axes, channel: ChannelIdentification, predicted: PredictedBlock | None) -> None:
     def shown(values: FloatArray) -> FloatArray:
         return values * in_customary(1.0, "level", channel.unit)
 
@@ -79,6 +91,8 @@ def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
         )
         panel.plot(tau[part], deviation[part], "o", ms=2.4, color=MEASURED_COLOUR, alpha=strength, mew=0)
     fine = np.geomspace(tau[0], tau[-1], 200)
+    if predicted is not None:
+        _draw_prediction(panel, predicted, shown)
     _draw_model(panel, channel, fine, shown)
     if tau[-1] > limit:
         panel.axvline(limit, color="0.6", lw=0.8, ls=":")
@@ -95,6 +109,12 @@ def _draw_channel(panel: Axes, channel: ChannelIdentification) -> None:
     panel.set(xscale="log", yscale="log", xlabel="cluster time τ, s", title=channel.axis)
     panel.set_ylim(0.4 * np.nanmin(deviation), 6.0 * np.nanmax(deviation))
     panel.grid(which="major", color="0.88", lw=0.6)
+
+
+def _draw_prediction(panel: Axes, found: PredictedBlock, shown: Callable[[FloatArray], FloatArray]) -> None:
+    tau = found.measured.tau[found.measured.tau >= found.curve.tau[0]]
+    predicted = shown(np.sqrt(found.block.allan_variance(tau, found.measured.interval)))
+    panel.plot(tau, predicted, color=PREDICTED_COLOUR, lw=2.6, alpha=0.45, label="what the settings predict")
 
 
 def _draw_model(

@@ -10,6 +10,7 @@ import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import MappingProxyType
 
 from rich.table import Table
 
@@ -17,6 +18,7 @@ from tuner.formats.customary_units import customary_unit, digits, in_customary, 
 from tuner.report.allan_figure import draw_allan
 from tuner.report.identification_tables import identification_tables
 from tuner.types import ChannelNoise, FilterConfig, Identification
+from tuner.types.prediction import PredictedBlock
 
 PAGE_STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c1917; max-width: 1180px; margin: 2rem auto; padding:
@@ -42,6 +44,7 @@ def write_page(
     title: str,
     sections: Sequence[tuple[str, Sequence[Table | str]]] = (),
     figures: Sequence[tuple[str, Path]] = (),
+    predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     absent: Mapping[str, str],
 ) -> str:
     """Return the page as text.
@@ -58,6 +61,8 @@ def write_page(
         Further parts, such as the diagnosis and the consistency check.
     figures : sequence of (str, Path)
         Further SVG figures with their captions.
+    predictions : mapping of str to PredictedBlock
+        How well the settings of each axis predict the record.
     absent : mapping of str to str
         Parts that were not run, each with the reason.
     """
@@ -68,7 +73,7 @@ def write_page(
         _blocks(identification_tables(identification)),
     ]
     if any(channel.allan.tau.size for channel in identification.channels.values()):
-        parts.append(_allan(identification))
+        parts.append(_allan(identification, predictions))
     for heading, content in sections:
         parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
     parts += [_figure(path.read_text(encoding="utf-8"), caption) for caption, path in figures]
@@ -119,10 +124,10 @@ def _table(table: Table) -> str:
     return f'<div class="wide"><table>{caption}<tr>{head}</tr>{body}</table></div>'
 
 
-def _allan(identification: Identification) -> str:
+def _allan(identification: Identification, predictions: Mapping[str, PredictedBlock]) -> str:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "allan.svg"
-        draw_allan(identification, [path])
+        draw_allan(identification, [path], predictions=predictions)
         return _figure(
             path.read_text(encoding="utf-8"), "Allan deviation with 95 % band, fitted sum and terms"
         )

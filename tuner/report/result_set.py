@@ -12,6 +12,7 @@ from tuner.formats.configuration import config_json
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.files import json_text, write_text
 from tuner.formats.identification import identification_json
+from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
 from tuner.report.allan_figure import draw_allan
 from tuner.report.calibration_text import calibration_lines
@@ -21,6 +22,7 @@ from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
+from tuner.report.prediction_tables import prediction_tables
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
@@ -42,7 +44,8 @@ def write_tune_result(result: TuneResult, directory: Path) -> None:
     """
     found = result.identification
     if any(channel.allan.tau.size for channel in found.channels.values()):
-        draw_allan(found, [directory / "allan.png", directory / "allan.svg"], title=result.name)
+        paths = [directory / "allan.png", directory / "allan.svg"]
+        draw_allan(found, paths, title=result.name, predictions=result.predictions)
     figures: list[tuple[str, Path]] = []
     if result.diagnosis is not None:
         figures += draw_findings(result.records, result.diagnosis, directory, result.replicas, result.seed)
@@ -56,6 +59,7 @@ def write_tune_result(result: TuneResult, directory: Path) -> None:
         title=result.name,
         sections=tune_sections(result),
         figures=figures,
+        predictions=result.predictions,
         absent=result.absent,
     )
     write_text(directory / "report.html", page)
@@ -89,6 +93,8 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
             },
             notes=result.check.notes,
         )
+    if result.predictions:
+        content["prediction"] = predictions_json(result.predictions)
     return {**content, "config": config_json(result.config), "absent": dict(result.absent)}
 
 
@@ -100,6 +106,8 @@ def tune_sections(result: TuneResult) -> list[Section]:
         content = [*diagnosis_tables(result.diagnosis), *hidden_effect_lines(judged)]
         if content:
             sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
+    if result.predictions:
+        sections.append(("Does the configuration predict the record?", prediction_tables(result.predictions)))
     if result.calibration is not None:
         sections.append(("Calibration from poses", calibration_lines(result.calibration)))
     if result.drive is not None:
@@ -126,6 +134,10 @@ def _summary(result: TuneResult, directory: Path) -> list[str]:
         f"  {i.quantity} × {i.factor:.4g}: {i.reason}"
         for i in config.inflations
         if isinstance(i, Enlargement)
+    ]
+    lines += [
+        f"  at its worst {i.quantity} × {i.factor:.4g}, not in the settings: {i.reason}"
+        for i in config.worst_case
     ]
     lines += [f"  {note}" for note in config.notes if note not in result.identification.notes]
     return lines + [f"  no {part}: {reason}" for part, reason in result.absent.items()]

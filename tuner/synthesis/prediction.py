@@ -21,6 +21,9 @@ from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
+FITTED = "not used: the settings of this axis are fitted to its Allan curve, which the identified terms do not predict"
+"""What becomes of the identified terms of an axis that fails."""
+
 
 def hold_to_records(
     config: FilterConfig, records: Sequence[Record]
@@ -46,7 +49,9 @@ def hold_to_records(
             if found.source is not BlockSource.LIKELIHOOD:
                 channels[axis] = _with_block(channel, found)
             notes += _notes(axis, found)
-    return replace(config, channels=channels, notes=tuple(notes)), judged
+    fitted = {axis for axis, found in judged.items() if found.source is not BlockSource.LIKELIHOOD}
+    inflations = tuple(i for i in config.inflations if i.quantity.owner not in fitted)
+    return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), judged
 
 
 def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:
@@ -85,6 +90,7 @@ def _with_block(channel: ChannelNoise, found: PredictedBlock) -> ChannelNoise:
         white_density=block.white_density,
         markov=block.states,
         random_walk_density=block.random_walk_density,
+        fates=dict.fromkeys(channel.fates, FITTED),
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
-from tuner.types.inflation import Inflation
+from tuner.types.inflation import Enlargement, Inflation
 from tuner.types.numbers import NonNegative, Positive
 
 
@@ -84,7 +84,8 @@ class FilterConfig:
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
     `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
     a drive before it is filtered, `constants` further states of the
-    filter, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sds of their priors; SI.
+    filter, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sds of their priors; SI. `worst_case` says by how much the
+    noise is larger while a stretch of the record lasts that the settings count by its share of the time.
     """
 
     name: str
@@ -98,3 +99,4 @@ class FilterConfig:
     findings: tuple[Mapping[str, Any], ...] = ()
     compensation: Compensation = field(default_factory=Compensation)
     constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    worst_case: tuple[Enlargement, ...] = ()

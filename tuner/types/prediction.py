@@ -110,6 +110,12 @@ class NoiseBlock:
         """Return the variance that the bounded parts add to the integral over a duration, s; (unit·s)²."""
         return 2.0 * self.increment_sd**2 + sum(part.integral_variance(duration) for part in self.excess)
 
+    @property
+    def oscillation_sd(self) -> float:
+        """Sd of the integral of lines and resonances about its mean, unit·s."""
+        power = sum(float(np.sum(p.power / (2.0 * np.pi * p.frequency) ** 2)) for p in self.excess)
+        return float(np.sqrt(power))
+
     def without_fast_states(self, fastest: float = FASTEST_STATE) -> NoiseBlock:
         """Return the block whose states up to a time constant, s, have become white noise, N² += 2 σ² T."""
         fast = [state for state in self.states if state.time_constant <= fastest]

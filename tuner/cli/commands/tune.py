@@ -31,6 +31,7 @@ from tuner.cli.progress import Messages
 @click.option("--gnss", metavar="GRADE|LOG", help="GNSS receiver: built-in grade, or a log of fixes at rest.")
 @noise_terms
 @latitude
+@click.option("--conservative", is_flag=True, help="Use the noise of the worst stretch of LOG throughout.")
 @replicas
 @reading
 @common

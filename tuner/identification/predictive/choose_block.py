@@ -51,16 +51,19 @@ def choose_block(
         return None
     found = spectral_excess(pieces, interval)
     excess: tuple[SpectralExcess, ...] = () if found is None else (found,)
+    free = fit_curve(measured, excess)
     first: PredictedBlock | None = None
     if proposed is not None:
-        kept = with_bounded_parts(proposed, measured, excess)
+        kept = with_bounded_parts(proposed, measured, excess, largest_increment_sd=free.increment_sd)
         first = _judged(BlockSource.LIKELIHOOD, kept, measured, pieces)
         if first.passes:
             return first
-    fitted = _from_curve(BlockSource.CURVE, excess, measured, pieces)
+    fitted = _from_curve(BlockSource.CURVE, free, measured, pieces)
     bands = octave_bands(interval, float(measured.tau[0]))
     if not fitted.curve.passes and bands:
-        wider = _from_curve(BlockSource.CURVE_WITH_MOTION, (*excess, *bands), measured, pieces)
+        wider = _from_curve(
+            BlockSource.CURVE_WITH_MOTION, fit_curve(measured, (*excess, *bands)), measured, pieces
+        )
         if wider.curve.passes:
             fitted = wider
     if first is None:
@@ -72,16 +75,24 @@ def choose_block(
 
 def _from_curve(
     source: BlockSource,
-    excess: Sequence[SpectralExcess],
+    fitted: NoiseBlock,
     measured: MeasuredAllan,
     pieces: Sequence[FloatArray],
 ) -> PredictedBlock:
-    """Return the fitted block with its random walk raised; as it was fitted where only that predicts the record."""
-    fitted = fit_curve(measured, excess)
-    raised = _judged(source, raise_random_walk(fitted, measured), measured, pieces)
+    """Return the fitted block with its random walk raised; as it was fitted where only that predicts the record.
+
+    States faster than a filter can follow become white noise, judged as such from ten time constants on.
+    """
+
+    def judged(block: NoiseBlock) -> PredictedBlock:
+        fast = [state.time_constant for state in block.states if state.time_constant <= FASTEST_STATE]
+        written = _with_white_noise(block.without_fast_states(), measured)
+        return _judged(source, written, measured, pieces, shortest=WHITE_FROM * max(fast, default=0.0))
+
+    raised = judged(raise_random_walk(fitted, measured))
     if raised.passes:
         return raised
-    plain = _judged(source, fitted, measured, pieces)
+    plain = judged(fitted)
     return plain if plain.passes else raised
 
 
@@ -94,13 +105,13 @@ def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:
 
 
 def _judged(
-    source: BlockSource, block: NoiseBlock, measured: MeasuredAllan, pieces: Sequence[FloatArray]
+    source: BlockSource,
+    block: NoiseBlock,
+    measured: MeasuredAllan,
+    pieces: Sequence[FloatArray],
+    *,
+    shortest: float = 0.0,
 ) -> PredictedBlock:
-    """Judge what a filter gets: states faster than it can follow as white noise, from ten time constants on."""
-    fast = [state.time_constant for state in block.states if state.time_constant <= FASTEST_STATE]
-    written = _with_white_noise(block.without_fast_states(), measured)
-    predicted = written.allan_variance(measured.tau, measured.interval)
-    curve = follows_curve(measured, predicted, shortest=WHITE_FROM * max(fast, default=0.0))
-    return PredictedBlock(
-        source, written, measured, curve, compare_forecasts(pieces, measured.interval, written)
-    )
+    predicted = block.allan_variance(measured.tau, measured.interval)
+    curve = follows_curve(measured, predicted, shortest=shortest)
+    return PredictedBlock(source, block, measured, curve, compare_forecasts(pieces, measured.interval, block))

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from models.noise import GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.identification.predictive.criteria import follows_curve
@@ -84,22 +84,41 @@ def fit_curve(measured: MeasuredAllan, excess: Sequence[SpectralExcess] = ()) ->
 
 
 def with_bounded_parts(
-    model: NoiseBlock, measured: MeasuredAllan, excess: Sequence[SpectralExcess] = ()
+    block: NoiseBlock,
+    measured: MeasuredAllan,
+    excess: Sequence[SpectralExcess] = (),
+    *,
+    largest_increment_sd: float,
 ) -> NoiseBlock:
     """Return a given block, with quantization noise and excess power fitted to what it leaves of the curve.
 
-    The block itself stays as it is, its own quantization noise included.
+    Parameters
+    ----------
+    block : NoiseBlock
+        Stays as it is, its own quantization noise included.
+    measured : MeasuredAllan
+        Curve of one axis.
+    excess : sequence of SpectralExcess
+        Lines and resonances read from the spectrum.
+    largest_increment_sd : float
+        Quantization noise that a free fit of the same curve finds, unit·s: more must not stand in for white noise
+        that the block lacks.
     """
     columns = [Quantization(1.0).allan_variance(measured.tau, interval=measured.interval)]
     columns += [part.allan_variance(measured.tau) for part in excess]
-    own = model.allan_variance(measured.tau, measured.interval)
+    own = block.allan_variance(measured.tau, measured.interval)
     matrix = np.stack(columns, axis=1) / measured.variance[:, None]
-    shares = _nonnegative(matrix, 1.0 - own / measured.variance)
+    largest = np.full(len(columns), np.inf)
+    largest[0] = max(largest_increment_sd**2 - block.increment_sd**2, 1e-12 * largest_increment_sd**2, 1e-300)
+    scale = np.linalg.norm(matrix, axis=0)
+    solved = lsq_linear(matrix / scale, 1.0 - own / measured.variance, bounds=(0.0, largest * scale))
+    shares = np.maximum(solved.x, 0.0) / scale
+    shares[np.max(matrix * shares, axis=0) < NEGLIGIBLE_SHARE] = 0.0
     return replace(
-        model,
-        increment_sd=float(np.hypot(model.increment_sd, np.sqrt(shares[0]))),
+        block,
+        increment_sd=float(np.hypot(block.increment_sd, np.sqrt(shares[0]))),
         excess=(
-            *model.excess,
+            *block.excess,
             *(p.scaled(float(s)) for p, s in zip(excess, shares[1:], strict=True) if s > 0.0),
         ),
     )
