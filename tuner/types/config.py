@@ -83,9 +83,9 @@ class FilterConfig:
 
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
     `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
-    a drive before it is filtered, `constants` further states of the
-    filter, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sds of their priors; SI. `worst_case` says by how much the
-    noise is larger while a stretch of the record lasts that the settings count by its share of the time.
+    a drive before it is filtered, `constants` further states of the filter, names of
+    `models.state_layout.OPTIONAL_BLOCKS`, with the sds of their priors; SI. `worst_case` says by how much the noise is
+    larger while a stretch of the record lasts that the settings count by its share of the time.
     """
 
     name: str
