@@ -53,14 +53,14 @@ IDEAL = Calibration(np.zeros(6), np.eye(6))
 
 
 def calibration(model: ErrorModel, parameters: ArrayLike) -> Calibration:
-    """Return the calibration that a vector of states stands for.
+    """Return the calibration in a vector of states.
 
     Parameters
     ----------
     model : ErrorModel
         The states.
     parameters : array_like, shape (n,)
-        Estimates of all states; those of position, velocity and attitude are not looked at.
+        Estimates of all states; those of position, velocity and attitude are not used.
     """
     x, at = np.asarray(parameters, dtype=float), model.layout
     bias, matrix = np.zeros(6), np.eye(6)

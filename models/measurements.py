@@ -40,7 +40,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measurement made linear: z, shape (m,), and H, shape (m, n)."""
+    """A linearised measurement: z, shape (m,), and H, shape (m, n)."""
 
     z: FloatArray
     H: FloatArray
@@ -79,7 +79,7 @@ def position_fix(
     at : Linearization
         The estimate at the time of the fix.
     parameters : array_like, shape (n,)
-        Estimates of all states (position, velocity and attitude are not looked at).
+        Estimates of all states (position, velocity and attitude are not used).
     llh : array_like, shape (3,)
         The fix, rad, rad, m.
     lever_arm : array_like, shape (3,)
@@ -125,7 +125,7 @@ def velocity_fix(
 def non_holonomic(
     model: ErrorModel, at: Linearization, parameters: ArrayLike, *, mat_bv: ArrayLike, lever_arm: ArrayLike
 ) -> Measurement:
-    """Measure that a wheeled vehicle does not slip: lateral and vertical velocity, m/s, are zero.
+    """Non-holonomic constraint: a wheeled vehicle does not slip, lateral and vertical velocity, m/s, are zero.
 
     Parameters
     ----------
@@ -156,14 +156,14 @@ def non_holonomic(
 
 
 def zero_velocity(model: ErrorModel, at: Linearization) -> Measurement:
-    """Measure that the vehicle stands still, m/s."""
+    """Zero-velocity update: the vehicle is stationary, m/s."""
     h = np.zeros((3, model.layout.size))
     h[:, model.layout["velocity"]] = np.eye(3)
     return Measurement(-at.vel_n, h)
 
 
 def zero_rate(model: ErrorModel, at: Linearization) -> Measurement:
-    """Measure that the vehicle does not turn: the calibrated gyros feel the Earth alone, rad/s.
+    """Zero-angular-rate update: the calibrated gyros measure the rotation of the Earth alone, rad/s.
 
     `at.omega_b` should be averaged over the still time; the noise is that of the average.
     """

@@ -1,4 +1,4 @@
-"""Grades of sensors: what a data sheet promises, each number with its source.
+"""Grades of sensors: the figures of a data sheet, each with its source.
 
 A grade is data, not a simulation: `TriadGrade.noise_model` turns the noise of a triad into a `NoiseModel`
 of one axis. Numbers are SI; None means that the source is silent. The values live in the YAML files of
@@ -98,7 +98,7 @@ class TriadGrade:
         return "rad/s" if self.kind == "gyro" else "m/s^2"
 
     def noise_model(self) -> NoiseModel:
-        """Return the noise of one axis; what the source does not tell is absent."""
+        """Return the noise of one axis; terms without a figure are absent."""
         sourced: tuple[tuple[Callable[[float], Term], Sourced[float] | None], ...] = (
             (Quantization, self.quantization),
             (White, self.white),

@@ -1,4 +1,4 @@
-"""The error model of a navigation filter: which states there are, where they stand and what drives them.
+"""The error state of a navigation filter: blocks of states, their order, and the noise that drives them.
 
 `StateLayout` is the one place that knows the order of the states; `ErrorModel` adds the numbers. Both come
 from the description of each sensor axis by `error_model`.
@@ -60,7 +60,7 @@ OPTIONAL_BLOCKS = {
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """What drives the errors of one sensor axis.
+    """Noise of one sensor axis.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class StateLayout:
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """States of a filter and what drives them (SI).
+    """States of a filter with their time constants and driving noise (SI).
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ def error_model(
     gnss_markov: Sequence[GaussMarkov] = (),
     constants: Sequence[str] = (),
 ) -> ErrorModel:
-    """Lay out the states of a filter.
+    """Return the error model of a filter: layout, time constants and driving noise.
 
     Parameters
     ----------

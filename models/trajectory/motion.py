@@ -1,4 +1,4 @@
-"""Motion known exactly, and the perfect inertial unit and receiver that ride on it.
+"""Motion in closed form, and the error-free measurements of an inertial unit along it.
 
 A motion is velocity, attitude and their derivatives as functions of time; everything else follows::
 
@@ -88,7 +88,7 @@ class MotionState:
 
 
 class Motion(Protocol):
-    """What the perfect sensors need: a motion that can be evaluated at any time of its duration."""
+    """A motion that can be evaluated at any time of its duration."""
 
     @property
     def name(self) -> str:
@@ -223,7 +223,7 @@ class Trajectory:
 
 
 def imu_increments(motion: Motion, interval: float) -> tuple[FloatArray, FloatArray]:
-    """Return what a perfect inertial unit delivers over the whole motion.
+    """Return the increments of an error-free inertial unit over the whole motion.
 
     Gauss–Legendre quadrature of the exact rates with 5 nodes an interval: error below 1e-13 of the increment
     where the motion changes over ten intervals or more.

@@ -1,1 +1,1 @@
-"""Room."""
+"""Built-in grades of sensors and receivers, and built-in trajectories."""

@@ -1,4 +1,4 @@
-"""A measured drive on trial: innovations, errors against a reference where there is one, outages everywhere.
+"""Score a filter on a measured drive: innovations, errors against a reference where there is one, simulated outages.
 
 An outage withholds the fixes of a window and scores the position at its end against the reference, or else
 against the withheld fix itself, whose own error is part of the prediction.
@@ -78,7 +78,7 @@ AS_REPORTED = (
 
 @dataclass(frozen=True)
 class DriveResult:
-    """What a filter made of a drive.
+    """The outcome of filtering a measured drive.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def navigate_drive(
     states : mapping of str to float, optional
         Further states, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sd of their prior.
     vehicle : Vehicle
-        What may be assumed of the vehicle: that it does not slip, and stands where it seems to.
+        What may be assumed of the vehicle: that it does not slip, and is stationary where it seems so.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def navigate_drive(
 
 
 def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
-    """Return a note where the sensors are louder than the configuration says, standing still, over a second."""
+    """Return a note where sensors at rest are noisier over a second than configured."""
     found = stationary_noise(stretch.steps, stretch.alignment)
     if found is None:
         return ()
@@ -295,7 +295,7 @@ def _outage(
 
 
 def _diverged(found: Consistency, solutions: Sequence[Solution]) -> bool:
-    """Whether the filter lost its way: not finite, most fixes refused, or errors beyond all prediction."""
+    """Tell whether the filter diverged: not finite, most fixes refused, or innovations far beyond prediction."""
     finite = all(np.isfinite(s.state.llh).all() and np.isfinite(s.covariance).all() for s in solutions)
     return (
         not finite or found.gated > DIVERGED_REFUSED_SHARE or any(s.ratio > DIVERGED_RATIO for s in found.nis)

@@ -36,7 +36,7 @@ MAX_SMOOTHED_SAMPLES = 250_000
 
 
 def settled(stretch: Stretch, solution: Solution) -> NDArray[np.intp]:
-    """Return the epochs after the filter has settled."""
+    """Return the epochs after the initial transient of a filter."""
     return np.flatnonzero(solution.t >= stretch.settled)
 
 
@@ -92,7 +92,7 @@ def _nearest_rotation(mat: FloatArray) -> FloatArray:
 
 
 def stated(reference: Reference, t: FloatArray) -> FloatArray:
-    """Return the variances that a reference states of itself, 0 where it states none; (k, 9)."""
+    """Return the variances that a reference reports for itself, 0 where it reports none; (k, 9)."""
     if reference.sd is None:
         return np.zeros((len(t), 9))
     own = np.stack([np.interp(t, reference.t, column) for column in reference.sd.T], axis=-1)
@@ -119,7 +119,7 @@ def against_reference(
 def errors(
     reference: Reference | None, solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]
 ) -> dict[str, tuple[float, ...]]:
-    """Return rms differences to what the reference holds, else rms innovations."""
+    """Return rms differences to the reference in the quantities it has; without a reference, rms innovations."""
     if reference is None:
         pairs = zip(solutions, scored, strict=True)
         chosen = [(s.innovation[rows], s.use[rows]) for s, rows in pairs]
@@ -150,7 +150,7 @@ def against_smoother(
 ) -> tuple[Score, ...]:
     """Score the difference of filter and smoother in position, velocity and attitude, component by component.
 
-    A test of the filter against its own future: it needs no reference, and takes lagging fixes as they come.
+    A test against later fixes: it needs no reference.
     """
     if sum(len(stretch.steps.dt) for stretch in stretches) > MAX_SMOOTHED_SAMPLES or settings.velocity_lag:
         return ()

@@ -1,10 +1,10 @@
 """Where the errors of a filter come from: the share of every source, by linear covariance.
 
-Along the noise-free flight (`tuner.navigation.engine.linear_covariance`) the covariance of every error is a
+Along the noise-free trajectory (`tuner.navigation.engine.linear_covariance`) the covariance of every error is a
 sum over sources,
 P = Σ_g P_g. The shares of a source in the variances are its part of the error budget;
 `tuner.consistency.attribution` reads
-from them what explains a bad score, `blind_spots` which wrong belief would not show.
+from them what explains a bad score, `blind_spots` which wrong setting would not show.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ NO_FURTHER_STATES: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True)
 class Source:
-    """Something that drives errors, alone.
+    """One source of errors: initial variances, process noise, white noise of sensors and of fixes.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def error_budget(settings: FilterSettings, plan: Scenario) -> ErrorBudget:
 
 
 def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, list[Source]]:
-    """Return all that a filter believes in as one source, and its parts."""
+    """Return all noise for which a filter is configured as one source, and its parts."""
     at = settings.model.layout
     own = Source(
         "all",
@@ -164,14 +164,14 @@ def trace(
     *,
     rows: NDArray[np.int64] = NO_FURTHER_STATES,
 ) -> ErrorBudget:
-    """Carry the covariance of every source along the noise-free flight, with the gains of the filter.
+    """Propagate the covariance of every source along the noise-free trajectory, with the gains of the filter.
 
     Parameters
     ----------
     settings, plan
-        The filter and what it flies.
+        The filter and its scenario.
     own : Source
-        All that the filter believes in, from `known_sources`.
+        All noise of the configuration, from `known_sources`.
     sources : sequence of Source
         With n states, and as many more as `rows` has, behind them.
     rows : ndarray of int, shape (r,)
@@ -215,7 +215,7 @@ def trace(
     )
 
     def carry(part: Sequence[Source]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Carry some sources, with all that the filter believes in before them."""
+        """Propagate some sources, with all noise of the configuration before them."""
         each = [all_of_it, *part]
         return trace_sources(
             lay,

@@ -1,9 +1,9 @@
-"""What a trajectory shows of the states of a filter, and what it cannot tell apart.
+"""Which states of a filter a trajectory shows, and which it does not distinguish.
 
-From the filter's own covariance P after its last fix and P₀ at the start, both of the states a user knows
+From the filter's own covariance P after its last fix and P₀ at the start, both of the states with a physical meaning
 (position, velocity, attitude, total biases, constants)::
 
-    left_i = √(P_ii / P₀_ii)                     1: nothing was learnt; above 1: known worse than at the start
+    left_i = √(P_ii / P₀_ii)                     1: no information gained; above 1: less certain than at the start
     C = D⁻¹ P D⁻¹,  D = diag √P_ii               C v = λ v
 
 Uncorrelated states have λ = 1. An eigenvector with λ well above 1 is a weak direction: its states move together,
@@ -38,7 +38,7 @@ NAMES = (
 
 
 def observability(settings: FilterSettings, final: FloatArray) -> Observability:
-    """Return what was learnt by a filter.
+    """Return the final ÷ initial sds of the states of a filter, and the directions that stay weak.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def observability(settings: FilterSettings, final: FloatArray) -> Observability:
 
 
 def _view(settings: FilterSettings) -> tuple[list[str], FloatArray]:
-    """Return names and the matrix from the states to those a user knows."""
+    """Return names of the physical states and the matrix from the filter's states to them."""
     model = settings.model
     names, rows = list(NAMES), [total_bias(model)]
     for name, size in model.layout.blocks[5:]:

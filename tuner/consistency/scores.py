@@ -1,4 +1,4 @@
-"""Is a filter honest? Errors and innovations against what the filter predicts of them.
+"""Is a filter consistent? Errors and innovations against the covariances that it predicts for them.
 
 Every score is a mean square over its prediction, ideally 1, and is read as a ratio, its square root: true
 rms ÷ predicted sd. Scores of one run are dependent, runs are not: with the scores s_g of G runs (or of blocks
@@ -13,7 +13,7 @@ scores together (Bonferroni): `FALSE_ALARM_RATE`.
 
 ==============  ==========================================================================================
 nees            eᵀ P⁻¹ e of position, velocity, attitude and total biases, while aided; and of each block
-nis             zᵀ S⁻¹ z of position and velocity fixes; nearly blind to a wrong Q
+nis             zᵀ S⁻¹ z of position and velocity fixes; nearly insensitive to a wrong Q
 whiteness       autocorrelation of whitened innovations at lags 1 … 10
 outage          |position error|² ÷ tr P after 10, 30, 60, 300 s without fixes
 ==============  ==========================================================================================
@@ -77,7 +77,7 @@ def score(
     components: int | None = None,
     tests: int = TEST_COUNT,
 ) -> Score:
-    """Score squares that come in independent groups.
+    """Score normalised squared errors that come in independent groups.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME) -> Consistency:
-    """Score simulated runs.
+    """Score simulated runs: NEES, NIS, whiteness of innovations, position in outages.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TI
 
 
 def some_strayed(ratios: FloatArray) -> bool:
-    """Tell from `run_ratios` whether some runs lost their way while most are honest."""
+    """Tell from `run_ratios` whether some runs diverged while most are consistent."""
     return bool(ratios.max() > STRAYED_RATIO and np.median(ratios) < 1.0 + MARGIN)
 
 
@@ -243,7 +243,7 @@ def whiteness(
 
 
 def scored_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_TIME) -> NDArray[np.intp]:
-    """Return `MAX_SCORED_EPOCHS` of the aided epochs, evenly spread; all where there are fewer."""
+    """Return the epochs that are scored: `MAX_SCORED_EPOCHS` aided ones, evenly spread, or all where fewer."""
     aided = aided_epochs(t, outages, settling)
     return (
         aided[np.unique(np.linspace(0, len(aided) - 1, MAX_SCORED_EPOCHS).astype(int))]

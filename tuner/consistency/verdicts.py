@@ -8,10 +8,10 @@ from tuner.types.consistency import Consistency, Explanation, Score, Severity, V
 
 
 def verdicts(found: Consistency) -> tuple[Verdict, ...]:
-    """Return a verdict for each score that speaks against a filter, the gravest first; or that none does."""
+    """Return a verdict for each score that speaks against a filter, the largest deviation first; or that none does."""
     if found.diverged:
         return (Verdict(VerdictCode.DIVERGED, Severity.DIVERGED),)
-    bad = sorted((s for s in found.scores if not s.consistent), key=_gravity, reverse=True)
+    bad = sorted((s for s in found.scores if not s.consistent), key=_deviation, reverse=True)
     answer = [
         Verdict(
             VerdictCode.OPTIMISTIC if score.ratio > 1.0 else VerdictCode.PESSIMISTIC,
@@ -45,5 +45,5 @@ def with_explanations(found: Consistency, explanations: Sequence[Explanation]) -
     return (Verdict(code, Severity.EXPLANATION, explanations=tuple(explanations)), *answer)
 
 
-def _gravity(score: Score) -> float:
+def _deviation(score: Score) -> float:
     return max(score.ratio, 1.0 / score.ratio) if score.ratio > 0.0 else float("inf")

@@ -8,7 +8,7 @@
 ==================  =======================================================================================
 
 The statistics themselves are functions of arrays in `allan`, `total`, `theo`, `series` and `spectrum`; their
-degrees of freedom are in `confidence`.
+degrees of freedom are in `difference_dof` and `edf`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def empirical(
     Raises
     ------
     DataError
-        If cluster times are asked of a spectrum, or the record cannot give them.
+        If cluster times are given for a spectrum, or the record cannot give them.
     """
     if statistic == "psd":
         if tau is not None:

@@ -78,7 +78,7 @@ def allan(y: ArrayLike, m: ArrayLike) -> FloatArray:
 
 
 def hadamard(y: ArrayLike, m: ArrayLike) -> FloatArray:
-    """Return the Hadamard variance of adjoining clusters, m = 1 … n/3; shapes as `allan`. Blind to a ramp."""
+    """Return the Hadamard variance of adjoining clusters, m = 1 … n/3; shapes as `allan`. A ramp cancels."""
     return _strided(y, m, order=3)
 
 
@@ -161,7 +161,7 @@ def overlapping_hadamard(y: ArrayLike, m: ArrayLike) -> FloatArray:
 def modified_allan(y: ArrayLike, m: ArrayLike) -> FloatArray:
     """Return the modified Allan variance, m = 1 … (n + 1)/3; shapes as `allan`.
 
-    It tells white phase (quantization), τ⁻³, from flicker phase, τ⁻²; at m = 1 it equals `allan`.
+    It distinguishes white phase (quantization), τ⁻³, from flicker phase, τ⁻²; at m = 1 it equals `allan`.
     """
     n = len(np.asarray(y))
     clusters = sizes(m, least=1, most=(n + 1) // 3, samples=n)

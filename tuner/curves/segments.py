@@ -1,4 +1,4 @@
-"""One curve of a record: gap-free segments pooled, degrees of freedom added, τ as asked or log-spaced.
+"""One curve of a record: gap-free segments pooled, degrees of freedom added, τ as given or log-spaced.
 
 A segment of n samples contributes its variance with the number of its terms as weight; no term reaches across
 a gap.
@@ -33,7 +33,7 @@ THEO_H_SWITCH = 0.1
 
 @dataclass(frozen=True)
 class Estimator:
-    """What pooling has to know of a statistic.
+    """Properties of a statistic that pooling of segments needs.
 
     Attributes
     ----------

@@ -96,7 +96,7 @@ def noise_types(y: ArrayLike, m: ArrayLike) -> tuple[str, ...]:
     """Return the ruling noise type of a series, shape (n,), at each cluster size.
 
     α is found at octaves of τ that leave at least 32 averages and read off between them; where there are
-    fewer than 128 averages the mean of those octaves counts, and beyond the last octave it is held.
+    fewer than 128 averages the mean of those octaves counts, and beyond the last octave it stays constant.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What comes out of a reproduced figure or table: claims with verdicts, and a picture as plain data.
+"""Results of a reproduced figure or table: claims with verdicts, and a picture as plain data.
 
 A verdict follows from numbers alone. Ours has a 95 % interval; a value *agrees* with it where it lies within
 `AGREEMENT_WIDTHS` times that interval, about four standard deviations, so that a true statement fails once in ten

@@ -32,7 +32,7 @@ MIN_TEMPERATURE_RANGE = 1.0
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a log under one condition, which `name` tells."""
+    """A part of a log under one condition; `name` says which."""
 
     name: str
     records: tuple[Record, ...]

@@ -1,4 +1,4 @@
-"""Calibration from poses: gravity has one length, however the sensor lies.
+"""Calibration from several static positions: the norm of gravity is the same in each.
 
 With m_i the mean of the accelerometers in pose i and g the length of gravity::
 
@@ -63,7 +63,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class PoseCalibration:
-    """What the poses of a log tell.
+    """Calibration of a log with several positions.
 
     Attributes
     ----------
@@ -197,8 +197,7 @@ def fit_accel(
         return np.asarray((np.linalg.norm(true, axis=0) - gravity) / spread)
 
     fit = least_squares(residual, _start(force, gravity, len(names)), x_scale="jac")
-    left, values, rows = np.linalg.svd(fit.jac, full_matrices=False)
-    del left
+    _, values, rows = np.linalg.svd(fit.jac, full_matrices=False)
     freedom = len(force) - len(names)
     misfit = float(np.sqrt(2.0 * fit.cost / freedom)) if freedom > 0 else float("nan")
     inverse = 1.0 / np.maximum(values, 1e-12 * values[0])
@@ -210,11 +209,11 @@ def fit_accel(
         )
         for name, v, h in zip(names, fit.x, half, strict=True)
     }
-    return coefficients, misfit, tuple(_doubts(coefficients, misfit))
+    return coefficients, misfit, tuple(_notes(coefficients, misfit))
 
 
-def _doubts(coefficients: Mapping[str, Coefficient], misfit: float) -> list[str]:
-    """Return what is to be known of a fit."""
+def _notes(coefficients: Mapping[str, Coefficient], misfit: float) -> list[str]:
+    """Return notes on what a fit assumes and does not show."""
     notes = ["scales rest on standard gravity: local gravity differs by up to 0.3 %"]
     if MISALIGNMENTS[0] not in coefficients:
         notes.append("too few different poses for the misalignments: taken as zero")

@@ -1,4 +1,4 @@
-"""Where a sensor stood still: motion is variance on all channels at once, or a rate that no bias can have.
+"""Stationary parts of a log: motion is variance on all channels at once, or a rate that no bias can have.
 
 A log is cut into blocks of about a second. With v_bj the variance of block b on channel j (of all records
 on one
@@ -144,13 +144,13 @@ def keep_still(
         Nothing stands still, or too short to tell.
     """
     motion = find_motion(records, false_alarm=false_alarm)
-    told = motion.describe()
-    if told is None:
+    description = motion.describe()
+    if description is None:
         return tuple(records)
     if not motion.still:
-        msg = f"{records[0].source}: {told}: no part stands still; record the sensor at rest"
+        msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
-    note = f"{told}; {len(motion.still)} still parts are used"
+    note = f"{description}; {len(motion.still)} still parts are used"
     return tuple(replace(r, segments=motion.still, notes=(*r.notes, note)) for r in records)
 
 

@@ -1,8 +1,8 @@
-"""The sensor of a simulation: what it truly is, whatever a filter believes of it.
+"""The true sensor of a simulation, whatever the configuration of the filter.
 
-Flicker is drawn as flicker, never from the states of a filter. White noise is left to the compiled flight;
-everything slow is drawn on a coarser clock and held, which flicker above 5 Hz, far below white noise, does
-not show. White noise, low-passed or not, and quantization are no part of the true bias: no filter estimates them.
+Flicker is drawn as flicker, never from the states of a filter. White noise is drawn by the compiled filter;
+everything slow is drawn at a lower rate and kept constant between, which loses flicker above 5 Hz, far below white
+noise. White noise, low-passed or not, and quantization are no part of the true bias: no filter estimates them.
 """
 
 from __future__ import annotations
@@ -100,12 +100,12 @@ class Sensor:
         smoothing : ndarray, shape (6,)
             Over how long the true bias that is returned is averaged, s.
         after : ndarray of int, shape (k,)
-            Steps done where it is wanted.
+            Numbers of steps after which the bias is returned.
 
         Returns
         -------
         errors : SensorErrors
-            For the flight.
+            For the filter run.
         bias : ndarray, shape (k, 6)
             True bias: averaged around each instant.
         """

@@ -1,4 +1,4 @@
-"""Many flights of one sensor along one trajectory, each filtered as it is drawn.
+"""Monte-Carlo runs: many draws of one sensor along one trajectory, each filtered.
 
 The truth is the sensor's own noise model (`tuner.simulation.imu`), a receiver with white and correlated
 errors, and a start that errs by P0. Every run has a stream of its own, spawned from the seed: the answer does
@@ -43,7 +43,7 @@ AVERAGING_RATIO = 0.8
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is flown: a motion, its perfect sensors, the receiver.
+    """What is simulated: a motion, its error-free inertial increments, the receiver.
 
     Attributes
     ----------
@@ -152,12 +152,12 @@ def simulate(
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> Runs:
-    """Fly and filter a scenario many times.
+    """Simulate and filter a scenario many times.
 
     Parameters
     ----------
     settings : FilterSettings
-        What the filter believes.
+        Configuration of the filter.
     sensor : Sensor
         What the inertial unit is.
     plan : Scenario
@@ -212,7 +212,7 @@ def resolution(settings: FilterSettings, sensor: Sensor) -> FloatArray:
 
     A ladder from the time constant T on, at r = 10 a rung, has the variance of flicker below the frequency
     √r/(2πT); flicker averaged over w has that of flicker below 0.40/w. So w = 0.8 T: what is faster no state
-    stands for, and white noise hides. Without states it is the sensor's own corner of white noise and
+    represents, and white noise masks. Without states it is the sensor's own corner of white noise and
     flicker.
     """
     model, shortest = settings.model, np.full(6, np.inf)
@@ -234,7 +234,7 @@ def _together(
     perfect: Fixes,
     streams: list[np.random.Generator],
 ) -> list[tuple[FloatArray, Solution]]:
-    """Draw, fly and filter some runs at once; return errors (k, 15) and solution of each."""
+    """Draw and filter some runs at once; return errors (k, 15) and solution of each."""
     steps, interval = plan.steps, float(plan.steps.dt[0])
     smoothing = resolution(settings, sensor)
     starts, fixes, errors, biases = [], [], [], []

@@ -237,7 +237,7 @@ class Consistency:
     diverged : bool
         Whether the filter diverged.
     verdicts : tuple of Verdict
-        The gravest first.
+        Reasons first, then scores, the largest deviation first.
     """
 
     nees: Score | None

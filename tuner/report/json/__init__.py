@@ -1,1 +1,1 @@
-"""Room."""
+"""Machine-readable views of results."""
