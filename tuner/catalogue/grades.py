@@ -6,22 +6,18 @@ finds either. A grade without data is an identification whose values have no int
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from models.noise import POWER_LAW, GaussMarkov
-from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from tuner.catalogue.datasheet_format import parse_sheet
+from tuner.catalogue.model_channel import channel_of_terms
 from tuner.formats.codec import load, refuse_unknown_keys
 from tuner.formats.documents import parse_format
 from tuner.types import (
-    AllanCurve,
     ChannelIdentification,
     Coefficient,
     GnssNoise,
@@ -123,7 +119,15 @@ def grade_identification(grade: SensorGrade) -> Identification:
         if not estimates:
             continue
         for axis in (f"{triad.kind}_{letter}" for letter in "xyz"):
-            channels[axis] = _channel(axis, triad, estimates, 1.0 / grade.rate.value)
+            channels[axis] = channel_of_terms(
+                axis,
+                triad.unit,
+                estimates,
+                interval=1.0 / grade.rate.value,
+                method="datasheet",
+                shortest_tau=0.1,
+                reason="no data",
+            )
             if triad.turn_on_sd is not None:
                 turn_on[axis] = triad.turn_on_sd.value
     source = {"name": grade.key, "title": grade.title, "turn_on_sd": turn_on}
@@ -160,35 +164,3 @@ def _estimates(triad: TriadGrade) -> Iterator[TermEstimate]:
                 for name, (value, unit) in figures.items()
             },
         )
-
-
-def _channel(
-    axis: str, triad: TriadGrade, estimates: tuple[TermEstimate, ...], interval: float
-) -> ChannelIdentification:
-    """Return an axis without data; its minimum is where the model first comes within 1 % of its lowest."""
-    model = triad.noise_model()
-    tau = np.geomspace(0.1, 1e4, 201)
-    deviation = np.sqrt(model.allan_variance(tau))
-    first = int(np.argmax(deviation <= 1.01 * deviation.min()))
-    lowest = float(deviation[first])
-
-    def figure(value: float) -> Coefficient:
-        return Coefficient(value, None, None, triad.unit, "of the model, not of data")
-
-    return ChannelIdentification(
-        axis,
-        triad.unit,
-        interval,
-        0.0,
-        "datasheet",
-        model,
-        estimates,
-        (),
-        np.zeros((0, 0)),
-        Coefficient(None, None, None, triad.unit, "no data"),
-        figure(math.sqrt(float(model.allan_variance(10.0)))),
-        figure(lowest),
-        figure(lowest / ALLAN_FLOOR),
-        float(tau[first]),
-        AllanCurve("none", np.zeros(0), np.zeros((0, 1)), np.zeros((0, 1)), triad.unit, (axis,)),
-    )

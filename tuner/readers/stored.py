@@ -6,20 +6,15 @@ A ``noise.yaml`` has the terms of every axis; the JSON of an identification (or 
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
-import numpy as np
-
+from tuner.catalogue.model_channel import channel_of_terms
 from tuner.formats import native
 from tuner.formats.documents import parse_json, read_text
 from tuner.formats.identification import load_identification
-from tuner.formats.noise import noise_model
-from tuner.types import AllanCurve, ChannelIdentification, Coefficient, Identification, TermEstimate
+from tuner.types import Identification
 
 _RESULT_SCHEMA = "tuner.result/1"
-_ALLAN_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
-"""Allan deviation of unit bias instability, 0.664."""
 
 
 def is_stored(path: Path) -> bool:
@@ -48,7 +43,15 @@ def read_stored(path: Path) -> Identification:
 def _from_configuration(path: Path) -> Identification:
     config = native.load(path)
     channels = {
-        axis: _channel(axis, noise.unit, config.interval, "configuration", noise.identified)
+        axis: channel_of_terms(
+            axis,
+            noise.unit,
+            noise.identified,
+            interval=config.interval,
+            method="configuration",
+            shortest_tau=max(config.interval, 1e-3),
+            reason="not in the configuration",
+        )
         for axis, noise in config.channels.items()
     }
     return Identification({"name": config.name, "files": [path.name]}, channels, config.notes)
@@ -59,35 +62,3 @@ def _from_json(path: Path) -> Identification:
     if isinstance(content, dict) and content.get("schema") == _RESULT_SCHEMA:
         return load_identification(content.get("identification"), source=f"{path}: identification")
     return load_identification(content, source=str(path))
-
-
-def _channel(
-    axis: str, unit: str, interval: float, method: str, terms: tuple[TermEstimate, ...]
-) -> ChannelIdentification:
-    """Return an axis whose figures are those of its model."""
-    model = noise_model(terms)
-    tau = np.geomspace(max(interval, 1e-3), 1e4, 201)
-    deviation = np.sqrt(model.allan_variance(tau)) if model.terms else np.zeros(0)
-    unknown = Coefficient(None, None, None, unit, "not in the configuration")
-    lowest = int(np.argmax(deviation <= 1.01 * deviation.min())) if len(deviation) else 0
-
-    def figure(value: float) -> Coefficient:
-        return Coefficient(value, None, None, unit, "of the model, not of data")
-
-    return ChannelIdentification(
-        axis=axis,
-        unit=unit,
-        interval=interval,
-        span=0.0,
-        method=method,
-        model=model,
-        terms=terms,
-        parameters=(),
-        covariance=np.zeros((0, 0)),
-        mean=unknown,
-        sigma_10s=figure(math.sqrt(float(model.allan_variance(10.0)))) if model.terms else unknown,
-        minimum=figure(float(deviation[lowest])) if model.terms else unknown,
-        floor=figure(float(deviation[lowest]) / _ALLAN_FLOOR) if model.terms else unknown,
-        minimum_tau=float(tau[lowest]),
-        allan=AllanCurve("none", np.zeros(0), np.zeros((0, 1)), np.zeros((0, 1)), unit, (axis,)),
-    )
