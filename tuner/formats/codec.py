@@ -46,7 +46,7 @@ import numpy as np
 from cattrs.cols import is_mapping, mapping_structure_factory
 from cattrs.gen import make_dict_structure_fn, override
 
-from tuner.formats.files import plain
+from tuner.formats.documents import plain
 from tuner.formats.mismatch import Mismatch, place, refuse, shown
 from tuner.types.numbers import Finite, Limits, VectorLimits
 from tuner.types.records import DataError

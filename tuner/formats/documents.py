@@ -1,14 +1,37 @@
-"""Text of JSON and YAML documents to plain values, refused in one line where it cannot be parsed."""
+"""JSON and YAML text to plain values, refused in one line where it cannot be parsed, and plain values to JSON text."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from tuner.types.records import DataError
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return `content` as JSON text; NaN and infinities become null, arrays become lists."""
+    return json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return nested values as lists and Python's own numbers, with null for NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def parse_json(text: str, *, source: str) -> Any:

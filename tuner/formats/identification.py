@@ -15,10 +15,10 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import TERMS, NoiseModel
+from models.noise import POWER_LAW, TERMS, NoiseModel
 from tuner.formats.codec import dump, load, store, stored_form, structured
 from tuner.formats.mismatch import Mismatch, refuse
-from tuner.formats.noise import noise_model
+from tuner.formats.noise import noise_model, require_declared
 from tuner.types import (
     AllanCurve,
     ArmaFit,
@@ -32,7 +32,7 @@ from tuner.types.numbers import Positive
 
 FloatArray = NDArray[np.float64]
 
-BASE_TERMS = ("quantization", "white", "bias_instability", "random_walk", "ramp")
+BASE_TERMS = tuple(kind.name for kind in POWER_LAW)
 """Terms that are one mapping each and always there."""
 
 
@@ -196,9 +196,9 @@ class _ChannelForm:
 
     def restored(self, axis: str) -> ChannelIdentification:
         """Return the axis; what an older document lacks follows from the rest."""
-        for name in self.terms:
-            if name not in TERMS:
-                refuse(f"terms among {', '.join(TERMS)}", repr(name), "terms")
+        for name, form in self.terms.items():
+            for coefficients in form.estimates:
+                require_declared(name, coefficients, "terms")
         terms = tuple(
             TermEstimate(name, coefficients)
             for name, form in self.terms.items()

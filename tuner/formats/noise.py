@@ -6,7 +6,8 @@ with ``upper`` is only bounded. A noise model is its terms by name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from typing import Any
 
 from models.noise import TERMS, NoiseModel
@@ -27,9 +28,19 @@ def noise_model(terms: tuple[TermEstimate, ...]) -> NoiseModel:
         tuple(
             TERMS[term.name](**{name: c.value for name, c in term.coefficients.items()})
             for term in terms
-            if term.present and term.name in TERMS
+            if term.present
         )
     )
+
+
+def require_declared(name: str, coefficients: Iterable[str], *path: str) -> None:
+    """Refuse a term that is not declared, or a coefficient that its class does not have; `path` leads to the term."""
+    if name not in TERMS:
+        refuse(f"terms among {', '.join(TERMS)}", repr(name), *path)
+    known = [field.name for field in fields(TERMS[name])]
+    for coefficient in coefficients:
+        if coefficient not in known:
+            refuse(f"coefficients of '{name}' among {', '.join(known)}", repr(coefficient), *path)
 
 
 def _dump_coefficient(coefficient: Coefficient) -> dict[str, Any]:
@@ -51,6 +62,7 @@ def _load_term(content: object) -> TermEstimate:
     entries = dict(structured(content, Mapping[str, Any]))
     if not isinstance(name := entries.pop("term", None), str):
         refuse("a key 'term' with the name of a noise term", shown(content))
+    require_declared(name, entries)
     return TermEstimate(name, structured(entries, Mapping[str, Coefficient]))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tuner.formats.files import plain
+from tuner.formats.documents import plain
 from tuner.types.prediction import PredictedBlock
 
 

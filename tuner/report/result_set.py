@@ -10,7 +10,8 @@ from rich.table import Table
 
 from tuner.formats.configuration import config_json
 from tuner.formats.diagnosis import diagnosis_json
-from tuner.formats.files import json_text, write_text
+from tuner.formats.documents import json_text
+from tuner.formats.files import write_text
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult

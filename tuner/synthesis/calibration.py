@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from tuner.formats.files import plain
+from tuner.formats.documents import plain
 from tuner.formats.noise import coefficient_json
 from tuner.segments.multi_position import PoseCalibration
 from tuner.synthesis.initial_covariance import initial_uncertainty

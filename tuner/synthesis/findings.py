@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import Any
 
 from tuner.formats.diagnosis import config_finding
-from tuner.formats.files import plain
+from tuner.formats.documents import plain
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
 from tuner.types import (

@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tuner.formats.codec import dump, load, refuse_unknown_keys
-from tuner.formats.documents import parse_json, parse_yaml
-from tuner.formats.files import json_text
+from tuner.formats.documents import json_text, parse_json, parse_yaml
 from tuner.formats.noise import coefficient_json
 from tuner.types import Coefficient
 from tuner.types.numbers import NonNegative, Positive

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from tuner.formats.files import json_text, whole_file, write_text
+from tuner.formats.documents import json_text
+from tuner.formats.files import whole_file, write_text
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):

@@ -114,6 +114,12 @@ def test_files_are_written_and_read(tmp_path: Path) -> None:
         ("gate: 5.0", "gate: [5.0]", "gnss.gate: expected a positive number"),
         ("position_sd: [0.02, 0.02, 0.03]", "position_sd: [0.02]", "position_sd: expected 3 numbers"),
         ("sensors:", "sensors: [", "mine.yaml: expected YAML"),
+        ("term: white", "term: whte", "gyro_x.identified[0]: expected terms among quantization, white"),
+        (
+            "      - term: white\n          density:",
+            "      - term: white\n          sd:",
+            "gyro_x.identified[0]: expected coefficients of 'white' among density, got 'sd'",
+        ),
     ],
 )
 def test_a_broken_text_is_refused_in_one_line(old: str, new: str, message: str) -> None:

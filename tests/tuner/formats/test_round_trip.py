@@ -20,7 +20,7 @@ from tuner.formats.configuration import config_json, load_config
 from tuner.formats.consistency import load_consistency, scores_json
 from tuner.formats.curves import curves_json, load_curves
 from tuner.formats.diagnosis import diagnosis_json, load_diagnosis
-from tuner.formats.files import json_text
+from tuner.formats.documents import json_text
 from tuner.formats.identification import identification_json, load_identification
 from tuner.types import (
     AllanCurve,

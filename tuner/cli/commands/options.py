@@ -13,7 +13,8 @@ from typing import Any
 import click
 
 from tuner.cli.progress import Messages
-from tuner.formats.files import json_text, write_text
+from tuner.formats.documents import json_text
+from tuner.formats.files import write_text
 
 Command = Callable[..., Any]
 

@@ -39,7 +39,8 @@ def command(
     """
     import time
 
-    from tuner.formats.files import json_text, write_text
+    from tuner.formats.documents import json_text
+    from tuner.formats.files import write_text
     from tuner.papers import ITEMS, Settings, chosen, run
     from tuner.papers.pages import item_table, papers_json, papers_markdown
     from tuner.report.terminal import show

@@ -53,7 +53,8 @@ def command(
     SENSOR is a built-in grade, or a noise.yaml of tune, whose noise and findings are simulated (findings of a drive
     with --trajectory only). The ground truth, with every hidden effect, is written to FILE.key.json.
     """
-    from tuner.formats.files import json_text, write_text
+    from tuner.formats.documents import json_text
+    from tuner.formats.files import write_text
     from tuner.formats.logs import write_drive, write_log
     from tuner.readers.source_kind import source_name
     from tuner.simulation.simulate_source import simulate_source
