@@ -14,7 +14,7 @@ With the sensor model of `models.imu_errors`, A (ω, f) = measured − b − w, 
 
 where S is the derivative of measured rates and forces by the states.
 
-Discretisation (`transition`, `process_noise`). Sensor errors are held during a step, as the mechanisation
+Discretisation (`transition`, `process_noise`). Sensor errors are constant during a step, as the mechanisation
 holds its bias estimates and as a sampled sensor delivers its noise, and the rows are advanced in the order of
 the mechanisation, each with the mean of its driver over the step::
 
@@ -61,7 +61,7 @@ from models.earth import (
     sine_cosine,
     transport_rate,
 )
-from models.imu_errors import IDEAL, Calibration, sensor_jacobian
+from models.imu_errors import IDEAL_SENSORS, Calibration, sensor_jacobian
 from models.state_layout import ErrorModel
 from models.strapdown import NavigationState, mean_attitude
 from models.vector3 import Mat, Vec, add
@@ -148,7 +148,7 @@ class Linearization:
     mat_nb: FloatArray
     omega_b: FloatArray
     force_b: FloatArray
-    calibration: Calibration = IDEAL
+    calibration: Calibration = IDEAL_SENSORS
 
     def coupling(self) -> tuple[FloatArray, ...]:
         """Return the arrays F_rr, F_vr, F_vv, F_φr, F_φv and ω_in."""
@@ -169,7 +169,7 @@ def middle(
     end: NavigationState,
     omega_b: ArrayLike,
     force_n: ArrayLike,
-    calibration: Calibration = IDEAL,
+    calibration: Calibration = IDEAL_SENSORS,
 ) -> Linearization:
     """Return the place of `transition` and `process_noise` for a step of one or more sensor samples.
 
@@ -252,10 +252,10 @@ def process_noise(model: ErrorModel, at: Linearization, dt: float) -> FloatArray
     gamma[v] = dt * (push - 0.5 * rotation.skew(at.mat_nb @ at.force_b) @ gamma[a])
     gamma[r] = 0.5 * dt * gamma[v]
     white = np.concatenate([model.gyro_density, model.accel_density]) ** 2 / dt
-    return np.asarray((gamma * white) @ gamma.T + np.diag(driven_variance(model, dt)))
+    return np.asarray((gamma * white) @ gamma.T + np.diag(process_noise_variance(model, dt)))
 
 
-def driven_variance(model: ErrorModel, dt: float) -> FloatArray:
+def process_noise_variance(model: ErrorModel, dt: float) -> FloatArray:
     """Return the variance that drives each state in a step, q² T/2 (1 − e^{−2dt/T}) → q² dt; shape (n,)."""
     u = 2.0 * dt / model.time_constant
     decay = np.where(u > 0.0, -np.expm1(-u) / np.where(u > 0.0, u, 1.0), 1.0)

@@ -48,7 +48,7 @@ class Calibration:
         return np.asarray((self.matrix @ np.asarray(true)[..., None])[..., 0] + self.bias)
 
 
-IDEAL = Calibration(np.zeros(6), np.eye(6))
+IDEAL_SENSORS = Calibration(np.zeros(6), np.eye(6))
 """Sensors without errors."""
 
 

@@ -1,14 +1,14 @@
 """Named declarations of one kind: the built-in ones, and those of other packages.
 
 A noise term, a cause, a dialect, a reader or a filter state is declared once. Everything that has to know all of one
-kind asks its `Registry`, which maps names to declarations. Another package adds its own by an entry point in its
+kind uses its `Registry`, which maps names to declarations. Another package adds its own by an entry point in its
 ``pyproject.toml``::
 
     [project.entry-points."tuner.noise_terms"]
     second_order_gauss_markov = "my_package.noise:SecondOrderGaussMarkov"
 
 or, within one process such as a notebook, by `Registry.add`. Entry points are loaded when the registry is first
-asked for a name it does not have, or for all of its names.
+given a name it does not have, or for all of its names.
 """
 
 from __future__ import annotations

@@ -186,20 +186,20 @@ def error_model(
     sizes["gnss_position"] = len(ladders["gnss_position"])
     layout = StateLayout(tuple((name, size) for name, size in sizes.items() if size))
 
-    time_constant, driving = np.full(layout.size, np.inf), np.zeros(layout.size)
+    time_constant, driving_noise = np.full(layout.size, np.inf), np.zeros(layout.size)
     for name, axes in (("gyro_bias", gyro), ("accel_bias", accel)):
         time_constant[layout[name]] = [a.bias_time_constant for a in axes]
-        driving[layout[name]] = [a.walk_density for a in axes]
+        driving_noise[layout[name]] = [a.walk_density for a in axes]
     for name, ladder in ladders.items():
         if ladder:
             time_constant[layout[name]] = [m.time_constant for _, m in ladder]
-            driving[layout[name]] = [m.driving_density for _, m in ladder]
+            driving_noise[layout[name]] = [m.driving_density for _, m in ladder]
     return ErrorModel(
         layout,
         np.array([a.white_density for a in gyro]),
         np.array([a.white_density for a in accel]),
         time_constant,
-        driving,
+        driving_noise,
         tuple(axis for axis, _ in ladders["gyro_markov"]),
         tuple(axis for axis, _ in ladders["accel_markov"]),
     )

@@ -33,7 +33,7 @@ from models.noise.base import FloatArray, Term, as_array, require_positive
 
 IntArray = NDArray[np.int64]
 
-_FORGOTTEN = 1e-18
+_MIN_CORRELATION = 1e-18
 """Correlation below which the past is forgotten."""
 
 
@@ -168,7 +168,9 @@ class Arma(Term):
         """Return w_1 V(m) + w_2 V(2m) + …, shape of m."""
         multiples = np.multiply.outer(np.arange(1, len(weights) + 1), m)
         root = _largest_root(self.ar)
-        memory = len(self.ar) + len(self.ma) + (int(np.log(_FORGOTTEN) / np.log(root)) if root > 0.0 else 0)
+        memory = (
+            len(self.ar) + len(self.ma) + (int(np.log(_MIN_CORRELATION) / np.log(root)) if root > 0.0 else 0)
+        )
         n = int(min(memory, multiples.max(initial=1))) + 1
         first = self._first_autocovariances()
         g = _extended(first, self.ar, n)

@@ -30,8 +30,8 @@ _ALLAN = (4.0, -1.0, 0.0)
 """Weights of exp(−x), exp(−2x), exp(−3x) in A."""
 _HADAMARD = (15.0, -6.0, 1.0)
 """Weights of exp(−x), exp(−2x), exp(−3x) in D."""
-_SMALL = 0.3
-_ORDERS = range(3, 24)
+_SERIES_LIMIT = 0.3
+_SERIES_ORDERS = range(3, 24)
 
 
 def spectrum(c: complex, p: complex, f: FloatArray, interval: float | None) -> FloatArray:
@@ -43,7 +43,7 @@ def spectrum(c: complex, p: complex, f: FloatArray, interval: float | None) -> F
 
 
 def rate_derivative(c: complex, p: complex, f: FloatArray, interval: float | None) -> FloatArray:
-    """Return the derivative of `spectrum` by ln |p|, the angle of p held."""
+    """Return the derivative of `spectrum` by ln |p|, at constant angle of p."""
     if interval is None:
         square = (2.0 * np.pi * f) ** 2
         return as_array(np.real(2.0 * c * p * (square - p**2) / (p**2 + square) ** 2))
@@ -88,11 +88,11 @@ def _variance(
 def _contrast(weights: tuple[float, float, float], x: ComplexArray) -> tuple[ComplexArray, float]:
     """Return Σ w_k (exp(−kx) − 1 + k x), and its coefficient of x."""
     linear = sum(k * w for k, w in enumerate(weights, 1))
-    small = np.abs(x) < _SMALL
+    small = np.abs(x) < _SERIES_LIMIT
     z = np.where(small, 1.0, x)
     closed = linear * z + sum(w * np.expm1(-k * z) for k, w in enumerate(weights, 1))
     coefficients = [
-        sum(w * k**n for k, w in enumerate(weights, 1)) * (-1.0) ** n / factorial(n) for n in _ORDERS
+        sum(w * k**n for k, w in enumerate(weights, 1)) * (-1.0) ** n / factorial(n) for n in _SERIES_ORDERS
     ]
     y = np.where(small, x, 0.0)
     series = y**3 * np.polynomial.polynomial.polyval(y, coefficients)

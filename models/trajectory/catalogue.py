@@ -45,7 +45,7 @@ def circle(duration: float, *, speed: float = 15.0, radius: float = 100.0) -> Tr
 
 
 def figure_eight(duration: float, *, speed: float = 12.0, period: float = 80.0) -> Trajectory:
-    """Drive figures of eight, one a period, s, leaning out of the turns."""
+    """Drive figures of eight, one a period, s, rolled out of the turns."""
     return Trajectory(
         "figure_eight",
         duration,
@@ -68,7 +68,7 @@ def s_turns(duration: float, *, speed: float = 15.0, period: float = 20.0) -> Tr
 
 
 def climb(duration: float, *, speed: float = 50.0, turn_period: float = 150.0) -> Trajectory:
-    """Fly banked turns both ways while climbing and descending."""
+    """Make banked turns both ways while climbing and descending."""
     return Trajectory(
         "climb",
         duration,
@@ -107,7 +107,7 @@ def city(duration: float) -> Trajectory:
         for i, start in enumerate(starts)
         for (begin, length), sign in zip(CITY_TURNS, CITY_SIGNS[i % 4], strict=True)
     ]
-    leans = [
+    rolls = [
         row
         for begin, length, angle in turns
         for row in (
@@ -121,7 +121,7 @@ def city(duration: float) -> Trajectory:
         Profile(steps=steps(*((start + b, d, c) for start in starts for b, d, c in CITY_SPEED))),
         Profile(0.2, steps=steps(*turns)),
         pitch=Profile(steps=steps(*((start + b, d, c) for start in starts for b, d, c in CITY_SLOPE))),
-        roll=Profile(steps=steps(*leans)),
+        roll=Profile(steps=steps(*rolls)),
     )
 
 

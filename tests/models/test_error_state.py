@@ -12,12 +12,12 @@ from models.error_state import (
     Linearization,
     corrected,
     coupling,
-    driven_variance,
     dynamics,
     middle,
     navigation_error,
     noise_density,
     process_noise,
+    process_noise_variance,
     transition,
 )
 from models.imu_errors import calibration, sensor_jacobian
@@ -273,11 +273,11 @@ def test_gauss_markov_states_compound_exactly():
     decays = np.diag(one)
     np.testing.assert_allclose(decays**2, np.diag(two), rtol=1e-14)
     np.testing.assert_allclose(
-        decays**2 * driven_variance(FULL, 0.5)[9:] + driven_variance(FULL, 0.5)[9:],
-        driven_variance(FULL, 1.0)[9:],
+        decays**2 * process_noise_variance(FULL, 0.5)[9:] + process_noise_variance(FULL, 0.5)[9:],
+        process_noise_variance(FULL, 1.0)[9:],
         rtol=1e-13,
     )
-    stationary = driven_variance(FULL, 1e6)[FULL.layout["gyro_markov"]]
+    stationary = process_noise_variance(FULL, 1e6)[FULL.layout["gyro_markov"]]
     np.testing.assert_allclose(np.sqrt(stationary), [1e-5, 2e-5, 1e-5], rtol=1e-12)
 
 

@@ -30,9 +30,9 @@ from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Check, Explanation
 from tuner.types.records import DataError
 
-RUNS = 40
+DEFAULT_RUNS = 40
 """Simulated runs: an sd off by 10 % shows in NEES, an sd off by 30 % in the position after 60 s without fixes."""
-DURATION = 3600.0
+DEFAULT_DURATION = 3600.0
 """Length of a run, s: three outages of five minutes fit in."""
 MIN_INTERVAL = 0.01
 """Shortest sampling interval that is simulated, s: densities do not depend on it."""
@@ -42,10 +42,10 @@ def check(
     config: FilterConfig | str | Path,
     trajectory: Motion | str = "city",
     *,
-    duration: float = DURATION,
+    duration: float = DEFAULT_DURATION,
     truth: Sensor | str | Path | None = None,
     receiver: GnssNoise | None = None,
-    runs: int = RUNS,
+    runs: int = DEFAULT_RUNS,
     seed: int = 0,
     budget: bool = False,
     progress: Callable[[int, int], None] | None = None,

@@ -22,7 +22,7 @@ from tuner.types.consistency import Severity, Verdict, VerdictCode
 
 FloatArray = NDArray[np.float64]
 
-ATTITUDE = slice(6, 9)
+ATTITUDE_ROWS = slice(6, 9)
 """Rows of the attitude in the errors of a run."""
 LINEAR_ATTITUDE_SD = 0.25
 """Sd of the attitude from which a filter is far from linear, rad: at two sds the cosine is down by an eighth."""
@@ -66,7 +66,7 @@ def divergence(
 def _start_not_linear(simulated: Runs, ratios: FloatArray) -> bool:
     """Tell whether the start is at fault: too uncertain to be linear, or most runs recover and are consistent."""
     first = simulated.covariance[:, simulated.t <= simulated.t[0] + SETTLING_TIME]
-    peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE].max(axis=(1, 2)))
+    peak = np.sqrt(np.diagonal(first, axis1=-2, axis2=-1)[..., ATTITUDE_ROWS].max(axis=(1, 2)))
     return bool(np.median(peak) > LINEAR_ATTITUDE_SD) or some_strayed(ratios)
 
 

@@ -71,7 +71,7 @@ UNKNOWN_LEVER_ARM_SD = 1.0
 
 
 AS_REPORTED = (
-    "no receiver is named: fixes are believed to err as they report, each by itself; name one (--gnss GRADE) for "
+    "no receiver is named: fixes are assumed to err as they report, independently; name one (--gnss GRADE) for "
     "errors that stay"
 )
 
@@ -164,7 +164,7 @@ def navigate_drive(
     settings, assumed = drive_filter(drive, config, states=states)
     stretches, notes = prepare(drive, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
-    notes = (*notes, *_louder(stretches[0], config))
+    notes = (*notes, *_noisier_than_configured(stretches[0], config))
     contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
     if not vehicle.free:
         stretches, more = with_constraints(
@@ -226,7 +226,7 @@ def navigate_drive(
     )
 
 
-def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
+def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
     """Return a note where sensors at rest are noisier over a second than configured."""
     found = stationary_noise(stretch.steps, stretch.alignment)
     if found is None:
@@ -237,9 +237,7 @@ def _louder(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
     noisier = [f"{axis} {ratio:.1f}" for axis, ratio in pairs if ratio > MIN_NOISE_RATIO]
     if not noisier:
         return ()
-    return (
-        f"standing, the sensors are louder over 1 s than the configuration says: {', '.join(noisier)} times",
-    )
+    return (f"at rest, the sensors are noisier over 1 s than configured: {', '.join(noisier)} times",)
 
 
 def _whiteness(solutions: Sequence[Solution], scored: Sequence[NDArray[np.intp]]) -> Whiteness | None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.consistency.scores import MARGIN, OUTAGE_LENGTHS, scored_epochs
+from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
 from tuner.navigation.engine import layout
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
@@ -42,7 +42,7 @@ class Source:
     name : str
         What it is.
     initial, drive, rate : ndarray, shapes (n,)
-        Variances at the start, squared driving densities, inverse time constants, 1/s.
+        Variances at the start, squared densities of driving noise, inverse time constants, 1/s.
     white, fix_sd : ndarray, shapes (6,)
         Squared white densities of the sensors, sds of the fixes.
     """
@@ -77,8 +77,8 @@ def blind_spots(budget: ErrorBudget) -> dict[str, tuple[float, float]]:
     nothing does.
     """
     shares = np.max([rows.max(axis=1) for _, rows in table(budget)], axis=0)
-    small = np.sqrt(1.0 + ((1.0 + MARGIN) ** 2 - 1.0) / np.maximum(shares, 1e-12))
-    left = 1.0 - (1.0 - (1.0 + MARGIN) ** -2) / np.maximum(shares, 1e-12)
+    small = np.sqrt(1.0 + ((1.0 + EQUIVALENCE_MARGIN) ** 2 - 1.0) / np.maximum(shares, 1e-12))
+    left = 1.0 - (1.0 - (1.0 + EQUIVALENCE_MARGIN) ** -2) / np.maximum(shares, 1e-12)
     large = np.where(left > 0.0, 1.0 / np.sqrt(np.maximum(left, 1e-12)), math.inf)
     return {name: (float(a), float(b)) for name, a, b in zip(budget.sources, small, large, strict=True)}
 
@@ -119,14 +119,14 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
         name: str,
         *,
         started: Sequence[slice] = (),
-        driven: Sequence[slice] = (),
+        driving_noise: Sequence[slice] = (),
         sensors: Sequence[slice] = (),
         fixes: Sequence[slice] = (),
     ) -> Source:
         return Source(
             name,
             only(own.initial, started),
-            only(own.drive, driven),
+            only(own.drive, driving_noise),
             own.rate,
             only(own.white, sensors),
             only(own.fix_sd, fixes),
@@ -139,20 +139,20 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
     for sensor, title in (("gyro", "gyro"), ("accel", "accelerometer")):
         if f"{sensor}_markov" in at:
             rungs = [at[f"{sensor}_markov"]]
-            parts.append(part(f"{title} bias noise", started=rungs, driven=rungs))
+            parts.append(part(f"{title} bias noise", started=rungs, driving_noise=rungs))
         bias = [at[f"{sensor}_bias"]]
-        parts.append(part(f"{title} bias random walk", driven=bias))
+        parts.append(part(f"{title} bias random walk", driving_noise=bias))
         parts.append(part(f"{title} turn-on bias", started=bias))
     parts.append(part("start", started=[slice(0, 9)]))
     parts.append(part("position fixes", fixes=[slice(0, 3)]))
     parts.append(part("velocity fixes", fixes=[slice(3, 6)]))
     if "gnss_position" in at:
         errors = [at["gnss_position"]]
-        parts.append(part("correlated fixes", started=errors, driven=errors))
+        parts.append(part("correlated fixes", started=errors, driving_noise=errors))
     known = {"position", "velocity", "attitude", "gyro_bias", "accel_bias", "gyro_markov", "accel_markov"}
     for name, _ in at.blocks:
         if name not in known | {"gnss_position"}:
-            parts.append(part(name.replace("_", " "), started=[at[name]], driven=[at[name]]))
+            parts.append(part(name.replace("_", " "), started=[at[name]], driving_noise=[at[name]]))
     return own, parts
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tuner.consistency.observability import NAMES
-from tuner.consistency.scores import MARGIN
+from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import ErrorBudget, Severity, Verdict, VerdictCode
 
@@ -39,7 +39,7 @@ class SpuriousInformation:
 
 
 def spurious_information(simulated: Runs, budget: ErrorBudget) -> SpuriousInformation | None:
-    """Return the error whose sd a filter states more than `MARGIN` below linear covariance; None without.
+    """Return the error whose sd a filter states more than `EQUIVALENCE_MARGIN` below linear covariance; None without.
 
     Parameters
     ----------
@@ -52,6 +52,6 @@ def spurious_information(simulated: Runs, budget: ErrorBudget) -> SpuriousInform
     own = np.diagonal(simulated.covariance[:, rows], axis1=-2, axis2=-1).mean(axis=(0, 1), dtype=float)
     linear = np.diagonal(budget.total[budget.aided], axis1=-2, axis2=-1).mean(axis=0)
     worst = int(np.argmin(own / linear))
-    if own[worst] > linear[worst] / (1.0 + MARGIN) ** 2:
+    if own[worst] > linear[worst] / (1.0 + EQUIVALENCE_MARGIN) ** 2:
         return None
     return SpuriousInformation(NAMES[worst], float(np.sqrt(own[worst])), float(np.sqrt(linear[worst])))

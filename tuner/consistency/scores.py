@@ -8,7 +8,7 @@ of one drive), mean s and variance v,
     interval of the ratio²                          s ν'/χ²_{1−α/2}(ν') … s ν'/χ²_{α/2}(ν')
     ν' = max(ν (z_{α/2}/t_{α/2}(G − 1))², G d)      v is itself an estimate; d the components of one square
 
-A score is against the filter where the whole interval lies beyond 10 % from 1: `MARGIN`. α is 1 % over all
+A score is against the filter where the whole interval lies beyond 10 % from 1: `EQUIVALENCE_MARGIN`. α is 1 % over all
 scores together (Bonferroni): `FALSE_ALARM_RATE`.
 
 ==============  ==========================================================================================
@@ -45,7 +45,7 @@ Floats = NDArray[np.floating[Any]]
 
 FALSE_ALARM_RATE = 0.01
 """Chance that any score of a right filter is called against it."""
-MARGIN = 0.1
+EQUIVALENCE_MARGIN = 0.1
 """Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
@@ -111,7 +111,7 @@ def score(
         sure = effective * (ndtri(tail) / stdtrit(len(runs) - 1, tail)) ** 2
         sure = min(max(sure, (components or dof) * len(runs)), effective)
     low, high = 2.0 * gammaincinv(0.5 * sure, tail) / sure, chdtri(sure, tail) / sure
-    wide = (1.0 + MARGIN) ** 2
+    wide = (1.0 + EQUIVALENCE_MARGIN) ** 2
     return Score(name, mean, dof, float(effective), (float(dof * low / wide), float(dof * high * wide)))
 
 
@@ -182,7 +182,7 @@ def run_ratios(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TI
 
 def some_strayed(ratios: FloatArray) -> bool:
     """Tell from `run_ratios` whether some runs diverged while most are consistent."""
-    return bool(ratios.max() > STRAYED_RATIO and np.median(ratios) < 1.0 + MARGIN)
+    return bool(ratios.max() > STRAYED_RATIO and np.median(ratios) < 1.0 + EQUIVALENCE_MARGIN)
 
 
 def innovation_scores(
@@ -236,7 +236,7 @@ def whiteness(
         r = (sums / counts) / (sums[0] / counts[0])
         lag = 1 + int(np.argmax(np.abs(r[1:])))
         limit = -ndtri(0.5 * FALSE_ALARM_RATE / tests / (2 * MAX_LAG)) / math.sqrt(counts[lag])
-        found = Whiteness(part, lag, float(r[lag]), float(limit + MARGIN))
+        found = Whiteness(part, lag, float(r[lag]), float(limit + EQUIVALENCE_MARGIN))
         if best is None or abs(found.correlation) - found.band > abs(best.correlation) - best.band:
             best = found
     return best

@@ -120,7 +120,7 @@ def curve(
     if tau is None:
         m = default_sizes(estimator, longest)
     else:
-        m = _asked(estimator, longest, np.atleast_1d(np.asarray(tau, dtype=float)), record.interval)
+        m = _given_clusters(estimator, longest, np.atleast_1d(np.asarray(tau, dtype=float)), record.interval)
     weight = np.zeros(m.size)
     variance = np.zeros((m.size, len(record.axes)))
     freedom = np.zeros((m.size, len(record.axes)))
@@ -171,7 +171,7 @@ def default_sizes(estimator: str, n: int) -> IntArray:
     return m[statistic.count(n, m) > 0]
 
 
-def _asked(estimator: str, n: int, tau: FloatArray, interval: float) -> IntArray:
+def _given_clusters(estimator: str, n: int, tau: FloatArray, interval: float) -> IntArray:
     """Return the sizes nearest to cluster times in s, or say which one is out of range."""
     statistic = ESTIMATORS[estimator]
     wanted = tau / (statistic.factor * interval)

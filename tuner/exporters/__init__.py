@@ -28,7 +28,7 @@ from tuner.exporters import (
 )
 from tuner.exporters.dialect import DIALECTS, Dialect, Target
 from tuner.formats import native
-from tuner.synthesis.equivalent_models import MEMORY
+from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -65,7 +65,7 @@ def export(
     *,
     interval: float | None = None,
     step: float = 0.01,
-    memory: float = MEMORY,
+    memory: float = FILTER_MEMORY,
 ) -> str:
     """Return a configuration as text of a dialect.
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from models.registry import Registry
 from tuner.formats.digits import CLOCK_DIGITS, rounded
-from tuner.synthesis.equivalent_models import MEMORY
+from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 
 
@@ -38,7 +38,7 @@ class Target:
 
     interval: float
     step: float = 0.01
-    memory: float = MEMORY
+    memory: float = FILTER_MEMORY
 
     @property
     def rate(self) -> float:

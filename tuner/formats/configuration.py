@@ -103,7 +103,7 @@ class _ConfigForm:
                     constant_sd=channel.constant_sd,
                     ramp_sd=channel.ramp_sd,
                 ),
-                fates=channel.fates,
+                fates=channel.handling,
             )
         same = {key: value for key, value in vars(config).items() if key != "channels"}
         return cls(sensors=sensors, **same)
@@ -112,7 +112,7 @@ class _ConfigForm:
         """Return the configuration."""
         channels = {
             axis: ChannelNoise(
-                axis, form.unit, **vars(form.filter), identified=form.identified, fates=form.fates
+                axis, form.unit, **vars(form.filter), identified=form.identified, handling=form.fates
             )
             for sensor in self.sensors.values()
             for axis, form in sensor.items()

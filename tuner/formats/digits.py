@@ -2,7 +2,7 @@
 
 The half width h of an interval supports digits down to the place of its first digit, 10^e with e = ⌊lg h⌋; numbers are
 rounded to 10^(e−2), so that rounding moves them by less than 1 % of h. Three significant digits always stay. A number
-without an interval keeps `DIGITS`. Rounding again changes nothing: what is read from a document and written again is
+without an interval keeps `DEFAULT_DIGITS`. Rounding again changes nothing: what is read and written again is
 the same text.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from decimal import Decimal
 from typing import Any
 
-DIGITS = 6
+DEFAULT_DIGITS = 6
 """Significant digits of a number without an interval: a hundred times finer than the best intervals of noise."""
 CLOCK_DIGITS = 9
 """Significant digits of a sampling interval: 1 ns a second, finer than the clock of any sensor."""
@@ -27,7 +27,7 @@ _EXACT_DIGITS = 17
 Interval = tuple[float, float]
 
 
-def rounded(value: float, interval: Interval | None = None, *, digits: int = DIGITS) -> float:
+def rounded(value: float, interval: Interval | None = None, *, digits: int = DEFAULT_DIGITS) -> float:
     """Return a number with the digits that its interval supports and two more, or with so many significant digits."""
     place = None if interval is None else _common_place(value, interval)
     return _rounded_to(value, place, digits)
@@ -37,10 +37,10 @@ def rounded_interval(value: float | None, interval: Interval) -> Interval:
     """Return both ends of an interval with the digits that it supports and two more."""
     place = _common_place(value, interval)
     low, high = interval
-    return _rounded_to(low, place, DIGITS), _rounded_to(high, place, DIGITS)
+    return _rounded_to(low, place, DEFAULT_DIGITS), _rounded_to(high, place, DEFAULT_DIGITS)
 
 
-def rounded_content(content: Any, *, digits: int = DIGITS) -> Any:
+def rounded_content(content: Any, *, digits: int = DEFAULT_DIGITS) -> Any:
     """Return plain values with every number rounded; an entry ``interval`` decides about the ``value`` beside it."""
     if isinstance(content, Mapping):
         others = {key: rounded_content(entry, digits=digits) for key, entry in content.items()}
@@ -71,8 +71,10 @@ def _common_place(value: float | None, interval: Interval) -> int | None:
     place = _supported_place(value, interval)
     if place is None:
         return None
-    low, high = (_rounded_to(end, place, DIGITS) for end in interval)
-    again = _supported_place(None if value is None else _rounded_to(value, place, DIGITS), (low, high))
+    low, high = (_rounded_to(end, place, DEFAULT_DIGITS) for end in interval)
+    again = _supported_place(
+        None if value is None else _rounded_to(value, place, DEFAULT_DIGITS), (low, high)
+    )
     return place if again is None else max(place, again)
 
 

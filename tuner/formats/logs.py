@@ -25,7 +25,7 @@ TRIADS = ("gyro", "accel")
 
 
 def write_log(records: Sequence[Record], path: Path) -> None:
-    """Write records in the format that the name of the file asks for: .csv, .csv.gz or .npz."""
+    """Write records in the format of the ending of the file: .csv, .csv.gz or .npz."""
     name = path.name.lower()
     if name.endswith(".npz"):
         write_npz(records, path)

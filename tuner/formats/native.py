@@ -127,7 +127,7 @@ def _channel(channel: ChannelNoise) -> dict[str, Any]:
             "constant_sd": noted(channel.constant_sd, "level", ""),
             "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s"),
         },
-        "fates": dict(channel.fates),
+        "fates": dict(channel.handling),
     }
 
 
@@ -173,5 +173,7 @@ def _gnss(gnss: GnssNoise) -> dict[str, Any]:
 def _inflation(inflation: Inflation) -> dict[str, Any]:
     content: dict[str, Any] = codec.dump(inflation)
     if content["interval"]:
-        content["interval"] = Noted(Inline(content["interval"]), "95 %, asked for by the drive as it stands")
+        content["interval"] = Noted(
+            Inline(content["interval"]), "95 %, estimated from the drive as it stands"
+        )
     return {key: entry for key, entry in content.items() if entry or key not in {"interval", "causes"}}

@@ -43,7 +43,7 @@ from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES
 
 FloatArray = NDArray[np.float64]
 
-SAMPLES, T0 = 1000, 0.01
+SAMPLE_COUNT, T0 = 1000, 0.01
 PRINTED_CLOCK_NOISE: Mapping[str, str] = MappingProxyType(
     {
         "quantization": "random-walk FM",
@@ -124,7 +124,7 @@ def fog_edf(settings: Settings) -> Item:
     """Return figures 1–5: n = 1000, t0 = 0.01 s."""
     rng = settings.rng("fog-edf")
     runs = settings.size(4000, 400)
-    y = {name: realisations(term, SAMPLES, runs, rng) for name, term in NOISES.items()}
+    y = {name: realisations(term, SAMPLE_COUNT, runs, rng) for name, term in NOISES.items()}
     factor = np.array([bias_ratio(column) for column in y["white"].T])
     raw = theo1(y["white"], [200, 400])
     white = {"theo1 200": raw[0], "theobr 200": raw[0] * factor, "theobr 400": raw[1] * factor}
@@ -146,11 +146,11 @@ def _quotient(pair: FloatArray) -> float:
 
 def _of_total(y: Mapping[str, FloatArray]) -> list[Claim]:
     """Judge the printed degrees of freedom of total variance at T/2."""
-    half = SAMPLES // 2
+    half = SAMPLE_COUNT // 2
     claims = []
     for noise in NOISES:
-        printed = float(printed_total(PRINTED_CLOCK_NOISE[noise], SAMPLES, np.array([half]))[0])
-        true = float(dof("totdev", SAMPLES, [half], noise)[0])
+        printed = float(printed_total(PRINTED_CLOCK_NOISE[noise], SAMPLE_COUNT, np.array([half]))[0])
+        true = float(dof("totdev", SAMPLE_COUNT, [half], noise)[0])
         claims.append(
             judge(
                 f"{TITLES[noise][2:]}: ν of total variance at T/2",
@@ -168,12 +168,14 @@ def _of_total(y: Mapping[str, FloatArray]) -> list[Claim]:
 def _of_theo1(walk: FloatArray, white: Mapping[str, FloatArray]) -> list[Claim]:
     """Judge the formulas of Thêo1 and ThêoH."""
     m = 960
-    printed = float(printed_theo1("random-walk FM", SAMPLES, np.array([0.75 * m]))[0])
-    true = float(dof("theo1", SAMPLES, [m], "random_walk")[0])
+    printed = float(printed_theo1("random-walk FM", SAMPLE_COUNT, np.array([0.75 * m]))[0])
+    true = float(dof("theo1", SAMPLE_COUNT, [m], "random_walk")[0])
     sizes = np.arange(12.0, 900.0, 2.0)
-    same = printed_theo1("white FM", SAMPLES, 0.75 * sizes) / printed_theoh("white FM", SAMPLES, sizes)
+    same = printed_theo1("white FM", SAMPLE_COUNT, 0.75 * sizes) / printed_theoh(
+        "white FM", SAMPLE_COUNT, sizes
+    )
     at = 200
-    freedoms = [float(dof(name, SAMPLES, [at], "white")[0]) for name in ("theobr", "theo1")]
+    freedoms = [float(dof(name, SAMPLE_COUNT, [at], "white")[0]) for name in ("theobr", "theo1")]
     return [
         judge(
             f"random walk: ν of Thêo1 at τ = {0.75 * m * T0:g} s by its formula",
@@ -206,8 +208,10 @@ def _orders(y: Mapping[str, FloatArray], white: Mapping[str, FloatArray]) -> lis
     """Judge what the paper says of the order of the statistics."""
     m = 160
     pair = np.column_stack([total(y["quantization"], [m])[0], overlapping_allan(y["quantization"], [m])[0]])
-    true = [float(dof(name, SAMPLES, [m], "quantization")[0]) for name in ("totdev", "oadev")]
-    expected = float(dof("theobr", SAMPLES, [400], "white")[0] / dof("totdev", SAMPLES, [300], "white")[0])
+    true = [float(dof(name, SAMPLE_COUNT, [m], "quantization")[0]) for name in ("totdev", "oadev")]
+    expected = float(
+        dof("theobr", SAMPLE_COUNT, [400], "white")[0] / dof("totdev", SAMPLE_COUNT, [300], "white")[0]
+    )
     return [
         judge(
             "quantization, τ = 1.6 s: ν of total ÷ ν of overlapping Allan variance",
@@ -230,9 +234,11 @@ def _orders(y: Mapping[str, FloatArray], white: Mapping[str, FloatArray]) -> lis
 
 def _of_ramp() -> Claim:
     """Judge the degrees of freedom of a ramp."""
-    half = SAMPLES // 2
-    printed = float(printed_total(PRINTED_CLOCK_NOISE["ramp"], SAMPLES, np.array([half]))[0])
-    records = np.stack([Ramp(1.0).sample(SAMPLES, 1.0, np.random.default_rng(k)) for k in range(4)], axis=1)
+    half = SAMPLE_COUNT // 2
+    printed = float(printed_total(PRINTED_CLOCK_NOISE["ramp"], SAMPLE_COUNT, np.array([half]))[0])
+    records = np.stack(
+        [Ramp(1.0).sample(SAMPLE_COUNT, 1.0, np.random.default_rng(k)) for k in range(4)], axis=1
+    )
     spread = float(np.std(total(records, [half])[0]))
     return judge(
         "ramp: relative sd of total variance at T/2 over records",
@@ -256,12 +262,14 @@ def _panel(noise: str) -> Panel:
     curves = []
     for group, (estimator, (label, printed, sizes)) in enumerate(names.items()):
         argument = sizes.astype(float)
-        shown = printed(PRINTED_CLOCK_NOISE[noise], SAMPLES, argument)
+        shown = printed(PRINTED_CLOCK_NOISE[noise], SAMPLE_COUNT, argument)
         shown = np.where(shown > 0.3, shown, np.nan)
         curves.append(Curve(argument * T0, shown, f"{label}, printed", "dotted", group=group))
         if noise != "ramp":
             taken = 4 * sizes // 3 if estimator.startswith("theo") else sizes
             curves.append(
-                Curve(argument * T0, dof(estimator, SAMPLES, taken, noise), f"{label}, exact", group=group)
+                Curve(
+                    argument * T0, dof(estimator, SAMPLE_COUNT, taken, noise), f"{label}, exact", group=group
+                )
             )
     return Panel(TITLES[noise], "τ, s (printed ThêoH: m t0)", "degrees of freedom", tuple(curves))

@@ -20,7 +20,7 @@ from tuner.papers.subjects import MEMS_PAPER, NOISE_NAMES, UNIT_NOISES
 
 FloatArray = NDArray[np.float64]
 
-VARIANCE, MEAN = 0.0063, 3.0478
+PRINTED_VARIANCE, PRINTED_MEAN = 0.0063, 3.0478
 """Equation 16, (deg/s)²; figure 2, deg/s."""
 NOISES = ("white", "bias_instability", "random_walk")
 """Noises for which two groupings are compared with one."""
@@ -121,10 +121,10 @@ def _spoken(classic: FloatArray, full: FloatArray) -> str:
 def _drift(settings: Settings) -> tuple[Panel, Panel]:
     """Return figure 2: a record with drift, and its two-group curve with the paper's fit."""
     model = NoiseModel(
-        (White(float(np.sqrt(VARIANCE * 0.01))), BiasInstability(0.004), RandomWalk(2e-4), Ramp(4e-6))
+        (White(float(np.sqrt(PRINTED_VARIANCE * 0.01))), BiasInstability(0.004), RandomWalk(2e-4), Ramp(4e-6))
     )
     n = settings.size(360_000, 60_000)
-    record = record_from(MEAN + model.sample(n, 0.01, settings.rng("mems-drift")), 0.01)
+    record = record_from(PRINTED_MEAN + model.sample(n, 0.01, settings.rng("mems-drift")), 0.01)
     found = curve(record, "twogroup", noise=model)
     classic = curve(record, "adev", noise=model)
     powers = unweighted(found.tau, found.variance[:, 0])

@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 Q, N = 0.29, 0.09
 """Table 3: arcsec and, as it must be read, (deg/h)√s."""
-INTERVAL = 1e-3
+SAMPLING_INTERVAL = 1e-3
 """Sampling interval, s."""
 LASER_NOISE = NoiseModel((Quantization(Q * ARCSEC), White(N * DEG_PER_HOUR)))
 """Noise of one axis at rest."""
@@ -62,18 +62,18 @@ def rlg_static(settings: Settings) -> Item:
     increments: list[Curve] = []
     for k in settings.steps(len(AXES)):
         axis = AXES[k]
-        record = record_of(LASER_NOISE, n, INTERVAL, rng, axes=(axis,))
+        record = record_of(LASER_NOISE, n, SAMPLING_INTERVAL, rng, axes=(axis,))
         found = identify_channel(record, axis, arma=None)
         coefficients["Q"].append(_coefficient(found, "quantization"))
         coefficients["N"].append(_coefficient(found, "white"))
         coefficients["s"].append(scaled(found.sigma_10s, 1.0 / DEG_PER_HOUR, "deg/h"))
-        slow.append(averages(record.y[:, 0], round(0.1 / INTERVAL)))
+        slow.append(averages(record.y[:, 0], round(0.1 / SAMPLING_INTERVAL)))
         curves.append(in_degrees_per_hour(curve(record, "adev"), axis, group=len(curves)))
         seen = slice(0, 2_000_000, 2_000)
         increments.append(
             Curve(
                 record.t[seen],
-                record.y[seen, 0] * INTERVAL / DEG * 1e6,
+                record.y[seen, 0] * SAMPLING_INTERVAL / DEG * 1e6,
                 axis,
                 "faint",
                 group=len(increments),
@@ -88,7 +88,7 @@ def rlg_static(settings: Settings) -> Item:
     expected = float(np.sqrt(3.0 * Q**2 / 100.0 + N**2 / 10.0))
     together = identify_channel(_joined(slow, 0.1), AXES[0], arma=None)
     hidden = (
-        f"three records of {n * INTERVAL / 3600.0:.2g} h identified as one, by one decision instead of three: a bound "
+        f"three records of {n * SAMPLING_INTERVAL / 3600.0:.2g} h identified as one, by one decision: a bound "
         "beside quantization and white noise"
     )
     claims = (
@@ -153,7 +153,7 @@ def rlg_static(settings: Settings) -> Item:
 def rlg_vs_mems(settings: Settings) -> Item:
     """Return figure 3: the laser gyro at 1 kHz, 5 h, beside the gyro of an MPU-9250 at 100 Hz, 8 h."""
     rng = settings.rng("rlg-vs-mems")
-    laser = record_of(LASER_NOISE, settings.size(18_000_000, 1_200_000), INTERVAL, rng)
+    laser = record_of(LASER_NOISE, settings.size(18_000_000, 1_200_000), SAMPLING_INTERVAL, rng)
     mems_model = load_grade("mpu9250").noise_model("gyro")
     mems = record_of(mems_model, settings.size(2_880_000, 720_000), 0.01, rng)
     found = identify_channel(mems, "gyro_x", arma=None)

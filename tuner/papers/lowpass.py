@@ -29,7 +29,7 @@ from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
-CUTOFF, RATE, PIECES = 5.0, 100.0, 50
+CUTOFF_FREQUENCY, SAMPLE_RATE, RECORD_PIECES = 5.0, 100.0, 50
 """Hz, Hz; parts of the record by whose scatter ratios are judged."""
 
 
@@ -39,8 +39,10 @@ def lowpass_n(settings: Settings) -> Item:
     duration = float(settings.size(14_400, 3_600))
     seed = int(settings.rng("lowpass-n").integers(1 << 31))
     before, after = (
-        simulate({"gyro_x": Channel(model)}, duration=duration, rate=RATE, seed=seed, effects=hidden)[0][0]
-        for hidden in ((), (f"lowpass@gyro_x:cutoff={CUTOFF:g}",))
+        simulate({"gyro_x": Channel(model)}, duration=duration, rate=SAMPLE_RATE, seed=seed, effects=hidden)[
+            0
+        ][0]
+        for hidden in ((), (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",))
     )
     density = model.white_density()
     filtered = identify_channel(after, "gyro_x", arma=None)
@@ -50,7 +52,7 @@ def lowpass_n(settings: Settings) -> Item:
         judge(
             "f_c τ where the curve of the filtered gyro peaks",
             "an N-shaped part, from the filter",
-            exact(peak * CUTOFF, "1"),
+            exact(peak * CUTOFF_FREQUENCY, "1"),
             claimed=(0.2, 0.45),
             why="filtered white noise peaks at f_c τ = 0.301: the shape shows the cutoff, not the gyro",
         ),
@@ -60,21 +62,21 @@ def lowpass_n(settings: Settings) -> Item:
             "not Markov",
             exact(float(sum(term.present for term in filtered.terms if term.name == GaussMarkov.name)), "1"),
             claimed=0.0,
-            why=_told(filtered),
+            why=_terms_text(filtered),
         ),
         _named(model, seed),
         _density(filtered, density),
     )
     tau = curves["before"].tau
     panel = Panel(
-        f"MPU-9250 gyro, low-pass {CUTOFF:g} Hz",
+        f"MPU-9250 gyro, low-pass {CUTOFF_FREQUENCY:g} Hz",
         "cluster time τ, s",
         "deg/h",
         (
             *(_shown(found, label, group) for group, (label, found) in enumerate(curves.items())),
             Curve(tau, density / np.sqrt(tau) / DEG_PER_HOUR, "N/√τ", "dashed", group=5),
         ),
-        marks=((0.3012 / CUTOFF, "0.301/f_c"), (10.0 / CUTOFF, "10/f_c")),
+        marks=((0.3012 / CUTOFF_FREQUENCY, "0.301/f_c"), (10.0 / CUTOFF_FREQUENCY, "10/f_c")),
     )
     title = f"{RING_LASER_PAPER}: figure 4, 2.3 (6)"
     return Item("lowpass-n", title, claims, Picture((panel,), columns=1))
@@ -82,13 +84,18 @@ def lowpass_n(settings: Settings) -> Item:
 
 def _ratio(before: Record, after: Record, model: NoiseModel, times: float) -> Claim:
     """Compare the deviations of the same noise at τ = times/f_c, by the scatter of parts of the record."""
-    m = round(times / CUTOFF * RATE)
+    m = round(times / CUTOFF_FREQUENCY * SAMPLE_RATE)
     pairs = [
-        [float(overlapping_allan(part, [m])[0]) for part in np.array_split(r.y[:, 0], PIECES)]
+        [float(overlapping_allan(part, [m])[0]) for part in np.array_split(r.y[:, 0], RECORD_PIECES)]
         for r in (after, before)
     ]
-    alone = float(filtered_share(np.array([m / RATE]))[0])
-    white = model.white_density() ** 2 * RATE / m / float(model.allan_variance(np.array([m / RATE]))[0])
+    alone = float(filtered_share(np.array([m / SAMPLE_RATE]))[0])
+    white = (
+        model.white_density() ** 2
+        * SAMPLE_RATE
+        / m
+        / float(model.allan_variance(np.array([m / SAMPLE_RATE]))[0])
+    )
     expected = float(np.sqrt(1.0 - white * (1.0 - alone**2)))
     return judge(
         f"deviation with ÷ without filter at τ = {times:g}/f_c",
@@ -104,8 +111,10 @@ def _ratio(before: Record, after: Record, model: NoiseModel, times: float) -> Cl
 def _named(model: NoiseModel, seed: int) -> Claim:
     """Ask the diagnosis what a short filtered record contains."""
     text, paper = "cause that the diagnosis names", "the filter, not a Markov process"
-    hidden = (f"lowpass@gyro_x:cutoff={CUTOFF:g}",)
-    records, _ = simulate({"gyro_x": Channel(model)}, duration=600.0, rate=RATE, seed=seed, effects=hidden)
+    hidden = (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",)
+    records, _ = simulate(
+        {"gyro_x": Channel(model)}, duration=600.0, rate=SAMPLE_RATE, seed=seed, effects=hidden
+    )
     found = diagnose(records).findings
     named = ", ".join(finding.cause for finding in found) or "nothing"
     if named != "lowpass":
@@ -113,7 +122,9 @@ def _named(model: NoiseModel, seed: int) -> Claim:
             text, paper, Coefficient(None, None, None, "", named), "not reproduced", f"named: {named}"
         )
     cutoff = found[0].parameters["cutoff"]
-    return judge(text, paper, cutoff, claimed=CUTOFF, why=f"{named}, of {CUTOFF:g} Hz: its cutoff is found")
+    return judge(
+        text, paper, cutoff, claimed=CUTOFF_FREQUENCY, why=f"{named}, of {CUTOFF_FREQUENCY:g} Hz: as found"
+    )
 
 
 def _density(found: ChannelIdentification, true: float) -> Claim:
@@ -131,7 +142,7 @@ def _density(found: ChannelIdentification, true: float) -> Claim:
 
 def filtered_share(tau: FloatArray) -> FloatArray:
     """Return the Allan deviation of filtered white noise ÷ N/√τ."""
-    constant = 1.0 / (2.0 * np.pi * CUTOFF)
+    constant = 1.0 / (2.0 * np.pi * CUTOFF_FREQUENCY)
     process = GaussMarkov(float(np.sqrt(0.5 / constant)), constant)
     return np.asarray(np.sqrt(process.allan_variance(tau) * tau))
 
@@ -141,7 +152,7 @@ def _peak(found: AllanCurve) -> float:
     return float(found.tau[np.argmax(found.deviation()[:, 0])])
 
 
-def _told(found: ChannelIdentification) -> str:
+def _terms_text(found: ChannelIdentification) -> str:
     return "; ".join(found.warnings) or "the base terms suffice"
 
 

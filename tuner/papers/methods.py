@@ -45,7 +45,7 @@ from tuner.papers.subjects import RING_LASER_PAPER
 FloatArray = NDArray[np.float64]
 Method = Callable[[FloatArray], float]
 
-INTERVAL, SPAN, FREQUENCY, CONSTANT = 0.1, 3600.0, 0.05, 60.0
+SAMPLING_INTERVAL, RECORD_SPAN, LINE_FREQUENCY, MARKOV_TIME = 0.1, 3600.0, 0.05, 60.0
 """s; Hz of the line, s of the Markov process."""
 NOISES: Mapping[str, Term] = MappingProxyType(
     {
@@ -54,8 +54,8 @@ NOISES: Mapping[str, Term] = MappingProxyType(
         "bias instability": BiasInstability(0.3),
         "rate random walk": RandomWalk(0.03),
         "ramp": Ramp(3e-4),
-        "periodic": Sinusoid(1.0, FREQUENCY),
-        "Markov": GaussMarkov(0.5, CONSTANT),
+        "periodic": Sinusoid(1.0, LINE_FREQUENCY),
+        "Markov": GaussMarkov(0.5, MARKOV_TIME),
     }
 )
 BEST_METHOD: Mapping[str, str] = MappingProxyType(
@@ -84,7 +84,7 @@ def method_table(settings: Settings) -> Item:
         term = NOISES[noise]
         model = NoiseModel((term,)) if isinstance(term, White) else White(1.0) + term
         true = float(getattr(term, term.PARAMETERS[0]))
-        y = model.sample(round(SPAN / INTERVAL), INTERVAL, rng)
+        y = model.sample(round(RECORD_SPAN / SAMPLING_INTERVAL), SAMPLING_INTERVAL, rng)
         for name, method in METHODS[noise].items():
             errors[noise][name][k] = method(y) / true - 1.0
     rows = ("Allan", "spectrum", "N-second averages", "correlation", "regression", "time plot")
@@ -125,14 +125,14 @@ def _allan(term: Term) -> Method:
     start = NoiseModel((term,)) if isinstance(term, White) else White(1.0) + term
 
     def method(y: FloatArray) -> float:
-        found = fit(OctaveCurve.of((y,), INTERVAL), start).model.terms[-1]
+        found = fit(OctaveCurve.of((y,), SAMPLING_INTERVAL), start).model.terms[-1]
         return float(getattr(found, found.PARAMETERS[0]))
 
     return method
 
 
 def _allan_line(y: FloatArray) -> float:
-    m = np.array([1, round(0.37101 / FREQUENCY / INTERVAL)])
+    m = np.array([1, round(0.37101 / LINE_FREQUENCY / SAMPLING_INTERVAL)])
     first, peak = overlapping_allan(y, m)
     return float(np.sqrt(max(peak - first / m[1], 0.0)) / 0.72461)
 
@@ -141,12 +141,14 @@ def _spectrum(term: Term) -> Method:
     start = NoiseModel((term,)) if isinstance(term, White) else White(1.0) + term
 
     def method(y: FloatArray) -> float:
-        found = psd(record_from(y, INTERVAL))
+        found = psd(record_from(y, SAMPLING_INTERVAL))
         logs, weight = np.log(found.density[:, 0]), np.sqrt(found.dof / 2.0)
 
         def residual(theta: FloatArray) -> FloatArray:
             model = start.with_values(np.exp(theta))
-            return np.asarray((np.log(model.psd(found.frequency, interval=INTERVAL)) - logs) * weight)
+            return np.asarray(
+                (np.log(model.psd(found.frequency, interval=SAMPLING_INTERVAL)) - logs) * weight
+            )
 
         theta = least_squares(residual, np.log(start.values()), bounds=(-20.0, 20.0)).x
         term_of = start.with_values(np.exp(theta)).terms[-1]
@@ -156,61 +158,63 @@ def _spectrum(term: Term) -> Method:
 
 
 def _spectrum_line(y: FloatArray) -> float:
-    found = psd(record_from(y, INTERVAL))
+    found = psd(record_from(y, SAMPLING_INTERVAL))
     f, density = found.frequency, found.density[:, 0]
-    near = (f > 0.8 * FREQUENCY) & (f < 1.25 * FREQUENCY)
-    around = (f > 0.3 * FREQUENCY) & (f < 3.0 * FREQUENCY)
+    near = (f > 0.8 * LINE_FREQUENCY) & (f < 1.25 * LINE_FREQUENCY)
+    around = (f > 0.3 * LINE_FREQUENCY) & (f < 3.0 * LINE_FREQUENCY)
     power = np.trapezoid(density[near] - np.median(density[around & ~near]), f[near])
     return float(2.0 * np.sqrt(max(power, 0.0)))
 
 
 def _averages(tau: float, coefficient: Callable[[float], float]) -> Method:
-    return lambda y: coefficient(float(nsec(y, [round(tau / INTERVAL)])[0]))
+    return lambda y: coefficient(float(nsec(y, [round(tau / SAMPLING_INTERVAL)])[0]))
 
 
 def _correlation(y: FloatArray, longest: float) -> tuple[FloatArray, FloatArray]:
     """Return lags, s, and autocovariance from lag 1 on."""
-    lags = INTERVAL * np.arange(1, round(longest / INTERVAL))
-    found = acf(record_from(y, INTERVAL), lag=lags.tolist())
+    lags = SAMPLING_INTERVAL * np.arange(1, round(longest / SAMPLING_INTERVAL))
+    found = acf(record_from(y, SAMPLING_INTERVAL), lag=lags.tolist())
     return found.lag, found.value[:, 0] * float(np.var(y))
 
 
 def _correlation_quantization(y: FloatArray) -> float:
-    return float(INTERVAL * np.sqrt(max(-_correlation(y, 0.25)[1][0], 0.0)))
+    return float(SAMPLING_INTERVAL * np.sqrt(max(-_correlation(y, 0.25)[1][0], 0.0)))
 
 
 def _correlation_line(y: FloatArray) -> float:
-    lag, covariance = _correlation(y, 200.0 + 1.5 * INTERVAL)
-    return float(np.sqrt(max(float(4.0 * np.mean(covariance * np.cos(2.0 * np.pi * FREQUENCY * lag))), 0.0)))
+    lag, covariance = _correlation(y, 200.0 + 1.5 * SAMPLING_INTERVAL)
+    return float(
+        np.sqrt(max(float(4.0 * np.mean(covariance * np.cos(2.0 * np.pi * LINE_FREQUENCY * lag))), 0.0))
+    )
 
 
 def _correlation_markov(y: FloatArray) -> float:
-    lag, covariance = _correlation(y, 3.0 * CONSTANT)
-    start = (max(float(covariance[:50].mean()), 1e-3), CONSTANT)
+    lag, covariance = _correlation(y, 3.0 * MARKOV_TIME)
+    start = (max(float(covariance[:50].mean()), 1e-3), MARKOV_TIME)
     bounds = ([1e-6, 1.0], [100.0, 1e4])
     (power, _), _ = curve_fit(lambda t, a, c: a * np.exp(-t / c), lag, covariance, start, bounds=bounds)
     return float(np.sqrt(power))
 
 
 def _regression_ramp(y: FloatArray) -> float:
-    return remove_trend(y)[0] / INTERVAL
+    return remove_trend(y)[0] / SAMPLING_INTERVAL
 
 
 def _regression_white(y: FloatArray) -> float:
-    return float(np.std(remove_trend(y - y.mean())[1]) * np.sqrt(INTERVAL))
+    return float(np.std(remove_trend(y - y.mean())[1]) * np.sqrt(SAMPLING_INTERVAL))
 
 
 def _plot_white(y: FloatArray) -> float:
-    return float(np.ptp(y) / (2.0 * norm.isf(0.5615 / len(y))) * np.sqrt(INTERVAL))
+    return float(np.ptp(y) / (2.0 * norm.isf(0.5615 / len(y))) * np.sqrt(SAMPLING_INTERVAL))
 
 
 def _plot_ramp(y: FloatArray) -> float:
     tenth = len(y) // 10
-    return float((y[-tenth:].mean() - y[:tenth].mean()) / (0.9 * SPAN))
+    return float((y[-tenth:].mean() - y[:tenth].mean()) / (0.9 * RECORD_SPAN))
 
 
 def _plot_line(y: FloatArray) -> float:
-    return float(0.5 * np.ptp(averages(y, round(0.1 / FREQUENCY / INTERVAL))))
+    return float(0.5 * np.ptp(averages(y, round(0.1 / LINE_FREQUENCY / SAMPLING_INTERVAL))))
 
 
 METHODS: Mapping[str, Mapping[str, Method]] = MappingProxyType(
@@ -218,14 +222,16 @@ METHODS: Mapping[str, Mapping[str, Method]] = MappingProxyType(
         "quantization": {
             "Allan": _allan(NOISES["quantization"]),
             "spectrum": _spectrum(NOISES["quantization"]),
-            "N-second averages": _averages(INTERVAL, lambda v: INTERVAL * float(np.sqrt(v / 2.0))),
+            "N-second averages": _averages(
+                SAMPLING_INTERVAL, lambda v: SAMPLING_INTERVAL * float(np.sqrt(v / 2.0))
+            ),
             "correlation": _correlation_quantization,
         },
         "angle random walk": {
             "Allan": _allan(NOISES["angle random walk"]),
             "spectrum": _spectrum(NOISES["angle random walk"]),
             "N-second averages": _averages(10.0, lambda v: float(np.sqrt(10.0 * v))),
-            "correlation": lambda y: float(np.std(y) * np.sqrt(INTERVAL)),
+            "correlation": lambda y: float(np.std(y) * np.sqrt(SAMPLING_INTERVAL)),
             "regression": _regression_white,
             "time plot": _plot_white,
         },
@@ -237,11 +243,11 @@ METHODS: Mapping[str, Mapping[str, Method]] = MappingProxyType(
         "rate random walk": {
             "Allan": _allan(NOISES["rate random walk"]),
             "spectrum": _spectrum(NOISES["rate random walk"]),
-            "N-second averages": _averages(100.0, lambda v: float(np.sqrt(6.0 * v / SPAN))),
+            "N-second averages": _averages(100.0, lambda v: float(np.sqrt(6.0 * v / RECORD_SPAN))),
         },
         "ramp": {
             "Allan": _allan(NOISES["ramp"]),
-            "N-second averages": _averages(100.0, lambda v: float(np.sqrt(12.0 * v)) / SPAN),
+            "N-second averages": _averages(100.0, lambda v: float(np.sqrt(12.0 * v)) / RECORD_SPAN),
             "regression": _regression_ramp,
             "time plot": _plot_ramp,
         },

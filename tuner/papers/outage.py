@@ -5,7 +5,7 @@ flicker (a fine ladder from 0.3 s to 10⁷ s) and rate random walk. Five filters
 covariance of the true error is exact (`tuner.synthesis.mismatched_filter`). The ARMA sequence is the one that
 an hour at 1 Hz
 tends to by likelihood: the least of Σ ln S' + S/S' over the frequencies of the record, S the true spectrum, with two
-real poles and zeros each. Run times are measured on simulated flights of the whole navigation filter.
+real poles and zeros each. Run times are measured on simulated runs of the whole navigation filter.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from tuner.simulation.imu import sensor_of_grade
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import RULES, synthesize
 from tuner.synthesis.bias_states import FlickerView
-from tuner.synthesis.mismatched_filter import AIDED, Linear, axis, outage_errors, shaped
+from tuner.synthesis.mismatched_filter import AIDED_MEASUREMENTS, Linear, axis, outage_errors, shaped
 from tuner.types import ChannelNoise
 
 FloatArray = NDArray[np.float64]
 
-HEADING, LOST = 0.3 * DEG, 60.0
+ANGLE_SD, JUDGED_OUTAGE = 0.3 * DEG, 60.0
 """Sd of a measured angle, rad; outage that is judged, s."""
 OUTAGES = np.array([3.0, 10.0, 30.0, 60.0, 100.0, 300.0, 1000.0])
 """Lengths of outage whose errors are computed, s."""
@@ -74,54 +74,54 @@ def kf_parameters(settings: Settings) -> Item:
         }
     )
     states = (0, len(paper), len(paper), len(ladder), len(sequence.transition()[0]))
-    best = outage_errors(truth, truth, HEADING, OUTAGES.tolist())[0]
-    found = {name: outage_errors(truth, one, HEADING, OUTAGES.tolist()) for name, one in filters.items()}
-    judged = int(np.argmin(np.abs(OUTAGES - LOST)))
+    best = outage_errors(truth, truth, ANGLE_SD, OUTAGES.tolist())[0]
+    found = {name: outage_errors(truth, one, ANGLE_SD, OUTAGES.tolist()) for name, one in filters.items()}
+    judged = int(np.argmin(np.abs(OUTAGES - JUDGED_OUTAGE)))
     loss = {name: true / best for name, (true, _) in found.items()}
-    honest = {name: true / predicted for name, (true, predicted) in found.items()}
+    ratio = {name: true / predicted for name, (true, predicted) in found.items()}
     bare, markov, _, every, arma = filters
     taken = run_times(states, settings.size(20, 6))
     relative = taken.mean(axis=0) / taken.mean(axis=0)[1]
     claims = (
         judge(
-            f"error after {LOST:g} s: ARW and BI ÷ best possible",
+            f"error after {JUDGED_OUTAGE:g} s: ARW and BI ÷ best possible",
             "more terms do not improve accuracy notably: 1",
             exact(loss[markov][judged], "1"),
             claimed=(1.0, 1.1),
             why=f"one Markov process comes close; with every term {loss[every][judged]:.3f}",
         ),
         judge(
-            f"error after {LOST:g} s: ARW and a constant ÷ best possible",
+            f"error after {JUDGED_OUTAGE:g} s: ARW and a constant ÷ best possible",
             "ARW and BI are both needed: above 1",
             exact(loss[bare][judged], "1"),
             claimed=(1.1, np.inf),
             why="without the Markov process the filter stops learning the bias",
         ),
         judge(
-            f"ARW and BI: true error ÷ predicted sd after {LOST:g} s",
+            f"ARW and BI: true error ÷ predicted sd after {JUDGED_OUTAGE:g} s",
             "right for the filter: 1",
-            exact(honest[markov][judged], "1"),
+            exact(ratio[markov][judged], "1"),
             claimed=(0.9, 1.1),
             derived=(1.1, 2.0),
             why="a process of variance B² has less power than flicker at periods both shorter and longer than its own: "
-            "the angle is nearly as good, the filter's belief in it is not",
+            "the angle is nearly as good, its predicted sd is not",
         ),
         judge(
-            f"flicker as ladder, random walk: true error ÷ predicted sd after {LOST:g} s",
-            f"more terms gain nothing: {honest[markov][judged]:.3f}, as ARW and BI",
-            exact(honest[every][judged], "1"),
-            claimed=float(honest[markov][judged]),
+            f"flicker as ladder, random walk: true error ÷ predicted sd after {JUDGED_OUTAGE:g} s",
+            f"more terms gain nothing: {ratio[markov][judged]:.3f}, as ARW and BI",
+            exact(ratio[every][judged], "1"),
+            claimed=float(ratio[markov][judged]),
             derived=(0.9, 1.1),
             why="processes a decade apart carry the power of flicker: this is what the further terms are for",
         ),
         judge(
-            f"error after {LOST:g} s: ARMA(2,2) shaping ÷ ARW and BI",
+            f"error after {JUDGED_OUTAGE:g} s: ARMA(2,2) shaping ÷ ARW and BI",
             "more terms do not improve accuracy notably: 1",
             exact(loss[arma][judged] / loss[markov][judged], "1"),
             claimed=(0.9, 1.1),
             why=f"{states[-1]} states instead of {states[1]} gain nothing; true error ÷ predicted sd "
-            f"{honest[arma][judged]:.2f} after {LOST:g} s but {honest[arma][-1]:.2f} after {OUTAGES[-1]:g} s: an hour "
-            "at 1 Hz says little of so long times",
+            f"{ratio[arma][judged]:.2f} after {JUDGED_OUTAGE:g} s but {ratio[arma][-1]:.2f} after {OUTAGES[-1]:g} s: "
+            "an hour at 1 Hz says little of so long times",
         ),
         judge(
             "run time of the navigation filter: ladder and random walk ÷ ARW and BI",
@@ -141,7 +141,7 @@ def kf_parameters(settings: Settings) -> Item:
         )
         for title, label, ratio in (
             ("accuracy", "true error ÷ best possible", loss),
-            ("honesty", "true error ÷ predicted sd", honest),
+            ("ratio", "true error ÷ predicted sd", ratio),
         )
     )
     columns = (
@@ -152,7 +152,7 @@ def kf_parameters(settings: Settings) -> Item:
     chosen = np.searchsorted(OUTAGES, SHOWN_OUTAGES)
     cells = np.array(
         [
-            [cost, *loss[name][chosen], *honest[name][chosen]]
+            [cost, *loss[name][chosen], *ratio[name][chosen]]
             for name, cost in zip(filters, relative, strict=True)
         ]
     )
@@ -170,7 +170,7 @@ def kf_parameters(settings: Settings) -> Item:
 
 def likeliest(model: NoiseModel) -> Arma:
     """Return the ARMA(2,2) sequence that an hour of a sensor at 1 Hz tends to by likelihood."""
-    f = np.arange(1, AIDED // 2 + 1) / AIDED
+    f = np.arange(1, AIDED_MEASUREMENTS // 2 + 1) / AIDED_MEASUREMENTS
     true = model.psd(f, interval=1.0)
 
     def sequence(x: FloatArray) -> Arma:

@@ -25,7 +25,7 @@ MAX_GROUPS = 50
 
 @dataclass(frozen=True)
 class Settings:
-    """How an item is run: the seed of all randomness, whether a small version will do, and who is told of progress."""
+    """How an item is run: the seed of all randomness, whether a small version will do, and the callback of progress."""
 
     seed: int = 0
     small: bool = False

@@ -142,7 +142,7 @@ def example_curve(settings: Settings) -> Item:
 
 
 def test_design(settings: Settings) -> Item:
-    """Return equation 19: 25 % at 100 s asks for nine clusters, 900 s; beside it what they give."""
+    """Return equation 19: 25 % at 100 s needs nine clusters, 900 s; beside it what they give."""
     rng = settings.rng("test-design")
     design = plan(NoiseModel((White(1.0),)), interval=1.0, hours=0.25, accuracy=0.25)
     claims = [

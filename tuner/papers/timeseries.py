@@ -22,7 +22,7 @@ from models.noise.arma import Arma
 from tuner.curves import acf, pacf
 from tuner.identification.arma import coefficient_covariance, fit_arma, one_step
 from tuner.identification.arma_preprocess import prepare, remove_trend, reverse_arrangements, sigma_outliers
-from tuner.papers.groupings import MEAN, VARIANCE
+from tuner.papers.groupings import PRINTED_MEAN, PRINTED_VARIANCE
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, exact, judge, rounded
 from tuner.papers.sampling import Settings, estimate, record_from, share_of
 from tuner.papers.subjects import MEMS_PAPER
@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 
 PHI, THETA = 0.476425, -0.455909
 """Equation 16."""
-MODEL = Arma((PHI,), (THETA,), VARIANCE, 0.01)
+MODEL = Arma((PHI,), (THETA,), PRINTED_VARIANCE, 0.01)
 """The ARMA model of equation 16, at 100 Hz."""
 PRINTED_Z = 0.2141
 """Statistic of the reverse arrangements test that the paper prints."""
@@ -64,7 +64,7 @@ def mems_arma(settings: Settings) -> Item:
             "time, s",
             "deg/s",
             (
-                Curve(record.t, raw - MEAN, "raw − 3.0478", "faint", group=1),
+                Curve(record.t, raw - PRINTED_MEAN, "raw − 3.0478", "faint", group=1),
                 Curve(record.t, prepared.y, "prepared", "faint", group=0),
             ),
             "linear",
@@ -102,7 +102,7 @@ def mems_arma(settings: Settings) -> Item:
 
 def _raw(series: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return a series with the mean of figure 2, a trend and a few outliers."""
-    raw = MEAN + series + 2e-5 * np.arange(len(series))
+    raw = PRINTED_MEAN + series + 2e-5 * np.arange(len(series))
     raw[rng.choice(len(raw), 8, replace=False)] += 0.6 * rng.choice([-1.0, 1.0], 8)
     return raw
 
@@ -219,7 +219,7 @@ def _of_orders(
     orders: Mapping[int, tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]],
 ) -> list[Claim]:
     """Judge the choice of the order."""
-    gains = np.log(_power() / VARIANCE), -np.log1p(-(_first_correlation() ** 2))
+    gains = np.log(_power() / PRINTED_VARIANCE), -np.log1p(-(_first_correlation() ** 2))
     claims = []
     for n, (white, by_bic, by_aic) in orders.items():
         gained, single = (n * gain for gain in gains)
@@ -280,15 +280,22 @@ def _of_model(settings: Settings, rng: np.random.Generator) -> list[Claim]:
         y = MODEL.sample(n, 0.01, rng)
         innovations = y - one_step(y, (PHI,), (THETA,))
         explained.append(1.0 - np.var(innovations) / np.var(y))
-        gain.append(np.sum(y**2) / power - np.sum(innovations**2) / VARIANCE + n * np.log(power / VARIANCE))
-    share = 1.0 - VARIANCE / power
+        gain.append(
+            np.sum(y**2) / power
+            - np.sum(innovations**2) / PRINTED_VARIANCE
+            + n * np.log(power / PRINTED_VARIANCE)
+        )
+    share = 1.0 - PRINTED_VARIANCE / power
     return [
         judge(
             "2 ln L of equation 16 less that of white noise, n = 20 000",
             f"more than BIC charges: 2 ln n = {2.0 * np.log(n):.1f}",
             estimate(np.array(gain), np.mean),
             claimed=(2.0 * np.log(n), np.inf),
-            derived=(0.99 * n * np.log(power / VARIANCE), 1.01 * n * np.log(power / VARIANCE)),
+            derived=(
+                0.99 * n * np.log(power / PRINTED_VARIANCE),
+                1.01 * n * np.log(power / PRINTED_VARIANCE),
+            ),
             why="n ln(γ₀/σ²), 5.44 · 10⁻⁴ a sample: it pays for two coefficients from 39 000 samples on",
         ),
         judge(

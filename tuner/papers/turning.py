@@ -15,7 +15,7 @@ from scipy.signal import find_peaks
 from models.units import DEG, DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification import identify_channel
-from tuner.papers.laser import AXES, INTERVAL, LASER_NOISE, N, in_degrees_per_hour
+from tuner.papers.laser import AXES, LASER_NOISE, SAMPLING_INTERVAL, N, in_degrees_per_hour
 from tuner.papers.results import Curve, Item, Panel, Picture, exact, judge
 from tuner.papers.sampling import Settings, record_from, record_of, scaled
 from tuner.papers.subjects import RING_LASER_PAPER
@@ -29,13 +29,15 @@ def rlg_dynamic(settings: Settings) -> Item:
     """Return figure 5: the laser gyro at rest, at a constant rate, and swinging by hand in two spells."""
     rng = settings.rng("rlg-dynamic")
     n = settings.size(3_600_000, 600_000)
-    static = record_of(LASER_NOISE, n, INTERVAL, rng, axes=AXES)
+    static = record_of(LASER_NOISE, n, SAMPLING_INTERVAL, rng, axes=AXES)
     constant = replace(static, y=static.y + 10.0 * DEG)
     t = static.t / static.span
     swinging = ((t > 0.3) & (t < 0.4)) | ((t > 0.6) & (t < 0.75))
     swing = np.where(swinging, 20.0 * DEG * np.sin(2.0 * np.pi * 0.1 * static.t), 0.0)
-    turning = record_from(static.y + swing[:, None] * np.array([1.0, 0.5, -0.7]), INTERVAL, axes=AXES)
-    tau = np.geomspace(INTERVAL, static.span / 5.0, 100).tolist()
+    turning = record_from(
+        static.y + swing[:, None] * np.array([1.0, 0.5, -0.7]), SAMPLING_INTERVAL, axes=AXES
+    )
+    tau = np.geomspace(SAMPLING_INTERVAL, static.span / 5.0, 100).tolist()
     of = {
         name: curve(record, "oadev", tau=tau, noise=LASER_NOISE)
         for name, record in (("static", static), ("constant", constant), ("turning", turning))
@@ -94,7 +96,7 @@ def rlg_dynamic(settings: Settings) -> Item:
             "angle increments of a turning gyro",
             "time, s",
             "increment, 10⁻³ deg",
-            (Curve(turning.t[shown], turning.y[shown, 0] * INTERVAL / DEG * 1e3, "gyro_x"),),
+            (Curve(turning.t[shown], turning.y[shown, 0] * SAMPLING_INTERVAL / DEG * 1e3, "gyro_x"),),
             "linear",
         ),
         Panel(

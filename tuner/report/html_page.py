@@ -166,12 +166,12 @@ def _of_channel(channel: ChannelNoise) -> dict[str, str]:
 
 
 def _reasons(config: FilterConfig) -> str:
-    fates: dict[str, list[str]] = {}
+    handling: dict[str, list[str]] = {}
     for channel in config.channels.values():
-        for name, fate in channel.fates.items():
+        for name, how in channel.handling.items():
             label = term_title(name) or name
-            fates.setdefault(f"{label}: {fate}", []).append(channel.axis)
-    lines = [f"{text} [{', '.join(axes)}]" for text, axes in fates.items()]
+            handling.setdefault(f"{label}: {how}", []).append(channel.axis)
+    lines = [f"{text} [{', '.join(axes)}]" for text, axes in handling.items()]
     lines += [f"{i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations]
     lines += [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
     return "<h3>Why</h3>" + _list([*lines, *config.notes])

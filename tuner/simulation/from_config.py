@@ -37,7 +37,7 @@ DRIVE = frozenset({"gyro", "accel", "imu", "gnss", "drive"})
 """Channels of what a drive shows."""
 BIAS, CORRELATED = "sensor_bias", "correlated_gnss"
 """Causes of a drive that a configuration holds in its noise."""
-SAME = 0.02
+SAME_PROCESS = 0.02
 """Difference up to which a term is the process of a telegraph's spectrum."""
 
 
@@ -80,9 +80,9 @@ def channels_of_config(
         effects: list[PlacedEffect] = []
         for finding in static:
             known = without.keys() >= set(finding["channels"])
-            held = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
+            in_noise = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
             for axes, values in _parts(finding):
-                if held:
+                if in_noise:
                     rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
                     if rest is None:
                         continue
@@ -108,8 +108,8 @@ def _beside(noise: NoiseModel, values: Mapping[str, Any]) -> NoiseModel | None:
         for term in noise.terms
         if not (
             isinstance(term, GaussMarkov)
-            and math.isclose(term.sd, twin[0], rel_tol=SAME)
-            and math.isclose(term.time_constant, twin[1], rel_tol=SAME)
+            and math.isclose(term.sd, twin[0], rel_tol=SAME_PROCESS)
+            and math.isclose(term.time_constant, twin[1], rel_tol=SAME_PROCESS)
         )
     ]
     return NoiseModel(rest) if len(rest) < len(noise.terms) else None
@@ -191,8 +191,8 @@ def _made(
 ) -> Kind:
     """Return a finding as an effect; ValueError where there is none or its parameters are outside of its range."""
     known = {field.name for field in fields(text.kind(cause, kinds))}
-    told = {name: value["value"] for name, value in values.items() if name in known}
-    parts = [f"{name}={value!r}" for name, value in told.items() if value is not None]
+    known_values = {name: value["value"] for name, value in values.items() if name in known}
+    parts = [f"{name}={value!r}" for name, value in known_values.items() if value is not None]
     if values and not parts:
         msg = f"no effect has {', '.join(values)}"
         raise ValueError(msg)

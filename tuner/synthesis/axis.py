@@ -1,7 +1,7 @@
-"""One axis: from identified noise terms to what the filter believes, with the fate of every term.
+"""One axis: from identified noise terms to the settings of the filter, with the handling of every term.
 
 ===================  ======================================================================================
-term                 fate
+term                 handling
 ===================  ======================================================================================
 white                drives angle or velocity with N²
 low_pass_white       white at its density
@@ -61,7 +61,7 @@ SLOW_PERIOD = 10.0
 
 @dataclass(frozen=True)
 class _Task:
-    """What is asked about one axis; `white` is known once the white terms are done."""
+    """One axis and how it is to be modelled; `white` is known once the white terms are done."""
 
     channel: ChannelIdentification
     rule: str
@@ -71,9 +71,9 @@ class _Task:
 
 @dataclass(frozen=True)
 class _Share:
-    """What one term gives the filter: a fate in words and the figures behind it (variances add)."""
+    """What one term contributes to the filter: its handling in words, and figures (variances add)."""
 
-    fate: str
+    handling: str
     inflations: tuple[Inflation, ...] = ()
     white_variance: float = 0.0
     walk_variance: float = 0.0
@@ -83,7 +83,7 @@ class _Share:
 def channel_noise(
     channel: ChannelIdentification, *, rule: str, horizon: float, constant_sd: float
 ) -> tuple[ChannelNoise, tuple[Inflation, ...]]:
-    """Choose what the filter believes of one axis.
+    """Choose the noise settings of one axis of the filter.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ def channel_noise(
     Returns
     -------
     noise : ChannelNoise
-        Positive white density; every term has a fate.
+        Positive white density; every term has its handling.
     inflations : tuple of Inflation
         Every figure that is not the estimate itself.
     """
     task = _Task(channel, rule, horizon)
-    terms = [term for term in channel.terms if _told(term)]
-    untold = [(term.name, _Share(_UNTOLD)) for term in channel.terms if not _told(term)]
+    terms = [term for term in channel.terms if _has_size(term)]
+    empty = [(term.name, _Share(_WITHOUT_SIZE)) for term in channel.terms if not _has_size(term)]
     white = [(t.name, _white(task, t)) for t in terms if t.name in _WHITE_TERMS]
     if not any(share.white_variance for _, share in white):
         white.append((White.name, _white_from_curve(channel)))
@@ -116,7 +116,7 @@ def channel_noise(
         for t in terms
         if t.name not in _WHITE_TERMS and t.name != Ramp.name
     ]
-    shares = untold + white + slow
+    shares = empty + white + slow
     noise = ChannelNoise(
         channel.axis,
         channel.unit,
@@ -132,14 +132,14 @@ def channel_noise(
         shares.append((Ramp.name, share))
         noise = replace(noise, ramp_sd=rate)
     if channel.arma is not None:
-        shares.append(("arma", _Share(_arma_fate(channel.arma))))
-    fates: dict[str, str] = {}
+        shares.append(("arma", _Share(_arma_handling(channel.arma))))
+    handling: dict[str, str] = {}
     for name, share in shares:
-        fates[name] = f"{fates[name]}; {share.fate}" if name in fates else share.fate
-    return replace(noise, fates=fates), tuple(i for _, share in shares for i in share.inflations)
+        handling[name] = f"{handling[name]}; {share.handling}" if name in handling else share.handling
+    return replace(noise, handling=handling), tuple(i for _, share in shares for i in share.inflations)
 
 
-def _told(term: TermEstimate) -> bool:
+def _has_size(term: TermEstimate) -> bool:
     """Tell whether the amplitude of a term has a positive value or limit."""
     amplitude = next(iter(term.coefficients.values()))
     return bool(amplitude.value or amplitude.upper)
@@ -176,8 +176,10 @@ def _white_from_curve(channel: ChannelIdentification) -> _Share:
 def _quantization(task: _Task, term: TermEstimate) -> _Share:
     increment, _ = _figure(task, term, "increment_sd")
     unit = "rad" if task.channel.unit == "rad/s" else "m/s"
-    fate = f"kept out of the white density: the integral errs by {increment:.4g} {unit}, which does not grow"
-    return _Share(fate)
+    handling = (
+        f"kept out of the white density: the integral errs by {increment:.4g} {unit}, which does not grow"
+    )
+    return _Share(handling)
 
 
 def _flicker(task: _Task, term: TermEstimate) -> _Share:
@@ -219,8 +221,8 @@ def _sinusoid(task: _Task, term: TermEstimate) -> _Share:
     frequency = term.coefficients["frequency"].value
     if frequency is not None and 1.0 / frequency >= SLOW_PERIOD:
         state = GaussMarkov(amplitude / math.sqrt(2.0), 1.0 / (2.0 * math.pi * frequency))
-        fate = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
-        return _Share(fate, inflations, markov=(state,))
+        handling = f"slow line, one state: sd {state.sd:.4g} {task.channel.unit}, {state.time_constant:.4g} s"
+        return _Share(handling, inflations, markov=(state,))
     return _Share("fast line: no state, as its integral stays bounded; to be removed at its source")
 
 
@@ -254,24 +256,24 @@ def _ramp(task: _Task, term: TermEstimate, *, wander: float) -> tuple[_Share, fl
     reach = rate * task.horizon
     if term.present or reach > wander:
         return _Share(f"a state of constant bias rate, prior sd {rate:.4g} {unit}/s", inflations), rate
-    fate = (
+    handling = (
         f"no state: at half its limit it reaches {reach:.4g} {unit} in {task.horizon:g} s, "
         f"less than the {wander:.4g} the other bias states wander"
     )
-    return _Share(fate), 0.0
+    return _Share(handling), 0.0
 
 
-def _arma_fate(fit: ArmaFit) -> str:
+def _arma_handling(fit: ArmaFit) -> str:
     p, q = fit.order
     if fit.white:
-        return f"ARMA({p},{q}) cannot be told from white noise: nothing to add"
+        return f"ARMA({p},{q}) is not distinguishable from white noise: nothing to add"
     return (
         f"ARMA({p},{q}) describes the noise of the other terms a second time: "
         "offered as shaping states (tuner.synthesis.shaping_states), not added"
     )
 
 
-_UNTOLD = "left out: the identification gives neither a value nor a limit"
+_WITHOUT_SIZE = "left out: the identification gives neither a value nor a limit"
 _WHITE_TERMS = frozenset({White.name, LowPassWhite.name})
 _SLOW_TERMS: Mapping[str, Callable[[_Task, TermEstimate], _Share]] = {
     Quantization.name: _quantization,

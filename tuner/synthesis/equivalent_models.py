@@ -19,7 +19,7 @@ import math
 
 from tuner.types import ChannelNoise
 
-MEMORY = 100.0
+FILTER_MEMORY = 100.0
 """Memory of the target filter assumed by exporters, s: about as long as GNSS aiding takes to renew a bias."""
 
 
@@ -29,7 +29,7 @@ def structure_function(channel: ChannelNoise, lag: float) -> float:
     return float(channel.random_walk_density**2 * lag + correlated)
 
 
-def equivalent_random_walk(channel: ChannelNoise, *, memory: float = MEMORY) -> float:
+def equivalent_random_walk(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) -> float:
     """Return the density of the random walk that wanders as far in `memory` seconds, unit/√s; never 0."""
     wander = structure_function(channel, memory)
     if wander > 0.0:
@@ -37,7 +37,9 @@ def equivalent_random_walk(channel: ChannelNoise, *, memory: float = MEMORY) -> 
     return 0.1 * math.sqrt(3.0) * channel.white_density / memory
 
 
-def equivalent_markov_sd(channel: ChannelNoise, time_constant: float, *, memory: float = MEMORY) -> float:
+def equivalent_markov_sd(
+    channel: ChannelNoise, time_constant: float, *, memory: float = FILTER_MEMORY
+) -> float:
     """Return the sd of the state of that time constant that wanders as far in `memory` s, unit; never 0."""
     wander = equivalent_random_walk(channel, memory=memory) ** 2 * memory
     return math.sqrt(wander / (-2.0 * math.expm1(-memory / time_constant)))

@@ -8,7 +8,7 @@ gauss_markov, telegraph        again with one Gauss–Markov process more, unles
 all others                     as it is: a filter that does not compensate them meets them; a note says so
 =============================  =====================================================================
 
-An inflation speaks of the noise that the diagnosis fitted first. Its factor is put on what the filter believes
+An inflation speaks of the noise that the diagnosis fitted first. Its factor is put on the setting of the filter
 now, and left out where that is enough already.
 """
 
@@ -118,13 +118,15 @@ def _again(
             record, before.axis, terms=(*present, *more), method=before.method, arma=arma
         )
     except IdentificationError as error:
-        told = f"the terms {', '.join(more)} that were found could not be fitted beside the others: {error}"
-        return replace(before, warnings=(*before.warnings, told))
+        warning = (
+            f"the terms {', '.join(more)} that were found could not be fitted beside the others: {error}"
+        )
+        return replace(before, warnings=(*before.warnings, warning))
     if absent := [t.name for t in after.terms if t.name in more and not t.present]:
-        told = (
+        warning = (
             f"{', '.join(absent)} was found by the diagnosis, but beside the other terms the data allow none"
         )
-        return replace(before, warnings=(*before.warnings, told))
+        return replace(before, warnings=(*before.warnings, warning))
     names = {t.name for t in after.terms}
     bounds = tuple(t for t in before.terms if not t.present and t.name not in names)
     return replace(after, mean=before.mean, terms=tuple(_ordered(after.terms, bounds, before)))
@@ -181,11 +183,11 @@ def findings_for_config(diagnosis: Diagnosis) -> tuple[Mapping[str, Any], ...]:
     """Return the findings as plain values, each with the noise of its channels as fitted together with it."""
     findings = []
     for finding in diagnosis.findings:
-        told = config_finding(finding)
+        entry = config_finding(finding)
         models = {a: plain(diagnosis.models[a].as_dict()) for a in finding.channels if a in diagnosis.models}
         if models:
-            told["extension"] = {**told["extension"], "models": models}
-        findings.append(told)
+            entry["extension"] = {**entry["extension"], "models": models}
+        findings.append(entry)
     return tuple(findings)
 
 

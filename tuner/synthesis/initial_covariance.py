@@ -25,7 +25,7 @@ from tuner.types import ChannelIdentification, ChannelNoise, GnssNoise, Identifi
 GRAVITY_SPREAD = 0.03
 """Half the range of gravity on the Earth's surface, m/s²."""
 
-LATITUDE = math.radians(45.0)
+GYROCOMPASS_LATITUDE = math.radians(45.0)
 """Latitude for which gyrocompassing is judged, rad."""
 
 HEADING_DEFAULT = math.radians(10.0)
@@ -122,7 +122,7 @@ def initial_uncertainty(
         "no accelerometer figures: 2° assumed" if accel is None else "accelerometer turn-on sd ÷ gravity"
     )
     gyro = _largest_constant(channels, "rad/s")
-    heading = math.inf if gyro is None else gyro / (EARTH_RATE * math.cos(LATITUDE))
+    heading = math.inf if gyro is None else gyro / (EARTH_RATE * math.cos(GYROCOMPASS_LATITUDE))
     why["heading"] = "gyrocompassing: gyro turn-on sd ÷ Earth's horizontal rate at 45°"
     if heading > HEADING_DEFAULT:
         heading = HEADING_DEFAULT

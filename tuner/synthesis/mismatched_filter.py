@@ -1,16 +1,16 @@
-"""A filter that believes one linear system while the truth is another: exact errors, nothing sampled.
+"""Exact errors of a filter that is configured for one linear system while the truth is another; nothing is sampled.
 
 Truth x and estimate x̂ are one linear system, so that the covariance of both follows from matrices alone::
 
     truth       x ← Φ x + w,   z = h x + v         estimate    x̂ ← Φ' x̂,   x̂ ← x̂ + G (z − h' x̂)
 
-with Φ' and the gains G of the filter's own beliefs. What both know, by x̂ ≙ L x with h' L = h, is carried as the
+with Φ' and the gains G of the filter's own model. What both know, by x̂ ≙ L x with h' L = h, is carried as the
 difference d = x̂ − L x, which stays small where x does not::
 
     d ← Φ' d + (Φ' L − L Φ) x − L w                d ← (I − G h') d + G v
 
 After an hour of measurements, one a second, the filter
-predicts: the true rms of its error stands beside the sd that it believes.
+predicts: the true rms of its error stands beside the sd that it predicts.
 
 References
 ----------
@@ -34,7 +34,7 @@ from tuner.types import ChannelNoise
 
 FloatArray = NDArray[np.float64]
 
-AIDED = 3600
+AIDED_MEASUREMENTS = 3600
 """Measurements before the outage, one a second."""
 
 
@@ -91,13 +91,13 @@ def shaped(noise: Arma, *, constant_sd: float) -> Linear:
 
 
 def outage_errors(
-    truth: Linear, believed: Linear, sd: float, outages: Sequence[float], *, aided: int = AIDED
+    truth: Linear, configured: Linear, sd: float, outages: Sequence[float], *, aided: int = AIDED_MEASUREMENTS
 ) -> tuple[FloatArray, FloatArray]:
     """Return true rms and predicted sd of the output after each outage, shape (q,).
 
     Parameters
     ----------
-    truth, believed : Linear
+    truth, configured : Linear
         The system as it is, and as the filter takes it.
     sd : float
         Of a measurement.
@@ -106,14 +106,14 @@ def outage_errors(
     aided : int
         Measurements before, one a second.
     """
-    (phi_true, noise_true), (phi, noise) = truth.advance(1.0), believed.advance(1.0)
-    n, m = len(truth.start), len(believed.start)
+    (phi_true, noise_true), (phi, noise) = truth.advance(1.0), configured.advance(1.0)
+    n, m = len(truth.start), len(configured.start)
     alike = np.zeros((m, n))
-    alike[believed.common, truth.common] = 1.0
+    alike[configured.common, truth.common] = 1.0
     first = np.vstack([np.eye(n), -alike])
     joint, drive = first @ truth.start @ first.T, first @ noise_true @ first.T  # of x and d
     advance, update, h = _both(phi_true, phi, alike), np.eye(n + m), np.eye(1, m)[0]
-    p = believed.start
+    p = configured.start
     for _ in range(aided):
         p = phi @ p @ phi.T + noise
         gain = p @ h / (h @ p @ h + sd**2)
@@ -124,7 +124,7 @@ def outage_errors(
         joint[n:, n:] += sd**2 * np.outer(gain, gain)
     true, predicted = [], []
     for seconds in outages:
-        (ahead_true, added_true), (ahead, added) = truth.advance(seconds), believed.advance(seconds)
+        (ahead_true, added_true), (ahead, added) = truth.advance(seconds), configured.advance(seconds)
         error = _both(ahead_true, ahead, alike)[n]
         lost = (first @ added_true @ first.T)[n, n]
         true.append(np.sqrt(error @ joint @ error + lost))

@@ -39,7 +39,7 @@ def axis_system(channel: ChannelNoise) -> StateSpace:
     Parameters
     ----------
     channel : ChannelNoise
-        What the filter believes of the axis.
+        Noise settings of the axis.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def shaping_states(fit: ArmaFit) -> tuple[FloatArray, FloatArray, FloatArray]:
     Raises
     ------
     ValueError
-        Where the fit cannot be told from white noise or misses a coefficient.
+        Where the fit is not distinguishable from white noise or misses a coefficient.
     """
     coefficients = [c.value for c in (*fit.ar, *fit.ma)]
     if fit.white or any(value is None for value in coefficients):

@@ -34,7 +34,7 @@ class ChannelNoise:
         Prior sd of a constant bias rate, unit/s; 0 where no ramp state is wanted.
     identified : tuple of TermEstimate
         The terms behind the choice.
-    fates : mapping of str to str
+    handling : mapping of str to str
         What became of each term, such as ``quantization``: "kept out of the white density: …".
     """
 
@@ -46,7 +46,7 @@ class ChannelNoise:
     constant_sd: float
     ramp_sd: float = 0.0
     identified: tuple[TermEstimate, ...] = ()
-    fates: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    handling: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True)

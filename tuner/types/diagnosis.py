@@ -47,7 +47,7 @@ class Gain:
 
 @dataclass(frozen=True)
 class Alternative:
-    """A cause that explains an alarm nearly as well; `score` is its weight, 1 for as well as the cause named."""
+    """A cause that explains a rejected test nearly as well; `score` is its weight, 1 for as well as the cause named."""
 
     cause: str
     score: float
@@ -74,7 +74,7 @@ class Finding:
     text : str
         The cause in words, with its figures.
     consequence : str
-        What it asks of a filter.
+        What it means for a filter.
     extension : mapping of str to object
         What was added to the model, as plain values.
     gain : Gain or None
@@ -119,7 +119,7 @@ def of_each(
 
 @dataclass(frozen=True)
 class Unexplained:
-    """An alarm that no cause explains."""
+    """A rejected test that no cause explains."""
 
     statistic: str
     channels: tuple[str, ...]
@@ -135,7 +135,7 @@ class Diagnosis:
     findings : tuple of Finding
         Named causes, the clearest first.
     unexplained : tuple of Unexplained
-        Alarms without a cause.
+        Rejected tests without a cause.
     notes : tuple of str
         What is worth knowing and harmless.
     models : mapping of str to NoiseModel
@@ -214,11 +214,11 @@ class DriveDiagnosis:
         Named causes, the clearest first; axes are those of the sensor, lever arms of the vehicle where its mounting
         is known.
     before, after : FilterConfig
-        The filter that was criticised, and the same with all findings in it.
+        The filter that was tested, and the same with all findings in it.
     unexplained : tuple of Unexplained
-        Alarms without a cause.
+        Rejected tests without a cause.
     inseparable : tuple of Inseparable
-        What cannot be told apart on this drive.
+        Causes that cannot be distinguished on this drive.
     notes : tuple of str
         What was done, and what is worth knowing.
     gain : Gain or None

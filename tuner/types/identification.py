@@ -51,7 +51,7 @@ class Candidate:
 class ArmaFit:
     """ARMA(p,q) of a record: x_k = Σ ar_i x_{k-i} + e_k + Σ ma_j e_{k-j}, var e = variance.
 
-    `white` is True where the model cannot be told from white noise; `interval` is the sampling interval
+    `white` is True where the model cannot be distinguished from white noise; `interval` is the sampling interval
     of the series that was fitted, s; `steps` are the preprocessing steps and tests, in order, in words
     with their figures.
     """
@@ -109,7 +109,7 @@ class ChannelIdentification:
     arma : ArmaFit or None
         Time-series model of the same axis.
     warnings : tuple of str
-        Doubts a user must know, such as disagreement between methods.
+        What a user must know, such as disagreement between methods.
     """
 
     axis: str

@@ -6,7 +6,7 @@ A block y is the sum of a slow part and a fast part, its white noise w::
 
 An effect acts at one stage on the way from the sensing element to the file: on the noise itself (w), as a
 signal added to y, in the filter, as a glitch of the wire, at the rails, on the lattice of codes, when a
-reading is held, or in the time stamps. Every effect is a frozen set of SI parameters with the names a finding
+reading is repeated, or in the time stamps. Every effect is a frozen set of SI parameters with the names a finding
 uses; all chance comes from the generator given to `apply`.
 
 References

@@ -65,7 +65,7 @@ class HeavyTails(Effect):
 
 @dataclass(frozen=True)
 class Burst(Effect):
-    """A stretch of louder (or quieter) white noise.
+    """A stretch of larger (or smaller) white noise.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ from models.effects.static.base import (
     sign,
 )
 
-SWAY = 1.0
+SWAY_FREQUENCY = 1.0
 """Corner frequency of the sway of `Motion`, Hz."""
 
 
@@ -198,8 +198,8 @@ class Motion(Effect):
         inside = np.flatnonzero((block.t >= self.start) & (block.t < self.start + self.duration))
         sway = np.zeros_like(block.y)
         if len(inside):
-            pole = np.exp(-2.0 * np.pi * SWAY * block.interval)
-            run_in = int(10.0 / (SWAY * block.interval)) + 1
+            pole = np.exp(-2.0 * np.pi * SWAY_FREQUENCY * block.interval)
+            run_in = int(10.0 / (SWAY_FREQUENCY * block.interval)) + 1
             w = rng.standard_normal((run_in + len(inside), block.y.shape[1]))
             gain = np.sqrt((1.0 - pole**2) ** 3 / (1.0 + pole**2))
             smooth = lfilter([gain], [1.0, -2.0 * pole, pole**2], w, axis=0)[run_in:]

@@ -1,4 +1,4 @@
-"""Effects of the way to the file: rails, a lattice of codes, held readings, time stamps.
+"""Effects of the way to the file: rails, coarse codes, repeated readings, time stamps.
 
 ::
 

@@ -133,7 +133,7 @@ def thermometer(
     step : float
         Lattice of the readings, K; 0 for none.
     refresh : float
-        Time between new readings, s, the last one being held; 0 for a new one every sample.
+        Time between new readings, s, the last one being repeated; 0 for a new one every sample.
     sd : float
         White noise of a reading, K.
     rng : numpy.random.Generator

@@ -87,14 +87,14 @@ BASE = (
 
 def test_the_handling_of_every_term_is_stated() -> None:
     _, noise = only(found(channel(*BASE)))
-    assert set(noise.fates) == {t.name for t in BASE}
+    assert set(noise.handling) == {t.name for t in BASE}
 
 
 def test_quantization_never_folds_into_white() -> None:
     _, with_q = only(found(channel(*BASE)))
     _, without = only(found(channel(*BASE[1:])))
     assert with_q.white_density == without.white_density == 1e-4
-    assert "kept out of the white density" in with_q.fates["quantization"]
+    assert "kept out of the white density" in with_q.handling["quantization"]
 
 
 def test_bounded_terms_enter_with_half_their_limit_and_say_so() -> None:
@@ -126,7 +126,7 @@ def test_a_term_without_figures_is_left_out_and_listed_so() -> None:
     nothing = Coefficient(None, None, None, "SI", "the fit failed")
     _, noise = only(found(channel(BASE[1], term("bias_instability", level=nothing))))
     assert noise.markov == ()
-    assert "left out" in noise.fates["bias_instability"]
+    assert "left out" in noise.handling["bias_instability"]
 
 
 def test_gauss_markov_becomes_one_state_each() -> None:
@@ -150,7 +150,7 @@ def test_ramp_is_a_state_where_present_and_a_bound_where_harmless() -> None:
     assert present.ramp_sd == 1e-9
     _, harmless = only(found(channel(*BASE)))
     assert harmless.ramp_sd == 0.0
-    assert "no state" in harmless.fates["ramp"]
+    assert "no state" in harmless.handling["ramp"]
     _, large = only(found(channel(*BASE[1:4], term("ramp", rate=bounded(1e-6)))))
     assert large.ramp_sd == pytest.approx(0.5e-6)
 
@@ -162,13 +162,13 @@ def test_slow_line_becomes_a_state_and_fast_line_does_not() -> None:
     assert noise.markov[0].sd == pytest.approx(1e-5 / math.sqrt(2.0))
     _, noise = only(found(channel(BASE[1], fast)))
     assert noise.markov == ()
-    assert "no state" in noise.fates["sinusoid"]
+    assert "no state" in noise.handling["sinusoid"]
 
 
 def test_arma_is_offered_as_shaping_states() -> None:
     fit = ArmaFit((known(0.9),), (known(-0.2),), 1e-6, 1.0, "rad/s", "bic", {(1, 1): 0.0}, white=False)
     _, noise = only(found(channel(*BASE, arma=fit)))
-    assert "offered" in noise.fates["arma"]
+    assert "offered" in noise.handling["arma"]
     _, bare = only(found(channel(*BASE)))
     assert noise.markov == bare.markov
     transition, noise_covariance, stationary = shaping_states(fit)
@@ -176,7 +176,7 @@ def test_arma_is_offered_as_shaping_states() -> None:
     assert stationary[0, 0] == pytest.approx(1e-6 * (1.0 + (0.9 - 0.2) ** 2 / (1.0 - 0.81)))
     white = replace(fit, white=True)
     _, noise = only(found(channel(*BASE, arma=white)))
-    assert "nothing to add" in noise.fates["arma"]
+    assert "nothing to add" in noise.handling["arma"]
     with pytest.raises(ValueError, match="white"):
         shaping_states(white)
 

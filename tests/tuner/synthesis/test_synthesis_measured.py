@@ -39,7 +39,7 @@ def test_white_noise_is_that_of_the_data_sheet(config: FilterConfig) -> None:
 def test_what_160_seconds_cannot_show_is_bounded_and_said(config: FilterConfig) -> None:
     assert any(i.reason.startswith("bounded") for i in config.inflations)
     for channel in config.channels.values():
-        assert set(channel.fates) >= {term.name for term in channel.identified}
+        assert set(channel.handling) >= {term.name for term in channel.identified}
 
 
 def test_it_survives_the_yaml_and_reaches_every_dialect(config: FilterConfig) -> None:

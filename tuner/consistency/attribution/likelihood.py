@@ -1,6 +1,6 @@
 """Likelihood of a covariance of errors and innovations, from their products, whitened by the filter's prediction.
 
-With the filter's covariance P = L Lᵀ of an error e, the whitened y = L⁻¹ e has covariance I in an honest filter
+With the filter's covariance P = L Lᵀ of an error e, the whitened y = L⁻¹ e has covariance I in a consistent filter
 and L⁻¹ V L⁻ᵀ = C Cᵀ where the truth is V. Component i of C⁻¹ y is what is new in yᵢ given those before it, so
 that the likelihood of V is a product over components, each from as many independent values nᵢ as its squares
 show (`tuner.consistency.scores.score`)::
