@@ -138,7 +138,10 @@ def test_tune_of_a_log_with_a_line(tmp_path, capsys):
     assert [t["frequency"]["value"] for t in terms if t["term"] == "sinusoid"] == [
         pytest.approx(12.5, abs=1e-3)
     ]
-    assert "Diagnosis: what a simulation of the noise gets wrong" in (tmp_path / "out" / "report.html").read_text()
+    assert (
+        "Diagnosis: what a simulation of the noise gets wrong"
+        in (tmp_path / "out" / "report.html").read_text()
+    )
     assert (tmp_path / "out" / "finding-1-line.svg").exists()
 
 
