@@ -90,7 +90,7 @@ def _with_block(channel: ChannelNoise, found: PredictedBlock) -> ChannelNoise:
         white_density=block.white_density,
         markov=block.states,
         random_walk_density=block.random_walk_density,
-        fates=dict.fromkeys(channel.fates, FITTED),
+        handling=dict.fromkeys(channel.handling, FITTED),
     )
 
 
