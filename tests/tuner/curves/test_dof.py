@@ -139,7 +139,7 @@ def test_total_variance_table(noise):
 
 @pytest.mark.parametrize("noise", ["white", "bias_instability", "random_walk", "quantization"])
 def test_theo1_table(noise):
-    m = np.array([10, 16, 30, 60, 100, 150, 180])
+    m = np.array([10, 16, 30, 60, 100, 150, 180, 194, 200])
     expected = np.array([exact("theo1", k, generalised(COVARIANCE[noise])) for k in m])
     tolerance = 0.25 if noise == "quantization" else 0.09  # a published formula there, short of its end
     np.testing.assert_allclose(dof("theo1", N - 1, m, noise), expected, rtol=tolerance)

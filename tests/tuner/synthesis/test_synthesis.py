@@ -268,9 +268,21 @@ def test_tilt_and_heading_follow_from_the_sensors() -> None:
     accel, gyro = config.channels["accel_x"].constant_sd, config.channels["gyro_x"].constant_sd
     assert config.initial.tilt == pytest.approx(accel / 9.80665)
     assert config.initial.heading == pytest.approx(gyro / (EARTH_RATE * math.cos(math.pi / 4)))
+    assert "gravity" in config.initial.reasons["tilt"]
+    assert "Earth" in config.initial.reasons["heading"]
     coarse = synthesize(grade_identification(load_grade("mpu9250")))
     assert coarse.initial.heading == pytest.approx(math.radians(10.0))
     assert "another source" in coarse.initial.reasons["heading"]
+
+
+def test_what_no_sensor_shows_is_assumed_and_called_so() -> None:
+    gyro_alone = synthesize(found(channel(*BASE, axis="gyro_x")))
+    assert gyro_alone.initial.tilt == pytest.approx(math.radians(2.0))
+    assert "2° assumed" in gyro_alone.initial.reasons["tilt"]
+    accel_alone = synthesize(found(channel(*BASE, axis="accel_x")))
+    assert accel_alone.initial.heading == pytest.approx(math.radians(10.0))
+    for name in ("position", "velocity"):
+        assert "assumed" in accel_alone.initial.reasons[name]
 
 
 def test_inflation_scales_and_is_recorded() -> None:
