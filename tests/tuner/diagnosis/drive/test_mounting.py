@@ -12,8 +12,6 @@ from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.compensation import compensate
 
 PITCH, YAW = np.radians((3.0, -4.0))
-WIDER = 4.9 / 1.96
-"""A normal estimate is further off than 4.9 sds in 1e-6 of drives."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,10 @@ def test_a_wrong_mounting_is_named_where_wheels_do_not_slip(turned, drive_config
     assert finding.cause == "mounting"
     for name, truth in (("pitch", PITCH), ("yaw", YAW)):
         angle = finding.parameters[name]
-        assert abs(angle.value - truth) < WIDER * 0.5 * (angle.interval[1] - angle.interval[0])
+        # At 12 m/s 0.1 m/s downwards and 0.06 m/s across are 8 and 5 mrad a fix: of 300 half a mrad. Constraints
+        # are held for less sure, since wheels may slip: a degree.
+        assert angle.value == pytest.approx(truth, abs=np.radians(1.0))
+        assert 4e-4 < (angle.interval[1] - angle.interval[0]) / 3.92 < np.radians(1.0) / 4.0
     mended = compensate(turned, diagnosis.compensation).mounting
     np.testing.assert_allclose(mended, rotation.mat_from_rpy((0.0, PITCH, YAW)), atol=0.03)
 
