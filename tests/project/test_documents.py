@@ -24,7 +24,7 @@ def _import_order() -> list[str]:
 def _rooms_listed() -> list[str]:
     """First column of the table of rooms."""
     table = ARCHITECTURE.split("## The rooms")[1].split("Inside the larger ones")[0]
-    return re.findall(r"^\| `([\w/]+)`", table, flags=re.MULTILINE)
+    return re.findall(r"^\| `([\w/.]+)`", table, flags=re.MULTILINE)
 
 
 def test_rooms_are_listed_in_the_order_of_the_import_contract():
