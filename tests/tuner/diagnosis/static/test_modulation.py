@@ -9,6 +9,7 @@ from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
+from tuner.diagnosis.static.variance.modulation import bias_track
 from tuner.diagnosis.static.variance.modulation import test as modulation
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
@@ -48,6 +49,20 @@ def test_variance_along_the_bias_is_reported():
     wander = 0.3 * (wander - wander.mean()) / wander.std()
     _, by_bias, _ = modulation(residual(channel(without_temperature(louder(wander, slow=2.0)), "gyro_x")))
     assert by_bias.p_value < 1e-12
+
+
+def test_the_track_of_the_bias_is_that_of_the_walk_behind_it():
+    """A walk far above the white noise of a block: its best estimate is nearly the walk itself, sign and size."""
+    rng = np.random.default_rng(6)
+    base = record()
+    walk = np.cumsum(2e-5 * rng.standard_normal(len(base)))
+    y = walk + 1e-3 * np.sqrt(RATE) * rng.standard_normal(len(base))
+    made = Record("gyro", base.t, y[:, None], base.axes, base.unit, base.interval)
+    track = bias_track(residual(channel(made, "gyro_x")))
+    truth = np.array([part.mean() for part in np.array_split(walk, len(track))])
+    truth = truth - truth.mean()
+    assert track @ truth / (truth @ truth) == pytest.approx(1.0, abs=0.1)
+    assert np.corrcoef(track, truth)[0, 1] > 0.97
 
 
 def test_variance_by_temperature_is_named():
