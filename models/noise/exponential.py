@@ -26,12 +26,14 @@ from models.noise.base import FloatArray, as_array
 
 ComplexArray = NDArray[np.complexfloating]
 
-_ALLAN = (4.0, -1.0, 0.0)
+_ALLAN_WEIGHTS = (4.0, -1.0, 0.0)
 """Weights of exp(−x), exp(−2x), exp(−3x) in A."""
-_HADAMARD = (15.0, -6.0, 1.0)
+_HADAMARD_WEIGHTS = (15.0, -6.0, 1.0)
 """Weights of exp(−x), exp(−2x), exp(−3x) in D."""
 _SERIES_LIMIT = 0.3
+"""|x| below which the power series is summed: the closed form has lost two digits there."""
 _SERIES_ORDERS = range(3, 24)
+"""Orders of that series: the next term, (3 · 0.3)²⁴/24!, is below 1e-24."""
 
 
 def spectrum(c: complex, p: complex, f: FloatArray, interval: float | None) -> FloatArray:
@@ -56,12 +58,12 @@ def rate_derivative(c: complex, p: complex, f: FloatArray, interval: float | Non
 
 def allan_variance(c: complex, p: complex, tau: FloatArray, interval: float | None) -> FloatArray:
     """Return the Allan variance at cluster times τ, s."""
-    return _variance(_ALLAN, 1.0, c, p, tau, interval)
+    return _variance(_ALLAN_WEIGHTS, 1.0, c, p, tau, interval)
 
 
 def hadamard_variance(c: complex, p: complex, tau: FloatArray, interval: float | None) -> FloatArray:
     """Return the Hadamard variance at cluster times τ, s."""
-    return _variance(_HADAMARD, 1.0 / 3.0, c, p, tau, interval)
+    return _variance(_HADAMARD_WEIGHTS, 1.0 / 3.0, c, p, tau, interval)
 
 
 def _sampled_denominator(a: complex, cycles: FloatArray) -> tuple[ComplexArray, FloatArray]:

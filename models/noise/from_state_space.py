@@ -30,11 +30,11 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Step = tuple[FloatArray, FloatArray]
 
-CONTRASTS = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
+CLUSTER_WEIGHTS = {2: (-1.0, 1.0), 3: (1.0, -2.0, 1.0)}
 """Weights of successive cluster integrals in the second (Allan) and third (Hadamard) difference of the phase."""
 
 
-_SPLIT = 1e-12
+_POLE_SPLITTING = 1e-12
 """Relative change of F that splits a double pole by 1e-6: both errors are then small."""
 
 
@@ -122,8 +122,8 @@ def exponentials(system: StateSpace) -> tuple[ComplexArray, ComplexArray]:
     """
     poles, vectors = np.linalg.eig(system.F)
     gaps = np.abs(poles[:, None] - poles) + np.diag(np.full(system.size, np.inf))
-    if gaps.min() < _SPLIT**0.5 * np.abs(poles).max():
-        change = np.diag(np.linspace(-1.0, 1.0, system.size)) * _SPLIT * np.abs(poles).max()
+    if gaps.min() < _POLE_SPLITTING**0.5 * np.abs(poles).max():
+        change = np.diag(np.linspace(-1.0, 1.0, system.size)) * _POLE_SPLITTING * np.abs(poles).max()
         poles, vectors = np.linalg.eig(system.F + change)
     right = np.linalg.solve(vectors, (system.P0 @ system.H.T)[:, 0].astype(complex))
     return np.asarray((system.H @ vectors)[0] * right, dtype=complex), np.asarray(-poles, dtype=complex)
@@ -174,7 +174,7 @@ def _after(first: Step, second: Step) -> Step:
 
 def _contrast(system: StateSpace, cluster: Step, order: int, *, step: float | None = None) -> float:
     """Return the variance of the second or third difference of successive cluster integrals (or sums)."""
-    n, weights = system.size, CONTRASTS[order]
+    n, weights = system.size, CLUSTER_WEIGHTS[order]
     transition, covariance = cluster
     phi, integral = transition[:n, :n], transition[n:, :n]
     rate = system.F if step is None else system.F @ _integrals(system, step)[0][n:, :n]

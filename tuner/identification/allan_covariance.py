@@ -37,11 +37,11 @@ from models.noise import BiasInstability, GaussMarkov, Quantization, Ramp, Rando
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_WEIGHTS = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
-_STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
-_PER_STEP = 12
+_DIFFERENCE_WEIGHTS = np.outer((1.0, -2.0, 1.0), (1.0, -2.0, 1.0)).ravel()
+_DIFFERENCE_STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+_LAGS_PER_CLUSTER = 12
 """Lags a cluster of the shorter time, and lags an e-fold further out."""
-_FAR = 30.0
+_ASYMPTOTIC_DISTANCE = 30.0
 """Cluster sizes beyond which a kernel has its asymptotic form."""
 
 
@@ -91,7 +91,7 @@ def _pair(
 ) -> float:
     """Sum 2 n γ² + 4 n δ γ over the lags of one pair of cluster sizes, δ from the ramp."""
     (m1, m2), (i, j) = m, at
-    knots = _STEPS @ np.array(m)
+    knots = _DIFFERENCE_STEPS @ np.array(m)
     lags = _lags(m1, m2, int((counts[:, i] + counts[:, j]).max()))
     spacing = np.empty(len(lags))
     spacing[1:-1] = 0.5 * (lags[2:] - lags[:-2])
@@ -104,27 +104,27 @@ def _pair(
         if isinstance(term, Ramp):
             ramp += size
         elif isinstance(term, Quantization):
-            np.add.at(spike, np.searchsorted(lags, knots), size * _WEIGHTS / 6.0)
+            np.add.at(spike, np.searchsorted(lags, knots), size * _DIFFERENCE_WEIGHTS / 6.0)
         else:
             kernel = _kernel(term, interval)
-            scale = np.sqrt(kernel(_ZERO, m1, m1)[0] * kernel(_ZERO, m2, m2)[0])
+            scale = np.sqrt(kernel(_ZERO_LAG, m1, m1)[0] * kernel(_ZERO_LAG, m2, m2)[0])
             gamma += size * kernel(lags, m1, m2) / scale
     pairs = _pairs(lags - m1 + m2, counts[:, i], counts[:, j])
     smooth = np.sum(spacing * pairs * (2.0 * gamma**2 + 4.0 * ramp * gamma))
     return float(smooth + np.sum(pairs * (2.0 * spike**2 + 4.0 * spike * (gamma + ramp))))
 
 
-_ZERO = np.zeros(1)
+_ZERO_LAG = np.zeros(1)
 
 
 @lru_cache(maxsize=1024)
 def _lags(m1: int, m2: int, furthest: int) -> FloatArray:
     """Return the lags between centres where γ is evaluated: dense at the knots, thin away from them."""
-    knots = _STEPS @ np.array((m1, m2))
-    step = max(1, m1 // _PER_STEP)
+    knots = _DIFFERENCE_STEPS @ np.array((m1, m2))
+    step = max(1, m1 // _LAGS_PER_CLUSTER)
     near = np.arange(0, 2 * m1 + 1, step)
     outermost = furthest + m1 + m2
-    folds = int(_PER_STEP * np.log(max(outermost / (2.0 * m1), 1.0))) + 2
+    folds = int(_LAGS_PER_CLUSTER * np.log(max(outermost / (2.0 * m1), 1.0))) + 2
     far = np.round(np.geomspace(2.0 * m1, outermost, folds)).astype(np.int64)
     offsets = np.concatenate((near, far))
     centres = np.array([-m2, 0, m2])
@@ -165,8 +165,8 @@ def _kernel(term: Term, interval: float) -> Kernel:
 
 def _differences(lag: FloatArray, m1: int, m2: int, shape: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Apply the second differences of both cluster sizes to a generalised covariance of the distance."""
-    distance = np.abs(lag + (_STEPS @ np.array((m1, m2)))[:, None])
-    return np.asarray(_WEIGHTS @ shape(distance))
+    distance = np.abs(lag + (_DIFFERENCE_STEPS @ np.array((m1, m2)))[:, None])
+    return np.asarray(_DIFFERENCE_WEIGHTS @ shape(distance))
 
 
 def _white(lag: FloatArray, m1: int, m2: int) -> FloatArray:
@@ -181,7 +181,7 @@ def _random_walk(lag: FloatArray, m1: int, m2: int) -> FloatArray:
 
 def _flicker(lag: FloatArray, m1: int, m2: int) -> FloatArray:
     scale = np.sqrt(m1 * m2)
-    far = np.abs(lag) > _FAR * (m1 + m2)
+    far = np.abs(lag) > _ASYMPTOTIC_DISTANCE * (m1 + m2)
     value = np.empty(len(lag))
     value[~far] = _differences(lag[~far], m1, m2, lambda d: xlogy((d / scale) ** 2, d / scale))
     value[far] = -2.0 * (scale / lag[far]) ** 2  # fourth derivative
@@ -189,7 +189,7 @@ def _flicker(lag: FloatArray, m1: int, m2: int) -> FloatArray:
 
 
 def _gauss_markov(lag: FloatArray, m1: int, m2: int, *, samples: float) -> FloatArray:
-    if samples > _FAR * (m1 + m2):
+    if samples > _ASYMPTOTIC_DISTANCE * (m1 + m2):
         return _random_walk(lag, m1, m2) * float(np.sqrt(m1 * m2) / samples) ** 3 / 6.0
     rate = min(1.0 / samples, 50.0)
     sampled = rate**3 / 6.0 * (1.0 + rate**2 / 20.0) if rate < 0.1 else float(np.sinh(rate)) - rate

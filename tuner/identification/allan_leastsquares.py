@@ -36,13 +36,13 @@ from tuner.types import LEVEL
 
 FloatArray = NDArray[np.float64]
 
-_POWERS = range(-2, 3)
+_POWERS_OF_TAU = range(-2, 3)
 """Power of τ in the Allan variance of each of the five base terms."""
 
-_ROUNDING = 1e-9
+_RELATIVE_PRECISION = 1e-9
 """Relative precision of a computed Allan variance."""
 
-_NARROW = 0.05
+_MAX_SYMMETRIC_SD = 0.05
 """Relative standard error below which an interval is symmetric in the logarithm and needs no profile."""
 
 
@@ -118,7 +118,7 @@ def fit(curve: OctaveCurve, start: NoiseModel, *, generalised: bool = False) -> 
     covariance, widening = _sandwich(jacobian, weight, sigma)
     intervals = []
     for k, sd in enumerate(np.sqrt(np.diag(covariance)).tolist()):
-        if sd < _NARROW:
+        if sd < _MAX_SYMMETRIC_SD:
             reach = norm.isf(0.5 * (1.0 - LEVEL)) * sd
             intervals.append((float(np.exp(theta[k] - reach)), float(np.exp(theta[k] + reach))))
         else:
@@ -158,7 +158,7 @@ def unweighted(tau: FloatArray, variance: FloatArray, *, of_deviation: bool = Fa
         negative (then the term has no meaning).
     """
     order = 0.5 if of_deviation else 1.0
-    design = np.stack([tau.astype(float) ** (order * power) for power in _POWERS], axis=1)
+    design = np.stack([tau.astype(float) ** (order * power) for power in _POWERS_OF_TAU], axis=1)
     scale = np.linalg.norm(design, axis=0)
     amplitudes = np.linalg.lstsq(design / scale, variance**order, rcond=None)[0] / scale
     units = [float(term.allan_variance(np.ones(1))[0]) for term in BASE.values()]
@@ -174,7 +174,7 @@ def log_covariance(model: NoiseModel, curve: OctaveCurve) -> tuple[FloatArray, F
     The correlations are those of the variances; the diagonal is the exact ψ'(v/2).
     """
     mean, covariance = allan_covariance(model.terms, curve.m, curve.lengths, curve.interval)
-    covariance += np.diag((_ROUNDING * mean) ** 2)  # a ramp alone has no noise of its own
+    covariance += np.diag((_RELATIVE_PRECISION * mean) ** 2)  # a ramp alone has no noise of its own
     sd = np.sqrt(np.diag(covariance))
     dof = 2.0 * (mean / sd) ** 2
     log_sd = np.sqrt(polygamma(1, 0.5 * dof))

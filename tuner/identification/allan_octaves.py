@@ -25,7 +25,7 @@ from tuner.types.records import DataError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_NEGLIGIBLE = 1e-8
+_NEGLIGIBLE_SHARE = 1e-8
 """Share of the Allan variance, at every τ, below which an amplitude counts as zero."""
 
 
@@ -111,7 +111,10 @@ class CurveProblem:
         lower: list[float] = []
         for unit, shape in zip(units, unit_curves, strict=True):
             visible = np.min(curve.variance / np.maximum(shape, 1e-300))
-            lower += [0.5 * float(np.log(_NEGLIGIBLE * visible)), *[-np.inf] * (len(unit.PARAMETERS) - 1)]
+            lower += [
+                0.5 * float(np.log(_NEGLIGIBLE_SHARE * visible)),
+                *[-np.inf] * (len(unit.PARAMETERS) - 1),
+            ]
         return cls(curve, tuple(units), shapes, np.array(lower))
 
     def start(self) -> FloatArray:
@@ -121,7 +124,7 @@ class CurveProblem:
         for term, amplitude in zip(self.terms, amplitudes, strict=True):
             rest = [float(np.log(getattr(term, name))) for name in term.PARAMETERS[1:]]
             theta += [0.5 * float(np.log(max(amplitude, 1e-300))), *rest]
-        raised = self.lower + 0.5 * np.log(1e-3 / _NEGLIGIBLE)  # nearer to zero it is too flat
+        raised = self.lower + 0.5 * np.log(1e-3 / _NEGLIGIBLE_SHARE)  # nearer to zero it is too flat
         return np.maximum(theta, np.where(np.isfinite(raised), raised, -np.inf))
 
     def model(self, theta: FloatArray) -> NoiseModel:
@@ -168,8 +171,8 @@ class CurveProblem:
         for _ in range(200):
             normal = jacobian.T @ weight @ jacobian
             pull = jacobian.T @ weight @ (target - value)
-            held = (theta <= self.lower) & (pull < 0)
-            move = free[~held[free]]
+            at_bound = (theta <= self.lower) & (pull < 0)
+            move = free[~at_bound[free]]
             if not len(move):
                 break
             matrix = normal[np.ix_(move, move)]

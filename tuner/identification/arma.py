@@ -42,20 +42,21 @@ Order = tuple[int, int]
 Likelihood = Literal["fast", "exact"]
 Criterion = Literal["bic", "aic"]
 
-HIGHEST = 3
+MAX_ORDER = 3
 """Highest order on either side."""
 
-FEWEST = 100
+MIN_SAMPLES = 100
 """Samples below which no model is tried."""
 
 WHITTLE_SAMPLES = 1 << 20
 EXACT_SAMPLES = 20_000
 """Samples that the exact likelihood looks at; its cost grows with them and with the order."""
 
-SIGNIFICANT = 0.01
+SIGNIFICANCE_LEVEL = 0.01
 """Size of the tests that separate an ARMA model from white noise."""
 
-_LAGS = 20
+_TESTED_LAGS = 20
+"""Lags of the portmanteau test, the number usual for it; a quarter of a shorter record."""
 
 
 def one_step(y: FloatArray, ar: tuple[float, ...], ma: tuple[float, ...]) -> FloatArray:
@@ -92,16 +93,16 @@ def suggested_class(correlation: FloatArray, partial: FloatArray, n: int) -> str
     n : int
         Samples behind them.
 
-    A correlogram that ends within `HIGHEST` lags where the other trails off names the class; two that
+    A correlogram that ends within `MAX_ORDER` lags where the other trails off names the class; two that
     trail off mean ARMA. Bounds are widened for the number of lags.
     """
-    bound = norm.isf(0.5 * SIGNIFICANT / len(correlation)) / np.sqrt(n)
+    bound = norm.isf(0.5 * SIGNIFICANCE_LEVEL / len(correlation)) / np.sqrt(n)
     ends = [int(np.max(np.flatnonzero(np.abs(c) > bound), initial=-1)) + 1 for c in (correlation, partial)]
     if ends[0] == 0 and ends[1] == 0:
         return "white"
-    if ends[0] <= HIGHEST and ends[0] < ends[1]:
+    if ends[0] <= MAX_ORDER and ends[0] < ends[1]:
         return f"MA({ends[0]})"
-    if ends[1] <= HIGHEST and ends[1] < ends[0]:
+    if ends[1] <= MAX_ORDER and ends[1] < ends[0]:
         return f"AR({ends[1]})"
     return "ARMA"
 
@@ -138,22 +139,22 @@ def fit_arma(
     Raises
     ------
     ValueError
-        With fewer than `FEWEST` samples.
+        With fewer than `MIN_SAMPLES` samples.
     """
-    if len(y) < FEWEST:
-        msg = f"an ARMA model needs at least {FEWEST} samples, got {len(y)}"
+    if len(y) < MIN_SAMPLES:
+        msg = f"an ARMA model needs at least {MIN_SAMPLES} samples, got {len(y)}"
         raise ValueError(msg)
     looked_at = y[: WHITTLE_SAMPLES if likelihood == "fast" else EXACT_SAMPLES]
     prepared = prepare(looked_at)
     n = len(looked_at)
-    lags = min(_LAGS, n // 4)
+    lags = min(_TESTED_LAGS, n // 4)
     correlation, partial = _correlograms(prepared.y, lags)
     fits = _all_orders(prepared.y, likelihood)
     penalty = float(np.log(n)) if criterion == "bic" else 2.0
     scores = {order: found.score(penalty) for order, found in fits.items()}
     best = min(scores, key=lambda order: scores[order])
     p_white = float(chi2.sf(fits[0, 0].deviance - fits[best].deviance, max(sum(best), 1)))
-    white = best == (0, 0) or p_white > SIGNIFICANT
+    white = best == (0, 0) or p_white > SIGNIFICANCE_LEVEL
     chosen = fits[0, 0] if white else fits[best]
     source = {
         "fast": "likelihood of the log-binned periodogram",
@@ -164,7 +165,7 @@ def fit_arma(
         f"series: {what} samples of the longest gap-free stretch, {interval:.6g} s apart",
         *prepared.steps,
         f"correlograms of {lags} lags suggest: {suggested_class(correlation, partial, n)}",
-        f"order by {criterion.upper()} over p, q ≤ {HIGHEST}, {source}: ARMA{best}",
+        f"order by {criterion.upper()} over p, q ≤ {MAX_ORDER}, {source}: ARMA{best}",
         _whiteness(best, p_white, scores, white),
         *_residual_report(prepared.y, chosen),
     )
@@ -181,10 +182,10 @@ def fit_arma(
 
 
 def _all_orders(y: FloatArray, likelihood: Likelihood) -> dict[Order, WhittleArma]:
-    """Fit every order up to `HIGHEST` on either side."""
+    """Fit every order up to `MAX_ORDER` on either side."""
     if likelihood == "fast":
-        return fit_orders(y, (HIGHEST, HIGHEST))
-    orders = range(HIGHEST + 1)
+        return fit_orders(y, (MAX_ORDER, MAX_ORDER))
+    orders = range(MAX_ORDER + 1)
     return {(p, q): _exact(y, (p, q)) for p in orders for q in orders}
 
 
@@ -242,15 +243,15 @@ def _residual_report(y: FloatArray, fit: WhittleArma) -> tuple[str, ...]:
     residual = y - one_step(y, fit.ar, fit.ma)
     if not np.ptp(residual) > 0.0:
         return ("residuals: none",)
-    n, lags = len(residual), min(_LAGS, len(residual) // 4)
+    n, lags = len(residual), min(_TESTED_LAGS, len(residual) // 4)
     correlation, _ = _correlograms(residual, lags)
     statistic = float(n * (n + 2.0) * np.sum(correlation**2 / (n - np.arange(1, lags + 1))))
     p_value = float(chi2.sf(statistic, max(lags - len(fit.ar) - len(fit.ma), 1)))
     jb, dp, peaked = jarque_bera(residual), normaltest(residual), float(kurtosis(residual))
-    normal = min(float(jb.pvalue), float(dp.pvalue)) >= SIGNIFICANT
+    normal = min(float(jb.pvalue), float(dp.pvalue)) >= SIGNIFICANCE_LEVEL
     return (
         f"residuals: Ljung–Box of {lags} lags {statistic:.3g}, p = {p_value:.2g}: "
-        + ("no correlation left" if p_value >= SIGNIFICANT else "correlation is left"),
+        + ("no correlation left" if p_value >= SIGNIFICANCE_LEVEL else "correlation is left"),
         f"residuals: Jarque–Bera p = {float(jb.pvalue):.2g}, D'Agostino p = {float(dp.pvalue):.2g}, "
         f"excess kurtosis {peaked:.2g}: {'normal' if normal else 'not normal'}",
     )

@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 
 ROBUST_SIGMAS = 4.5
 PAPER_SIGMAS = 3.0
-GROUPS = 10
+TREND_TEST_GROUPS = 10
 """Groups of the reverse-arrangements and variance tests."""
 
 _MEDIAN_BLOCK = 101
@@ -143,7 +143,7 @@ def remove_trend(y: FloatArray) -> tuple[float, FloatArray]:
     return slope, y - slope * time
 
 
-def reverse_arrangements(y: FloatArray, groups: int = GROUPS) -> StationarityTest:
+def reverse_arrangements(y: FloatArray, groups: int = TREND_TEST_GROUPS) -> StationarityTest:
     """Test for a monotone trend by the order of group means.
 
     Parameters
@@ -166,7 +166,7 @@ def reverse_arrangements(y: FloatArray, groups: int = GROUPS) -> StationarityTes
     return StationarityTest(z, float(2.0 * norm.sf(abs(z))))
 
 
-def variance_change(y: FloatArray, groups: int = GROUPS, blocks: int = 20) -> StationarityTest:
+def variance_change(y: FloatArray, groups: int = TREND_TEST_GROUPS, blocks: int = 20) -> StationarityTest:
     """Test whether the variance of first differences is the same in all groups.
 
     The logarithms of the block variances inside a group are the sample whose means are compared (F
@@ -206,7 +206,7 @@ def stationarity_report(y: FloatArray) -> tuple[str, ...]:
     """Return the tests of stationarity in words."""
     trend = reverse_arrangements(y)
     steps = [
-        f"reverse arrangements of {GROUPS} groups: Z = {trend.statistic:.2f}, p = {trend.p_value:.2g}: "
+        f"reverse arrangements of {TREND_TEST_GROUPS} groups: Z = {trend.statistic:.2f}, p = {trend.p_value:.2g}: "
         + (
             "a monotone trend is left"
             if trend.p_value < 0.05

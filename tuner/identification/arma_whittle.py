@@ -35,11 +35,13 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Order = tuple[int, int]
 
-CELLS = 512
+MAX_CELLS = 512
 """Cells of even width: none is wider than this part of the band, so that a sharp peak is not smeared."""
 
-_POLES = (0.999, 0.99, 0.9, 0.5, -0.5, -0.9)
-_REFINED = 2
+_TRIAL_POLES = (0.999, 0.99, 0.9, 0.5, -0.5, -0.9)
+"""Poles at which the search begins: slow and fast, of both signs."""
+_REFINED_STARTS = 2
+"""Best starts that are refined: the likelihood may have several maxima."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def fit_orders(y: FloatArray, highest: Order = (3, 3)) -> dict[Order, WhittleArm
     ValueError
         If the series is too short or constant.
     """
-    data = cosine_periodogram([y], 1.0, widest=0.5 / CELLS)
+    data = cosine_periodogram([y], 1.0, widest=0.5 / MAX_CELLS)
     powers = np.exp(-2j * np.pi * np.outer(np.arange(1, max(*highest, 1) + 1), data.frequency))
     fits: dict[Order, WhittleArma] = {}
     for p in range(highest[0] + 1):
@@ -84,7 +86,7 @@ def fit_orders(y: FloatArray, highest: Order = (3, 3)) -> dict[Order, WhittleArm
             likelihood = _Likelihood(data, powers[:p], powers[:q])
             starts = sorted((likelihood(start)[0], tuple(start)) for start in _starts(data, fits, (p, q)))
             best = min(
-                (likelihood.minimise(np.array(start)) for _, start in starts[:_REFINED]),
+                (likelihood.minimise(np.array(start)) for _, start in starts[:_REFINED_STARTS]),
                 key=lambda found: found[1],
             )
             fits[p, q] = _causal(*best, p)
@@ -133,7 +135,7 @@ def _starts(data: CosinePeriodogram, fits: dict[Order, WhittleArma], order: Orde
             yield np.concatenate(([np.log(model.variance)], ar, ma))
     if (p - 1, q - 1) in fits:
         model = fits[p - 1, q - 1]
-        for pole in _POLES:
+        for pole in _TRIAL_POLES:
             zero = pole - 0.3 * np.sign(pole) * (1.0 - abs(pole))
             for ends in ((pole, zero), (zero, pole)):
                 ar = -np.convolve(np.concatenate(([1.0], np.negative(model.ar))), [1.0, -ends[0]])[1:]

@@ -1,4 +1,4 @@
-"""One axis of a record: curve, terms, coefficients by the chosen method, and the doubts that remain.
+"""One axis of a record: curve, terms, coefficients by the chosen method, and warnings.
 
 The terms are chosen by the likelihood whatever the method of the coefficients, so that methods differ in
 numbers and not in what they call noise. Where the Allan curve, judged with its full covariance,
@@ -20,14 +20,14 @@ from tuner.curves import curve as empirical_curve
 from tuner.identification.allan_leastsquares import fit as fit_curve
 from tuner.identification.allan_leastsquares import misfit, unweighted
 from tuner.identification.allan_octaves import OctaveCurve
-from tuner.identification.arma import FEWEST, Likelihood, fit_arma
+from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.likelihood import LikelihoodFit, fit, fit_periodogram
 from tuner.identification.mean import mean_of_noise
 from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.slopes import read_segments
-from tuner.identification.valid_band import TOLERANCE, Band, curve_within, find_band, periodogram_within
+from tuner.identification.valid_band import CURVE_TOLERANCE, Band, curve_within, find_band, periodogram_within
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 from tuner.types.records import DataError, Record
 
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 
 METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 
-_SHORTEST = 16
+_MIN_SEGMENT_SAMPLES = 16
 """Fewest samples of a gap-free segment."""
 
 
@@ -92,11 +92,11 @@ def identify_channel(
     minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
     every = [_under_the_curve(term, allan, single.interval) for term in (*estimates.terms, *bounds)]
     series = None
-    if arma is not None and len(longest) >= FEWEST:
+    if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
     order = list(TERMS)
     compared = method in ("likelihood", "leastsquares")
-    doubts = disagreement(whole, band, estimates.model) if compared else ()
+    warnings = disagreement(whole, band, estimates.model) if compared else ()
     return ChannelIdentification(
         axis=axis,
         unit=single.unit,
@@ -115,7 +115,7 @@ def identify_channel(
         allan=allan,
         candidates=candidates,
         arma=series,
-        warnings=(*about_band(band, single.interval), *doubts),
+        warnings=(*about_band(band, single.interval), *warnings),
     )
 
 
@@ -125,11 +125,11 @@ def _single(record: Record, axis: str) -> Record:
     segments = tuple(
         (start, stop)
         for start, stop in record.segments
-        if stop - start >= _SHORTEST and np.ptp(column[start:stop]) > 0.0
+        if stop - start >= _MIN_SEGMENT_SAMPLES and np.ptp(column[start:stop]) > 0.0
     )
     if not segments:
         where = f"{record.source or record.name}: {axis}"
-        msg = f"{where}: expected a gap-free stretch of {_SHORTEST} samples that vary, found none: too short"
+        msg = f"{where}: expected a gap-free stretch of {_MIN_SEGMENT_SAMPLES} samples that vary, found none: too short"
         raise DataError(msg)
     return replace(record, y=column[:, None], axes=(axis,), segments=segments, covariates={})
 
@@ -184,7 +184,7 @@ def _minimum(allan: AllanCurve, longest: float) -> tuple[Coefficient, Coefficien
 def _by_method(
     chosen: LikelihoodFit, method: str, octaves: OctaveCurve, allan: AllanCurve, *, forced: bool
 ) -> Estimates:
-    """Return the coefficients of the chosen terms by the method asked for."""
+    """Return the coefficients of the chosen terms by the chosen method."""
     if method == "leastsquares":
         found = fit_curve(octaves, chosen.model)
         return from_fit(found.model, found.covariance, found.intervals, allan.unit, forced=forced)
@@ -222,7 +222,7 @@ def _bounded(bound: Bound, unit: str) -> TermEstimate:
     )
 
 
-DISAGREES = 1e-3
+DISAGREEMENT_P_VALUE = 1e-3
 """Probability below which the Allan curve and the fitted sum are said to disagree."""
 
 
@@ -242,9 +242,9 @@ def disagreement(whole: OctaveCurve, band: Band, model: NoiseModel) -> tuple[str
     """Say where the Allan curve contradicts the fitted sum; in a cut band, where little above it reaches."""
     if not model.terms:
         return ()
-    judged = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
-    found = misfit(judged, model, tolerance=TOLERANCE)
-    if found.p_value >= DISAGREES:
+    compared = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
+    found = misfit(compared, model, tolerance=CURVE_TOLERANCE)
+    if found.p_value >= DISAGREEMENT_P_VALUE:
         return ()
     part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (

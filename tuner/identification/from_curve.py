@@ -48,7 +48,7 @@ BASE: tuple[type[Term], ...] = (Quantization, White, BiasInstability, RandomWalk
 FALSE_TERM = 0.05
 """Probability of a term too many at one step of the selection."""
 
-_FINENESS = 8
+_SAMPLES_PER_FIRST_TAU = 8
 """Sampling intervals assumed within the shortest τ where the τ are no whole multiples of it."""
 
 
@@ -119,8 +119,8 @@ def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIde
     shown = sorted(
         (*estimates.terms, *bounds), key=lambda t: order.index(t.name) if t.name in order else len(order)
     )
-    doubts = (*about_band(band, octaves.interval), *disagreement(whole, band, estimates.model))
-    return _channel(curve, octaves, estimates, tuple(shown), candidates, chosen, doubts)
+    warnings = (*about_band(band, octaves.interval), *disagreement(whole, band, estimates.model))
+    return _channel(curve, octaves, estimates, tuple(shown), candidates, chosen, warnings)
 
 
 def _channel(
@@ -130,7 +130,7 @@ def _channel(
     terms: tuple[TermEstimate, ...],
     candidates: tuple[Candidate, ...],
     chosen: CurveFit,
-    doubts: tuple[str, ...],
+    warnings: tuple[str, ...],
 ) -> ChannelIdentification:
     span = octaves.interval * octaves.lengths[0]
     dof = _dof(curve, octaves, chosen)
@@ -159,7 +159,7 @@ def _channel(
         minimum_tau=float(curve.tau[at]),
         allan=whole,
         candidates=candidates,
-        warnings=doubts,
+        warnings=warnings,
     )
 
 
@@ -167,7 +167,7 @@ def _octaves(curve: AllanCurve) -> OctaveCurve:
     """Thin the curve to octaves up to a quarter of the record, as whole multiples of an assumed interval."""
     multiples = curve.tau / curve.tau[0]
     whole = np.allclose(multiples, np.round(multiples), rtol=1e-3)
-    interval = float(curve.tau[0]) / (1 if whole else _FINENESS)
+    interval = float(curve.tau[0]) / (1 if whole else _SAMPLES_PER_FIRST_TAU)
     span = record_span(curve)
     usable = np.flatnonzero(curve.tau <= 0.25 * span * (1 + 1e-9))
     wanted = float(curve.tau[0]) * 2.0 ** np.arange(64)

@@ -26,13 +26,13 @@ from tuner.types.records import DataError, Gnss
 FloatArray = NDArray[np.float64]
 
 AXES = ("north", "east", "down")
-GATE = 5.0
+DEFAULT_GATE = 5.0
 """Gate of the configuration, sigmas."""
-FEWEST = 100
+MIN_FIXES = 100
 """Fixes below which nothing is identified."""
-MOVING = 1.0
+MIN_MOVING_SPEED = 1.0
 """Speed between means of a tenth of the record from which the antenna is not at rest, m/s."""
-BREAK = 1.5
+MIN_GAP_RATIO = 1.5
 """Step of the stamps, in usual ones, from which a piece ends."""
 
 
@@ -66,13 +66,13 @@ def identify_receiver(gnss: Gnss, *, name: str = "log at rest") -> ReceiverError
     DataError
         Too few fixes, or an antenna that moves.
     """
-    if len(gnss) < FEWEST:
-        msg = f"{name}: expected at least {FEWEST} fixes of an antenna at rest, got {len(gnss)}"
+    if len(gnss) < MIN_FIXES:
+        msg = f"{name}: expected at least {MIN_FIXES} fixes of an antenna at rest, got {len(gnss)}"
         raise DataError(msg)
     interval = float(np.median(np.diff(gnss.t)))
     ned = ned_between(gnss.llh, gnss.llh.mean(axis=0))
     _at_rest(gnss.t, ned, name)
-    cuts = np.flatnonzero(np.diff(gnss.t) > BREAK * interval) + 1
+    cuts = np.flatnonzero(np.diff(gnss.t) > MIN_GAP_RATIO * interval) + 1
     fits = [_fit(np.split(column, cuts), interval) for column in ned.T]
     position = {axis: _coefficients(found, interval) for axis, found in zip(AXES, fits, strict=True)}
     velocity = _velocity(gnss.vel_n)
@@ -83,7 +83,7 @@ def identify_receiver(gnss: Gnss, *, name: str = "log at rest") -> ReceiverError
         (white[0], white[1], white[2]),
         (speeds[0], speeds[1], speeds[2]) if velocity else None,
         interval,
-        GATE,
+        DEFAULT_GATE,
         correlated,
         f"identified from {name}, {len(gnss)} fixes at rest",
         correlated_down=down,
@@ -100,7 +100,7 @@ def _at_rest(t: FloatArray, ned: FloatArray, name: str) -> None:
     place = np.array([np.median(ned[part], axis=0) for part in parts])
     time = np.array([t[part].mean() for part in parts])
     speed = float(np.max(np.linalg.norm(np.diff(place, axis=0), axis=1) / np.diff(time)))
-    if speed > MOVING:
+    if speed > MIN_MOVING_SPEED:
         msg = f"{name}: expected an antenna at rest, it moves at {speed:.3g} m/s; leave the moving part out"
         raise DataError(msg)
 
@@ -145,7 +145,7 @@ def _velocity(vel_n: FloatArray) -> dict[str, Coefficient]:
     """Return the sds of velocities about 0, with the interval of n independent ones."""
     good = np.isfinite(vel_n).all(axis=1)
     n = int(np.count_nonzero(good))
-    if n < FEWEST:
+    if n < MIN_FIXES:
         return {}
     sd = np.sqrt(np.mean(vel_n[good] ** 2, axis=0)).tolist()
     half = 1.96 / np.sqrt(2.0 * n)

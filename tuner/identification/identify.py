@@ -1,4 +1,4 @@
-"""All channels of a log: each axis on its own, then what only a triad can tell."""
+"""All channels of a log: each axis on its own, then the Earth rate in the means of three gyros."""
 
 from __future__ import annotations
 

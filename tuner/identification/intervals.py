@@ -32,7 +32,7 @@ from tuner.identification.objective import Objective
 
 FloatArray = NDArray[np.float64]
 
-_FARTHEST = 8.0
+_MAX_NORMAL_DEVIATE = 8.0
 """Normal deviate at which a tail probability counts as zero."""
 
 _WELL_KNOWN = 0.1
@@ -93,7 +93,9 @@ def _deviate(weight: FloatArray, freedom: FloatArray, x: float) -> float:
     if abs(r) < 1e-3:
         skew = 8.0 * (freedom @ weight**3) / variance**1.5
         return float((x - mean) / np.sqrt(variance) + skew / 6.0)
-    return float(np.clip(r + np.log(t * np.sqrt(curvature) / r) / r, -_FARTHEST, _FARTHEST))
+    return float(
+        np.clip(r + np.log(t * np.sqrt(curvature) / r) / r, -_MAX_NORMAL_DEVIATE, _MAX_NORMAL_DEVIATE)
+    )
 
 
 def end(objective: Objective, theta: FloatArray, j: int, reach: float) -> tuple[float, FloatArray]:

@@ -29,7 +29,7 @@ from tuner.types import LEVEL, Coefficient
 
 FloatArray = NDArray[np.float64]
 
-_GRAVITY = (8.0, 11.5)
+_GRAVITY_RANGE = (8.0, 11.5)
 """Length of a specific force that can be gravity alone, m/s²."""
 
 
@@ -79,7 +79,7 @@ def without_earth_rate(
         return {axis: replace(c, reason=reason) for axis, c in means.items()}, f"gyro mean {reason}"
     sine, cosine = float(np.sin(np.radians(latitude))), float(np.cos(np.radians(latitude)))
     length = 0.0 if force is None else float(np.linalg.norm(force))
-    if force is None or not _GRAVITY[0] < length < _GRAVITY[1] or len(means) != 3:
+    if force is None or not _GRAVITY_RANGE[0] < length < _GRAVITY_RANGE[1] or len(means) != 3:
         why = "accelerometers at rest" if len(means) == 3 else "three axes"
         note = f"the gyro means hold the Earth's rate, at most {EARTH_RATE:.3g} rad/s: no {why} to tell up"
         return {axis: _shifted(c, 0.0, EARTH_RATE, note) for axis, c in means.items()}, note

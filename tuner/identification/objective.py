@@ -36,11 +36,13 @@ from tuner.identification.periodogram import CosinePeriodogram
 FloatArray = NDArray[np.float64]
 Trial = tuple[tuple[float, ...], FloatArray]
 
-NEGLIGIBLE = 1e-7
+NEGLIGIBLE_SHARE = 1e-7
 """Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
 
 _GRID_POINTS = 8
-_REFINED = 3
+"""Trial values of a time constant: half a decade apart in a record of four decades."""
+_REFINED_STARTS = 3
+"""Best points of the grid from which the likelihood is maximised: it may have several maxima."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Objective:
         for trials in grids:
             ratios = np.stack([power / shape for _, shape in trials])
             scales = list(zip(*(scale for scale, _ in trials), strict=True))
-            lower += [0.5 * np.log(NEGLIGIBLE * ratios.min()), *np.log([min(s) / 10.0 for s in scales])]
+            lower += [0.5 * np.log(NEGLIGIBLE_SHARE * ratios.min()), *np.log([min(s) / 10.0 for s in scales])]
             upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([max(s) * 100.0 for s in scales])]
         return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), grids)
 
@@ -165,7 +167,7 @@ class Objective:
             entries = [(log, *np.log(scale)) for log, scale in zip(logs, scales, strict=True)]
             found.append((value, np.concatenate(entries)))
         found.sort(key=lambda pair: pair[0])
-        return [start for _, start in found[:_REFINED]]
+        return [start for _, start in found[:_REFINED_STARTS]]
 
     def _of_amplitudes(self, shapes: FloatArray, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return what a call returns, for logs of amplitudes of given shapes."""

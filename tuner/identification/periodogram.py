@@ -12,7 +12,7 @@ closed form (`tuner.identification.expected_periodogram`). The mean is k = 0 and
 
     c_k = -√(2τ0/n) τ0 (1-(-1)^k) cos(x/2) / (4 sin²(x/2)),    x = πk/n
 
-Coefficients up to `SINGLE` stay single; above, their squares are averaged in narrow cells of frequency.
+Coefficients up to `SINGLE_COEFFICIENTS` stay single; above, their squares are averaged in narrow cells of frequency.
 
 References
 ----------
@@ -31,10 +31,10 @@ from scipy.fft import dct
 
 FloatArray = NDArray[np.float64]
 
-SINGLE = 64
+SINGLE_COEFFICIENTS = 64
 """Coefficients of a segment that are kept with their sign; fewer where there are more than 16 segments."""
 
-SHORTEST = 16
+MIN_SEGMENT_SAMPLES = 16
 """Segments with fewer samples are left out: they hold next to nothing and cost a frequency grid each."""
 
 
@@ -105,16 +105,16 @@ def cosine_periodogram(
     Raises
     ------
     ValueError
-        If no piece has `SHORTEST` samples, or they are not finite or all equal.
+        If no piece has `MIN_SEGMENT_SAMPLES` samples, or they are not finite or all equal.
     """
-    long_enough = [np.asarray(p, dtype=float) for p in pieces if len(p) >= SHORTEST]
+    long_enough = [np.asarray(p, dtype=float) for p in pieces if len(p) >= MIN_SEGMENT_SAMPLES]
     if not long_enough:
-        msg = f"'pieces' must hold a segment of at least {SHORTEST} samples"
+        msg = f"'pieces' must hold a segment of at least {MIN_SEGMENT_SAMPLES} samples"
         raise ValueError(msg)
     if not all(np.isfinite(p).all() for p in long_enough) or not any(np.ptp(p) > 0.0 for p in long_enough):
         msg = "'pieces' must hold finite samples that are not all equal"
         raise ValueError(msg)
-    most = min(SINGLE, max(16 * SINGLE // len(long_enough), 4))
+    most = min(SINGLE_COEFFICIENTS, max(16 * SINGLE_COEFFICIENTS // len(long_enough), 4))
     lowest = most / (2.0 * interval * max(len(p) for p in long_enough))
     edges = _edges(lowest, 0.5 / interval, resolution, widest)
     singles = []

@@ -29,7 +29,7 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-SHOWN = 1.0 / 1.96
+MAX_RELATIVE_SD = 1.0 / 1.96
 """Relative sd up to which a record shows a term: its amplitude then differs from zero at 95 %."""
 
 LONGEST_HOURS = 10_000.0
@@ -109,7 +109,7 @@ def plan(model: NoiseModel, *, interval: float, hours: float, accuracy: float) -
         hours,
         accuracy,
         tuple(
-            PlannedParameter(name, value, float(s), bool(s <= SHOWN), h)
+            PlannedParameter(name, value, float(s), bool(s <= MAX_RELATIVE_SD), h)
             for name, value, s, h in zip(names, values, sd, needed, strict=True)
         ),
         clusters,

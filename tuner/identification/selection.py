@@ -45,7 +45,7 @@ from tuner.types import Candidate
 
 FloatArray = NDArray[np.float64]
 
-PRICE = {
+TERM_PRICE = {
     "quantization": 6.6,
     "white": 0.0,
     "bias_instability": 5.4,
@@ -55,13 +55,13 @@ PRICE = {
 }
 """Rise of 2 ln L that a term must bring."""
 
-UNSEEN = 0.1
+ABSENT_SHARE = 0.1
 """A term whose limit stays below this share of the Allan variance at every cluster time is called absent."""
 
-TWIN = 0.9
+TWIN_CORRELATION = 0.9
 """Correlation of two amplitudes from which on one hides the other."""
 
-DETECTED = 0.2
+DETECTED_RELATIVE_SD = 0.2
 """Relative standard deviation of an amplitude at which four records of five show the term."""
 
 LONGEST_HOURS = 10_000.0
@@ -114,18 +114,18 @@ def select_periodogram(data: CosinePeriodogram) -> Selection:
     for terms in _sums():
         objective = Objective.of(data, terms)
         theta = objective.maximum()
-        score = sum(PRICE[name] for name in terms) - 2.0 * objective.log_likelihood(theta)
+        score = sum(TERM_PRICE[name] for name in terms) - 2.0 * objective.log_likelihood(theta)
         tried.append((score, terms, objective, theta))
     tried.sort(key=lambda entry: entry[0])
     least, chosen, objective, theta = tried[0]
     fit = describe(objective, theta)
     candidates = tuple(Candidate(terms, score - least, _note(terms, chosen)) for score, terms, _, _ in tried)
-    absent = [name for name in PRICE if name not in chosen and name != "gauss_markov"]
+    absent = [name for name in TERM_PRICE if name not in chosen and name != "gauss_markov"]
     return Selection(fit, candidates, tuple(_bound(data, fit, name) for name in absent))
 
 
 def _sums() -> list[tuple[str, ...]]:
-    """Return the sums of the base, in the order of `PRICE`."""
+    """Return the sums of the base, in the order of `TERM_PRICE`."""
     optional = (
         ((), ("quantization",)),
         ((), ("bias_instability",), ("gauss_markov",)),
@@ -172,7 +172,7 @@ def _twin(objective: Objective, theta: FloatArray, j: int) -> str | None:
     owner = [kind.name for kind in objective.kinds for _ in kind.PARAMETERS]
     correlation[j] = 0.0
     strongest = int(np.argmax(correlation))
-    return owner[strongest] if correlation[strongest] > TWIN else None
+    return owner[strongest] if correlation[strongest] > TWIN_CORRELATION else None
 
 
 def _reason(term: Term, model: NoiseModel, data: CosinePeriodogram, twin: str | None) -> str:
@@ -183,7 +183,7 @@ def _reason(term: Term, model: NoiseModel, data: CosinePeriodogram, twin: str | 
         tau, interval=data.interval
     )
     at = int(np.argmax(share))
-    if share[at] < UNSEEN:
+    if share[at] < ABSENT_SHARE:
         part = 100.0 * np.sqrt(share[at])
         return (
             f"absent: at most {part:.2g} % of the Allan deviation at any cluster time up to {tau[-1]:.3g} s"
@@ -202,6 +202,6 @@ def _hours_needed(term: Term, model: NoiseModel, data: CosinePeriodogram) -> flo
     extended = NoiseModel((term.scaled(0.5), *(t for t in model.terms if t.name != Ramp.name)))
     now = data.longest / 3600.0
     for hours in now * 1.25 ** np.arange(1.0, np.log(LONGEST_HOURS / now) / np.log(1.25)):
-        if relative_sd(extended, interval=data.interval, span=3600.0 * hours)[0] <= DETECTED:
+        if relative_sd(extended, interval=data.interval, span=3600.0 * hours)[0] <= DETECTED_RELATIVE_SD:
             return float(hours)
     return None

@@ -30,7 +30,7 @@ from tuner.types import LEVEL, Coefficient, Identification, PooledChannel, Poole
 
 FloatArray = NDArray[np.float64]
 
-VARIES = 0.05
+VARIATION_P_VALUE = 0.05
 """Size of the test that decides whether records differ."""
 
 
@@ -75,10 +75,10 @@ def random_effects(estimate: ArrayLike, sd: ArrayLike) -> RandomEffects:
         _spread_at(y, s, float(chi2.ppf(0.5 + 0.5 * LEVEL, n - 1))),
         _spread_at(y, s, float(chi2.ppf(0.5 - 0.5 * LEVEL, n - 1))),
     )
-    spread = _restricted_likelihood_spread(y, s) if p_value < VARIES else 0.0
+    spread = _restricted_likelihood_spread(y, s) if p_value < VARIATION_P_VALUE else 0.0
     weight = 1.0 / (s**2 + spread**2)
     mean = float(weight @ y / weight.sum())
-    if p_value < VARIES:
+    if p_value < VARIATION_P_VALUE:
         scatter = max(1.0, float(weight @ (y - mean) ** 2) / (n - 1))
         half = float(t.ppf(0.5 + 0.5 * LEVEL, n - 1)) * math.sqrt(scatter / weight.sum())
     else:
@@ -147,7 +147,7 @@ def pool_coefficients(
     spread_unit = "relative" if logarithmic else unit
     spread = (
         Coefficient.known(result.spread, spread_low, spread_high, spread_unit)
-        if result.p_value < VARIES
+        if result.p_value < VARIATION_P_VALUE
         else Coefficient.bounded(
             spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})"
         )

@@ -27,7 +27,7 @@ from scipy.optimize import minimize_scalar
 
 FloatArray = NDArray[np.float64]
 
-_SURROUNDINGS = 101
+_MEDIAN_WIDTH = 101
 """Fourier frequencies whose median is the level from which a peak rises."""
 
 
@@ -52,7 +52,7 @@ def take_out_line(pieces: Sequence[FloatArray], interval: float) -> tuple[Line, 
     longest = max(pieces, key=len)
     n = len(longest)
     power = np.abs(rfft(_detrended(longest))) ** 2
-    level = median_filter(power, size=min(_SURROUNDINGS, len(power)), mode="reflect")
+    level = median_filter(power, size=min(_MEDIAN_WIDTH, len(power)), mode="reflect")
     ratio = power / (level + 1e-12 * power.max() + np.finfo(float).tiny)
     peak = 2 + int(np.argmax(ratio[2:-1]))
     step = 1.0 / (n * interval)

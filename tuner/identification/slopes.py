@@ -31,7 +31,7 @@ from tuner.types import LEVEL
 
 FloatArray = NDArray[np.float64]
 
-_LINES = (
+_SLOPE_LINES = (
     ("quantization", -1.0, np.sqrt(3.0)),
     ("white", -0.5, 1.0),
     ("bias_instability", 0.0, None),
@@ -40,13 +40,13 @@ _LINES = (
 )
 """Term, slope of its Allan deviation, τ where the line shows its coefficient."""
 
-_TOLERANCE = 0.2
+_SLOPE_TOLERANCE = 0.2
 """Deviation from the slope of a term within which the curve counts as parallel to it."""
 
-_WIDTH = 2.0
+_MIN_SEGMENT_RATIO = 2.0
 """Least ratio of the ends of a segment, and of the window in which a local slope is taken."""
 
-_LEAST_DOF = 4.0
+_MIN_DOF = 4.0
 """Points with fewer degrees of freedom are not read."""
 
 
@@ -88,14 +88,14 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
     tuple of Segment
         At most one a term (its longest), in the order of the slopes; a term without a segment is absent.
     """
-    usable = (dof >= _LEAST_DOF) & (deviation > 0)
+    usable = (dof >= _MIN_DOF) & (deviation > 0)
     x, y, v = np.log(tau[usable]), np.log(deviation[usable]), dof[usable]
     if len(x) < 3:
         return ()
     slope = _local_slope(x, y, v)
     found = []
-    for term, wanted, read_at in _LINES:
-        run = _longest_run(np.abs(slope - wanted) <= _TOLERANCE, x)
+    for term, wanted, read_at in _SLOPE_LINES:
+        run = _longest_run(np.abs(slope - wanted) <= _SLOPE_TOLERANCE, x)
         if run is None:
             continue
         weight = v[run] / np.sum(v[run])
@@ -114,10 +114,10 @@ def read_segments(tau: FloatArray, deviation: FloatArray, dof: FloatArray) -> tu
 
 
 def _local_slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the slope of the weighted line through the points within a factor `_WIDTH` of each."""
+    """Return the slope of the weighted line through the points within a factor `_MIN_SEGMENT_RATIO` of each."""
     slope = np.empty(len(x))
     for i in range(len(x)):
-        near = np.abs(x - x[i]) <= np.log(_WIDTH) + 1e-9
+        near = np.abs(x - x[i]) <= np.log(_MIN_SEGMENT_RATIO) + 1e-9
         near[[max(i - 1, 0), min(i + 1, len(x) - 1)]] = True
         w = weight[near] / weight[near].sum()
         dx = x[near] - w @ x[near]
@@ -129,5 +129,5 @@ def _longest_run(inside: NDArray[np.bool_], x: FloatArray) -> slice | None:
     """Return the run of True that spans the largest range of x, or None where none is wide enough."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
     runs = [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    wide = [run for run in runs if x[run][-1] - x[run][0] >= np.log(_WIDTH) - 1e-9]
+    wide = [run for run in runs if x[run][-1] - x[run][0] >= np.log(_MIN_SEGMENT_RATIO) - 1e-9]
     return max(wide, key=lambda run: x[run][-1] - x[run][0], default=None)

@@ -33,24 +33,25 @@ from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
 
-TOLERANCE = 0.01
+CURVE_TOLERANCE = 0.01
 """Relative deviation from a sum of terms that no sensor is asked to keep below."""
 
-ACCEPTED = 1e-3
+ACCEPTED_P_VALUE = 1e-3
 """Probability of χ² from which a cluster time is accepted."""
 
-_GRANTED = (2.0 * TOLERANCE) ** 2
+_TOLERATED_VARIANCE = (2.0 * CURVE_TOLERANCE) ** 2
 """Variance of ln AVAR that the tolerance grants."""
 
-_NEIGHBOURS = 0.5
+_NEIGHBOUR_CORRELATION = 0.5
 """Correlation of ln AVAR at neighbouring octaves, as of white noise; slower noise has more, which makes the
 test milder."""
 
-_STEP = 4
-_OCTAVES = 6
+_CLUSTER_RATIO = 4
+"""Factor by which the shortest cluster grows from one trial band to the next."""
+_MIN_OCTAVES = 6
 """Fewest octaves that must be left."""
 
-_SLOW = 100.0
+_MIN_SLOW_CLUSTERS = 100.0
 """Time constants of the slow processes, in shortest clusters: below they could pass for a filter."""
 
 
@@ -80,12 +81,12 @@ def find_band(curve: OctaveCurve) -> Band:
     """
     tried: list[tuple[float, int, float]] = []
     m = 1
-    while np.sum(curve.m >= m) >= _OCTAVES or m == 1:
+    while np.sum(curve.m >= m) >= _MIN_OCTAVES or m == 1:
         p_value, ratio = _plausible(curve, m)
         tried.append((p_value, m, ratio))
-        if p_value >= ACCEPTED:
+        if p_value >= ACCEPTED_P_VALUE:
             break
-        m *= _STEP
+        m *= _CLUSTER_RATIO
     _, m, ratio = max(tried, key=lambda trial: (trial[0], trial[1]))
     return Band(m, np.inf if m == 1 else 0.25 / (m * curve.interval), ratio)
 
@@ -108,17 +109,17 @@ def _plausible(curve: OctaveCurve, m: int) -> tuple[float, float]:
     cut = replace(curve, m=curve.m[curve.m >= m], variance=curve.variance[curve.m >= m])
     terms = _slow_terms(curve, m)
     dof = np.maximum(1.2 * sum(curve.lengths) / cut.m, 1.5)
-    shares = nonnegative(terms, cut, 1.0 / np.sqrt(2.0 / dof + _GRANTED))
+    shares = nonnegative(terms, cut, 1.0 / np.sqrt(2.0 / dof + _TOLERATED_VARIANCE))
     model = NoiseModel(
         tuple(t.scaled(float(np.sqrt(s))) for t, s in zip(terms, shares, strict=True) if s > 0.0)
     )
     dof = _dof(cut, model)
     sd = np.sqrt(polygamma(1, 0.5 * dof))
     apart = np.abs(np.subtract.outer(np.arange(len(dof)), np.arange(len(dof))))
-    sigma = np.outer(sd, sd) * _NEIGHBOURS**apart
+    sigma = np.outer(sd, sd) * _NEIGHBOUR_CORRELATION**apart
     mean = model.allan_variance(np.append(cut.tau, curve.interval), interval=curve.interval)
     residual = np.log(cut.variance) - log_bias(dof) - np.log(mean[:-1])
-    statistic = float(residual @ np.linalg.solve(sigma + _GRANTED * np.eye(len(cut.m)), residual))
+    statistic = float(residual @ np.linalg.solve(sigma + _TOLERATED_VARIANCE * np.eye(len(cut.m)), residual))
     freedom = max(len(cut.m) - len(model.terms), 1)
     return float(chi2.sf(statistic, freedom)), float(np.sqrt(curve.variance[0] / mean[-1]))
 
@@ -137,6 +138,6 @@ def _slow_terms(curve: OctaveCurve, m: int) -> list[Term]:
     terms: list[Term] = [White(1.0), BiasInstability(1.0), RandomWalk(1.0), Ramp(1.0)]
     if m == 1:
         terms.append(Quantization(1.0))
-    decades = np.log10(0.1 * max(curve.lengths) / (_SLOW * m))
-    times = _SLOW * m * curve.interval * 10.0 ** np.arange(np.floor(decades) + 1.0)
+    decades = np.log10(0.1 * max(curve.lengths) / (_MIN_SLOW_CLUSTERS * m))
+    times = _MIN_SLOW_CLUSTERS * m * curve.interval * 10.0 ** np.arange(np.floor(decades) + 1.0)
     return [*terms, *(GaussMarkov(1.0, float(time)) for time in times)]

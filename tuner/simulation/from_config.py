@@ -29,7 +29,7 @@ from models.noise import GaussMarkov, NoiseModel
 from tuner.simulation.effect_spec import PlacedEffect
 from tuner.simulation.imu import noise_of_channel
 from tuner.simulation.static import Channel
-from tuner.synthesis.findings import IN_THE_NOISE, MARKOV
+from tuner.synthesis.findings import IN_THE_NOISE, MARKOV_CAUSES
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -80,7 +80,7 @@ def channels_of_config(
         effects: list[PlacedEffect] = []
         for finding in static:
             known = without.keys() >= set(finding["channels"])
-            in_noise = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV))
+            in_noise = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV_CAUSES))
             for axes, values in _parts(finding):
                 if in_noise:
                     rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None

@@ -34,9 +34,9 @@ from tuner.types import (
 )
 from tuner.types.records import IdentificationError, Record
 
-MARKOV = ("gauss_markov", "telegraph")
+MARKOV_CAUSES = ("gauss_markov", "telegraph")
 """Causes whose spectrum is that of a Gauss–Markov process."""
-IN_THE_NOISE = ("vibration", "lowpass", "colour", *MARKOV)
+IN_THE_NOISE = ("vibration", "lowpass", "colour", *MARKOV_CAUSES)
 """Causes that the noise fitted together with them holds in its own terms."""
 SAME_TIME = 2.0
 """Ratio of two time constants up to which they are those of one process."""
@@ -72,7 +72,7 @@ def agreed(
             more = _further(channels[axis], [_of(f, axis) for f in mine])
             if more:
                 channels[axis] = _again(record, channels[axis], more, arma)
-            left = dict.fromkeys(f.cause for f in mine if f.cause not in ("line", *MARKOV))
+            left = dict.fromkeys(f.cause for f in mine if f.cause not in ("line", *MARKOV_CAUSES))
             if left:
                 notes.append(
                     f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, record.unit)}"
@@ -95,7 +95,7 @@ def _further(
     for cause, values in causes:
         if cause == "line":
             more.append("sinusoid")
-        elif cause in MARKOV:
+        elif cause in MARKOV_CAUSES:
             time = _correlation_time(values)
             if not any(t and time and 1.0 / SAME_TIME < t / time < SAME_TIME for t in known):
                 more.append("gauss_markov")

@@ -167,16 +167,16 @@ def _completed(identification: Identification, grade: SensorGrade | None) -> tup
         name: [axis for axis in axes if axis not in identification.channels] for name, axes in AXES.items()
     }
     lacking = {name: axes for name, axes in missing.items() if axes}
-    said = [name if len(axes) == 3 else f"{name} {', '.join(axes)}" for name, axes in lacking.items()]
+    missing_axes = [name if len(axes) == 3 else f"{name} {', '.join(axes)}" for name, axes in lacking.items()]
     if grade is None:
         return identification, [
-            f"no {words} in the log: left out; --complete GRADE fills them in" for words in said
+            f"no {words} in the log: left out; --complete GRADE fills them in" for words in missing_axes
         ]
     other = grade_identification(grade)
     added = {axis: c for axes in missing.values() for axis in axes if (c := other.channels.get(axis))}
     sd = {axis: value for axis, value in other.source["turn_on_sd"].items() if axis in added}
     source = {**identification.source, "turn_on_sd": {**identification.source.get("turn_on_sd", {}), **sd}}
-    notes = [f"{words} completed from grade {grade.key}" for words in said]
+    notes = [f"{words} completed from grade {grade.key}" for words in missing_axes]
     return replace(identification, source=source, channels={**identification.channels, **added}), notes
 
 

@@ -21,7 +21,7 @@ from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.likelihood import fit, fit_periodogram
 from tuner.identification.objective import Objective
-from tuner.identification.periodogram import SINGLE, cosine_periodogram
+from tuner.identification.periodogram import SINGLE_COEFFICIENTS, cosine_periodogram
 
 INTERVAL = 0.1
 N = 256
@@ -97,20 +97,24 @@ def test_periodogram_keeps_every_coefficient_and_all_power():
 def test_a_line_has_the_coefficients_of_the_unit_ramp():
     t = np.arange(1000) * INTERVAL
     data = cosine_periodogram([3.0 - 2.0 * t], INTERVAL)
-    np.testing.assert_allclose(data.amplitude[:SINGLE], -2.0 * data.line[:SINGLE], atol=1e-9)
-    np.testing.assert_allclose(data.line[:SINGLE], (basis(1000) @ t)[:SINGLE], atol=1e-9)
-    np.testing.assert_allclose(data.amplitude[SINGLE:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        data.amplitude[:SINGLE_COEFFICIENTS], -2.0 * data.line[:SINGLE_COEFFICIENTS], atol=1e-9
+    )
+    np.testing.assert_allclose(
+        data.line[:SINGLE_COEFFICIENTS], (basis(1000) @ t)[:SINGLE_COEFFICIENTS], atol=1e-9
+    )
+    np.testing.assert_allclose(data.amplitude[SINGLE_COEFFICIENTS:], 0.0, atol=1e-9)
 
 
 def test_likelihood_of_white_noise_and_random_walk_is_exact():
     model = NoiseModel((White(0.3), RandomWalk(0.2)))
-    y = model.sample(SINGLE, INTERVAL, np.random.default_rng(2))
+    y = model.sample(SINGLE_COEFFICIENTS, INTERVAL, np.random.default_rng(2))
     objective = Objective.of(cosine_periodogram([y], INTERVAL), ["white", "random_walk"])
-    d = basis(SINGLE)
+    d = basis(SINGLE_COEFFICIENTS)
 
     def exact(n, k):
-        c = covariance(White(n), SINGLE) + covariance(RandomWalk(k), SINGLE)
-        return multivariate_normal(np.zeros(SINGLE - 1), d @ c @ d.T).logpdf(d @ y)
+        c = covariance(White(n), SINGLE_COEFFICIENTS) + covariance(RandomWalk(k), SINGLE_COEFFICIENTS)
+        return multivariate_normal(np.zeros(SINGLE_COEFFICIENTS - 1), d @ c @ d.T).logpdf(d @ y)
 
     points = [(0.3, 0.2), (0.2, 0.5), (0.5, 0.01)]
     ours = [objective.log_likelihood(np.log(point)) for point in points]

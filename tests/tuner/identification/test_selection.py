@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.noise import BiasInstability, GaussMarkov, NoiseModel, Quantization, Ramp, RandomWalk, White
-from tuner.identification.selection import PRICE, select
+from tuner.identification.selection import TERM_PRICE, select
 
 INTERVAL = 0.1
 N = 36_000
@@ -46,7 +46,7 @@ def test_absent_terms_have_limits_and_reasons():
             assert bound.upper > 0.0
             assert bound.reason.startswith(("absent", "hidden by a twin", "masked by", "record too short"))
         names = {*found.fit.terms, *(bound.name for bound in found.bounded)}
-        assert names >= set(PRICE) - {"gauss_markov"}
+        assert names >= set(TERM_PRICE) - {"gauss_markov"}
 
 
 def test_limits_hold_a_walk_too_weak_to_see():
