@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from models.noise import NoiseModel
 from tuner.formats.codec import dump, load, stored_form
 from tuner.types import (
@@ -30,7 +27,6 @@ from tuner.types import (
     Unexplained,
 )
 
-FloatArray = NDArray[np.float64]
 Schema = Literal["tuner.diagnosis/1"]
 
 
@@ -57,7 +53,7 @@ def load_diagnosis(content: object, *, source: str) -> Diagnosis | DriveDiagnosi
 def config_finding(finding: Finding) -> dict[str, Any]:
     """Return one finding as a configuration has it: its enlargements stand there by themselves."""
     content: dict[str, Any] = dump(finding)
-    return {key: entry for key, entry in content.items() if key not in {"inflations", "replicates"}}
+    return {key: entry for key, entry in content.items() if key != "inflations"}
 
 
 @dataclass(frozen=True)
@@ -128,7 +124,6 @@ class _FindingForm:
     consequence: str = ""
     extension: Mapping[str, Any] = field(default_factory=dict)
     inflations: tuple[Enlargement, ...] = ()
-    replicates: FloatArray | None = None
 
     @classmethod
     def of(cls, finding: Finding, /) -> Self:

@@ -7,16 +7,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from models.noise import NoiseModel
 from tuner.types.coefficient import Coefficient
 from tuner.types.compensation import Compensation
 from tuner.types.config import FilterConfig
 from tuner.types.inflation import Enlargement
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,8 +80,6 @@ class Finding:
         Settings to be enlarged for it.
     by_channel : mapping of str to mapping
         Parameters of every channel.
-    replicates : ndarray or None
-        Values of the statistic in replicas without the cause.
     """
 
     cause: str
@@ -102,7 +95,6 @@ class Finding:
     alternatives: tuple[Alternative, ...] = ()
     inflations: tuple[Enlargement, ...] = ()
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
-    replicates: FloatArray | None = None
 
     def of_each(self, name: str) -> Mapping[str, Coefficient]:
         """Return a parameter of every channel where it is not the same in all; empty where one value serves."""

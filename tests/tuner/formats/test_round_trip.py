@@ -303,7 +303,6 @@ findings = st.builds(
     alternatives=st.lists(st.builds(Alternative, texts, numbers), max_size=2).map(tuple),
     inflations=st.lists(enlargements, max_size=2).map(tuple),
     by_channel=st.dictionaries(texts, by_name, max_size=2),
-    replicates=st.none() | hnp.arrays(np.float64, st.integers(0, 3), elements=perhaps_undefined),
 )
 some_findings = st.lists(findings, max_size=2).map(tuple)
 unexplained = st.lists(st.builds(Unexplained, texts, codes, perhaps_undefined), max_size=2).map(tuple)
