@@ -1,0 +1,107 @@
+"""What `tune` writes predicts the log it came from, causes of excess included; seeds are fixed."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tuner
+from models.noise import GaussMarkov, NoiseModel, White
+from tuner.formats import native
+from tuner.report.result_set import tune_json
+from tuner.synthesis import synthesize
+from tuner.synthesis.prediction import hold_to_records
+from tuner.types.prediction import BlockSource
+from tuner.types.records import Record
+
+INTERVAL, HOUR = 0.02, 3600.0
+DATA = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static"
+
+
+def log(seed: int, bursts: bool) -> Record:
+    """One hour of a gyroscope; the noise of one axis is ten times as large for 1 % of the time."""
+    rng = np.random.default_rng(seed)
+    model = NoiseModel((White(1e-4), GaussMarkov(2e-5, 100.0)))
+    n = round(HOUR / INTERVAL)
+    y = np.column_stack([model.sample(n, INTERVAL, rng) for _ in range(3)])
+    if bursts:
+        start = n // 2
+        y[start : start + n // 100, 1] += 10.0 * rng.standard_normal(n // 100) * 1e-4 / np.sqrt(INTERVAL)
+    t = np.arange(n) * INTERVAL
+    return Record("gyro", t, y, ("gyro_x", "gyro_y", "gyro_z"), "rad/s", INTERVAL, source="unit.npz")
+
+
+@pytest.fixture(scope="module")
+def result():
+    return tuner.tune([log(5, bursts=True)])
+
+
+def test_a_burst_counts_by_its_share_of_time(result):
+    """Mean power N² (1 + 0.01 · 100) over the hour, √2 of the quiet density; not ten times, for the worst second."""
+    assert any(finding.cause == "burst" for finding in result.diagnosis.findings)
+    for axis, expected in (("gyro_x", 1e-4), ("gyro_y", np.sqrt(2.0) * 1e-4), ("gyro_z", 1e-4)):
+        assert result.config.channels[axis].white_density == pytest.approx(expected, rel=0.1)
+        assert result.predictions[axis].passes
+
+
+def test_the_noise_at_its_worst_is_advice_beside_the_settings(result):
+    (worst,) = [one for one in result.config.worst_case if one.quantity.owner == "gyro_y"]
+    assert worst.quantity.field == "white_density"
+    true = 1e-4 * np.sqrt(101.0)
+    written = result.config.channels["gyro_y"].white_density
+    assert worst.factor * written == pytest.approx(true, rel=0.15)
+    assert native.loads(native.dumps(result.config)).worst_case[0].quantity == worst.quantity
+
+
+def test_conservative_settings_use_the_worst_throughout(result):
+    careful = tuner.tune([log(5, bursts=True)], conservative=True)
+    (worst,) = [one for one in result.config.worst_case if one.quantity.owner == "gyro_y"]
+    ratio = careful.config.channels["gyro_y"].white_density / result.config.channels["gyro_y"].white_density
+    assert ratio == pytest.approx(worst.factor, rel=1e-6)
+    assert careful.config.worst_case == ()
+
+
+def test_the_comparison_is_part_of_the_result_and_of_the_file(result):
+    content = json.loads(json.dumps(tune_json(result)))["prediction"]["gyro_x"]
+    assert content["passes"] is True
+    assert [f["seconds"] for f in content["forecasts"]] == [10.0, 60.0, 300.0]
+    tau, measured = np.array(content["allan"]["tau"]), np.array(content["allan"]["measured"])
+    assert np.interp(1.0, tau, measured) == pytest.approx(1e-4, rel=0.05)
+    stored = native.loads(native.dumps(result.config)).provenance["prediction"]["gyro_x"]
+    assert stored["passes"] is True
+
+
+def test_settings_that_do_not_predict_the_record_are_replaced_and_said():
+    record = log(3, bursts=False)
+    config = synthesize(tuner.identify([record]))
+    wrong = {
+        axis: noise.__class__(**{**vars(noise), "white_density": 3.0 * noise.white_density})
+        for axis, noise in config.channels.items()
+    }
+    held, judged = hold_to_records(config.__class__(**{**vars(config), "channels": wrong}), [record])
+    for axis, found in judged.items():
+        assert found.source is BlockSource.CURVE
+        assert held.channels[axis].white_density == pytest.approx(1e-4, rel=0.06)
+        assert any(
+            note.startswith(f"{axis}: the settings are fitted to the Allan curve") for note in held.notes
+        )
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
+@pytest.mark.parametrize("name", ["adis16405_run1", "galaxy_s5_static"])
+def test_measured_units_are_predicted(name):
+    """Before, the accelerometers of the industrial unit got up to 12 times the Allan deviation that they show."""
+    records = tuner.read(DATA / f"{name}.npz")
+    config, judged = hold_to_records(synthesize(tuner.identify(records, arma=None)), records)
+    assert len(judged) == 6
+    for axis, found in judged.items():
+        assert found.passes, axis
+        tau, variance = found.measured.tau, found.measured.variance
+        own = found.block.model.allan_variance(tau, interval=found.measured.interval)
+        at_ten_seconds = int(np.argmin(np.abs(tau - 10.0)))
+        assert np.sqrt(own[at_ten_seconds] / variance[at_ten_seconds]) == pytest.approx(1.0, abs=0.3)
+        assert config.channels[axis].white_density == found.block.white_density
