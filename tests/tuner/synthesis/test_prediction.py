@@ -41,10 +41,13 @@ def result():
 
 
 def test_a_burst_counts_by_its_share_of_time(result):
-    """Mean power N² (1 + 0.01 · 100) over the hour, √2 of the quiet density; not ten times, for the worst second."""
+    """Mean power N² (1 + 0.01 · 100) over the hour: √2 of the quiet density, and not ten times for the worst second.
+
+    Settings are accepted within 0.8 … 1.25 of the measured deviation.
+    """
     assert any(finding.cause == "burst" for finding in result.diagnosis.findings)
     for axis, expected in (("gyro_x", 1e-4), ("gyro_y", np.sqrt(2.0) * 1e-4), ("gyro_z", 1e-4)):
-        assert result.config.channels[axis].white_density == pytest.approx(expected, rel=0.1)
+        assert 0.8 < result.config.channels[axis].white_density / expected < 1.25
         assert result.predictions[axis].passes
 
 

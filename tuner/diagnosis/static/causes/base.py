@@ -204,7 +204,7 @@ class Extension(Cause):
         return self
 
 
-def plateau_ratio(shape: Extension, before: Residual, after: Residual) -> tuple[float, str] | None:
+def plateau_enlargement(shape: Extension, before: Residual, after: Residual) -> tuple[float, str] | None:
     """Return the white density where a shape of the spectrum is flat ÷ that without it, and why; None up to 1.02."""
     density = after.model.white_density()
     density *= float(np.sqrt(np.asarray(shape.gain(np.zeros(1), after.channel.interval))[0]))

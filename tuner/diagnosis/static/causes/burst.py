@@ -56,7 +56,7 @@ class Burst(Extension):
     happens_once = True
     view = "variance"
     repeats = SEVERAL
-    meaning = "the noise is louder (or quieter) for a while: something ran nearby, or a regime changed"
+    meaning = "the noise is larger (or smaller) for a while: something ran nearby, or a regime changed"
     consequence = (
         "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
     )
@@ -65,9 +65,11 @@ class Burst(Extension):
     ratio: float
 
     def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:  # noqa: ARG002
-        """Return the ratio of the standard deviations while it lasts, where it is above 1."""
+        """Return the standard deviation while it lasts ÷ its rms over the record, where the ratio is above 1."""
         ratio = self.values["variance_ratio"].value
-        return (float(np.sqrt(ratio)), "burst: the noise while it lasts") if ratio > 1.0 else None
+        share = (self.last - self.first) / len(after.channel)
+        enlarged = float(np.sqrt(ratio / (1.0 + share * (ratio - 1.0))))
+        return (enlarged, "burst: the noise while it lasts") if ratio > 1.0 else None
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Bring the stretch to the variance of the rest."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from models.effects.static.spectral import LowPass as Effect
 from models.noise import Term, White
 from models.noise.arma import Arma
-from tuner.diagnosis.static.causes.base import Extension, Value, plateau_ratio
+from tuner.diagnosis.static.causes.base import Extension, Value, plateau_enlargement
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
 from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind
@@ -72,7 +72,7 @@ class LowPass(Extension):
 
     def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
         """Return the ratio of the white densities at the plateau, with and without, where it is worth saying."""
-        return plateau_ratio(self, before, after)
+        return plateau_enlargement(self, before, after)
 
     def gain(self, f: FloatArray, interval: float) -> FloatArray:
         """Return the squared response of the filter."""

@@ -71,8 +71,9 @@ class VarianceDrift(Extension):
         return float(np.exp(0.5 * max(self.course)))
 
     def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str]:  # noqa: ARG002
-        """Return the ratio at the louder end."""
-        return self.largest_ratio, "variance_drift: the noise at its louder end"
+        """Return the largest standard deviation ÷ its rms over the record."""
+        rms = float(np.sqrt(np.mean(np.exp(self.course))))
+        return self.largest_ratio / rms, "variance_drift: the noise where it is largest"
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
