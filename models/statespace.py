@@ -1,4 +1,4 @@
-"""Linear systems driven by white noise: exact discretisation, block sums, spectra.
+"""Linear systems with white-noise inputs: exact discretisation, block sums, spectra.
 
 ::
 

@@ -96,7 +96,8 @@ def autocovariance(system: StateSpace, lag: FloatArray) -> FloatArray:
 def sample(system: StateSpace, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
     """Return n samples of the output, shape (n,), exactly distributed from the initial covariance on.
 
-    In the Schur basis the transition is triangular: each state is a first-order recursion driven by those after it.
+    In the Schur basis the transition is triangular: each state is a first-order recursion
+    whose inputs are those after it.
     """
     from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
 

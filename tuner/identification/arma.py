@@ -134,7 +134,7 @@ def fit_arma(
     Returns
     -------
     ArmaFit
-        Without coefficients where the series cannot be told from white noise.
+        Without coefficients where the series is indistinguishable from white noise.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def _coefficients(fit: WhittleArma, n: int) -> tuple[tuple[Coefficient, ...], tu
 
 
 def _whiteness(best: Order, p_white: float, scores: Mapping[Order, float], white: bool) -> str:
-    """Say whether the model can be told from white noise."""
+    """Whether the model is distinguishable from white noise."""
     if best == (0, 0):
         runner = min((score, order) for order, score in scores.items() if order != (0, 0))
         gap = runner[0] - scores[0, 0]

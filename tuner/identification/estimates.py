@@ -23,7 +23,7 @@ Interval = tuple[float, float]
 BASE: dict[str, Term] = {kind.name: kind(**{kind.PARAMETERS[0]: 1.0}) for kind in POWER_LAW}
 """The terms whose Allan variance is one power of τ, of unit amplitude, in the order of their slopes."""
 
-ALLOWS_NONE = {True: "asked for, but the data allow none of it", False: "the data allow none of it"}
+ALLOWS_NONE = {True: "requested, but the data allow none of it", False: "the data allow none of it"}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def from_fit(
     unit : str
         Unit of the samples.
     forced : bool
-        Whether the terms were asked for, not found.
+        Whether the terms were requested, not found.
 
     Returns
     -------

@@ -25,7 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from models.noise import TERMS, BiasInstability, NoiseModel, Quantization, Ramp, RandomWalk, Term, White
+from models.noise import (
+    POWER_LAW,
+    TERMS,
+    NoiseModel,
+    Term,
+    White,
+)
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.identification.allan_leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.allan_octaves import OctaveCurve
@@ -44,7 +50,6 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-BASE: tuple[type[Term], ...] = (Quantization, White, BiasInstability, RandomWalk, Ramp)
 FALSE_TERM = 0.05
 """Probability of a term too many at one step of the selection."""
 
@@ -115,7 +120,7 @@ def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIde
     estimates = from_fit(
         chosen.model, chosen.covariance, chosen.intervals, curve.unit, forced=terms is not None
     )
-    order = [cls.name for cls in BASE]
+    order = [cls.name for cls in POWER_LAW]
     shown = sorted(
         (*estimates.terms, *bounds), key=lambda t: order.index(t.name) if t.name in order else len(order)
     )
@@ -192,9 +197,9 @@ def _start(term: type[Term]) -> Term:
 
 def _select(octaves: OctaveCurve) -> list[_Tried]:
     accepted = [_try(octaves, (White,))]
-    while len(accepted[-1].terms) < min(len(BASE), len(octaves.m) - 1):
+    while len(accepted[-1].terms) < min(len(POWER_LAW), len(octaves.m) - 1):
         used = accepted[-1].terms
-        rest = [term for term in BASE if term.name not in used]
+        rest = [term for term in POWER_LAW if term.name not in used]
         best = min(
             (_try(octaves, (*(TERMS[n] for n in used), term)) for term in rest), key=lambda tried: tried.score
         )
@@ -214,7 +219,7 @@ def _try(octaves: OctaveCurve, terms: Sequence[type[Term]]) -> _Tried:
 
 def _bounds(octaves: OctaveCurve, chosen: CurveFit, unit: str) -> tuple[TermEstimate, ...]:
     bounds = []
-    for term in BASE:
+    for term in POWER_LAW:
         if any(present.name == term.name for present in chosen.model.terms):
             continue
         wider = fit(octaves, NoiseModel((*chosen.model.terms, _start(term))), generalised=True)

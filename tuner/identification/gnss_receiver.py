@@ -1,7 +1,7 @@
 """Errors of a satellite receiver from a log of its antenna at rest: white noise, and a Gauss–Markov process beside it.
 
 The position about its mean, north, east, down, is fitted as any other channel (`likelihood`): white noise of the
-single fix, and a Gauss–Markov process where it gains more than ln n nats for its two parameters. What a filter is told
+single fix, and a Gauss–Markov process where it gains more than ln n nats for its two parameters. What a filter is given
 of the latter is one process: the rms of north and east, the down part as a multiple of it, and the mean of the
 logarithms of the time constants, each by its weight.
 

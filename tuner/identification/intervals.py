@@ -1,6 +1,6 @@
 """Intervals and upper limits by inversion of a score test with the exact law of the score.
 
-A value t of the log of parameter j is believed unless the score there is too unlikely. With the other
+A value t of the log of parameter j is accepted unless the score there is too unlikely. With the other
 parameters at their best for that t, g the derivative of ln E by it made orthogonal to those by the
 others, and a_k ~ N(0, E_k)::
 

@@ -148,7 +148,7 @@ class Objective:
         return min((self.minimise(start) for start in self._starts()), key=lambda found: found[1])[0]
 
     def minimise(self, start: FloatArray, *, fixed: int | None = None) -> tuple[FloatArray, float]:
-        """Return the minimum of -2 ln L next to `start` and its value, parameter number `fixed` held."""
+        """Return the minimum of -2 ln L next to `start` and its value, parameter number `fixed` kept."""
         return minimise(self, start, lower=self.lower, upper=self.upper, fixed=fixed)
 
     def _starts(self) -> list[FloatArray]:

@@ -163,7 +163,7 @@ def _bound(data: CosinePeriodogram, fit: LikelihoodFit, name: str) -> Bound:
 
 
 def _twin(objective: Objective, theta: FloatArray, j: int) -> str | None:
-    """Return the term whose amplitude cannot be told from that of parameter j, if there is one."""
+    """Return the term whose amplitude is indistinguishable from that of parameter j, if there is one."""
     information = objective(theta)[2]
     scale = np.sqrt(np.diag(information) + 1e-12)
     covariance = np.linalg.pinv(information / np.outer(scale, scale))

@@ -34,7 +34,7 @@ from tuner.identification.periodogram import CosinePeriodogram
 FloatArray = NDArray[np.float64]
 
 CURVE_TOLERANCE = 0.01
-"""Relative deviation from a sum of terms that no sensor is asked to keep below."""
+"""Relative deviation from a sum of terms that is tolerated of every sensor."""
 
 ACCEPTED_P_VALUE = 1e-3
 """Probability of χ² from which a cluster time is accepted."""

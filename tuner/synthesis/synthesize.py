@@ -135,8 +135,8 @@ def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterCo
             config = replace(config, gnss=_inflated_gnss(config.gnss, field, inflation.factor))
             continue
         axes = inflation.quantity.axes(config.channels)
-        if not axes or field not in _INFLATABLE:
-            allowed = ", ".join(_INFLATABLE)
+        if not axes or field not in ENLARGEABLE_SETTINGS:
+            allowed = ", ".join(ENLARGEABLE_SETTINGS)
             msg = f"inflation of '{inflation.quantity}': expected an axis or sensor and one of {allowed}"
             raise DataError(msg)
         enlarged = {axis: _enlarged(config.channels[axis], field, inflation.factor) for axis in axes}
@@ -144,7 +144,8 @@ def inflate(config: FilterConfig, inflations: Sequence[Enlargement]) -> FilterCo
     return replace(config, inflations=(*config.inflations, *inflations))
 
 
-_INFLATABLE = ("white_density", "markov", "random_walk_density", "constant_sd", "ramp_sd")
+ENLARGEABLE_SETTINGS = ("white_density", "markov", "random_walk_density", "constant_sd", "ramp_sd")
+"""Settings of an axis that an enlargement may name; of `markov` the sds."""
 
 
 def _inflated_gnss(gnss: GnssNoise, field: str, factor: float) -> GnssNoise:
