@@ -18,7 +18,7 @@ import yaml
 from models.noise import GaussMarkov
 from models.units import DEG
 from tuner.exporters import DIALECTS, export
-from tuner.formats.digits import CLOCK_DIGITS, DIGITS
+from tuner.formats.digits import CLOCK_DIGITS, DEFAULT_DIGITS
 from tuner.synthesis import equivalent_random_walk
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, InitialUncertainty, Quantity
 from tuner.types.records import DataError
@@ -64,7 +64,7 @@ def entries(dialect: str, config: FilterConfig = CONFIG) -> dict:
 
 def near(value: object) -> object:
     """Return what equals a value, or a list of values, to the six digits that an export carries."""
-    return pytest.approx(value, rel=0.51 * 10.0 ** (1 - DIGITS))
+    return pytest.approx(value, rel=0.51 * 10.0 ** (1 - DEFAULT_DIGITS))
 
 
 def python_values(text: str) -> dict[str, list[float]]:

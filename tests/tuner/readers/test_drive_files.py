@@ -11,7 +11,7 @@ from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
 from tuner.formats import native
-from tuner.formats.digits import DIGITS
+from tuner.formats.digits import DEFAULT_DIGITS
 from tuner.readers.drive import read_drive
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.synthesis.load_config import load_config
@@ -19,7 +19,7 @@ from tuner.types.records import DataError
 
 LEVER = (0.5, -0.3, -1.2)
 MOUNTING_RPY = (180.0, 3.0, 100.0)
-SIX_DIGITS = 0.51 * 10.0 ** (1 - DIGITS)
+SIX_DIGITS = 0.51 * 10.0 ** (1 - DEFAULT_DIGITS)
 """Relative rounding of an exported number."""
 
 
