@@ -5,11 +5,11 @@ except in `climb`, a light aeroplane.
 
 ==============  =====================================================================================
 static          stands still, slightly tilted
-straight        heading constant, speed waxing and waning: no turns, so heading is observed by speed alone
+straight        heading constant, varying speed: no turns, so heading is observed by speed alone
 circle          constant speed v and turn rate w on the radius v/w
 figure_eight    heading ψ = J sin ωt with J the first zero of J₀: a closed path, no net displacement
 s_turns         slalom around a straight line, speed and roll changing as well
-climb           banked turns while height is won and lost, faster than a car
+climb           banked turns while climbing and descending, faster than a car
 city            stops, speed changes, right-angled turns both ways, slopes
 ==============  =====================================================================================
 """

@@ -205,7 +205,7 @@ def _of_theo1(walk: FloatArray, white: Mapping[str, FloatArray]) -> list[Claim]:
 
 
 def _orders(y: Mapping[str, FloatArray], white: Mapping[str, FloatArray]) -> list[Claim]:
-    """Judge what the paper says of the order of the statistics."""
+    """Judge the order of the statistics that the paper states."""
     m = 160
     pair = np.column_stack([total(y["quantization"], [m])[0], overlapping_allan(y["quantization"], [m])[0]])
     true = [float(dof(name, SAMPLE_COUNT, [m], "quantization")[0]) for name in ("totdev", "oadev")]

@@ -56,7 +56,7 @@ def mems_allan(settings: Settings) -> Item:
                 claimed=(1.05, np.inf),
                 derived=(expected[best - 1] - 0.05, expected[best - 1] + 0.05),
                 why=f"the best offset: expected {expected[best - 1]:.2f}; every position (overlapping) gives "
-                f"{_spoken(classic, full)}",
+                f"{_quotient_text(classic, full)}",
             ),
         ]
         measured = [_quotient(np.column_stack([classic, grouped[k]])) for k in offsets.tolist()]
@@ -114,7 +114,7 @@ def _quotient(pair: FloatArray) -> float:
     return float(first / second)
 
 
-def _spoken(classic: FloatArray, full: FloatArray) -> str:
+def _quotient_text(classic: FloatArray, full: FloatArray) -> str:
     return f"{_quotient(np.column_stack([classic, full])):.2f}"
 
 

@@ -87,7 +87,7 @@ def rlg_static(settings: Settings) -> Item:
     literal_10s = Coefficient.known(float(ten.deviation()[0, 0]) / DEG_PER_HOUR, low, high, "deg/h")
     expected = float(np.sqrt(3.0 * Q**2 / 100.0 + N**2 / 10.0))
     together = identify_channel(_joined(slow, 0.1), AXES[0], arma=None)
-    hidden = (
+    reason = (
         f"three records of {n * SAMPLING_INTERVAL / 3600.0:.2g} h identified as one, by one decision: a bound "
         "beside quantization and white noise"
     )
@@ -131,9 +131,9 @@ def rlg_static(settings: Settings) -> Item:
             derived=3.0 * Q**2 / N**2,
             why="the two lines cross at τ = 3 Q²/N² = 31 s, with the paper's own coefficients",
         ),
-        absent("bias instability B", "not shown", _coefficient(together, "bias_instability"), why=hidden),
-        absent("rate random walk K", "not shown", _coefficient(together, "random_walk"), why=hidden),
-        absent("ramp R", "not shown", _coefficient(together, "ramp"), why=hidden),
+        absent("bias instability B", "not shown", _coefficient(together, "bias_instability"), why=reason),
+        absent("rate random walk K", "not shown", _coefficient(together, "random_walk"), why=reason),
+        absent("ramp R", "not shown", _coefficient(together, "ramp"), why=reason),
     )
     tau = curves[0].x
     model = np.sqrt(LASER_NOISE.allan_variance(tau)) / DEG_PER_HOUR

@@ -39,10 +39,10 @@ def lowpass_n(settings: Settings) -> Item:
     duration = float(settings.size(14_400, 3_600))
     seed = int(settings.rng("lowpass-n").integers(1 << 31))
     before, after = (
-        simulate({"gyro_x": Channel(model)}, duration=duration, rate=SAMPLE_RATE, seed=seed, effects=hidden)[
+        simulate({"gyro_x": Channel(model)}, duration=duration, rate=SAMPLE_RATE, seed=seed, effects=effects)[
             0
         ][0]
-        for hidden in ((), (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",))
+        for effects in ((), (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",))
     )
     density = model.white_density()
     filtered = identify_channel(after, "gyro_x", arma=None)
@@ -111,9 +111,9 @@ def _ratio(before: Record, after: Record, model: NoiseModel, times: float) -> Cl
 def _named(model: NoiseModel, seed: int) -> Claim:
     """Ask the diagnosis what a short filtered record contains."""
     text, paper = "cause that the diagnosis names", "the filter, not a Markov process"
-    hidden = (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",)
+    effects = (f"lowpass@gyro_x:cutoff={CUTOFF_FREQUENCY:g}",)
     records, _ = simulate(
-        {"gyro_x": Channel(model)}, duration=600.0, rate=SAMPLE_RATE, seed=seed, effects=hidden
+        {"gyro_x": Channel(model)}, duration=600.0, rate=SAMPLE_RATE, seed=seed, effects=effects
     )
     found = diagnose(records).findings
     named = ", ".join(finding.cause for finding in found) or "nothing"

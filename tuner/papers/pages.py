@@ -69,12 +69,12 @@ def item_table(item: Item) -> Table:
     for heading in ("claim", "paper", "ours", "verdict", "why"):
         table.add_column(heading, overflow="fold")
     for claim in item.claims:
-        table.add_row(claim.text, claim.paper, spoken(claim.ours), claim.verdict, claim.why)
+        table.add_row(claim.text, claim.paper, coefficient_text(claim.ours), claim.verdict, claim.why)
     return table
 
 
-def spoken(ours: Coefficient) -> str:
-    """Say a value in its own unit: ``0.0577 (0.0565 … 0.0589) deg/h``."""
+def coefficient_text(ours: Coefficient) -> str:
+    """Return a value with its interval in its own unit: ``0.0577 (0.0565 … 0.0589) deg/h``."""
     unit = "" if ours.unit in ("", "1") else f" {ours.unit}"
     if ours.value is None:
         return "–" if ours.upper is None else f"< {digits(ours.upper)}{unit}"
@@ -116,5 +116,5 @@ def _section(item: Item, figure: str) -> str:
 
 
 def _row(claim: Claim) -> str:
-    cells = (claim.text, claim.paper, spoken(claim.ours), f"*{claim.verdict}*", claim.why)
+    cells = (claim.text, claim.paper, coefficient_text(claim.ours), f"*{claim.verdict}*", claim.why)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -170,7 +170,7 @@ def _of_statistics(
 def _aside(
     runs: FloatArray, statistic: Callable[[FloatArray], float], quoted: Range, rng: np.random.Generator
 ) -> str:
-    """Say whether the scatter of a smaller study holds its figure."""
+    """Return words on whether the figure of a smaller study lies within its sampling error."""
     low, high = scatter(runs, statistic, QUOTED_RECORDS, rng)
     first, last = quoted
     holds = "holds" if low <= last and first <= high else "does not hold"

@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 
 def rlg_dynamic(settings: Settings) -> Item:
-    """Return figure 5: the laser gyro at rest, at a constant rate, and swinging by hand in two spells."""
+    """Return figure 5: the laser gyro at rest, at a constant rate, and swinging by hand in two intervals."""
     rng = settings.rng("rlg-dynamic")
     n = settings.size(3_600_000, 600_000)
     static = record_of(LASER_NOISE, n, SAMPLING_INTERVAL, rng, axes=AXES)
@@ -50,7 +50,7 @@ def rlg_dynamic(settings: Settings) -> Item:
     of_all = identify_channel(
         turning, "gyro_x", terms=("quantization", "white"), method="leastsquares", arma=None
     )
-    found, blind = (scaled(_white(c), 1.0 / DEG_PER_HOUR, "(deg/h)√s") for c in (of_still, of_all))
+    found, of_turning = (scaled(_white(c), 1.0 / DEG_PER_HOUR, "(deg/h)√s") for c in (of_still, of_all))
     claims = (
         judge(
             "change of the Allan deviation by a constant rate of 10 deg/s",
@@ -69,7 +69,7 @@ def rlg_dynamic(settings: Settings) -> Item:
         judge(
             "white noise found if the motion goes unnoticed",
             "the coefficients are not those of the gyro",
-            blind,
+            of_turning,
             claimed=(2.0 * N, np.inf),
             why="a sum of the two terms has no place for the motion and stretches to hold it",
         ),

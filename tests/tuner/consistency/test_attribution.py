@@ -65,13 +65,13 @@ def sensitivity(settings, plan):
 
 
 def studies(settings, plan, seed, count, runs=40):
-    """Yield studies of as many runs as `check` flies, with their scores; `BATCH` of them are flown at a time."""
+    """Yield studies of as many runs as `check` simulates, with their scores; `BATCH` of them at a time."""
     for first in range(0, count, BATCH):
         here = min(BATCH, count - first)
-        flown = simulate(settings, TRUTH, plan, runs=here * runs, seed=seed + first)
+        simulated = simulate(settings, TRUTH, plan, runs=here * runs, seed=seed + first)
         for i in range(here):
             own = slice(i * runs, (i + 1) * runs)
-            study = Runs(flown.t, *(getattr(flown, field.name)[own] for field in fields(Runs)[1:]))
+            study = Runs(simulated.t, *(getattr(simulated, field.name)[own] for field in fields(Runs)[1:]))
             yield evaluate(study, plan.outages), study
         sys.stderr.write(f"{first + here} of {count} studies\n")
 
@@ -94,9 +94,9 @@ CASES = {  # what is configured, the reason, true ÷ configured
 def test_a_wrong_setting_is_named(town, name):
     wrong, reason, size = CASES[name]
     settings = filter_settings(configured(**wrong))
-    [(found, flown)] = studies(settings, town, 4, 1)
+    [(found, simulated)] = studies(settings, town, 4, 1)
     assert not found.consistent
-    causes = attribute(found, flown, sensitivity(settings, town))
+    causes = attribute(found, simulated, sensitivity(settings, town))
     assert causes[0].source == reason
     # Three standard errors of an sd from 40 runs of three components, 3/√(2 · 120) = 0.19. Time constants are
     # interpolated between half decades: a factor of 1.8 (a quarter of a decade) to either side.
@@ -117,8 +117,8 @@ def test_a_wrong_setting_is_named(town, name):
 @pytest.mark.parametrize("factor", [1.0 / 9.0, 9.0])
 def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(town, factor):
     settings = filter_settings(configured(q=factor, white=1.0 / factor, sensors=("gyro",)))
-    [(found, flown)] = studies(settings, town, 4, 1, runs=16)
-    causes = attribute(found, flown, sensitivity(settings, town))
+    [(found, simulated)] = studies(settings, town, 4, 1, runs=16)
+    causes = attribute(found, simulated, sensitivity(settings, town))
     assert causes[0].source == "gyro bias noise"
     assert causes[0].ratio == pytest.approx(factor**-0.5, rel=0.2)
 
@@ -128,10 +128,10 @@ def test_constants_of_both_sensors_are_one_cause():
     smaller = {axis: replace(c, constant_sd=0.1 * c.constant_sd) for axis, c in config.channels.items()}
     settings, sensor = filter_settings(replace(config, channels=smaller)), sensor_of_config(config)
     plan = scenario(TRAJECTORIES["city"](900.0), load_gnss("spp"), 0.02)
-    flown = simulate(settings, sensor, plan, runs=16, seed=3)
+    simulated = simulate(settings, sensor, plan, runs=16, seed=3)
     budget = error_budget(settings, plan)
     effects = score_sensitivity(settings, plan, budget, window=resolution(settings, sensor))
-    causes = attribute(evaluate(flown, plan.outages), flown, effects)
+    causes = attribute(evaluate(simulated, plan.outages), simulated, effects)
     assert causes[0].source == "turn-on biases of gyros and accelerometers"
     assert causes[0].ratio == pytest.approx(10.0, rel=0.3)
 
@@ -209,8 +209,8 @@ def test_wrong_settings_are_flagged_for_the_right_reason_in_fifty_studies(town, 
     settings = filter_settings(configured(**wrong))
     effects = sensitivity(settings, town)
     flagged, named, held = 0, 0, 0
-    for found, flown in studies(settings, town, 1000, 50):
-        causes = attribute(found, flown, effects)
+    for found, simulated in studies(settings, town, 1000, 50):
+        causes = attribute(found, simulated, effects)
         flagged += not found.consistent
         named += bool(causes) and causes[0].source == reason
         held += bool(causes) and causes[0].interval[0] <= size <= causes[0].interval[1]

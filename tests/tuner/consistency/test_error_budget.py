@@ -50,9 +50,9 @@ def test_sources_add_up_to_the_covariance_of_the_filter(budget, config, town):
     llh, vel_n = perfect_fixes(town.motion, town.times)
     fix_sd = np.tile([*config.gnss.position_sd, *config.gnss.velocity_sd], (len(town.times), 1))
     fixes = Fixes(town.times, town.after, llh, vel_n, fix_sd).without(town.outages)
-    flown = engine.run(settings, town.start, town.steps, fixes)
+    filtered = engine.run(settings, town.start, town.steps, fixes)
     at = np.searchsorted(town.times, budget.t)
-    np.testing.assert_allclose(np.einsum("kii->ki", flown.covariance[at]), sd**2, rtol=1e-5)
+    np.testing.assert_allclose(np.einsum("kii->ki", filtered.covariance[at]), sd**2, rtol=1e-5)
 
 
 @pytest.mark.parametrize("configured", [True, False])

@@ -24,8 +24,8 @@ CONFIG = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss(
 def spurious(motion, config, sensor):
     settings = filter_settings(config)
     plan = scenario(TRAJECTORIES[motion](600.0), load_gnss("spp"), 0.02)
-    flown = simulate(settings, sensor_of_config(sensor), plan, runs=16, seed=3)
-    return spurious_information(flown, error_budget(settings, plan))
+    simulated = simulate(settings, sensor_of_config(sensor), plan, runs=16, seed=3)
+    return spurious_information(simulated, error_budget(settings, plan))
 
 
 def with_channels(**factors):

@@ -64,13 +64,13 @@ def town():
     return scenario(TRAJECTORIES["city"](1500.0), load_gnss("spp"), 0.02)
 
 
-def flown(believed, town, *, runs=12, seed=11):
+def scored(settings_of, town, *, runs=12, seed=11):
     truth = sensor_of_config(configuration())
-    return evaluate(simulate(filter_settings(believed), truth, town, runs=runs, seed=seed), town.outages)
+    return evaluate(simulate(filter_settings(settings_of), truth, town, runs=runs, seed=seed), town.outages)
 
 
 def test_a_filter_is_consistent_on_its_own_sensor(town):
-    found = flown(configuration(), town)
+    found = scored(configuration(), town)
     assert found.consistent, [s for s in found.scores if not s.consistent]
     assert 0.9 < found.nees.ratio < 1.1
     assert [outage.seconds for outage in found.outages] == [10.0, 30.0, 60.0, 300.0]
@@ -78,7 +78,7 @@ def test_a_filter_is_consistent_on_its_own_sensor(town):
 
 
 @pytest.mark.parametrize(
-    ("belief", "names"),
+    ("changes", "names"),
     [
         ({"q": 0.1}, {"gyro_bias", "accel_bias"}),
         ({"r": 0.3}, {"nis_position"}),
@@ -86,12 +86,12 @@ def test_a_filter_is_consistent_on_its_own_sensor(town):
     ],
     ids=["Q", "R", "ladder"],
 )
-def test_wrong_filter_is_flagged_where_it_is_wrong(town, belief, names):
-    found = flown(scaled(configuration(), **belief), town)
+def test_wrong_filter_is_flagged_where_it_is_wrong(town, changes, names):
+    found = scored(scaled(configuration(), **changes), town)
     bad = {s.name for s in found.scores if not s.consistent}
     assert names <= bad
     assert not found.consistent
-    if "q" in belief:
+    if "q" in changes:
         # The innovations of position hardly show it.
         assert "nis_position" not in bad
         assert max(outage.score.ratio for outage in found.outages) > 2.0
