@@ -52,7 +52,6 @@ from tuner.types.numbers import Finite, Limits, VectorLimits
 from tuner.types.records import DataError
 
 T = TypeVar("T")
-K = TypeVar("K", contravariant=True)
 
 
 class Form(Protocol):
@@ -96,7 +95,8 @@ def load(content: object, kind: type[T], *, source: str, advice: str = "") -> T:
     try:
         return _converter().structure(content, kind)
     except (cattrs.BaseValidationError, ValueError) as error:
-        raise DataError(_explained(error, content, source) + (f"; {advice}" if advice else "")) from None
+        line = " ".join(_explained(error, content, source).split())
+        raise DataError(f"{line}; {advice}" if advice else line) from None
 
 
 def structured(content: object, kind: Any) -> Any:
@@ -157,7 +157,7 @@ def _explained(error: Exception, content: object, source: str) -> str:
         return f"{place(source, path)}: expected keys among {allowed}, got {min(leaf.extra_fields)!r}"
     if isinstance(leaf, Mismatch):
         path = (*path, *leaf.path)
-    return f"{place(source, path)}: {' '.join(str(leaf).split())}"
+    return f"{place(source, path)}: {leaf}"
 
 
 def _first(
