@@ -22,7 +22,11 @@ from tuner.diagnosis.static.channel import Channel, channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.readers import read
 
-LAWS = {Burst: burst.test, HeavyTails: heavy_tails.test, VarianceDrift: variance_drift.test}
+LAWS = {
+    Burst: burst.Burst.test,
+    HeavyTails: heavy_tails.HeavyTails.test,
+    VarianceDrift: variance_drift.VarianceDrift.test,
+}
 
 
 def hidden(effect: type[Effect], seed: int, samples: int) -> Item:
