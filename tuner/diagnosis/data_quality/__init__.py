@@ -28,13 +28,13 @@ from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
-JITTER = 1e-3
+MIN_JITTER = 1e-3
 """Jitter of the stamps that is worth a word, share of the interval."""
-ROUNDED = 1.05
+MAX_ROUNDING_RATIO = 1.05
 """Scatter of the stamps ÷ the largest that rounding makes, up to which it is nothing else."""
-CERTAIN = 1e-4
+DECISIVE_P_VALUE = 1e-4
 """Chance below which a test decides how the others are made and what is said."""
-DRIFT = 1e-6
+MIN_CLOCK_DRIFT = 1e-6
 """Deviation of the clock that is worth a word, relative."""
 
 
@@ -91,7 +91,7 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     held = duplicates(record, steps, stuck)
     tests = [timing(record), *stuck, *held]
     for axis, pieces in single.items():
-        if any(test.p_value < CERTAIN and axis in test.channels for test in held):
+        if any(test.p_value < DECISIVE_P_VALUE and axis in test.channels for test in held):
             fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
         else:
             fresh = pieces
@@ -112,11 +112,11 @@ def timing(record: Record) -> DataQualityTest:
     said = record.timing
     gaps, scatter = said.get("gap_count", 0.0), said.get("jitter_sd", 0.0)
     unit = said.get("rounding", 0.0)
-    rounded = 0.0 < scatter < ROUNDED * unit / math.sqrt(8.0)
+    rounded = 0.0 < scatter < MAX_ROUNDING_RATIO * unit / math.sqrt(8.0)
     jitter = 0.0 if rounded else math.sqrt(max(scatter**2 - unit**2 / 12.0, 0.0)) / record.interval
     ratio = said.get("clock_ratio", 1.0)
     coarse = unit / (len(record) * record.interval)
-    bad = gaps > 0 or jitter > JITTER or abs(ratio - 1.0) > DRIFT + coarse
+    bad = gaps > 0 or jitter > MIN_JITTER or abs(ratio - 1.0) > MIN_CLOCK_DRIFT + coarse
     parameters = {"gap_count": Coefficient.known(gaps, gaps, gaps, "1")}
     text = f"{gaps:.0f} gaps"
     if jitter > 0.0:
@@ -201,7 +201,7 @@ def duplicates(
         Those that found frozen stretches: what is in these does not count.
     """
     tests = [_duplicates(alive(record, record.axes, stuck), steps)]
-    if len(record.axes) > 1 and tests[0].p_value > CERTAIN:
+    if len(record.axes) > 1 and tests[0].p_value > DECISIVE_P_VALUE:
         tests += [_duplicates(alive(record, (axis,), stuck), steps) for axis in record.axes]
     return tuple(tests)
 
@@ -223,7 +223,7 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
     parameters = {
         name: Coefficient.known(rail.level, rail.level - 0.5 * step, rail.level + 0.5 * step, unit)
         for name, rail in (("low", low), ("high", high))
-        if rail.p_value < CERTAIN
+        if rail.p_value < DECISIVE_P_VALUE
     }
     text = (
         f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
@@ -252,6 +252,6 @@ def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) 
         ratio,
         p_value,
         parameters,
-        note=p_value > CERTAIN,
+        note=p_value > DECISIVE_P_VALUE,
         text=text,
     )

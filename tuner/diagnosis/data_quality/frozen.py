@@ -1,7 +1,7 @@
 """Frozen readings: stretches in which an axis gives one value over and over, as a stuck register does.
 
 Noise on a lattice of step D repeats a code with a chance q a sample, so that runs of equal values have a geometric
-tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `SURE`::
+tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `FROZEN_P_VALUE`::
 
     K exp(−(ℓ − u)/(2 s))       u the K-th longest of the runs that are not frozen, s their mean excess over it:
                                 whatever the noise, its colour, its changes, a dead band or readings held one by one
@@ -13,8 +13,8 @@ which knows no slow track, in the quietest tenth of the record::
 
     h(D/σ) = 1 − Σ p_c² − 2 Σ p_c p_(c+1)     the mean on a code or half-way between two, where it is larger
 
-Where it is below `TELLING`, D above some 3 σ, runs of any length are natural, and nothing is told. A value at the end
-of all others, at which these pile up as well, is a rail, where the sensor saturated
+Where it is below `MIN_FAR_SHARE`, D above some 3 σ, runs of any length are natural, and nothing is
+reported. A value at the end of all others, at which these pile up as well, is a rail, where the sensor saturated
 (`tuner.diagnosis.data_quality.saturation`).
 Nor is it where more than half of the samples would be frozen, but for one stretch of values that lie on no lattice.
 """
@@ -37,27 +37,27 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Range = tuple[int, int]
 
-SURE = 1e-9
+FROZEN_P_VALUE = 1e-9
 """Chance of a run below which it is frozen."""
-SHORTEST = 16
+MIN_RUN_LENGTH = 16
 """Samples in the shortest run that is asked for."""
-LONGEST = 50
+TAIL_RUN_COUNT = 50
 """Runs that tell the tail, K; a record has four times as many at least."""
-TELLING = 0.01
+MIN_FAR_SHARE = 0.01
 """Least share of neighbours two codes and more apart."""
-QUIET = 0.1
+QUIET_SHARE = 0.1
 """Share of the record that may be quieter than the noise that is reckoned with."""
-BLOCK = 256
+BLOCK_PAIRS = 256
 """Pairs of neighbours that tell how quiet it is."""
-NEAR = 12.0
+UNREACHABLE_DISTANCE = 12.0
 """Distance of two values, σ, from which noise does not get from one to the other: there is no code in between."""
-MOST = 0.5
+MAX_FROZEN_SHARE = 0.5
 """Largest share of a record that can be frozen, but for a sensor without a lattice that dies."""
-SINGLE = 0.5
+MIN_DISTINCT_SHARE = 0.5
 """Least number of different values ÷ changes from one sample to the next in data that lie on no lattice."""
-PILE = 3
+MIN_RAIL_SAMPLES = 3
 """Samples at the end of all values that make it a rail, at least."""
-APART = 16
+EDGE_TOLERANCE = 16
 """Samples by which edges of stretches may differ that several axes share."""
 
 
@@ -92,7 +92,7 @@ class Frozen:
     def alike(self, other: Frozen) -> bool:
         """Tell whether another axis froze at the same times."""
         return len(self.stretches) == len(other.stretches) and all(
-            abs(a - b) <= APART
+            abs(a - b) <= EDGE_TOLERANCE
             for mine, its in zip(self.stretches, other.stretches, strict=True)
             for a, b in zip(mine, its, strict=True)
         )
@@ -110,9 +110,13 @@ def frozen(record: Record, axis: str) -> Frozen | None:
     """
     y = record.column(axis)
     first, length = _runs(y, record.segments)
-    order = np.argsort(-length, kind="stable") if np.any(length >= SHORTEST) else np.zeros(0, dtype=np.int64)
+    order = (
+        np.argsort(-length, kind="stable")
+        if np.any(length >= MIN_RUN_LENGTH)
+        else np.zeros(0, dtype=np.int64)
+    )
     chance = _beyond_the_tail(length[order])
-    remarkable = np.flatnonzero(chance < SURE)
+    remarkable = np.flatnonzero(chance < FROZEN_P_VALUE)
     if not len(remarkable):
         return None
     number = int(remarkable[-1]) + 1
@@ -121,12 +125,12 @@ def frozen(record: Record, axis: str) -> Frozen | None:
     rest = [y[start:stop] for start, stop in cut(record.segments, ranges)]
     repeating = _in_one_code(y[first[candidates]], rest)
     natural = repeating ** (length[candidates] - 1.0) * len(y)
-    kept = np.flatnonzero(natural < SURE)
+    kept = np.flatnonzero(natural < FROZEN_P_VALUE)
     stretches = tuple(ranges[i] for i in kept)
     if not stretches:
         return None
     died = len(stretches) == 1 and repeating[kept[0]] == 0.0
-    if not died and sum(stop - start for start, stop in stretches) > MOST * len(y):
+    if not died and sum(stop - start for start, stop in stretches) > MAX_FROZEN_SHARE * len(y):
         return None
     pairs = sum(len(piece) - 1 for piece in rest)
     same = sum(int(np.count_nonzero(np.diff(piece) == 0.0)) for piece in rest) / pairs
@@ -157,16 +161,16 @@ def _runs(y: FloatArray, segments: Sequence[Range]) -> tuple[IntArray, IntArray]
 
 
 def _beyond_the_tail(length: IntArray) -> FloatArray:
-    """Return the chance of each run of `SHORTEST` samples and more by those that are shorter; lengths descend."""
-    number = min(int(np.count_nonzero(length >= SHORTEST)), len(length) - 4 * LONGEST)
+    """Return the chance of each run of `MIN_RUN_LENGTH` samples and more by those that are shorter; lengths descend."""
+    number = min(int(np.count_nonzero(length >= MIN_RUN_LENGTH)), len(length) - 4 * TAIL_RUN_COUNT)
     if number <= 0:
         return np.zeros(0)
-    total = np.concatenate(([0], np.cumsum(length[: number + LONGEST])))
+    total = np.concatenate(([0], np.cumsum(length[: number + TAIL_RUN_COUNT])))
     j = np.arange(number)
-    least = length[j + LONGEST]
-    excess = (total[j + 1 + LONGEST] - total[j + 1]) - LONGEST * least
-    repeat = (excess + 1.0) / (excess + 1.0 + LONGEST)
-    return np.asarray(LONGEST * np.exp(0.5 * (length[:number] - least) * np.log(repeat)))
+    least = length[j + TAIL_RUN_COUNT]
+    excess = (total[j + 1 + TAIL_RUN_COUNT] - total[j + 1]) - TAIL_RUN_COUNT * least
+    repeat = (excess + 1.0) / (excess + 1.0 + TAIL_RUN_COUNT)
+    return np.asarray(TAIL_RUN_COUNT * np.exp(0.5 * (length[:number] - least) * np.log(repeat)))
 
 
 def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
@@ -176,11 +180,11 @@ def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
     moved = np.concatenate([np.abs(np.diff(piece)) for piece in rest])
     step = lattice_step(rest)
     if step == 0.0:
-        return chance if len(others) > SINGLE * np.count_nonzero(moved) else np.ones(len(values))
+        return chance if len(others) > MIN_DISTINCT_SHARE * np.count_nonzero(moved) else np.ones(len(values))
     apart = moved > 1.5 * step
-    share = apart[: len(apart) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
-    telling = float(np.quantile(share, QUIET)) if len(share) else float(apart.mean())
-    if telling < TELLING:
+    share = apart[: len(apart) // BLOCK_PAIRS * BLOCK_PAIRS].reshape(-1, BLOCK_PAIRS).mean(axis=1)
+    telling = float(np.quantile(share, QUIET_SHARE)) if len(share) else float(apart.mean())
+    if telling < MIN_FAR_SHARE:
         return np.ones(len(values))
     u = math.exp(brentq(lambda x: _two_apart(math.exp(x)) - telling, math.log(1e-3), math.log(8.0)))
     inside = (values >= others[0]) & (values <= others[-1])
@@ -188,8 +192,8 @@ def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
     above = others[np.searchsorted(others, values, side="right")] - values
     below = values - others[np.searchsorted(others, values, side="left") - 1]
     near = np.minimum(above, below)
-    above, below = (np.where(gap * u < NEAR * step, gap, near) for gap in (above, below))
-    within = inside & (near * u < NEAR * step)
+    above, below = (np.where(gap * u < UNREACHABLE_DISTANCE * step, gap, near) for gap in (above, below))
+    within = inside & (near * u < UNREACHABLE_DISTANCE * step)
     width = np.where(within, np.maximum(above + below - step, step), step)
     return np.asarray(np.maximum(chance, erf(width * u / (step * math.sqrt(8.0)))))
 
@@ -199,8 +203,8 @@ def _at_a_rail(values: FloatArray, others: FloatArray, count: IntArray) -> NDArr
 
     `others` are the other values, in order, and `count` says how often they come.
     """
-    low = (values <= others[0]) & (count[0] >= max(PILE, count[1]))
-    high = (values >= others[-1]) & (count[-1] >= max(PILE, count[-2]))
+    low = (values <= others[0]) & (count[0] >= max(MIN_RAIL_SAMPLES, count[1]))
+    high = (values >= others[-1]) & (count[-1] >= max(MIN_RAIL_SAMPLES, count[-2]))
     at_end = (values == others[0]) | (values == others[-1])
     return np.asarray(at_end & (low | high), dtype=bool)
 

@@ -28,29 +28,29 @@ from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 
-SAMPLE = 200_000
+MAX_VALUES = 200_000
 """Values that are enough to find the step."""
-COMMON = 0.97
+MIN_CODE_SHARE = 0.97
 """Share of the samples whose values must lie on the lattice."""
-OFF = 0.1
+MAX_CODE_DISTANCE = 0.1
 """Distance from a code, in steps, at which a sample is taken for none."""
-WINDOW = 257
+MEAN_WINDOW = 257
 """Width in samples of the moving mean that parts slow from fast."""
-FLOOR = 0.01
+MIN_NOISE_VARIANCE = 0.01
 """Least variance of the noise beside a lattice, step²."""
-MANY = 30
+MIN_CODE_COUNT = 30
 """Samples in a code that make a hole beside it remarkable."""
-MOST = 1e6
+MAX_CODES = 1e6
 """Codes in the range above which they are too many: digits of arithmetic, not of a converter."""
-REACH = 16
+MAX_HOLE_LENGTH = 16
 """Longest run of empty codes that counts as a hole, codes."""
-HARMLESS = 0.1
+HARMLESS_DISTANCE = 0.1
 """Distance of two codes, in σ, below which a hole between them does no harm."""
-PEAK = 1.5
+MIN_PEAK_RATIO = 1.5
 """Samples of code 0 ÷ those of any other near it at which it stands out."""
-EXCESS = np.log(1.5)
+MIN_LOG_EXCESS = np.log(1.5)
 """Excess of zeros that is left to the shape of the noise, in the logarithm."""
-SMOOTH = 0.5
+MIN_COUNT_RATIO = 0.5
 """Least counts of codes ±2 ÷ those of codes ±1 for which five codes lie on a parabola (step 0.7 σ)."""
 
 
@@ -88,9 +88,9 @@ def lattice_step(pieces: Sequence[FloatArray]) -> float:
         Samples; steps may carry the rounding of a decimal print-out (2 % of a step). The rarest 3 % of the
         samples may lie off the lattice, as interpolated ones do, where codes are so few that they repeat.
     """
-    values, count = np.unique(np.concatenate(pieces)[:SAMPLE], return_counts=True)
+    values, count = np.unique(np.concatenate(pieces)[:MAX_VALUES], return_counts=True)
     descending = np.sort(count)[::-1]
-    values = values[count >= descending[np.searchsorted(descending.cumsum(), COMMON * count.sum())]]
+    values = values[count >= descending[np.searchsorted(descending.cumsum(), MIN_CODE_SHARE * count.sum())]]
     if len(values) < 2:
         return 0.0
     grain = 8.0 * np.spacing(np.abs(values).max())
@@ -105,7 +105,7 @@ def lattice_step(pieces: Sequence[FloatArray]) -> float:
             whole = np.maximum(np.round(gaps / step), 1.0)
             near = whole <= 1000
             step = float(gaps[near].sum() / whole[near].sum())
-        if step > max(4.0 * grain, np.ptp(values) / MOST) and np.all(
+        if step > max(4.0 * grain, np.ptp(values) / MAX_CODES) and np.all(
             np.abs(gaps - whole * step)[near] < 0.02 * step + grain
         ):
             return step
@@ -114,7 +114,7 @@ def lattice_step(pieces: Sequence[FloatArray]) -> float:
 
 def fast_part(piece: FloatArray) -> FloatArray:
     """Return a gap-free piece (n,) less its moving mean, scaled to keep the variance of white noise."""
-    width = min(WINDOW, len(piece))
+    width = min(MEAN_WINDOW, len(piece))
     mean: FloatArray = uniform_filter1d(piece, width, mode="reflect")
     noise: FloatArray = (piece - mean) / np.sqrt(1.0 - 1.0 / max(width, 2))
     return noise
@@ -137,26 +137,26 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
     """
     y = np.concatenate(pieces)
     variance = float(np.mean(np.concatenate([fast_part(p) for p in pieces]) ** 2))
-    white_sd = float(np.sqrt(max(variance - step**2 / 12.0, FLOOR * step**2)))
+    white_sd = float(np.sqrt(max(variance - step**2 / 12.0, MIN_NOISE_VARIANCE * step**2)))
     coarse = step > 2.0 * white_sd
-    if np.ptp(y) / step > MOST:
+    if np.ptp(y) / step > MAX_CODES:
         return Codes(white_sd, coarse, 0.0, 0, 1.0)
     origin = float(np.partition(y, len(y) // 2)[len(y) // 2])
     place = (y - origin) / step
     code = np.round(place)
-    code = code[np.abs(place - code) < OFF].astype(np.int64)
+    code = code[np.abs(place - code) < MAX_CODE_DISTANCE].astype(np.int64)
     low = int(code.min())
     count = np.bincount(code - low)
     if coarse:
         zero = round(-origin / step) - low
-        inside = 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY
+        inside = 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MIN_CODE_COUNT
         return Codes(white_sd, coarse, step * _gap(count, zero) if inside else 0.0, 0, 1.0)
-    holes, p_hole = _holes(count, HARMLESS * white_sd / step)
+    holes, p_hole = _holes(count, HARMLESS_DISTANCE * white_sd / step)
     zero = round(-origin / step) - low
     deadband, p_zero = 0.0, 1.0
-    if 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MANY and _stands_out(count, zero):
-        beside, p_zero = _holes(count[max(zero - REACH, 0) : zero + REACH + 1], 0.0)
-        is_dead = bool({-1, 1} & set((beside - min(zero, REACH)).tolist()))
+    if 0 <= zero < len(count) and np.count_nonzero(y == 0.0) >= MIN_CODE_COUNT and _stands_out(count, zero):
+        beside, p_zero = _holes(count[max(zero - MAX_HOLE_LENGTH, 0) : zero + MAX_HOLE_LENGTH + 1], 0.0)
+        is_dead = bool({-1, 1} & set((beside - min(zero, MAX_HOLE_LENGTH)).tolist()))
         if not is_dead:
             p_zero = _zero_excess(count, zero)
         if is_dead or p_zero < 1e-3:
@@ -176,15 +176,15 @@ def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], fl
     after = np.searchsorted(filled, empty)
     left, right = filled[after - 1], filled[after]
     least = np.minimum(count[left], count[right])
-    hole = (least >= MANY) & (right - left <= REACH) & (right - left >= width)
+    hole = (least >= MIN_CODE_COUNT) & (right - left <= MAX_HOLE_LENGTH) & (right - left >= width)
     return empty[hole], float(np.exp(-0.5 * least[hole].max())) if hole.any() else 1.0
 
 
 def _stands_out(count: NDArray[np.int64], zero: int) -> bool:
     """Tell whether code 0 has half as many samples again as any other near it."""
-    around = count[max(zero - REACH, 0) : zero + REACH + 1].copy()
-    around[min(zero, REACH)] = 0
-    return bool(count[zero] > PEAK * around.max())
+    around = count[max(zero - MAX_HOLE_LENGTH, 0) : zero + MAX_HOLE_LENGTH + 1].copy()
+    around[min(zero, MAX_HOLE_LENGTH)] = 0
+    return bool(count[zero] > MIN_PEAK_RATIO * around.max())
 
 
 def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
@@ -192,16 +192,16 @@ def _zero_excess(count: NDArray[np.int64], zero: int) -> float:
     if not 2 <= zero < len(count) - 2:
         return 1.0
     near, far = count[[zero - 1, zero + 1]], count[[zero - 2, zero + 2]]
-    if min(near.min(), far.min()) < MANY or far.sum() < SMOOTH * near.sum():
+    if min(near.min(), far.min()) < MIN_CODE_COUNT or far.sum() < MIN_COUNT_RATIO * near.sum():
         return 1.0
     excess = np.log(count[zero]) - (4.0 * np.log(near).mean() - np.log(far).mean()) / 3.0
     variance = 1.0 / count[zero] + 4.0 / 9.0 * np.sum(1.0 / near) + np.sum(1.0 / far) / 36.0
-    return float(norm.sf((excess - EXCESS) / np.sqrt(variance)))
+    return float(norm.sf((excess - MIN_LOG_EXCESS) / np.sqrt(variance)))
 
 
 def _gap(count: NDArray[np.int64], zero: int) -> float:
     """Return the half-width in steps of a dead band that leaves codes beside 0 empty; 0 where there is none."""
-    beside = [np.flatnonzero(side[:REACH]) for side in (count[zero + 1 :], count[:zero][::-1])]
+    beside = [np.flatnonzero(side[:MAX_HOLE_LENGTH]) for side in (count[zero + 1 :], count[:zero][::-1])]
     first = [int(side[0]) for side in beside if len(side)]
     return float(min(first)) + 0.5 if first and min(first) > 0 else 0.0
 
@@ -211,7 +211,7 @@ def _deadband(count: NDArray[np.int64], zero: int) -> float:
     halves = []
     for side in (count[zero + 1 :], count[:zero][::-1]):
         filled = np.flatnonzero(side)
-        if len(filled) and filled[0] + 1 < len(side) and side[filled[0] + 1] >= MANY:
+        if len(filled) and filled[0] + 1 < len(side) and side[filled[0] + 1] >= MIN_CODE_COUNT:
             first = filled[0]
             halves.append(first + 0.5 + max(0.0, 1.0 - side[first] / side[first + 1]))
     return float(np.mean(halves)) if halves else 0.0

@@ -39,27 +39,27 @@ from scipy.stats import binom, norm, t
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-BLOCKS = 200
+BLOCK_COUNT = 200
 """Blocks that a record is cut into."""
 LEAST_BLOCK = 100
 """Least length of a block, samples."""
-FEW = 400
+MIN_EQUALITIES = 400
 """Equalities below which the binomial test stands in for the scatter of the blocks."""
-FINE = 2.0
+MIN_FINE_SD = 2.0
 """Least sd of the differences on a fine lattice, steps."""
-WIDEST = 8
+MAX_DIFFERENCE_STEPS = 8
 """Largest difference that tells how many are 0 by chance, steps."""
-COLOURED = 0.5
+MAX_COLOURED_DIFFERENCE = 0.5
 """Largest difference of coloured noise, sd of the differences: further out its law may be another at lag 1."""
-LAGS = 9
+MAX_LAG = 9
 """Largest lag at which equalities tell chance."""
-ALIKE = 0.02
+LAG_TOLERANCE = 0.02
 """Relative difference of R between two lags up to which one tells chance as well as the other."""
-COARSE = 0.2
+MIN_SQUARE_DIFFERENCE = 0.2
 """Mean square of neighbours' differences, step², below which a lattice hides what is held."""
-ITERATIONS = 200
+MAX_ITERATIONS = 200
 """Steps at most to the noise that moves as much as the codes do."""
-SHAPE = 0.6
+SHAPE_SHARE = 0.6
 """Share of the correction for colour that is left to the shape of the noise."""
 
 
@@ -111,8 +111,8 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
 
 def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
     """Return the test of equalities at lag 1 by those at the other lags."""
-    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
-    rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > LAGS + LEAST_BLOCK // 2]
+    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCK_COUNT)
+    rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > MAX_LAG + LEAST_BLOCK // 2]
     if not rows or any(_hides(pieces, j, step) for j, step in enumerate(steps)):
         return Held(0.0, 1.0, 0.0, (0.0, 1.0))
     equal, ratio, pairs = (np.concatenate(part) for part in zip(*rows, strict=True))
@@ -124,13 +124,13 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
     lags = _alike(colour)
     colour = colour[lags - 1]
     scaled = equal[:, lags] * ratio[:, lags - 1]
-    margin = np.maximum(1.0 + SHAPE * np.abs(colour - 1.0), 1.0 / colour)
+    margin = np.maximum(1.0 + SHAPE_SHARE * np.abs(colour - 1.0), 1.0 / colour)
     excess = equal[:, 0] - np.mean(scaled * margin, axis=1)
     first, later, n = float(equal[:, 0].sum()), float(equal[:, lags].sum()), float(pairs.sum())
     scatter = math.sqrt(len(excess)) * float(np.std(excess, ddof=1)) if len(excess) > 1 else n
     sd = max(scatter, math.sqrt(first), 1.0)
     statistic = float(excess.sum()) / sd
-    if first + later < FEW:
+    if first + later < MIN_EQUALITIES:
         odds = float(np.sum(scaled * margin)) / later if later else float(np.mean(colour * margin))
         p_value = float(binom.sf(first - 1, first + later, odds / (odds + len(lags))))
     else:
@@ -149,17 +149,17 @@ def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held | None:
         for lag in (1, 2)
     )
     spread = near / steps[0]
-    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCKS)
-    if spread < FINE:
+    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCK_COUNT)
+    if spread < MIN_FINE_SD:
         return None
-    white = abs(far / near - 1.0) < ALIKE
-    reach = max(round(min(spread if white else COLOURED * spread, WIDEST)), 2)
-    long = [piece[:, 0] for piece in pieces if len(piece) >= block + LAGS]
+    white = abs(far / near - 1.0) < LAG_TOLERANCE
+    reach = max(round(min(spread if white else MAX_COLOURED_DIFFERENCE * spread, MAX_DIFFERENCE_STEPS)), 2)
+    long = [piece[:, 0] for piece in pieces if len(piece) >= block + MAX_LAG]
     if not long:
         return None
     rows = np.concatenate([_differences(y, steps[0], reach, block) for y in long]).astype(float)
     counts = rows.sum(axis=0)
-    if len(rows) < 2 or counts.min() < FEW:
+    if len(rows) < 2 or counts.min() < MIN_EQUALITIES:
         return None
     j = np.arange(1.0, reach + 1.0)
     weight = np.linalg.pinv(np.stack((np.ones(reach), j * j), axis=1))[0]
@@ -186,7 +186,7 @@ def _held(
 
 def _alike(ratio: FloatArray) -> IntArray:
     """Return the lags, less 1, that tell chance as lag 2 does, by R of the lags from 2 on."""
-    return 1 + np.flatnonzero(np.abs(ratio / ratio[0] - 1.0) < ALIKE)
+    return 1 + np.flatnonzero(np.abs(ratio / ratio[0] - 1.0) < LAG_TOLERANCE)
 
 
 def _edges(n: int, block: int) -> IntArray:
@@ -195,13 +195,15 @@ def _edges(n: int, block: int) -> IntArray:
 
 
 def _differences(y: FloatArray, step: float, reach: int, block: int) -> IntArray:
-    """Return how many samples of each block differ by 0, ±1 … ±reach steps from those 1 … `LAGS` before."""
-    number = (len(y) - LAGS) // block
-    last = LAGS + number * block
+    """Return how many samples of each block differ by 0, ±1 … ±reach steps from those 1 … `MAX_LAG` before."""
+    number = (len(y) - MAX_LAG) // block
+    last = MAX_LAG + number * block
     start = (reach + 2) * np.repeat(np.arange(number), block)
-    rows = np.empty((number, LAGS, reach + 1), dtype=np.int64)
-    for lag in range(1, LAGS + 1):
-        size = np.minimum(np.abs(np.round((y[LAGS:last] - y[LAGS - lag : last - lag]) / step)), reach + 1)
+    rows = np.empty((number, MAX_LAG, reach + 1), dtype=np.int64)
+    for lag in range(1, MAX_LAG + 1):
+        size = np.minimum(
+            np.abs(np.round((y[MAX_LAG:last] - y[MAX_LAG - lag : last - lag]) / step)), reach + 1
+        )
         counts = np.bincount(start + size.astype(np.int64), minlength=number * (reach + 2))
         rows[:, lag - 1] = counts.reshape(number, reach + 2)[:, : reach + 1]
     return rows
@@ -210,19 +212,19 @@ def _differences(y: FloatArray, step: float, reach: int, block: int) -> IntArray
 def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
     """Tell whether the lattice is so coarse that equal neighbours are the rule."""
     squares = np.concatenate([np.diff(piece[:, column]) ** 2 for piece in pieces])
-    return bool(np.mean(squares) < COARSE * step**2)
+    return bool(np.mean(squares) < MIN_SQUARE_DIFFERENCE * step**2)
 
 
 def _counts(y: FloatArray, steps: Sequence[float], block: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return equalities at lags 1 … `LAGS`, (blocks, lags), R of lags 2 …, (blocks, lags − 1), and numbers of pairs.
+    """Return equalities at lags 1 … `MAX_LAG`, (blocks, lags), R of lags 2 …, (blocks, lags − 1), and numbers of pairs.
 
     R is not finite where a block cannot tell.
     """
-    edges = _edges(len(y) - LAGS, block)
-    pairs = np.diff(edges, append=len(y) - LAGS).astype(float)
-    equal, chance = np.empty((len(edges), LAGS)), np.ones((len(edges), LAGS))
-    for lag in range(1, LAGS + 1):
-        moved = y[LAGS:] - y[LAGS - lag : len(y) - lag]
+    edges = _edges(len(y) - MAX_LAG, block)
+    pairs = np.diff(edges, append=len(y) - MAX_LAG).astype(float)
+    equal, chance = np.empty((len(edges), MAX_LAG)), np.ones((len(edges), MAX_LAG))
+    for lag in range(1, MAX_LAG + 1):
+        moved = y[MAX_LAG:] - y[MAX_LAG - lag : len(y) - lag]
         equal[:, lag - 1] = np.add.reduceat(np.all(moved == 0.0, axis=1), edges, dtype=float)
         for j, step in enumerate(steps):
             moving = np.add.reduceat(moved[:, j] != 0.0, edges, dtype=float)
@@ -237,7 +239,7 @@ def _chance(square: FloatArray, step: float) -> FloatArray:
     The mean square of all differences is s² + D²/6 = (1 − g(s)) · square, solved by iteration.
     """
     g = np.zeros_like(square)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         last = g
         variance = np.maximum((1.0 - g) * square - step**2 / 6.0, 0.01 * step**2)
         g = chance_equality(np.sqrt(variance), step)

@@ -37,27 +37,27 @@ from scipy.signal import lfilter
 from scipy.special import ndtr
 from scipy.stats import nbinom, poisson
 
-from tuner.diagnosis.data_quality.quantizer import FLOOR, fast_part
+from tuner.diagnosis.data_quality.quantizer import MIN_NOISE_VARIANCE, fast_part
 
 FloatArray = NDArray[np.float64]
 
-ORDER = 32
+PREDICTION_ORDER = 32
 """Samples that a prediction looks back."""
-BLOCK = 4096
+BLOCK_SAMPLES = 4096
 """Samples over which σ is constant."""
-LEAST = 3
+MIN_RAIL_SAMPLES = 3
 """Samples at a rail that make it one."""
-COARSE = 1.2
+MAX_PREDICTED_STEP = 1.2
 """Step ÷ σ above which a prediction from rounded samples is too far from normal."""
-FINE = 0.15
+MAX_COUNTED_STEP = 0.15
 """Largest step ÷ sd at which what is piled up at a rail shows in its count."""
-FAR = 5.0
+SPIKE_DEVIATIONS = 5.0
 """Deviations beyond which samples are spikes."""
-UNLIKELY = 1e-3
+END_P_VALUE = 1e-3
 """Chance below which samples at an end are more than the noise brings there."""
-DIGITS = 1e6
+MIN_DISTINCT_VALUES = 1e6
 """Values in the range of data without a lattice, at least."""
-STEEPER = 2.0
+MAX_TAIL_STEEPNESS = 2.0
 """Factor by which a tail may fall faster than that of a Gaussian."""
 
 
@@ -110,7 +110,7 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
         if step > 0
         else _ties(pieces, level)
     )
-    if count < LEAST:
+    if count < MIN_RAIL_SAMPLES:
         return Rail(level, count, 0.0, 1.0)
     noises = [fast_part(piece) for piece in pieces]
     spread = math.sqrt(float(np.mean(np.concatenate(noises) ** 2)))
@@ -118,7 +118,7 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     whitener = _prediction_error_filter(noises)
     errors = [lfilter(whitener, [1.0], noise) for noise in noises]
     sd = math.sqrt(float(np.mean(np.concatenate(errors) ** 2)))
-    if sd == 0.0 or step > COARSE * sd:
+    if sd == 0.0 or step > MAX_PREDICTED_STEP * sd:
         return Rail(level, count, 0.0, 1.0)
     crossings = _crossings(pieces, errors, level + slack, step)
     edges = [level - slack - k * width for k in range(3)]
@@ -126,7 +126,7 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
     inside = _crossings(pieces, errors, edges[1], step)
     lightness = min(1.0, beyond[1] / inside) if inside > 0.0 else 1.0
     p_value = math.exp(-crossings * lightness**2)
-    if step <= FINE * spread:
+    if step <= MAX_COUNTED_STEP * spread:
         p_value = max(p_value, _pile(count, beyond[1] - count, beyond[2] - beyond[1], step, width, spread))
         if _reachable(pieces, level, slack, count, crossings, spread):
             p_value = min(p_value, _tie(pieces, level, step, spread))
@@ -137,11 +137,11 @@ def _reachable(
     pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
 ) -> bool:
     """Tell whether the noise reaches the end, or explains all samples there, or whether as many others are far off."""
-    if crossings > 1.0 or poisson.sf(count - 1, crossings) > UNLIKELY:
+    if crossings > 1.0 or poisson.sf(count - 1, crossings) > END_P_VALUE:
         return True
     y = np.concatenate(pieces)
     away = np.abs(y - np.median(y))
-    far = away > FAR * spread
+    far = away > SPIKE_DEVIATIONS * spread
     return bool(np.count_nonzero(far & (y < level - slack)) >= count)
 
 
@@ -150,9 +150,9 @@ def _tie(pieces: Sequence[FloatArray], level: float, step: float, spread: float)
     y = np.concatenate(pieces)
     at = y > level - 0.5 * step if step > 0 else y == level
     visits = int(np.count_nonzero(np.diff(at.astype(np.int8), prepend=np.int8(0)) > 0))
-    grain = max(step, float(np.ptp(y)) / DIGITS)
+    grain = max(step, float(np.ptp(y)) / MIN_DISTINCT_VALUES)
     rate = max(level - float(np.median(y)), spread) / spread**2
-    return float(-math.expm1(-STEEPER * rate * grain)) ** max(visits - 1, 0)
+    return float(-math.expm1(-MAX_TAIL_STEEPNESS * rate * grain)) ** max(visits - 1, 0)
 
 
 def _ties(pieces: Sequence[FloatArray], level: float) -> int:
@@ -164,10 +164,12 @@ def _crossings(pieces: Sequence[FloatArray], errors: Sequence[FloatArray], edge:
     expected = 0.0
     for piece, error in zip(pieces, errors, strict=True):
         prediction = piece - error
-        for i in range(ORDER, len(piece), BLOCK):
-            square = float(np.mean(error[i : i + BLOCK] ** 2))
-            sigma = math.sqrt(max(square - step**2 / 12.0, FLOOR * step**2, np.finfo(float).tiny))
-            expected += float(np.sum(ndtr((prediction[i : i + BLOCK] - edge) / sigma)))
+        for i in range(PREDICTION_ORDER, len(piece), BLOCK_SAMPLES):
+            square = float(np.mean(error[i : i + BLOCK_SAMPLES] ** 2))
+            sigma = math.sqrt(
+                max(square - step**2 / 12.0, MIN_NOISE_VARIANCE * step**2, np.finfo(float).tiny)
+            )
+            expected += float(np.sum(ndtr((prediction[i : i + BLOCK_SAMPLES] - edge) / sigma)))
     return expected
 
 
@@ -188,11 +190,13 @@ def _pile(count: int, first: int, second: int, step: float, width: float, spread
 
 
 def _prediction_error_filter(noises: Sequence[FloatArray]) -> FloatArray:
-    """Return 1, −a_1, …, −a_p of the autoregression of order `ORDER` that the noise has (Yule–Walker)."""
-    covariance = np.zeros(ORDER + 1)
+    """Return 1, −a_1, …, −a_p of the autoregression of order `PREDICTION_ORDER` that the noise has (Yule–Walker)."""
+    covariance = np.zeros(PREDICTION_ORDER + 1)
     for noise in noises:
-        if len(noise) > ORDER:
-            covariance += [float(noise[lag:] @ noise[: len(noise) - lag]) for lag in range(ORDER + 1)]
+        if len(noise) > PREDICTION_ORDER:
+            covariance += [
+                float(noise[lag:] @ noise[: len(noise) - lag]) for lag in range(PREDICTION_ORDER + 1)
+            ]
     if covariance[0] == 0.0:
         return np.array([1.0])
     covariance[0] *= 1.0 + 1e-9

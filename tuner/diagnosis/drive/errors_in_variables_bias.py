@@ -36,9 +36,9 @@ from tuner.types.records import DataError, Drive
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-SEED = 0
+ADDED_NOISE_SEED = 0
 """Seed of the noise that is added: the same drive gives the same diagnosis."""
-RIDGE = 0.05
+PRIOR_RIDGE = 0.05
 """λ: information, in units of the prior's, below which the bias of a constant is left in."""
 MAX_CHANGE = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
@@ -55,7 +55,9 @@ def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
         Of the drive.
     """
     try:
-        other = run_filter(with_more_noise(drive, run, np.random.default_rng(SEED)), run.hypothesis)
+        other = run_filter(
+            with_more_noise(drive, run, np.random.default_rng(ADDED_NOISE_SEED)), run.hypothesis
+        )
     except DataError:
         return np.zeros(len(run.linearized.parameters))
     white, slope, rows = _whitened(run)
@@ -64,7 +66,7 @@ def errors_in_variables_bias(drive: Drive, run: FilterRun) -> FloatArray:
     prior = prior_sds(run.linearized.parameters)
     s = slope[rows] * prior
     pull = (slope_1[rows] * prior - s).T @ np.clip(white_1[rows] - white[rows], -MAX_CHANGE, MAX_CHANGE)
-    return np.asarray(prior * np.linalg.solve(RIDGE * np.eye(len(prior)) + s.T @ s, pull))
+    return np.asarray(prior * np.linalg.solve(PRIOR_RIDGE * np.eye(len(prior)) + s.T @ s, pull))
 
 
 def with_more_noise(drive: Drive, run: FilterRun, rng: np.random.Generator) -> Drive:

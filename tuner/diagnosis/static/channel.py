@@ -22,17 +22,17 @@ from tuner.types.records import DataError, Record
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-BLOCKS = 4096
+BLOCK_COUNT = 4096
 """Blocks that a record is cut into, within 5 %, where it has that many samples."""
-LOST = 1e-3
+MAX_LOST_SHARE = 1e-3
 """Share of the samples, at the end, that may be left out for blocks whose transforms are fast."""
-FAST = 11
+SLOW_PRIME = 11
 """Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
-DIGITS = 1e-9
+ARITHMETIC_SD = 1e-9
 """Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
-SHORTEST = 1024
+MIN_SAMPLES = 1024
 """Samples below which nothing is said."""
-BESIDE = 128
+GAP_NEIGHBOURS = 128
 """Samples on either side of a gap that tell its levels."""
 LONGEST_GAP = 0.02
 """Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken."""
@@ -106,12 +106,12 @@ class Channel:
 
     def bridged(self, columns: FloatArray) -> FloatArray:
         """Return templates on the blocks, shape (M, p), filled as the samples are in blocks that have none."""
-        return bridged(columns, self.empty, -(-BESIDE // self.block))
+        return bridged(columns, self.empty, -(-GAP_NEIGHBOURS // self.block))
 
     def part(self, first: int, last: int) -> Channel | None:
         """Return samples first … last − 1 as a channel of their own, or None where they are too few."""
         length = last - first
-        if length < SHORTEST:
+        if length < MIN_SAMPLES:
             return None
         block, length = _cut(length)
         coarse = {
@@ -162,8 +162,8 @@ def channel(
     place -= place[0]
     source = np.concatenate([np.arange(*piece) for piece in chosen])
     n = int(place[-1]) + 1
-    if n < SHORTEST:
-        msg = f"{record.source or record.name}: {axis} has {n} samples, expected {SHORTEST} or more; record longer"
+    if n < MIN_SAMPLES:
+        msg = f"{record.source or record.name}: {axis} has {n} samples, expected {MIN_SAMPLES} or more; record longer"
         raise DataError(msg)
     block, n = _cut(n)
     keep = place < n
@@ -209,7 +209,7 @@ def computed(y: FloatArray) -> float | None:
     middle, both = d[1:-1], d[2:] + d[:-2]
     twice = float(middle @ both) / float(middle @ middle)
     left = both - twice * middle
-    if float(np.std(left)) > DIGITS * float(np.std(y)):
+    if float(np.std(left)) > ARITHMETIC_SD * float(np.std(y)):
         return None
     cycles = float(np.arccos(np.clip(0.5 * twice, -1.0, 1.0))) / (2.0 * np.pi)
     return cycles if cycles * len(y) > 0.01 else 0.0
@@ -217,11 +217,16 @@ def computed(y: FloatArray) -> float | None:
 
 def _cut(n: int) -> tuple[int, int]:
     """Return the length of a block and how many samples are kept, out of n: all but a few, of small prime factors."""
-    block = n / BLOCKS
+    block = n / BLOCK_COUNT
     lengths = range(max(1, round(0.95 * block)), max(1, round(1.05 * block)) + 1)
-    tried = [(size, m) for size in lengths for m in range(n // size, -int(-n * (1.0 - LOST) // size) - 1, -1)]
+    tried = [
+        (size, m)
+        for size in lengths
+        for m in range(n // size, -int(-n * (1.0 - MAX_LOST_SHARE) // size) - 1, -1)
+    ]
     size, m = min(
-        tried, key=lambda cut: (max(_largest_prime(cut[0]), _largest_prime(cut[1]), FAST), -cut[0] * cut[1])
+        tried,
+        key=lambda cut: (max(_largest_prime(cut[0]), _largest_prime(cut[1]), SLOW_PRIME), -cut[0] * cut[1]),
     )
     return size, size * m
 
@@ -260,7 +265,7 @@ def fill(y: FloatArray, missing: BoolArray, sd: float, rng: np.random.Generator)
     """
     if not np.any(missing):
         return y
-    out = bridged(y, missing, BESIDE)
+    out = bridged(y, missing, GAP_NEIGHBOURS)
     out[missing] += sd * rng.standard_normal(int(missing.sum()))
     return out
 

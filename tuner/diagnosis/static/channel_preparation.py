@@ -18,7 +18,7 @@ from tuner.types.records import DataError, Record
 
 BoolArray = NDArray[np.bool_]
 
-HELD = 0.3
+MAX_BRIDGED_SHARE = 0.3
 """Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
 
 
@@ -54,7 +54,7 @@ def prepared(
         if "duplicates" in mine:
             test = mine["duplicates"]
             held = _held(alive(record, test.channels, stuck), test, seed)
-        if held is not None and held.mean() > HELD:
+        if held is not None and held.mean() > MAX_BRIDGED_SHARE:
             source, held = _thinned(source, ~held), None
         try:
             even = channel(source, axis, lattice=step, held=held, seed=seed)

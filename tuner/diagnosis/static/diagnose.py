@@ -13,7 +13,7 @@ from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
-from tuner.diagnosis.static.channel import SHORTEST, Channel, channel
+from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.findings import findings, joins, model_of, words
 from tuner.diagnosis.static.held_out_gain import with_gains
@@ -25,7 +25,7 @@ from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.types import Diagnosis, Finding, Unexplained
 from tuner.types.records import DataError, Record
 
-MOSTLY = 0.4
+MAX_MOVING_SHARE = 0.4
 """Share of a record that may move before only its longest still part is analysed."""
 SAME_RATE = 0.01
 """Relative difference of two sampling intervals up to which they are one."""
@@ -117,8 +117,8 @@ def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
     if refused or moved is None:
         return refused[0] if refused else "no channel to diagnose; give a record with at least one axis"
     return (
-        f"the sensor moved in so much of the record that no part of {SHORTEST} samples or more is known to be still; "
-        "give a log of one stand-still"
+        f"the sensor moved in so much of the record that no part of {MIN_SAMPLES} samples or more is known to be "
+        "stationary; give a log of one stand-still"
     )
 
 
@@ -216,7 +216,7 @@ def _motion(
                 "motion",
                 axes,
                 "steps between short means ÷ their deviation",
-                motion.THRESHOLD,
+                motion.STEP_THRESHOLD,
                 1e-10,
                 parameters,
                 words("motion", axes, motion.Motion.meaning, parameters),
@@ -224,7 +224,7 @@ def _motion(
             )
         )
     share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])
-    if share <= MOSTLY:
+    if share <= MAX_MOVING_SHARE:
         return found, [(c, extensions) for c in channels]
     first, last = _longest_still(stretches, len(channels[0]))
     return found, [(part, ()) for c in channels if (part := c.part(first, last)) is not None]

@@ -21,7 +21,7 @@ from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
-AGREE = 4.0
+AGREEMENT_SDS = 4.0
 """Standard deviations within which they do."""
 
 
@@ -134,7 +134,7 @@ def _locating(cause: str) -> tuple[str, ...]:
 
 def _agree(a: Coefficient, b: Coefficient) -> bool:
     (mean_a, sd_a), (mean_b, sd_b) = _moments(a), _moments(b)
-    return abs(mean_a - mean_b) <= AGREE * float(np.hypot(sd_a, sd_b)) + 1e-12 * abs(mean_a)
+    return abs(mean_a - mean_b) <= AGREEMENT_SDS * float(np.hypot(sd_a, sd_b)) + 1e-12 * abs(mean_a)
 
 
 def _moments(c: Coefficient) -> tuple[float, float]:

@@ -38,9 +38,9 @@ from tuner.types import Gain
 
 FloatArray = NDArray[np.float64]
 
-SHARE = 0.6
+FITTED_SHARE = 0.6
 """Part of a single record that the parameters are taken from."""
-HORIZON = 60.0
+PREDICTION_HORIZON = 60.0
 """Length of the means whose change a user has to expect, s."""
 
 
@@ -76,7 +76,7 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
     if second is not None:
         test = _Test(second, second, 0)
     else:
-        cut = int(SHARE * len(whole))
+        cut = int(FITTED_SHARE * len(whole))
         part, rest = whole.part(0, cut), whole.part(cut, len(whole))
         split = "60/40"
         if part is not None and rest is not None:
@@ -202,7 +202,7 @@ def _user(before: Residual, after: Residual, test: _Test) -> dict[str, tuple[flo
     """Return how far the mean of a minute changes to the next one, and the white density, before and after."""
     unit, scale = before.channel.unit, before.channel.scale
     figures = {}
-    size = round(HORIZON / test.channel.interval)
+    size = round(PREDICTION_HORIZON / test.channel.interval)
     if len(test.channel) > 4 * size:
         changes = [_change(found, test, size) * scale for found in (before, after)]
         figures[f"bias_prediction_60s [{unit}]"] = (changes[0], changes[1])

@@ -1,7 +1,7 @@
 """Every hypothesis test on one residual, and the budget of false alarms that they share.
 
-The tests of one channel share `BUDGET`, that of a whole data set: each cause gets budget ÷ (all shares × channels), and
-those that search hundreds of thousands of frequencies several such shares [1]_: the least amplitude that is found falls
+The tests of one channel share `FALSE_ALARM_BUDGET`, that of a whole data set: each cause gets
+budget ÷ (all shares × channels), and those that search hundreds of thousands of frequencies several such shares [1]_: the least amplitude that is found falls
 there, and hardly rises elsewhere.
 
 References
@@ -22,11 +22,11 @@ from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
 from tuner.diagnosis.static.variance.level import course
 
-BUDGET = 3e-3
+FALSE_ALARM_BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""
 TESTS_WITHOUT_CAUSE = 6
 """Tests that no cause owns: misfit of the fast and of the slow spectrum, three of the local variance, masked pairs."""
-CERTAIN = 60.0
+CERTAIN_GAIN = 60.0
 """Gain beyond which an extension is not put in question again, nats."""
 
 
@@ -37,7 +37,7 @@ def shares() -> int:
 
 def threshold(channels: int) -> float:
     """Return the chance below which a family with one share alarms, for a data set of so many channels."""
-    return BUDGET / (shares() * channels)
+    return FALSE_ALARM_BUDGET / (shares() * channels)
 
 
 def significant(result: TestResult, threshold: float) -> bool:
@@ -80,7 +80,7 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     tested = few_shapes(fitted)
     unnamed = TestResult("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)
     humps = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
-    certain = any(hump.gain > CERTAIN for hump in humps)
+    certain = any(hump.gain > CERTAIN_GAIN for hump in humps)
     if fitted.count("lowpass", "colour") or (certain and not whole):
         return (*humps, unnamed)
     known, tested = tested, many_shapes(tested)

@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.hypothesis_tests import is_open
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual, extended, without
 from tuner.diagnosis.static.outcome import TestResult
 
@@ -52,7 +52,7 @@ def test(fitted: Residual) -> TestResult | None:
     value, pair = max(judged, key=lambda item: item[0])
     ratio = max(0.0, 2.0 * (value - fitted.fit.log_likelihood))
     price = float(np.prod([_number(candidates[i]) for i in pair]))
-    p_value = min(1.0, price * float(chi2.sf(SHRINK * ratio, 2)))
+    p_value = min(1.0, price * float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 2)))
     gain = 0.5 * ratio - float(np.log(price)) - 0.5 * float(np.log(fitted.channel.blocks))
     return TestResult(
         PAIR,
@@ -78,7 +78,7 @@ def replacing_pair(fitted: Residual, threshold: float) -> tuple[int, TestResult]
         return None
     places = Step.different_in_pairs
     ratio = pair.statistic - 2.0 * max(0.0, fitted.fit.log_likelihood - fewer.fit.log_likelihood)
-    p_value = min(1.0, places * float(chi2.sf(SHRINK * max(ratio, 0.0), 1)))
+    p_value = min(1.0, places * float(chi2.sf(SLOW_RATIO_FACTOR * max(ratio, 0.0), 1)))
     if p_value > threshold or 0.5 * ratio < np.log(places) + 0.25 * np.log(fitted.channel.blocks):
         return None
     return slow[0], replace(pair, p_value=min(pair.p_value, p_value))

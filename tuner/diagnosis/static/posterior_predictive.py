@@ -22,7 +22,7 @@ from tuner.diagnosis.static.search import SearchResult
 
 FloatArray = NDArray[np.float64]
 
-BANDS = 96
+BAND_COUNT = 96
 """Bands of the spectrum, evenly spaced in the logarithm of the frequency."""
 
 
@@ -74,7 +74,7 @@ def bands(fitted: Residual, replicas: int, seed: int) -> dict[str, Band]:
     """
     n = len(fitted.channel)
     clusters = np.unique(np.geomspace(1, n // 5, 40).astype(int))
-    edges = np.unique(np.geomspace(1, n, BANDS).astype(int))
+    edges = np.unique(np.geomspace(1, n, BAND_COUNT).astype(int))
     measured = _curves(fitted, clusters, edges)
     ratios: dict[str, list[FloatArray]] = {name: [] for name in measured}
     kept = tuple(x for x in fitted.extensions if type(x).clean_samples is Extension.clean_samples)

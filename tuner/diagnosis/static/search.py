@@ -1,8 +1,8 @@
 """The loop: fit, test, extend by what gains most, fit again, until the panel is quiet.
 
 An extension is accepted where its family alarms and its penalised gain is the largest. What alarmed as well and
-falls silent with it is a rival; rivals within `CLOSE` nats are its alternatives. When nothing alarms any more, each
-extension is taken out in turn and stays out unless its own test then alarms.
+falls silent with it is a rival; rivals within `ALTERNATIVE_NATS` nats are its alternatives. When no test rejects any more,
+each extension is taken out in turn and stays out unless its own test then alarms.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.hypothesis_tests import CERTAIN, hypothesis_tests, retest, significant
+from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tests, retest, significant
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
 from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
@@ -31,16 +31,16 @@ from tuner.diagnosis.static.model.residual import Residual, relabelled, residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Alternative, Gain
 
-PASSES = 16
-POLISHES = 2
+MAX_PASSES = 16
+MAX_REFITS = 2
 """Times that parameters are fitted again beside each other after a new extension, at most."""
-CLOSE = 3.0
+ALTERNATIVE_NATS = 3.0
 """Nats within which a rival counts as an alternative."""
-SHARE = 0.2
+MIN_GAIN_SHARE = 0.2
 """Share of the largest gain from which an alarm of another group is believed in the same pass."""
 GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
 """Groups of which one cause each can be accepted in the same pass."""
-LATE = 24.0
+LAG_LIKELIHOOD_RATIO = 24.0
 """Likelihood ratio from which a lag is believed beside a temperature: χ²₁ at 1e-5, a dozen lags tried."""
 
 
@@ -106,7 +106,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     alarms: tuple[TestResult, ...] = ()
     fresh = 0
     quiet: tuple[TestResult, ...] = ()
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         before, alarms = alarms, hypothesis_tests(found, quiet)
         if quiet and not any(_raised(alarms, threshold)):
             alarms = hypothesis_tests(found)
@@ -137,7 +137,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             base = residual(channel, wider[: len(given)], starts=base.starts)
             fresh, quiet = 0, ()
             continue
-        if broad and max(alarm.gain for alarm in broad) > SHARE * chosen[0].gain:
+        if broad and max(alarm.gain for alarm in broad) > MIN_GAIN_SHARE * chosen[0].gain:
             chosen = [max(broad, key=lambda alarm: alarm.gain)]
         new: list[Extension] = []
         for alarm in chosen:
@@ -149,7 +149,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
         quiet = _still_quiet(alarms, threshold, new)
         starts = None if any(x.broad for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
-        for _ in range(POLISHES if any(x.group == "fast spectrum" for x in new) else 1):
+        for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
             polished = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
             if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
                 break
@@ -240,7 +240,11 @@ def _clearest(raised: list[TestResult]) -> list[TestResult]:
             and not (alarm.cause in causes and causes[alarm.cause].only_if_clearest)
         ]
         clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
-        if group_of(best.cause) != group and clearest is not best and clearest.gain > SHARE * best.gain:
+        if (
+            group_of(best.cause) != group
+            and clearest is not best
+            and clearest.gain > MIN_GAIN_SHARE * best.gain
+        ):
             chosen.append(clearest)
     return chosen
 
@@ -263,10 +267,12 @@ def _with_rivals(
         and group_of(a.cause) == group
         and a.cause != one.alarm.cause
         and significant(a, threshold)
-        and a.gain > max(one.alarm.gain - CLOSE, 0.0)
+        and a.gain > max(one.alarm.gain - ALTERNATIVE_NATS, 0.0)
     }
     if one.alarm.cause == "gauss_markov":
-        rivals |= {a.cause: _twin(a) for a in before if a.cause == "telegraph" and a.statistic > -CLOSE}
+        rivals |= {
+            a.cause: _twin(a) for a in before if a.cause == "telegraph" and a.statistic > -ALTERNATIVE_NATS
+        }
     return replace(one, alternatives=tuple(rivals.values()))
 
 
@@ -283,7 +289,7 @@ def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tupl
     at = 0
     given = len(fitted.extensions) - len(accepted)
     while len(accepted) > 1 and at < len(accepted):
-        if accepted[at].alarm.gain > CERTAIN:
+        if accepted[at].alarm.gain > CERTAIN_GAIN:
             at += 1
             continue
         fewer = without(fitted, given + at)
@@ -312,8 +318,8 @@ def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
         polished = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
         other = residual(fitted.channel, polished, starts=other.starts, near=other)
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
-        if lead < CLOSE:
-            twin = Alternative("thermal_lag", float(np.exp(min(lead - CLOSE, 0.0))))
+        if lead < ALTERNATIVE_NATS:
+            twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
             changed = replace(one, extension=polished[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
@@ -326,7 +332,7 @@ def _with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, lis
         if one.extension.cause != "temperature":
             continue
         lag, ratio = beside_temperature(fitted)
-        if ratio < LATE:
+        if ratio < LAG_LIKELIHOOD_RATIO:
             return fitted, accepted
         wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
         other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)

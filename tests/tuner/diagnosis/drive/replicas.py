@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
+from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured, kalman_gains
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS, LinearizedRun
 
@@ -123,7 +123,7 @@ def _run(
     stretch = 1
     for i in range(k):
         if i > 0 and starts[i]:
-            e[:NAVIGATION] = begin[stretch, :NAVIGATION]
+            e[:NAVIGATION_STATES] = begin[stretch, :NAVIGATION_STATES]
             stretch += 1
         e = phi[i] @ e + drive[i]
         a = correction[i]

@@ -36,7 +36,7 @@ def test_a_tilt_is_named_and_measured():
     (finding,) = diagnosis.findings
     assert (finding.cause, finding.channels) == ("attitude", ("accel_y",))
     assert not diagnosis.unexplained
-    truth = {"tilt": 0.03 / mount_tilt.STANDARD, "start": BEGIN, "duration": LENGTH}
+    truth = {"tilt": 0.03 / mount_tilt.STANDARD_GRAVITY, "start": BEGIN, "duration": LENGTH}
     for name, value in truth.items():
         low, high = finding.parameters[name].interval
         # three times the 95 % interval about the estimate: 6 sd

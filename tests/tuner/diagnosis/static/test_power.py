@@ -66,7 +66,7 @@ def test_all_tests_share_the_budget() -> None:
     limit = hypothesis_tests.threshold(3)
     by_cause = [c.shares * c.tests for c in CAUSES.values() if c.tested_with is None]
     assert 3 * limit * (sum(by_cause) + hypothesis_tests.TESTS_WITHOUT_CAUSE) == pytest.approx(
-        hypothesis_tests.BUDGET
+        hypothesis_tests.FALSE_ALARM_BUDGET
     )
     y = np.random.default_rng(4).standard_normal((20_000, 1))
     white = Record("gyro", 0.01 * np.arange(len(y)), y, ("gyro_x",), "rad/s", 0.01)

@@ -31,7 +31,7 @@ from models.effects.drive.imu import BiasJump as Effect
 from tuner.diagnosis.drive.cause_test import CauseTest, not_significant
 from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, Jump
-from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION
+from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.static.outcome import Alarm
@@ -119,7 +119,9 @@ def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
     n, p = linearized.transition.shape[1], linearized.B.shape[2]
     at = SENSORS[sensor][0]
     impulse = np.zeros((len(linearized.t), n, 3))
-    impulse[k + 1] = linearized.transition[k + 1][:, NAVIGATION + at.start : NAVIGATION + at.stop]
+    impulse[k + 1] = linearized.transition[k + 1][
+        :, NAVIGATION_STATES + at.start : NAVIGATION_STATES + at.stop
+    ]
     more = replace(
         linearized,
         parameters=(*linearized.parameters, *(Parameter(CAUSE, f"{sensor}_{axis}") for axis in "xyz")),

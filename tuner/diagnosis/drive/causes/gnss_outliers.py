@@ -46,7 +46,7 @@ EXPECTED_FALSE_OUTLIERS = 0.05
 """Expected number of good blocks that are left out."""
 TAIL_PROBABILITY = 1e-3
 """p value of a block below which blocks are counted."""
-NEIGHBOURHOOD = 5
+NEIGHBOUR_FIXES = 5
 """Fixes on either side among which only the worst block is left out in one round."""
 MAX_ROUNDS = 12
 """Most rounds of leaving blocks out."""
@@ -92,7 +92,7 @@ def mask(noise: NoiseHypothesis) -> Mask:
         chance = np.stack([log_p_values(deleted, tried, block) for block in range(2)], axis=1)
         again = chance < limit
         if n:
-            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * NEIGHBOURHOOD + 1)
+            worst = minimum_filter1d(np.where(out, 0.0, chance).min(axis=1), 2 * NEIGHBOUR_FIXES + 1)
             again &= out | (chance <= worst[:, None])
         if np.array_equal(again, out):
             break

@@ -38,7 +38,7 @@ IntArray = NDArray[np.int64]
 Places = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values (k, m) of the lower half of symmetric matrices."""
 
-NAVIGATION = 9
+NAVIGATION_STATES = 9
 """Navigation states, which are initialised anew at the start of every stretch."""
 
 
@@ -185,11 +185,11 @@ def forward(
         P[j, j] = markov_sd[j - n] ** 2
     for i in range(k):
         if i > 0 and starts[i]:
-            a[:NAVIGATION] = 0.0
-            V[:NAVIGATION] = 0.0
-            P[:NAVIGATION] = 0.0
-            P[:, :NAVIGATION] = 0.0
-            P[:NAVIGATION, :NAVIGATION] = initial[:NAVIGATION, :NAVIGATION]
+            a[:NAVIGATION_STATES] = 0.0
+            V[:NAVIGATION_STATES] = 0.0
+            P[:NAVIGATION_STATES] = 0.0
+            P[:, :NAVIGATION_STATES] = 0.0
+            P[:NAVIGATION_STATES, :NAVIGATION_STATES] = initial[:NAVIGATION_STATES, :NAVIGATION_STATES]
         F = transition[i]
         for m in range(n):
             b[m] = 0.0
@@ -320,9 +320,9 @@ def backward(
     by_markov[:] = 0.0
     for i in range(k - 1, -1, -1):
         for m in range(b):
-            score[i, m] = r[NAVIGATION + m]
+            score[i, m] = r[NAVIGATION_STATES + m]
             for j in range(b):
-                information[i, m, j] = N[NAVIGATION + m, NAVIGATION + j]
+                information[i, m, j] = N[NAVIGATION_STATES + m, NAVIGATION_STATES + j]
         for row in range(5, -1, -1):
             by_sd[i, row] = 0.0
             if not available[i, row]:
@@ -392,9 +392,9 @@ def backward(
                 N[m, j] = decay[i] * U[m, j]
         _mirror(N)
         if i > 0 and starts[i]:
-            r[:NAVIGATION] = 0.0
-            N[:NAVIGATION] = 0.0
-            N[:, :NAVIGATION] = 0.0
+            r[:NAVIGATION_STATES] = 0.0
+            N[:NAVIGATION_STATES] = 0.0
+            N[:, :NAVIGATION_STATES] = 0.0
     for m in range(n, size):
         by_markov[m - n] += markov_sd[m - n] ** 2 * (r[m] * r[m] - N[m, m])
     for g in range(4):
@@ -408,7 +408,7 @@ def unaided(phi: Places, push: FloatArray, starts: BoolArray, error: FloatArray)
     now = np.zeros(push.shape[1])
     for i in range(len(push)):
         if starts[i]:
-            now[:NAVIGATION] = 0.0
+            now[:NAVIGATION_STATES] = 0.0
         for m in range(len(start) - 1):
             total = push[i, m]
             for e in range(start[m], start[m + 1]):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.types import Coefficient
 
@@ -23,7 +23,7 @@ MEANING = "the mount gives way: gravity turns in the axes of the sensor, its len
 CONSEQUENCE = (
     "fix the mount; the ramps of these channels are geometry, not drift of the sensor: leave them out"
 )
-STANDARD = 9.80665
+STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
         return None
     level = np.array([residuals[a].channel.level for a in axes])
     norm = float(np.linalg.norm(level))
-    if abs(norm - STANDARD) > 0.2 * STANDARD:
+    if abs(norm - STANDARD_GRAVITY) > 0.2 * STANDARD_GRAVITY:
         return None
     along = int(np.argmax(np.abs(level)))
     if abs(level[along]) < 0.95 * norm:
@@ -77,7 +77,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> Tilt | None:
     )
     fit = found.refit(template[:, 0])
     ratio = max(0.0, 2.0 * (fit.log_likelihood - found.fit.log_likelihood))
-    p_value = float(chi2.sf(SHRINK * ratio, 1))
+    p_value = float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 1))
     size, error = float(fit.beta[-1]), float(np.sqrt(fit.beta_covariance[-1, -1]))
     if p_value > limit or abs(size - 1.0) > 4.0 * error + 4.0 * sd / change:
         return None

@@ -4,8 +4,9 @@ Statistic: mean squares of the residuals in windows of 64, 128, … samples, thr
 the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
 same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
 overlap. Where a window alarms, its edges are fitted and the others are searched again without it, until no window is
-beyond `SURELY`: all such stretches, louder or quieter than what is left, are proposed together. Where they are more
-than `SEVERAL` or cover more than `MOSTLY` of the record, the variance is not that of bursts, and `FEW` are told. Gain:
+beyond `SECOND_P_VALUE`: all such stretches, with more or less variance than the rest, are proposed together. Where
+they are more than `MAX_STRETCHES` or cover more than `MAX_RECORD_SHARE` of the record, the variance is not that of
+bursts, and only `REPORTED_STRETCHES` are reported. Gain:
 likelihood of a variance for each and one for the rest, over that of one for all, with the degrees of freedom that the
 kurtosis about these variances allows.
 Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
@@ -23,8 +24,8 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import Burst as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.model.null_distributions import EDGE
-from tuner.diagnosis.static.model.residual import CLIP, Residual, robust_sd
+from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, robust_sd
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.level import Loudness, loudness
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -33,16 +34,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
 BoolArray = NDArray[np.bool_]
 
-SHORTEST = 64
+MIN_WINDOW = 64
 """Samples in the narrowest window."""
-SURELY = 1e-9
+SECOND_P_VALUE = 1e-9
 """Chance of a window below which it is proposed together with a clearer one."""
-MOSTLY = 0.25
+MAX_RECORD_SHARE = 0.25
 """Share of the record beyond which what is louder (or quieter) is no burst but a variance that changes."""
-SEVERAL, FEW = 24, 3
+MAX_STRETCHES, REPORTED_STRETCHES = 24, 3
 """Stretches in one record, and those that are told where there are more, or where they cover more."""
-WIDER = 3.0
-"""Residuals are cut at so many `CLIP`, in their own deviations, where sizes are measured."""
+WIDER_CLIP_RATIO = 3.0
+"""Residuals are cut at so many `RESIDUAL_CLIP`, in their own deviations, where sizes are measured."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Burst(Extension):
     only_if_clearest = True
     happens_once = True
     view = "variance"
-    repeats = SEVERAL
+    repeats = MAX_STRETCHES
     meaning = "the noise is larger (or smaller) for a while: something ran nearby, or a regime changed"
     consequence = (
         "leave the stretch out of the identification; a filter needs the larger noise while it lasts"
@@ -109,7 +110,7 @@ def _loudest(loud: Loudness) -> _Window:
     """Return the most remarkable of all windows."""
     n = len(loud.square)
     total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
-    best = _Window(1.0, 0, SHORTEST, 1.0)
+    best = _Window(1.0, 0, MIN_WINDOW, 1.0)
     widths = _widths(n)
     for width in widths:
         start = np.arange(0, n - width, width // 4)
@@ -125,23 +126,23 @@ def _loudest(loud: Loudness) -> _Window:
 
 def _widths(n: int) -> list[int]:
     """Return the widths of windows of n samples."""
-    return [SHORTEST * 2**k for k in range(int(np.log2(n / (3 * SHORTEST))) + 1)]
+    return [MIN_WINDOW * 2**k for k in range(int(np.log2(n / (3 * MIN_WINDOW))) + 1)]
 
 
 def _all(fitted: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
     known = [x for x in fitted.extensions if isinstance(x, Burst)]
-    allowed = FEW if 0 < len(known) <= FEW else SEVERAL
+    allowed = REPORTED_STRETCHES if 0 < len(known) <= REPORTED_STRETCHES else MAX_STRETCHES
     stretches: list[tuple[int, int]] = []
     rest = loud
-    while window.chance < SURELY or not stretches:
+    while window.chance < SECOND_P_VALUE or not stretches:
         total = np.concatenate(([0.0], np.cumsum(rest.square)))
         edges = refine(total, window.start, window.start + window.width)[1]
         stretches.append(_beside(edges, stretches))
         covered = sum(last - first for first, last in (*stretches, *((x.first, x.last) for x in known)))
-        if len(stretches) + len(known) > allowed or covered > MOSTLY * len(loud.square):
+        if len(stretches) + len(known) > allowed or covered > MAX_RECORD_SHARE * len(loud.square):
             stretches = stretches[:1]
-            if len(known) >= FEW:
+            if len(known) >= REPORTED_STRETCHES:
                 return 0.0, stretches
             break
         rest = loud.outside(stretches)
@@ -169,9 +170,9 @@ def _squares(fitted: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
     outside = fitted.valid.copy()
     for first, last in stretches:
         outside[first:last] = False
-    most = np.full(len(fitted.e), WIDER * CLIP * robust_sd(fitted.e[outside]))
+    most = np.full(len(fitted.e), WIDER_CLIP_RATIO * RESIDUAL_CLIP * robust_sd(fitted.e[outside]))
     for first, last in stretches:
-        most[first:last] = WIDER * CLIP * robust_sd(fitted.e[first:last])
+        most[first:last] = WIDER_CLIP_RATIO * RESIDUAL_CLIP * robust_sd(fitted.e[first:last])
     return np.asarray(np.minimum(np.abs(fitted.e), most) ** 2)
 
 
@@ -261,7 +262,7 @@ def _ratio(fitted: Residual, seen: float, relative: float, share: float) -> Valu
 
 
 def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:
-    """Return between which samples an edge lies, 95 %: where the likelihood is within `EDGE` of its best.
+    """Return between which samples an edge lies, 95 %: where the likelihood is within `EDGE_NATS` of its best.
 
     The true edge lies after one sample and not after the next: the sample before the first one belongs to it.
     """
@@ -271,6 +272,6 @@ def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first
     place = place[place < last - 8] if move_first else place[place > first + 8]
     fixed = np.full(len(place), last if move_first else first)
     value = two_variances(total, place, fixed) if move_first else two_variances(total, fixed, place)
-    near = np.flatnonzero(value > value.max() - EDGE * 0.5 * kappa)
+    near = np.flatnonzero(value > value.max() - EDGE_NATS * 0.5 * kappa)
     low, high = place[max(near[0] - 1, 0)], place[min(near[-1] + 1, len(place) - 1)]
     return min(int(low), edge - 1), max(int(high), edge)

@@ -29,7 +29,7 @@ from scipy.stats import gamma
 
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
 from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
@@ -37,17 +37,17 @@ SingleArray = NDArray[np.float32]
 
 PARTS = (512, 256, 128, 64)
 """Parts that a record is cut into."""
-SHORTEST = 16
+MIN_PART_SAMPLES = 16
 """Samples of a part at least."""
-SLOWEST = 4
+MIN_TRACK_MOTION = 4
 """Half bins by which a track must move: what does not is a line."""
-NEAR, FAR = 4, 10
+NEAR_TRACK_DISTANCE, FAR_TRACK_DISTANCE = 4, 10
 """Half bins from a track at which the tracks beside it lie: a tone does not reach them, a resonance does."""
-LOWEST = 8
+MIN_HALF_BIN = 8
 """Half bins at the lower end that are left out: slow noise is not white within a part."""
-PIECES = 8
+PART_PIECES = 8
 """Pieces of a part in which the tone keeps step with the track, for its ends to be placed."""
-FINE = 17
+END_PLACES = 17
 """Places of each end that are tried then, within two half bins."""
 
 
@@ -79,9 +79,9 @@ class Sweep(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Search the residuals for a tone that sweeps from one end of the record to the other."""
-        e = np.clip(fitted.e, -CLIP, CLIP)
-        tried = [parts for parts in PARTS if len(e) >= SHORTEST * parts]
-        slowest = {parts: parts // 4 if parts > min(tried) else SLOWEST for parts in tried}
+        e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
+        tried = [parts for parts in PARTS if len(e) >= MIN_PART_SAMPLES * parts]
+        slowest = {parts: parts // 4 if parts > min(tried) else MIN_TRACK_MOTION for parts in tried}
         single = e.astype(np.float32)
         tracks = [track for parts in tried if (track := _clearest(single, parts, slowest[parts])) is not None]
         if not tracks:
@@ -116,7 +116,7 @@ def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
     It moves by `slowest` half bins at least.
     """
     size = len(e) // parts
-    spectrum = rfft(e[: parts * size].reshape(parts, size), 2 * size)[:, LOWEST:-1]
+    spectrum = rfft(e[: parts * size].reshape(parts, size), 2 * size)[:, MIN_HALF_BIN:-1]
     power = spectrum.real**2 + spectrum.imag**2
     power /= power.mean(axis=1, keepdims=True)
     power /= power.mean(axis=0)
@@ -127,7 +127,7 @@ def _clearest(e: SingleArray, parts: int, slowest: int) -> _Track | None:
         sums = np.asarray(sums / np.maximum(_beside(sums) / parts, 1.0), dtype=np.float32)
         drift, at = np.unravel_index(int(np.argmax(sums)), sums.shape)
         moved = np.array([at, min(at + drift + slowest, width - 1)])
-        ends = (LOWEST + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
+        ends = (MIN_HALF_BIN + (width - 1 - moved if mirrored else moved)) / (2.0 * size)
         most = float(sums[drift, at])
         chance = 2.0 * sums.size * float(gamma.sf(most, parts))
         if chance < (best.chance if best else 1.0):
@@ -151,22 +151,22 @@ def _sums(power: SingleArray) -> SingleArray:
 
 def _beside(sums: SingleArray) -> SingleArray:
     """Return the mean sum of the parallel tracks beside each, shape of `sums`."""
-    outer, inner = 2 * FAR + 1, 2 * NEAR - 1
+    outer, inner = 2 * FAR_TRACK_DISTANCE + 1, 2 * NEAR_TRACK_DISTANCE - 1
     wide, narrow = (uniform_filter1d(sums, size, axis=1, mode="nearest") for size in (outer, inner))
     return np.asarray((outer * wide - inner * narrow) / (outer - inner))
 
 
 def _placed(e: FloatArray, tone: Sweep) -> Sweep:
     """Return the tone with the ends, within two half bins, at which its parts have most power."""
-    size = len(e) // tone.parts // PIECES
-    n = tone.parts * PIECES * size
+    size = len(e) // tone.parts // PART_PIECES
+    n = tone.parts * PART_PIECES * size
     pieces = (e * _turn(tone.first, tone.last, len(e)).conj())[:n].reshape(-1, size).sum(axis=1)
     middle = (np.arange(len(pieces)) + 0.5) * size
-    off = np.linspace(-1.0, 1.0, FINE) / (PIECES * size)
+    off = np.linspace(-1.0, 1.0, END_PLACES) / (PART_PIECES * size)
 
     def power(first: float, last: float) -> float:
         turned = pieces * np.exp(-2j * np.pi * middle * (first + 0.5 * (last - first) / len(e) * middle))
-        return float(np.sum(np.abs(turned.reshape(tone.parts, PIECES).sum(axis=1)) ** 2))
+        return float(np.sum(np.abs(turned.reshape(tone.parts, PART_PIECES).sum(axis=1)) ** 2))
 
     first, last = max(((a, b) for a in off for b in off), key=lambda ends: power(*ends))
     return replace(tone, first=tone.first + float(first), last=tone.last + float(last))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-WIDEST = 2.0
+MAX_INTERVAL_WIDTH = 2.0
 """An interval of a coefficient that is as wide as this says nothing: colour and quantization are one there."""
 LIKE_A_FILTER = 0.9
 """Share of the gain that a low-pass filter must reach to be named for a spectrum that falls all the way."""
@@ -100,7 +100,7 @@ def extension(data: Bins, fitted: ShapeFit) -> Colour:
         (more_ar, more_ma), more_sds = _estimated(data, fit_colour(data, fitted.name))
         free = [Value.of(value, sd) for value, sd in zip((*more_ar, *more_ma), more_sds, strict=True)]
         values = [
-            one.union(other) if other.upper - other.lower < WIDEST else one
+            one.union(other) if other.upper - other.lower < MAX_INTERVAL_WIDTH else one
             for one, other in zip(values, free, strict=True)
         ]
     names = [f"ar_{i + 1}" if len(ar) > 1 else "ar" for i in range(len(ar))]

@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import CrossAxis as Effect
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
 from tuner.types import Coefficient
 
 
@@ -68,7 +68,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     found: dict[tuple[str, str], tuple[float, float, float]] = {}
     for a, b in pairs:
         both = residuals[a].valid & residuals[b].valid
-        x, y = (np.clip(residuals[axis].e[both], -CLIP, CLIP) for axis in (a, b))
+        x, y = (np.clip(residuals[axis].e[both], -RESIDUAL_CLIP, RESIDUAL_CLIP) for axis in (a, b))
         n = len(x)
         rho = float(np.corrcoef(x, y)[0, 1])
         p_value = min(1.0, 2.0 * len(pairs) * float(norm.sf(abs(rho) * np.sqrt(n))))

@@ -25,7 +25,7 @@ from scipy.stats import norm, t
 from models.effects.static.distribution import HeavyTails as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import maximum, minimum
-from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 from tuner.diagnosis.static.variance.white_share import dilution
@@ -34,11 +34,11 @@ FloatArray = NDArray[np.float64]
 
 CLIPPED_KURTOSIS = -0.00125
 """Excess kurtosis of normal numbers cut at five deviations."""
-CELL, CELLS = 0.005, 1600
+CELL_WIDTH, CELL_COUNT = 0.005, 1600
 """Width and number of the cells of a table of deviates, sd."""
 MIDDLE, REACH = np.array([0.0, 0.0, 1.0, 1.0]), np.array([10.0, 5.0, 4.0, 2.5])
 """Where two shares are sought: logit of Student's, log of the normal sd, of ν − 2, of the ratio of the two scales."""
-FINE = 1.0
+MAX_FINE_STEP = 1.0
 """Step ÷ sd below which the mean between two codes does not matter."""
 
 
@@ -86,8 +86,8 @@ class HeavyTails(Extension):
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Map Student's law to the normal one."""
-        mapped = np.asarray(_looked_up(e, self._deviate(CELL * np.arange(CELLS + 1))))
-        far = np.flatnonzero(np.abs(e) > CELL * CELLS)
+        mapped = np.asarray(_looked_up(e, self._deviate(CELL_WIDTH * np.arange(CELL_COUNT + 1))))
+        far = np.flatnonzero(np.abs(e) > CELL_WIDTH * CELL_COUNT)
         mapped[far] = np.copysign(self._deviate(np.abs(e[far])), e[far])
         return mapped
 
@@ -100,7 +100,7 @@ class HeavyTails(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Compare the kurtosis of the residuals with that of the normal law."""
-        e = np.clip(fitted.good, -CLIP, CLIP)
+        e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         square = e * e
         n = len(e)
         kurtosis = float(np.mean(square * square) / np.mean(square) ** 2) - 3.0
@@ -126,10 +126,10 @@ class HeavyTails(Extension):
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
-    """Return deviates, shape (n,), between those of a table, shape (`CELLS` + 1,), with the signs of `e`."""
+    """Return deviates, shape (n,), between those of a table, shape (`CELL_COUNT` + 1,), with the signs of `e`."""
     out = np.empty(e.size)
     for i in range(e.size):
-        place = min(abs(e[i]) / CELL, CELLS - 1e-6)
+        place = min(abs(e[i]) / CELL_WIDTH, CELL_COUNT - 1e-6)
         cell = int(place)
         out[i] = np.copysign(table[cell] + (place - cell) * (table[cell + 1] - table[cell]), e[i])
     return out
@@ -137,7 +137,7 @@ def _looked_up(e: FloatArray, table: FloatArray) -> FloatArray:
 
 def rounded_kurtosis(step: float) -> float:
     """Return the largest excess kurtosis of rounded normal numbers, the step in sd of what they are rounded to."""
-    if step < FINE:
+    if step < MAX_FINE_STEP:
         return -1.2 * (step**2 / 12.0) ** 2
     sd = float(np.sqrt(max(1.0 - step**2 / 12.0, 0.01)))
     phase = np.linspace(0.0, 1.0, 33)[:, None]

@@ -26,19 +26,19 @@ from models.effects.static.spectral import Line as Effect
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.residual import CLIP, Residual
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.spectrum.background import FIRST, local_level
+from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 
 FloatArray = NDArray[np.float64]
 
-NEIGHBOURS = 1024
+NEIGHBOUR_COUNT = 1024
 """Ordinates from whose median the level is taken."""
-EFFECTIVE = 490
+EFFECTIVE_NEIGHBOURS = 490
 """Independent ordinates that would give the level as well as that median."""
-BETWEEN = 0.8
+MIN_PEAK_SHARE = 0.8
 """Least share of a peak that the nearest half bin shows."""
-PROMISING = 1e-2
+REFINED_P_VALUE = 1e-2
 """Chance from which ordinates are followed to their peaks."""
 
 
@@ -75,13 +75,13 @@ class Line(Extension):
         n = len(fitted.e)
         name = "peak of the spectrum ÷ its neighbourhood"
         frequency, power = fitted.spectrum
-        level = local_level(power, 2 * NEIGHBOURS)
+        level = local_level(power, 2 * NEIGHBOUR_COUNT)
         ratio = power / level
-        ratio[: int(np.searchsorted(frequency, FIRST / (n * fitted.channel.interval)))] = 0.0
+        ratio[: int(np.searchsorted(frequency, FIRST_ORDINATE / (n * fitted.channel.interval)))] = 0.0
         best = int(np.argmax(ratio))
         height, f = float(ratio[best]), float(frequency[best])
-        if _chance(height / BETWEEN, n) < PROMISING:
-            near = np.flatnonzero(ratio >= BETWEEN * height)
+        if _chance(height / MIN_PEAK_SHARE, n) < REFINED_P_VALUE:
+            near = np.flatnonzero(ratio >= MIN_PEAK_SHARE * height)
             tops = [near[0], *near[1:][np.diff(near) > 2]]
             height, f = max(_peak(fitted, float(frequency[i]), float(level[i])) for i in tops)
         nats = _nats(height)
@@ -102,7 +102,7 @@ class Line(Extension):
 
 def _nats(height: float) -> float:
     """Return minus the log of the chance of one ordinate above a height."""
-    return EFFECTIVE * float(np.log1p(height / EFFECTIVE))
+    return EFFECTIVE_NEIGHBOURS * float(np.log1p(height / EFFECTIVE_NEIGHBOURS))
 
 
 def _chance(height: float, n: int) -> float:
@@ -113,7 +113,7 @@ def _chance(height: float, n: int) -> float:
 
 def _peak(fitted: Residual, near: float, level: float) -> tuple[float, float]:
     """Return the height of the peak next to a frequency over a level, and its frequency, Hz."""
-    n, e = len(fitted.e), np.clip(fitted.e, -CLIP, CLIP)
+    n, e = len(fitted.e), np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     f, amplitude = _tone(fitted, near)
     return 0.25 * n * abs(amplitude) ** 2 / (float(np.mean(e * e)) * level), f
 
@@ -140,7 +140,7 @@ def extension(fitted: Residual, near: float) -> Line:
 def _tone(fitted: Residual, near: float) -> tuple[float, complex]:
     """Return the frequency, Hz, next to a given one at which the clipped residuals have most power, and c − i s."""
     n, dt = len(fitted.e), fitted.channel.interval
-    e = np.clip(fitted.e, -CLIP, CLIP)
+    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     span = n * dt
     size = fitted.channel.block
     turned = e.reshape(-1, size) @ np.exp(-2j * np.pi * near * dt * np.arange(size))

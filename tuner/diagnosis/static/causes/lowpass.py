@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-MOVED = 0.05
+MIN_INTERVAL_CHANGE = 0.05
 """Share of its length by which an interval moves before the model is fitted again."""
 
 
@@ -85,7 +85,7 @@ class LowPass(Extension):
         again = extension(data, filters)
         value, now = self.values["cutoff"], again.values["cutoff"]
         moved = max(abs(np.log(now.lower / value.lower)), abs(np.log(now.upper / value.upper)))
-        near = moved < MOVED * np.log(value.upper / value.lower)
+        near = moved < MIN_INTERVAL_CHANGE * np.log(value.upper / value.lower)
         return self if near and again.kind == self.kind else again
 
 

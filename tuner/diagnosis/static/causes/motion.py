@@ -4,8 +4,8 @@ Statistic: steps between the means of blocks of 0.25 s and of 1 s over their sta
 median over the record, and raised where the second differences of the samples are larger than usual: a burst of noise
 is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
 threshold is far beyond chance.
-Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond `JOLT`
-deviations close together, after which the level is another one, or in gyros and accelerometers at once.
+Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond
+`JUMP_THRESHOLD` deviations close together, after which the level is another one, or in gyros and accelerometers at once.
 Extension: the stretch is taken out with the change of level over it, and the level may differ further.
 """
 
@@ -20,35 +20,35 @@ from numpy.typing import NDArray
 
 from models.effects.static.events import Motion as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.channel import BESIDE, Channel
+from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 
 FloatArray = NDArray[np.float64]
 
-SHORT = 0.25
+BLOCK_LENGTH = 0.25
 """Length of a short block, s."""
-FEWEST = 16
+MIN_BLOCK_SAMPLES = 16
 """Fewest samples in a short block."""
-THRESHOLD = 10.0
+STEP_THRESHOLD = 10.0
 """Deviations that no still sensor reaches: t law of 30 degrees of freedom, 5e-11."""
-TOGETHER = 4
+MIN_LARGE_STEPS = 4
 """Large steps that make a stretch."""
-APART = 40
+MIN_GAP_BLOCKS = 40
 """Blocks without a large step that end a stretch."""
-JOLT = 12.0
+JUMP_THRESHOLD = 12.0
 """Jump of a sample, in deviations of the white noise, that no still sensor makes."""
-HANDLING = 120.0
+HANDLING_TIME = 120.0
 """Time without a jump that ends the handling of a sensor, and what is left out before and after it, s."""
-MOST = 8
+MAX_STRETCHES = 8
 """Stretches that are told apart; closer ones are joined beyond."""
-EDGE = 3
+MIN_EDGE_BLOCKS = 3
 """Blocks that are left out on either side of a stretch at least."""
-NEAR, LOUDER, RESTLESS = 12, 6.0, 4.0
+GROWTH_STEPS, GROWTH_RATIO, STEP_CLIP = 12, 6.0, 4.0
 """A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
 cut at so many deviations."""
 
 MOST_UNSEEN = 0.3
 """Largest share of a motion that is not seen, at either end."""
-MARGIN = 0.1
+MARGIN_SHARE = 0.1
 """Share of a stretch that is left out on either side: motion dies away."""
 
 
@@ -98,8 +98,8 @@ class Motion(Extension):
         missing[self.first : self.last] = True
         y = channel.y.copy()
         if self.first > 0 and self.last < len(channel):
-            before = np.median(y[max(0, self.first - BESIDE) : self.first])
-            y[self.last :] -= np.median(y[self.last : self.last + BESIDE]) - before
+            before = np.median(y[max(0, self.first - GAP_NEIGHBOURS) : self.first])
+            y[self.last :] -= np.median(y[self.last : self.last + GAP_NEIGHBOURS]) - before
         return replace(channel, y=y).refilled(missing, np.random.default_rng(self.first))
 
     def columns(self, channel: Channel) -> FloatArray:
@@ -115,13 +115,13 @@ class Motion(Extension):
 
     def near(self, first: int, last: int, interval: float) -> bool:
         """Return whether an event, samples first … last − 1, lies close to an edge of the stretch."""
-        reach = round(HANDLING / interval) + (self.last - self.first) // 2
+        reach = round(HANDLING_TIME / interval) + (self.last - self.first) // 2
         short = last - first <= reach
         return short and last >= self.first - reach and first <= self.last + reach
 
     def including(self, first: int, last: int, n: int) -> Motion:
         """Return the stretch with an event at its edge, and a margin about that, in a record of n samples."""
-        margin = max(FEWEST, round(MARGIN * (self.last - self.first)))
+        margin = max(MIN_BLOCK_SAMPLES, round(MARGIN_SHARE * (self.last - self.first)))
         return replace(
             self, first=max(0, min(self.first, first - margin)), last=min(n, max(self.last, last + margin))
         )
@@ -129,7 +129,7 @@ class Motion(Extension):
 
 def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArray, int]:
     """Return the steps between blocks of `length`, s, over their standard deviation, and the samples in a block."""
-    size = max(FEWEST, round(length / interval))
+    size = max(MIN_BLOCK_SAMPLES, round(length / interval))
     blocks = y[: len(y) // size * size].reshape(-1, size)
     step = np.diff(blocks.mean(axis=1))
     usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
@@ -147,7 +147,7 @@ def stretches(channels: list[Channel]) -> list[Stretch]:
             joined[-1] = joined[-1].joined(stretch)
         else:
             joined.append(stretch)
-    while len(joined) > MOST:
+    while len(joined) > MAX_STRETCHES:
         gaps = [later.first - earlier.last for earlier, later in pairwise(joined)]
         at = int(np.argmin(gaps))
         joined[at : at + 2] = [joined[at].joined(joined[at + 1])]
@@ -157,7 +157,7 @@ def stretches(channels: list[Channel]) -> list[Stretch]:
 def _swayed(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that steps of short means show, on two scales."""
     found, sizes = [], set()
-    for length in (SHORT, 4.0 * SHORT):
+    for length in (BLOCK_LENGTH, 4.0 * BLOCK_LENGTH):
         ratio, size = large_steps(channels[0].y, channels[0].interval, length)
         for channel in channels[1:]:
             ratio = np.maximum(ratio, large_steps(channel.y, channel.interval, length)[0])
@@ -169,21 +169,21 @@ def _swayed(channels: list[Channel]) -> list[Stretch]:
 
 def _groups(ratio: FloatArray, size: int, n: int) -> list[Stretch]:
     """Return the stretches that steps between blocks of `size` samples show."""
-    large = np.flatnonzero(ratio > THRESHOLD)
-    if len(large) < TOGETHER:
+    large = np.flatnonzero(ratio > STEP_THRESHOLD)
+    if len(large) < MIN_LARGE_STEPS:
         return []
-    usual = float(np.median(np.minimum(ratio, RESTLESS) ** 2))
-    power = np.minimum(ratio, RESTLESS) ** 2 / usual
+    usual = float(np.median(np.minimum(ratio, STEP_CLIP) ** 2))
+    power = np.minimum(ratio, STEP_CLIP) ** 2 / usual
     found = []
-    for group in np.split(large, np.flatnonzero(np.diff(large) > APART) + 1):
-        if len(group) < TOGETHER:
+    for group in np.split(large, np.flatnonzero(np.diff(large) > MIN_GAP_BLOCKS) + 1):
+        if len(group) < MIN_LARGE_STEPS:
             continue
         first, last = int(group[0]), int(group[-1])
-        while first > 0 and power[max(0, first - NEAR) : first].mean() > LOUDER:
-            first = max(0, first - NEAR // 4)
-        while last < len(power) and power[last : last + NEAR].mean() > LOUDER:
-            last = min(len(power), last + NEAR // 4)
-        margin = EDGE + round(MARGIN * (last - first))
+        while first > 0 and power[max(0, first - GROWTH_STEPS) : first].mean() > GROWTH_RATIO:
+            first = max(0, first - GROWTH_STEPS // 4)
+        while last < len(power) and power[last : last + GROWTH_STEPS].mean() > GROWTH_RATIO:
+            last = min(len(power), last + GROWTH_STEPS // 4)
+        margin = MIN_EDGE_BLOCKS + round(MARGIN_SHARE * (last - first))
         begun, ended = (int(group[0]) + 2) * size, int(group[-1]) * size
         unseen = max(0, round(_foot(float(ratio[group].max())) * (last + 1 - first)) - margin) * size
         outer = max(0, (first - margin) * size), min(n, (last + 1 + margin) * size)
@@ -194,29 +194,29 @@ def _groups(ratio: FloatArray, size: int, n: int) -> list[Stretch]:
 def _foot(peak: float) -> float:
     """Return how much of a motion lies before the part of it that is seen ÷ that part, by its largest step.
 
-    Under a swell sin²(πx), x from 0 to 1, of which what exceeds `THRESHOLD` is seen.
+    Under a swell sin²(πx), x from 0 to 1, of which what exceeds `STEP_THRESHOLD` is seen.
     """
-    x = min(float(np.arcsin(np.sqrt(THRESHOLD / peak))) / np.pi, MOST_UNSEEN)
+    x = min(float(np.arcsin(np.sqrt(STEP_THRESHOLD / peak))) / np.pi, MOST_UNSEEN)
     return x / (1.0 - 2.0 * x)
 
 
 def _turned(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that jumps of samples show, where the level before and after differs."""
     y = np.stack([channel.y for channel in channels])
-    jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JOLT * np.sqrt(2.0))
-    if len(jumps) < TOGETHER:
+    jumps = np.flatnonzero(np.max(np.abs(np.diff(y, axis=1)), axis=0) > JUMP_THRESHOLD * np.sqrt(2.0))
+    if len(jumps) < MIN_LARGE_STEPS:
         return []
-    apart = max(APART, round(HANDLING / channels[0].interval))
+    apart = max(MIN_GAP_BLOCKS, round(HANDLING_TIME / channels[0].interval))
     found = []
     for group in np.split(jumps, np.flatnonzero(np.diff(jumps) > apart) + 1):
         first, last = int(group[0]), int(group[-1]) + 1
-        if len(group) < TOGETHER:
+        if len(group) < MIN_LARGE_STEPS:
             continue
         before, after = y[:, max(0, first - apart) : first], y[:, last + 1 : last + 1 + apart]
         if 0 in (before.shape[1], after.shape[1]):  # at an end of the record: the level changes inside
             before, after = y[:, first : (first + last) // 2 + 1], y[:, first : last + 1 + apart]
         change = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
-        if float(change.max()) > 0.5 * JOLT or _felt(channels, first, last):
+        if float(change.max()) > 0.5 * JUMP_THRESHOLD or _felt(channels, first, last):
             found.append(Stretch(max(0, first - apart), min(y.shape[1], last + apart), first + 1, last))
     return found
 
@@ -226,7 +226,8 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
     jumps = {
         channel.unit
         for channel in channels
-        if np.sum(np.abs(np.diff(channel.y[first : last + 1])) > JOLT * np.sqrt(2.0)) >= TOGETHER
+        if np.sum(np.abs(np.diff(channel.y[first : last + 1])) > JUMP_THRESHOLD * np.sqrt(2.0))
+        >= MIN_LARGE_STEPS
     }
     return len(jumps) > 1
 

@@ -26,30 +26,30 @@ from models.effects.static.attitude import Attitude
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.profile_likelihood import first_column, track_without
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.model.score_scan import PROMISING
+from tuner.diagnosis.static.model.score_scan import MIN_SQUARE_SCORE
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Unexplained
 
 FloatArray = NDArray[np.float64]
 
-STANDARD = 9.80665
+STANDARD_GRAVITY = 9.80665
 """Gravity, m/s²."""
-ACROSS = 0.9
+MAX_GRAVITY_SHARE = 0.9
 """Share of gravity that an axis may read at most, for a tilt to show in it to first order."""
-CELLS = 48
+GRID_CELLS = 48
 """Cells of the coarse grid of begins and ends."""
 DURATIONS = (1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44)
 """Durations tried, in cells."""
-FINE = 13
+FINE_PLACES = 13
 """Begins, and ends, tried about the best of the coarse grid."""
-LEAD = 3.0
+MIN_LEAD = 3.0
 """Nats by which a tilt must be better than a jump, which has one number less."""
-DIRECTION = 0.02
+DIRECTION_SD = 0.02
 """Deviation of the direction in which the biases of a triad let gravity appear, rad."""
-REGION = 5.99
+REGION_CHI2 = 5.99
 """Square of a score that a begin and a duration may lose in their 95 % region: χ²₂."""
 NAME = "likelihood ratio of a level that moves and settles"
 
@@ -102,7 +102,7 @@ class MountTilt(Extension):
         if lever(fitted.channel) == 0.0:
             return None
         blocks = fitted.channel.blocks
-        knots = np.linspace(0.0, blocks, CELLS + 1)[1:-1]
+        knots = np.linspace(0.0, blocks, GRID_CELLS + 1)[1:-1]
         courses = _courses(fitted, fitted.track.columns, knots)
         best, crossings = (0.0, 0, 1), 0.0
         for duration in DURATIONS:
@@ -116,15 +116,16 @@ class MountTilt(Extension):
             ):  # courses within a stretch of motion are nothing
                 beside = courses.product(p[:-1], p[:-1] + duration, 1) / (norm[:-1] * norm[1:])
             crossings += float(np.sum(np.arccos(np.clip(beside, -1.0, 1.0)))) / np.pi
-        if best[0] < PROMISING:
+        if best[0] < MIN_SQUARE_SCORE:
             return TestResult("attitude", 1.0, -9.0, best[0], NAME)
         placed = _placed(fitted, fitted.track.columns, float(knots[best[1]]), float(knots[best[2]]))
         template = block_transform(placed.columns(fitted.channel), fitted.cleaned, fitted.track.singles)
         ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
         chance = float(
-            len(DURATIONS) * chi2.sf(SHRINK * ratio, 1) + crossings * np.exp(-0.5 * SHRINK * ratio)
+            len(DURATIONS) * chi2.sf(SLOW_RATIO_FACTOR * ratio, 1)
+            + crossings * np.exp(-0.5 * SLOW_RATIO_FACTOR * ratio)
         )
-        gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - LEAD - 0.25 * float(np.log(blocks))
+        gain = 0.5 * ratio - float(np.log(blocks / 8.0)) - MIN_LEAD - 0.25 * float(np.log(blocks))
         return TestResult("attitude", min(1.0, chance), gain, ratio, NAME, lambda: (placed,))
 
 
@@ -151,9 +152,9 @@ class _Courses:
 
 def lever(channel: Channel) -> float:
     """Return how an axis at rest changes with a tilt, m/s² per rad; 0 where not to first order, or no accelerometer."""
-    if channel.unit != "m/s^2" or abs(channel.level) > ACROSS * STANDARD:
+    if channel.unit != "m/s^2" or abs(channel.level) > MAX_GRAVITY_SHARE * STANDARD_GRAVITY:
         return 0.0
-    return float(np.sqrt(STANDARD**2 - channel.level**2))
+    return float(np.sqrt(STANDARD_GRAVITY**2 - channel.level**2))
 
 
 def _course(channel: Channel, begin: float, end: float) -> FloatArray:
@@ -185,14 +186,14 @@ def _courses(fitted: Residual, known: FloatArray, knots: FloatArray) -> _Courses
 def _placed(fitted: Residual, known: FloatArray, begin: float, end: float) -> MountTilt:
     """Return the best course about one, with the begins and durations that lose less than χ²₂ at 95 %."""
     channel = fitted.channel
-    cell = min(channel.blocks / CELLS, 0.5 * (end - begin)) + 1.0
-    near = cell * np.linspace(-1.0, 1.0, FINE)
+    cell = min(channel.blocks / GRID_CELLS, 0.5 * (end - begin)) + 1.0
+    near = cell * np.linspace(-1.0, 1.0, FINE_PLACES)
     places = np.concatenate((begin + near, end + near))
     knots = np.unique(np.clip(places, 1.0, channel.blocks - 1.0))
     square = _courses(fitted, known, knots).score ** 2
     p, q = np.unravel_index(int(np.argmax(square)), square.shape)
-    likely = np.nonzero(square > square[p, q] - REGION)
-    length, step = channel.block * channel.interval, 2.0 * cell / (FINE - 1)
+    likely = np.nonzero(square > square[p, q] - REGION_CHI2)
+    length, step = channel.block * channel.interval, 2.0 * cell / (FINE_PLACES - 1)
     first, duration = knots[likely[0]], knots[likely[1]] - knots[likely[0]]
     values = {
         "start": Value(
@@ -232,12 +233,12 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
     moved = np.array([_moved(found, clearest) for found in triad.values()])
     level = np.array([found.channel.level for found in triad.values()])
     norm = float(np.linalg.norm(level))
-    if abs(norm - STANDARD) > 0.2 * STANDARD:
+    if abs(norm - STANDARD_GRAVITY) > 0.2 * STANDARD_GRAVITY:
         return ()
     along = level / norm
     change = float(np.linalg.norm(moved[:, 0]))
     longer = float(along @ moved[:, 0]) + 0.5 * change**2 / norm
-    spread = float(np.hypot(np.linalg.norm(along * moved[:, 1]), DIRECTION * change))
+    spread = float(np.hypot(np.linalg.norm(along * moved[:, 1]), DIRECTION_SD * change))
     chance = float(chi2.sf((longer / spread) ** 2, 1))
     if chance >= limit:
         return ()

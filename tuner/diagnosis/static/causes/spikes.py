@@ -28,12 +28,12 @@ from tuner.diagnosis.static.variance.histogram import Histogram, histogram
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
 
-THRESHOLD = 5.0
-GATE = 4.8
+SPIKE_THRESHOLD = 5.0
+SPIKE_GATE = 4.8
 """Deviations beyond which a sample counts as a spike once there are spikes."""
-GROSS = 300.0
+GROSS_THRESHOLD = 300.0
 """White deviations beyond which a sample is no noise of any kind."""
-BESIDE = 4
+MEDIAN_NEIGHBOURS = 4
 """Samples on either side whose median a gross spike is far from."""
 
 
@@ -62,8 +62,8 @@ class Spikes(Extension):
         """Count what lies beyond five deviations."""
         size = np.abs(fitted.good)
         n = len(size)
-        count = int(np.count_nonzero(size > THRESHOLD))
-        expected = n * 2.0 * float(norm.sf(THRESHOLD))
+        count = int(np.count_nonzero(size > SPIKE_THRESHOLD))
+        expected = n * 2.0 * float(norm.sf(SPIKE_THRESHOLD))
         many = float(poisson.sf(count - 1, expected)) if count else 1.0
         largest = any_of(2.0 * float(norm.sf(size.max())), n)
         p_value = min(1.0, 2.0 * min(many, largest))
@@ -94,11 +94,11 @@ def mixture_gain(bins: Histogram) -> float:
 
 def gross(channel: Channel) -> TestResult | None:
     """Return the alarm of samples that are far from those beside them; None where there are none."""
-    far = np.flatnonzero((np.abs(channel.y) > GROSS) & channel.valid)
-    middle = np.clip(far, BESIDE, len(channel) - 1 - BESIDE)
-    beside = middle[:, None] + np.arange(-BESIDE, BESIDE + 1)
+    far = np.flatnonzero((np.abs(channel.y) > GROSS_THRESHOLD) & channel.valid)
+    middle = np.clip(far, MEDIAN_NEIGHBOURS, len(channel) - 1 - MEDIAN_NEIGHBOURS)
+    beside = middle[:, None] + np.arange(-MEDIAN_NEIGHBOURS, MEDIAN_NEIGHBOURS + 1)
     sizes = np.abs(channel.y[far] - np.median(channel.y[beside], axis=1))
-    far, sizes = far[sizes > GROSS], sizes[sizes > GROSS]
+    far, sizes = far[sizes > GROSS_THRESHOLD], sizes[sizes > GROSS_THRESHOLD]
     if not len(far):
         return None
     found = _taken_out(far, sizes, channel.span, 1.0, 0.0)
@@ -109,8 +109,8 @@ def gross(channel: Channel) -> TestResult | None:
 def extension(fitted: Residual) -> Spikes:
     """Return the samples to be taken out, with the rate and the typical size."""
     e, dt = fitted.e, fitted.channel.interval
-    places = np.flatnonzero((np.abs(e) > GATE) & fitted.valid)
-    by_chance = 2.0 * float(norm.sf(GATE)) * len(e)
+    places = np.flatnonzero((np.abs(e) > SPIKE_GATE) & fitted.valid)
+    by_chance = 2.0 * float(norm.sf(SPIKE_GATE)) * len(e)
     white = fitted.spread * float(np.sqrt(fitted.power[-max(1, len(fitted.power) // 2) :].mean() / dt))
     return _taken_out(places, np.abs(e[places]) * white, len(e) * dt, white, by_chance)
 

@@ -18,7 +18,7 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model import jump
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.profile_likelihood import SAME, first_column
+from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, first_column
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, scan_steps
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
@@ -103,7 +103,7 @@ class Step(Template):
     def refit(self, fitted: Residual, index: int) -> Step:
         """Place the step to the sample, with the size it has there."""
         size = float(fitted.fit.beta[first_column(fitted, index)])
-        if self.jump != 0.0 and abs(size - self.jump) < SAME * abs(size):
+        if self.jump != 0.0 and abs(size - self.jump) < MIN_LOG_CHANGE * abs(size):
             return self
         channel, time = fitted.channel, self.values["time"]
         begin, end = (round((t - channel.start) / channel.interval) for t in (time.lower, time.upper))

@@ -33,7 +33,7 @@ from tuner.diagnosis.static.model.null_distributions import curvature
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.switching.models import (
-    NOTHING,
+    NO_VALUES,
     STILL,
     Chain,
     Slow,
@@ -47,13 +47,13 @@ from tuner.diagnosis.static.variance.level import course
 
 FloatArray = NDArray[np.float64]
 
-HUMP = 5.0
+MIN_MARKOV_GAIN = 5.0
 """Nats that a further Gauss–Markov process must gain on flicker for two levels on flicker to be tried."""
-FEWEST = 4
+MIN_SWITCHES = 4
 """Switches that make a path telegraph noise."""
-OFFSETS = 5
+LEVEL_OFFSETS = 5
 """Places of the lower level, within a size, that are tried on held-out data."""
-DOUBT = 3.0
+THIRD_LEVEL_LEAD = 3.0
 """Nats by which three levels must be likelier than two, for the same number of parameters, to be believed instead."""
 
 
@@ -92,19 +92,19 @@ class Telegraph(Extension):
         """Return how much likelier two levels make block means, shape (M,), than the Gauss–Markov process does, nats.
 
         `step` is the length of a block, s, and `r` the variance of the white part of its mean. Where the lower level
-        lies is not known: within a size about the middle, as one of `OFFSETS` places or by a normal law.
+        lies is not known: within a size about the middle, as one of `LEVEL_OFFSETS` places or by a normal law.
         """
         if self.size == 0.0:
             return 0.0
         up, down = (float(-np.expm1(-step / dwell)) for dwell in self.dwells)
-        width, chain = self.size / OFFSETS, Chain.two(self.size, up, down)
+        width, chain = self.size / LEVEL_OFFSETS, Chain.two(self.size, up, down)
         middle = y - y.mean() + 0.5 * self.size
-        places = width * (np.arange(OFFSETS) - 0.5 * (OFFSETS - 1))
+        places = width * (np.arange(LEVEL_OFFSETS) - 0.5 * (LEVEL_OFFSETS - 1))
         near = Slow.of(self.besides, step, width**2 / 4.0)
         two = [likelihood(middle - place, chain, near, r) for place in places]
         gaussian = (*self.besides, GaussMarkov(self.sd, self.time_constant))
         alone = likelihood(y - y.mean(), STILL, Slow.of(gaussian, step, self.size**2 / 4.0), r)
-        return float(np.logaddexp.reduce(two)) - float(np.log(OFFSETS)) - alone
+        return float(np.logaddexp.reduce(two)) - float(np.log(LEVEL_OFFSETS)) - alone
 
     def clean_samples(self, channel: Channel) -> Channel:
         """Take the path out."""
@@ -134,7 +134,7 @@ class Telegraph(Extension):
         besides: type[Term] = GaussMarkov
         best = _search(y, step, channel.span, r, fitted, null)
         flicker = BiasInstability in fitted.fit.kinds
-        if flicker and max(fit.log_likelihood for fit in more) > fitted.fit.log_likelihood + HUMP:
+        if flicker and max(fit.log_likelihood for fit in more) > fitted.fit.log_likelihood + MIN_MARKOV_GAIN:
             again = _search(y, step, channel.span, r, fitted, null, BiasInstability)
             best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
         price = 1.5 * float(np.log(channel.blocks))
@@ -147,13 +147,13 @@ class Telegraph(Extension):
             return TestResult("telegraph", p_value, gain, lead, name)
         extension, switches, x, two = _extension(y, step, channel.span, r, best[1], besides)
         many, visits, three = _three_levels(y, step, channel.span, r, x, besides)
-        if three > two + DOUBT and visits >= 2:
+        if three > two + THIRD_LEVEL_LEAD and visits >= 2:
             return TestResult(
                 "telegraph", p_value, three - null - price, three - null, ManyLevels.meaning, lambda: (many,)
             )
         size = extension.values["size"]
         if (
-            switches < FEWEST or not size.lower * size.upper > 0.0
+            switches < MIN_SWITCHES or not size.lower * size.upper > 0.0
         ):  # levels that are not told apart have no name
             return TestResult("telegraph", p_value, -9.0, lead, name)
         return TestResult("telegraph", p_value, gain, lead, name, lambda: (extension,))
@@ -239,7 +239,7 @@ def _search(
     spread = float(np.std(np.diff(y))) / np.sqrt(2.0)
     noise = max(float(np.sqrt(np.mean(r))), 1e-6)
     sizes = np.array([1.5, 3.0]) * max(markov.sd, 0.5 * spread, noise)
-    best: tuple[float, FloatArray] = (-np.inf, NOTHING)
+    best: tuple[float, FloatArray] = (-np.inf, NO_VALUES)
     starts = []
     for size in sizes:
         for dwell in (4.0 * step, 20.0 * step, 100.0 * step):

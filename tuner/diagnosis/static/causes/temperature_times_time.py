@@ -1,7 +1,7 @@
 """Ageing: a temperature slope that changes through the record, which the catalogue has no name for.
 
-It counts only where it explains the record better than any named cause by `LEAD` nats. As a template it keeps anything
-else from being made up for it; what it finds is reported as unexplained, not as a finding.
+It counts only where it explains the record better than any named cause by `MIN_LEAD` nats. As a template it keeps
+anything else from being made up for it; what it finds is reported as unexplained, not as a finding.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 UNNAMED = "unnamed"
 """Stands for the code of a cause where there is none."""
-LEAD = 3.0
+MIN_LEAD = 3.0
 """Nats by which it must be better than a cause with a name: those within them count as alternatives."""
 
 
@@ -37,7 +37,7 @@ class Ageing(Template):
     covariate = COVARIATE
     size = ("slope", "{u}/K")
     statistic = meaning
-    price = LEAD
+    price = MIN_LEAD
 
     def template(self, channel: Channel) -> NDArray[np.float64]:
         """Return temperature times time on the blocks, both about their middle, K, shape (M,)."""
@@ -49,7 +49,7 @@ class Ageing(Template):
         result = super().test(fitted)
         if result is None or result.gain <= 0.0:
             return result
-        weak = 0.5 * (result.statistic - _transient_ratio(fitted)) < LEAD
+        weak = 0.5 * (result.statistic - _transient_ratio(fitted)) < MIN_LEAD
         return replace(result, gain=NO_GAIN) if weak else result
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import Channel
-from tuner.diagnosis.static.model.profile_likelihood import SAME, best_constant, profile
+from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, profile
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import judge, likeliest, scan
 from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
@@ -122,7 +122,7 @@ class TimeConstantTemplate(Template):
         constant = best_constant(
             fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
         )
-        close = abs(np.log(constant / self.time_constant)) < SAME
+        close = abs(np.log(constant / self.time_constant)) < MIN_LOG_CHANGE
         return self if close else self.at(constant)
 
     def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:

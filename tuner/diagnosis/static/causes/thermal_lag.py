@@ -25,8 +25,8 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE, centred
 from tuner.diagnosis.static.causes.template import TimeConstantTemplate
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
-from tuner.diagnosis.static.model.profile_likelihood import SAME, best_constant, first_column
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
+from tuner.diagnosis.static.model.profile_likelihood import MIN_LOG_CHANGE, best_constant, first_column
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import scan
 
@@ -37,7 +37,7 @@ MAX_LAG_RATIO = 100.0
 
 Beyond, the interval reaches from well within the record to far outside of it, and slope and lag cannot be told apart.
 """
-FURTHER = 10.8
+MIN_LIKELIHOOD_RATIO = 10.8
 """Likelihood ratio from which a further template is taken: χ²₁ at 0.1 %."""
 
 
@@ -127,9 +127,9 @@ class ThermalLag(TimeConstantTemplate):
         constant = best_constant(
             fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
         )
-        settling = self.settling or further_ratio(fitted, self._start(fitted.channel)) > FURTHER
-        prompt = self.prompt or further_ratio(fitted, self.late(fitted.channel)) > FURTHER
-        moved = abs(np.log(constant / self.time_constant)) >= SAME
+        settling = self.settling or further_ratio(fitted, self._start(fitted.channel)) > MIN_LIKELIHOOD_RATIO
+        prompt = self.prompt or further_ratio(fitted, self.late(fitted.channel)) > MIN_LIKELIHOOD_RATIO
+        moved = abs(np.log(constant / self.time_constant)) >= MIN_LOG_CHANGE
         new = replace(self, time_constant=constant, settling=settling, prompt=prompt)
         return new if moved or (settling, prompt) != (self.settling, self.prompt) else self
 
@@ -150,7 +150,7 @@ class ThermalLag(TimeConstantTemplate):
 def further_ratio(fitted: Residual, template: FloatArray) -> float:
     """Return the likelihood ratio of a further template, given on the blocks (M,)."""
     fit = fitted.refit(block_transform(template[:, None], fitted.cleaned, fitted.track.singles))
-    return 2.0 * SHRINK * (fit.log_likelihood - fitted.fit.log_likelihood)
+    return 2.0 * SLOW_RATIO_FACTOR * (fit.log_likelihood - fitted.fit.log_likelihood)
 
 
 def beside_temperature(fitted: Residual) -> tuple[ThermalLag, float]:

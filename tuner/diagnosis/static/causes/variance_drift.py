@@ -25,20 +25,20 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import BLOCKS, block_loudness
+from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_loudness
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]
 
-STEPS = 8
+SCORING_STEPS = 8
 """Steps of Fisher's scoring from no change to the likeliest."""
-MOST = 12.0
+MAX_LOG_CHANGE = 12.0
 """Largest change of the log variance over the record."""
 
 
 @dataclass(frozen=True)
 class VarianceDrift(Extension):
-    """Log of the variance at the middles of `BLOCKS` even parts of the record, shape (`BLOCKS`,)."""
+    """Log of the variance at the middles of `LEVEL_BLOCKS` even parts of the record, shape (`LEVEL_BLOCKS`,)."""
 
     cause = "variance_drift"
     effect = Effect
@@ -51,8 +51,8 @@ class VarianceDrift(Extension):
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Bring all samples to the variance in the middle."""
-        place = (np.arange(len(e)) + 0.5) / len(e) * BLOCKS - 0.5
-        return np.asarray(e * np.exp(-0.5 * np.interp(place, np.arange(BLOCKS), self.course)))
+        place = (np.arange(len(e)) + 0.5) / len(e) * LEVEL_BLOCKS - 0.5
+        return np.asarray(e * np.exp(-0.5 * np.interp(place, np.arange(LEVEL_BLOCKS), self.course)))
 
     def foretold(self, fitted: Channel, other: Channel) -> FloatArray:
         """Return the log of the variance in another channel of the same unit, or a longer one, shape (n,)."""
@@ -118,8 +118,8 @@ class VarianceByHeat(VarianceDrift):
 
 
 def middles() -> FloatArray:
-    """Return the middles of the blocks as shares of the record, shape (`BLOCKS`,)."""
-    return np.asarray((np.arange(BLOCKS) + 0.5) / BLOCKS)
+    """Return the middles of the blocks as shares of the record, shape (`LEVEL_BLOCKS`,)."""
+    return np.asarray((np.arange(LEVEL_BLOCKS) + 0.5) / LEVEL_BLOCKS)
 
 
 def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
@@ -130,13 +130,13 @@ def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
 def _regression(
     fitted: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> TestResult:
-    """Fit an exponential variance of the white noise in x, shape (`BLOCKS`,), to the blocks; it counts per x/width."""
+    """Fit an exponential variance of the white noise in x, shape (`LEVEL_BLOCKS`,), to blocks; it counts per x/width."""
     square, weight, usual = block_loudness(fitted)
     x = x - weight @ x / weight.sum()
     white = dilution(fitted)
-    most = MOST / (float(np.ptp(x)) + 1e-300)
+    most = MAX_LOG_CHANGE / (float(np.ptp(x)) + 1e-300)
     change = 0.0
-    for _ in range(STEPS):
+    for _ in range(SCORING_STEPS):
         course, slope = _course(change, x, weight, white.variance)
         score = weight @ (slope * (square / _levelled(course, square, weight) - 1.0))
         information = float(weight @ slope**2) + 1e-300
@@ -158,7 +158,7 @@ def _regression(
 
 
 def _course(change: float, x: FloatArray, weight: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
-    """Return the log variance of residuals and its slope by `change`, less its mean; shapes (`BLOCKS`,).
+    """Return the log variance of residuals and its slope by `change`, less its mean; shapes (`LEVEL_BLOCKS`,).
 
     Of the mean variance the white noise, which follows exp(change x), has this share.
     """
@@ -170,6 +170,6 @@ def _course(change: float, x: FloatArray, weight: FloatArray, share: float) -> t
 
 
 def _levelled(course: FloatArray, square: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the variance of this course, at the level that the mean squares have; shape (`BLOCKS`,)."""
+    """Return the variance of this course, at the level that the mean squares have; shape (`LEVEL_BLOCKS`,)."""
     fitted = np.exp(course)
     return np.asarray(fitted * (weight @ (square / fitted)) / weight.sum())

@@ -26,7 +26,7 @@ from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import curvature, maximum, minimum
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.spectrum.background import FIRST, local_level
+from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_level
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.spectrum.shape import ShapeTest
 
@@ -35,17 +35,17 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.signedinteger[Any]]
 
 WINDOWS = tuple(8 * 2**k for k in range(10))
-BESIDE = 16
+LEVEL_WIDTHS = 16
 """Widths of a window from which its level is taken, on either side."""
-PROMISING = 0.03
+REFINED_P_VALUE = 0.03
 """Chance of a window from which the hump is fitted."""
-NEAR = 200
+NEIGHBOUR_COUNT = 200
 """Ordinates about one that tell a line from a hump."""
-NARROW = 3.0
+MIN_QUALITY = 3.0
 """Quality below which a hump is a matter of the broad shape of the spectrum."""
-MOVED = 0.1
+MIN_PARAMETER_CHANGE = 0.1
 """Standard deviations by which parameters move before the model is fitted again."""
-CAP = 25.0
+MAX_ORDINATE = 25.0
 """Largest ordinate that counts: a line is no resonance."""
 
 
@@ -99,12 +99,12 @@ class Vibration(Extension):
         df = 0.5 / (n * dt)
         reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
         first, last = (int((self.frequency + sign * reach) / df) for sign in (-1, 1))
-        first, last = max(FIRST, first), min(n - 1, last)
+        first, last = max(FIRST_ORDINATE, first), min(n - 1, last)
         size = max(1, (last - first) // 400)
         number = (last - first) // size
-        around = slice(max(first - NEAR, 0), last + NEAR)
+        around = slice(max(first - NEIGHBOUR_COUNT, 0), last + NEIGHBOUR_COUNT)
         square = (
-            _lines_cut(fitted.coefficients[1:][around] ** 2 / fitted.power[around], CAP)
+            _lines_cut(fitted.coefficients[1:][around] ** 2 / fitted.power[around], MAX_ORDINATE)
             * fitted.power[around]
         )
         inside = slice(first, first + number * size)
@@ -133,7 +133,7 @@ class Vibration(Extension):
         covariance = curvature(whole, x)
         sd = np.sqrt(np.diag(covariance))
         moved = np.abs(x - start)
-        settled = bool(np.all(moved < MOVED * sd))
+        settled = bool(np.all(moved < MIN_PARAMETER_CHANGE * sd))
         return self if settled or moved[0] > 1.0 / self.quality else _fitted(x, sd)
 
     def terms(self, interval: float) -> tuple[Term, ...]:
@@ -171,11 +171,11 @@ def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     df = 1.0 / (len(fitted.e) * fitted.channel.interval)
     background = tested.background(df * np.arange(1.0, len(fitted.periodogram) + 1.0))
     power = fitted.periodogram / background
-    total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, CAP))))
+    total = np.concatenate(([0.0], np.cumsum(_lines_cut(power, MAX_ORDINATE))))
     widths = [width for width in WINDOWS if width <= len(power) // 24]
-    best = (np.inf, 8, FIRST, 1.0)
+    best = (np.inf, 8, FIRST_ORDINATE, 1.0)
     for width in widths:
-        start = np.arange(FIRST, len(power) - width, width // 2)
+        start = np.arange(FIRST_ORDINATE, len(power) - width, width // 2)
         ratio, beside = _over_neighbours(total, start, width)
         ratio[taken(fitted, (start + 1 + 0.5 * width) * df)] = 1.0
         largest = _largest(ratio, 8)
@@ -188,13 +188,13 @@ def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     p_value = float(np.exp(min(log_chance, 0.0)))
     centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
-    if p_value > PROMISING:
+    if p_value > REFINED_P_VALUE:
         return TestResult("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
     gain, found = extension(fitted, background, centre, half)
     covered = float(np.clip(found.frequency / found.quality / df, WINDOWS[0], widths[-1]))
     price = float(np.log(len(widths) * 2.0 * len(power) / covered))
     p_value = min(1.0, 2.0 * min(p_value, float(np.exp(price - max(gain, 0.0)))))
-    if found.quality < NARROW or found.overlaps(fitted):
+    if found.quality < MIN_QUALITY or found.overlaps(fitted):
         gain = -np.inf
     return TestResult("vibration", p_value, gain - price, mean, name, lambda: (found,), local=True)
 
@@ -220,9 +220,9 @@ def _over_neighbours(total: FloatArray, start: IntArray, width: int) -> tuple[Fl
         stop = np.maximum(first, stop)
         return total[stop] - total[first], (stop - first).astype(float)
 
-    below, number_below = sums(np.maximum(start - gap - BESIDE * width, FIRST), start - gap)
+    below, number_below = sums(np.maximum(start - gap - LEVEL_WIDTHS * width, FIRST_ORDINATE), start - gap)
     above, number_above = sums(
-        np.minimum(start + width + gap, last), np.minimum(start + width + gap + BESIDE * width, last)
+        np.minimum(start + width + gap, last), np.minimum(start + width + gap + LEVEL_WIDTHS * width, last)
     )
     number = number_below + number_above
     inside = (total[start + width] - total[start]) / width
@@ -245,13 +245,13 @@ def wide(tested: ShapeTest, fitted: Residual) -> TestResult:
     spread = scale * np.sqrt(np.diag(hump.covariance))
     found = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
     ratio = 2.0 * (tested.null.cost - hump.cost)
-    gain = -np.inf if found.quality < NARROW or found.overlaps(fitted) else tested.gain(hump)
+    gain = -np.inf if found.quality < MIN_QUALITY or found.overlaps(fitted) else tested.gain(hump)
     return TestResult("vibration", tested.any_p_value, gain, ratio, name, lambda: (found,))
 
 
 def _lines_cut(power: FloatArray, cap: float) -> FloatArray:
     """Return ordinates, none above `cap` times the level of its near neighbours: lines are not resonances."""
-    return power if np.isinf(cap) else np.minimum(power, cap * local_level(power, NEAR))
+    return power if np.isinf(cap) else np.minimum(power, cap * local_level(power, NEIGHBOUR_COUNT))
 
 
 def _log_tail(ratio: float, width: float, reference: float) -> float:
@@ -271,7 +271,7 @@ def rival(fitted: Residual, frequency: float, height: float) -> TestResult | Non
     """
     n, dt = len(fitted.e), fitted.channel.interval
     gain, found = extension(fitted, np.ones_like(fitted.periodogram), frequency, 8.0 / (n * dt), cap=np.inf)
-    if gain < height + float(np.log(n)) or not NARROW < found.quality < frequency * n * dt:
+    if gain < height + float(np.log(n)) or not MIN_QUALITY < found.quality < frequency * n * dt:
         return None
     name = "likelihood of a resonance in place of a line"
     p_value = float(np.exp(-gain)) * n
@@ -281,7 +281,7 @@ def rival(fitted: Residual, frequency: float, height: float) -> TestResult | Non
 
 
 def extension(
-    fitted: Residual, background: FloatArray, middle: float, half: float, *, cap: float = CAP
+    fitted: Residual, background: FloatArray, middle: float, half: float, *, cap: float = MAX_ORDINATE
 ) -> tuple[float, Vibration]:
     """Return the resonance next to a window of frequency middle ± half, Hz, and the log likelihood it gains.
 
@@ -290,10 +290,13 @@ def extension(
     dt, n = fitted.channel.interval, len(fitted.periodogram)
     df = 1.0 / (len(fitted.e) * dt)
     reach = max(12.0 * half, 100.0 * df)
-    first, last = max(FIRST, int((middle - reach) / df)), min(n, int((middle + reach) / df))
+    first, last = max(FIRST_ORDINATE, int((middle - reach) / df)), min(n, int((middle + reach) / df))
     size = max(1, (last - first) // 500)
     number = (last - first) // size
-    around = slice(max(first // NEAR - 1, 0) * NEAR, (last // NEAR + 2) * NEAR)
+    around = slice(
+        max(first // NEIGHBOUR_COUNT - 1, 0) * NEIGHBOUR_COUNT,
+        (last // NEIGHBOUR_COUNT + 2) * NEIGHBOUR_COUNT,
+    )
     power = _lines_cut(fitted.periodogram[around] / background[around], cap)
     mean = power[first - around.start :][: number * size].reshape(number, size).mean(axis=1)
     f = np.asarray((first + 0.5 + (np.arange(number) + 0.5) * size) * df, dtype=float)

@@ -21,13 +21,13 @@ from scipy.linalg import solveh_banded
 
 FloatArray = NDArray[np.float64]
 
-PARTS = 64
+PART_COUNT = 64
 """Parts of a record in each of which the curve must follow the readings."""
-LOCAL = 1.6
+MAX_LOCAL_RMS = 1.6
 """Root mean square of what is left in a part, in errors, beyond which it does not."""
-FEW = 16
-"""Measurements whose mean must not be `FARTHEST` off: noise alone does not take it there."""
-FARTHEST = 1.4
+MEAN_MEASUREMENTS = 16
+"""Measurements whose mean must not be `MAX_MEAN_DISTANCE` off: noise alone does not take it there."""
+MAX_MEAN_DISTANCE = 1.4
 """Distance in errors; half a step, which rounding takes a reading off at most, is √3 of them."""
 
 
@@ -51,9 +51,9 @@ def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
         Readings that one measurement is held for.
     """
     curve = readings
-    if len(readings) < 4 * PARTS:
+    if len(readings) < 4 * PART_COUNT:
         return curve
-    held = min(held, len(readings) // PARTS)
+    held = min(held, len(readings) // PART_COUNT)
     second = readings[2 * held :] - 2.0 * readings[held:-held] + readings[: -2 * held]
     error = max(step / np.sqrt(12.0), float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0)))
     if error == 0.0:
@@ -62,7 +62,7 @@ def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
     for _ in range(24):
         middle = 0.5 * (low + high)
         trial = _whittaker(readings, 10.0**middle)
-        if _within(readings - trial, error, FEW * held):
+        if _within(readings - trial, error, MEAN_MEASUREMENTS * held):
             low, curve = middle, trial
         else:
             high = middle
@@ -78,9 +78,13 @@ def hold(values: FloatArray) -> int:
 def _within(rest: FloatArray, error: float, few: int) -> bool:
     total = np.concatenate(([0.0], np.cumsum(rest)))
     farthest = float(np.abs(total[few:] - total[:-few]).max()) / few
-    parts = rest[: len(rest) // PARTS * PARTS].reshape(PARTS, -1)
+    parts = rest[: len(rest) // PART_COUNT * PART_COUNT].reshape(PART_COUNT, -1)
     worst = float(np.sqrt(np.mean(parts**2, axis=1)).max())
-    return float(np.std(rest)) <= error and worst <= LOCAL * error and farthest <= FARTHEST * error
+    return (
+        float(np.std(rest)) <= error
+        and worst <= MAX_LOCAL_RMS * error
+        and farthest <= MAX_MEAN_DISTANCE * error
+    )
 
 
 def _whittaker(y: FloatArray, weight: float) -> FloatArray:

@@ -22,11 +22,11 @@ from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
 
-CAP = 30.0
+MAX_SQUARE = 30.0
 """Largest square of a coefficient, in units of its neighbours', that the noise fit believes: lines stay out."""
-LOWEST = 64
+UNCAPPED_COEFFICIENTS = 64
 """Coefficients that are believed as they are: the level of their neighbours is not theirs."""
-RESOLUTION = 0.02
+CELL_RESOLUTION = 0.02
 """Relative width of the cells above the single coefficients."""
 
 
@@ -69,11 +69,13 @@ def grid(a: FloatArray, interval: float, singles: int) -> CosinePeriodogram:
     n = len(a)
     span = n * interval
     level = _level(a[1:] ** 2)
-    capped = np.clip(a[1:], -np.sqrt(CAP * level), np.sqrt(CAP * level))
-    capped[:LOWEST] = a[1 : LOWEST + 1]
+    capped = np.clip(a[1:], -np.sqrt(MAX_SQUARE * level), np.sqrt(MAX_SQUARE * level))
+    capped[:UNCAPPED_COEFFICIENTS] = a[1 : UNCAPPED_COEFFICIENTS + 1]
     low = min(singles, n - 1)
     order = np.arange(1.0, low + 1.0)
-    edges = np.unique(np.geomspace(low, n - 1, max(2, int(np.log((n - 1) / low) / RESOLUTION))).astype(int))
+    edges = np.unique(
+        np.geomspace(low, n - 1, max(2, int(np.log((n - 1) / low) / CELL_RESOLUTION))).astype(int)
+    )
     count = np.diff(edges).astype(float)
     cells = len(count)
     power = np.add.reduceat(capped[: edges[-1]] ** 2, edges[:-1]) / count if cells else np.empty(0)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse, transform
-from tuner.diagnosis.static.model.null_distributions import EDGE, SHRINK
+from tuner.diagnosis.static.model.null_distributions import EDGE_NATS, SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.score_scan import Scan
 
@@ -21,7 +21,7 @@ CLEAR_BLOCKS = 16
 def likely_time(fitted: Residual, scores: Scan, boundary: int) -> Value:
     """Return the time of a jump at a block boundary, with those that score nearly as well, s."""
     square, start = scores.score**2, fitted.channel.start
-    likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE / SHRINK) + 1
+    likely = np.flatnonzero(square > square[boundary - 1] - 2.0 * EDGE_NATS / SLOW_RATIO_FACTOR) + 1
     length = fitted.channel.block * fitted.channel.interval
     return Value(
         start + boundary * length,
@@ -43,7 +43,7 @@ def above_slow_track(channel: Channel, first: int, size: float) -> FloatArray:
 def placed(channel: Channel, begin: int, end: int, size: float, noise: float) -> tuple[int, Value]:
     """Return the first sample, in begin … end, and the time of the jump of this size, in scales, that fits best.
 
-    Its level is free, its noise white of this variance; it may lie where that costs `EDGE` nats at most.
+    Its level is free, its noise white of this variance; it may lie where that costs `EDGE_NATS` nats at most.
     """
     flank = CLEAR_BLOCKS // 2 * channel.block
     left, right = max(0, begin - flank), min(len(channel), end + flank)
@@ -53,7 +53,7 @@ def placed(channel: Channel, begin: int, end: int, size: float, noise: float) ->
     square = -2.0 * size * above + size**2 * after - (y.sum() - size * after) ** 2 / len(y)
     tried = slice(max(1, begin - left), max(2, end - left + 1))
     cost = 0.5 * square[tried] / noise
-    near = np.flatnonzero(cost < cost.min() + EDGE)
+    near = np.flatnonzero(cost < cost.min() + EDGE_NATS)
     first, low, high = (left + tried.start + int(i) for i in (np.argmin(cost), near[0], near[-1]))
     dt, start = channel.interval, channel.start
     return first, Value(start + first * dt, start + (low - 1) * dt, start + (high + 1) * dt, "s")

@@ -17,10 +17,10 @@ from scipy.stats import chi2
 
 FloatArray = NDArray[np.float64]
 
-SHRINK = 0.8
+SLOW_RATIO_FACTOR = 0.8
 """Factor on likelihood ratios of slow templates: the noise at their frequencies is itself known from few numbers."""
 
-EDGE = 3.68
+EDGE_NATS = 3.68
 """Nats within which the true place of a change lies, 95 %.
 
 The log likelihood ratio walks away from the true place on either side with a drift; what it reaches there is

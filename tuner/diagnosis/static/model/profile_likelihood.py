@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.model.dct import block_transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.model.slow_likelihood import Track
 
@@ -24,13 +24,13 @@ FloatArray = NDArray[np.float64]
 Template = Callable[[float], FloatArray]
 """Columns on the blocks, shape (M, p), for a time constant, s."""
 
-SAME = 0.01
+MIN_LOG_CHANGE = 0.01
 """Change of a logarithm of a time constant that is not worth another fit."""
-WIDEST = 4.0
+MAX_LOG_FACTOR = 4.0
 """Logarithm of the factor beyond which an end of an interval is not sought."""
-QUANTILE = 3.84
+CHI2_QUANTILE = 3.84
 """χ²₁ at 95 %."""
-HOPELESS = 10.0
+MAX_NATS_BELOW = 10.0
 """Nats below the best fit at which a kind of noise is not followed any more."""
 
 
@@ -99,7 +99,7 @@ def profile(fitted: Residual, index: int, template: Template, centre: float, siz
     wider = max(1.0, (size.upper - size.lower) / (3.92 * sd))
     explained, middle = _explained(fitted, index, template), float(np.log(centre))
     most = explained(middle)
-    followed = [f for f in fitted.fits if f.log_likelihood > fitted.fit.log_likelihood - HOPELESS]
+    followed = [f for f in fitted.fits if f.log_likelihood > fitted.fit.log_likelihood - MAX_NATS_BELOW]
 
     def held(log_factor: float) -> float:
         return most - explained(middle + log_factor)
@@ -108,7 +108,7 @@ def profile(fitted: Residual, index: int, template: Template, centre: float, siz
         constant = centre * float(np.exp(log_factor))
         trial = track.with_columns(block_transform(template(constant), fitted.cleaned, track.singles))
         best = max(trial.fit(f.kinds, f.theta).log_likelihood for f in followed)
-        return SHRINK * 2.0 * (fitted.fit.log_likelihood - best)
+        return SLOW_RATIO_FACTOR * 2.0 * (fitted.fit.log_likelihood - best)
 
     ends = []
     for sign in (-1.0, 1.0):
@@ -127,9 +127,9 @@ def profile(fitted: Residual, index: int, template: Template, centre: float, siz
 def _reach(loss: Callable[[float], float], sign: float) -> float:
     """Return how far from zero, on one side, twice a loss of log likelihood passes the 95 % point."""
     low, high = 0.0, 0.1
-    while high < WIDEST and loss(sign * high) < QUANTILE:
+    while high < MAX_LOG_FACTOR and loss(sign * high) < CHI2_QUANTILE:
         low, high = high, 2.0 * high
     for _ in range(5):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if loss(sign * middle) >= QUANTILE else (middle, high)
+        low, high = (low, middle) if loss(sign * middle) >= CHI2_QUANTILE else (middle, high)
     return high

@@ -24,15 +24,15 @@ from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, W
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import block_transform, grid, inverse, transform
-from tuner.diagnosis.static.model.null_distributions import SHRINK
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.slow_likelihood import BASES, Fit, Kinds, Track
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
-KNOTS = 8192
+SPECTRUM_KNOTS = 8192
 """Frequencies, even and in even ratios, between which the shape of the broad noise is a straight line."""
-CLIP = 5.0
+RESIDUAL_CLIP = 5.0
 """Residuals beyond this are cut for tests of the spectrum and of the variance."""
 
 
@@ -133,7 +133,9 @@ class Residual:
         white = sum(t.density**2 for t in self.fit.terms() if isinstance(t, White))
         others = NoiseModel(t for t in self.fit.terms() if not isinstance(t, White))
         order = np.arange(low + 1.0, n)
-        few = np.concatenate((np.geomspace(low + 1.0, n, KNOTS), np.linspace(low + 1.0, n, KNOTS)))
+        few = np.concatenate(
+            (np.geomspace(low + 1.0, n, SPECTRUM_KNOTS), np.linspace(low + 1.0, n, SPECTRUM_KNOTS))
+        )
         knots = np.sort(few) if len(few) < len(order) else order
         f = knots / (2.0 * n * dt)
         smooth = white * gain_of(self.extensions, f, dt) + others.psd(f, interval=dt)
@@ -197,7 +199,7 @@ class Residual:
     @cached_property
     def periodogram(self) -> FloatArray:
         """Periodogram of the clipped residuals at the Fourier frequencies 1 … n/2, mean 1."""
-        e = np.clip(self.e, -CLIP, CLIP)
+        e = np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         if next_fast_len(2 * len(e), real=True) == 2 * len(e):
             return np.ascontiguousarray(self.spectrum[1][1::2])
         return np.asarray(np.abs(rfft(e)[1:]) ** 2 / (len(e) * float(np.mean(e * e))))
@@ -212,7 +214,7 @@ class Residual:
     @cached_property
     def spectrum(self) -> tuple[FloatArray, FloatArray]:
         """Periodogram of the clipped residuals on a grid of at most half a bin: frequency (Hz) and power, mean 1."""
-        e = np.clip(self.e, -CLIP, CLIP)
+        e = np.clip(self.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         size = next_fast_len(2 * len(e), real=True)
         power = np.abs(rfft(e, size)[1:]) ** 2 / (len(e) * float(np.mean(e * e)))
         frequency = np.arange(1, len(power) + 1) / (size * self.channel.interval)
@@ -245,7 +247,7 @@ def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
 
 def _crossing(drop: Callable[[float], float], centre: float, step: float) -> float:
     """Return where twice the loss of log likelihood passes the 95 % point, going from the centre by steps."""
-    goal = 3.84 / SHRINK
+    goal = 3.84 / SLOW_RATIO_FACTOR
     low, high = 0.0, 1.96 * step
     for _ in range(12):
         if drop(centre + high) >= goal:
@@ -275,10 +277,10 @@ def power_of(extensions: tuple[Extension, ...], f: FloatArray, interval: float) 
 
 def robust_sd(e: FloatArray) -> float:
     """Return the standard deviation with squares capped at five deviations."""
-    cap = CLIP * float(np.std(e))
+    cap = RESIDUAL_CLIP * float(np.std(e))
     for _ in range(5):
-        cap = CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
-    return cap / CLIP
+        cap = RESIDUAL_CLIP * float(np.sqrt(_capped_square(e, cap * cap) / len(e)))
+    return cap / RESIDUAL_CLIP
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]

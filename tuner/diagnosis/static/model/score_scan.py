@@ -20,12 +20,12 @@ from scipy.fft import rfft
 from scipy.optimize import minimize_scalar
 
 from tuner.diagnosis.static.model.dct import block_transform, step_scale, step_sums
-from tuner.diagnosis.static.model.null_distributions import SHRINK, davies
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR, davies
 from tuner.diagnosis.static.model.residual import Residual
 
 FloatArray = NDArray[np.float64]
 
-PROMISING = 6.0
+MIN_SQUARE_SCORE = 6.0
 """Square of a score below which a refit is not worth its time."""
 
 
@@ -52,7 +52,7 @@ class Scan:
     @property
     def promising(self) -> bool:
         """Whether a refit is worth its time."""
-        return bool(self.score[self.best] ** 2 > PROMISING)
+        return bool(self.score[self.best] ** 2 > MIN_SQUARE_SCORE)
 
 
 @dataclass(frozen=True)
@@ -145,4 +145,4 @@ def judge(fitted: Residual, template: FloatArray, correlation: FloatArray, *, pr
     """Judge a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
     ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
     gain = 0.5 * ratio - price - 0.25 * float(np.log(fitted.channel.blocks))
-    return Judgement(ratio, davies(SHRINK * ratio, correlation), gain)
+    return Judgement(ratio, davies(SLOW_RATIO_FACTOR * ratio, correlation), gain)

@@ -22,21 +22,21 @@ from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.model.residual import Residual, gain_of
 
-ENOUGH = 2.0
+MIN_RATE_RATIO = 2.0
 """Least rate ÷ bandwidth without folding."""
-RISING = 1.5
+MIN_RISE = 1.5
 """Noise at half the rate ÷ that at a tenth of it from which it rises."""
 
 
 def rises(fitted: Residual) -> bool:
-    """Tell whether the noise at half the rate is more than `RISING` times that at a tenth of it, peaks apart."""
+    """Tell whether the noise at half the rate is more than `MIN_RISE` times that at a tenth of it, peaks apart."""
     dt = fitted.channel.interval
     f = np.array([0.1, 0.499]) / dt
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White))
     low, high = (
         fitted.model.psd(f, interval=dt) + white * (gain_of(fitted.extensions, f, dt) - 1.0)
     ).tolist()
-    return bool(high > RISING * low)
+    return bool(high > MIN_RISE * low)
 
 
 def bandwidth(fitted: Residual) -> tuple[float, bool]:
@@ -65,11 +65,11 @@ def notes(finals: Mapping[str, Residual]) -> list[str]:
         ratio = rate / width
         text = f"noise bandwidth {width:.3g} Hz{' or more' if open_ended else ''}, "
         text += f"rate ÷ bandwidth {ratio:.3g}{' or less' if open_ended else ''}"
-        if ratio < ENOUGH:
+        if ratio < MIN_RATE_RATIO:
             text += (
                 ": below 2, noise and vibration beyond half the rate are folded into the band; sample faster"
             )
-        elif open_ended and ratio < 1.01 * ENOUGH:
+        elif open_ended and ratio < 1.01 * MIN_RATE_RATIO:
             text += (
                 ": flat up to half the rate; a sensor wider than that folds noise and vibration into the band"
             )

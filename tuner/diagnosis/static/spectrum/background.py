@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-FIRST = 20
+FIRST_ORDINATE = 20
 """Lowest Fourier frequency that is searched for lines and humps."""
 
 

@@ -22,17 +22,17 @@ from numpy.typing import NDArray
 
 from models.noise import Quantization, White
 from tuner.diagnosis.static.causes.base import Extension
-from tuner.diagnosis.static.model.dct import CAP
+from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, gain_of, power_of
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
 from tuner.diagnosis.static.variance.level import course
 
 FloatArray = NDArray[np.float64]
 
-BINS = 128
-LOWEST = 0.01
+BIN_COUNT = 128
+MIN_RELATIVE_FREQUENCY = 0.01
 """Lowest frequency, share of the rate."""
-MEDIAN = 0.4549
+CHI2_MEDIAN = 0.4549
 """Median of χ²₁."""
 
 
@@ -94,13 +94,13 @@ class Sizes:
 def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     """Return the fast spectrum of a residual in bins, the shape of one extension not counted as known."""
     dt, n = fitted.channel.interval, len(fitted.coefficients) - 1
-    first = int(2.0 * LOWEST * n)
-    width = (n - first) // BINS
-    inside = slice(first, first + width * BINS)
-    square = (fitted.coefficients[1:][inside] ** 2).reshape(BINS, width)
-    level = np.median(square, axis=1, keepdims=True) / MEDIAN
-    total = fitted.power[inside].reshape(BINS, width).mean(axis=1)
-    cycles = np.asarray((first + (np.arange(BINS) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
+    first = int(2.0 * MIN_RELATIVE_FREQUENCY * n)
+    width = (n - first) // BIN_COUNT
+    inside = slice(first, first + width * BIN_COUNT)
+    square = (fitted.coefficients[1:][inside] ** 2).reshape(BIN_COUNT, width)
+    level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
+    total = fitted.power[inside].reshape(BIN_COUNT, width).mean(axis=1)
+    cycles = np.asarray((first + (np.arange(BIN_COUNT) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
     terms = fitted.fit.terms()
     white = sum(t.density**2 for t in terms if isinstance(t, White))
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
@@ -109,16 +109,16 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     rounding = fitted.channel.lattice**2 / 12.0 * dt
     peaks = fitted.peaks[inside]
     if without is not None:
-        f = np.arange(first + 1.0, first + 1.0 + width * BINS) / (2.0 * (n + 1) * dt)
+        f = np.arange(first + 1.0, first + 1.0 + width * BIN_COUNT) / (2.0 * (n + 1) * dt)
         peaks = peaks - without.power(f, dt)
-    peaks = peaks.reshape(BINS, width).mean(axis=1)
+    peaks = peaks.reshape(BIN_COUNT, width).mean(axis=1)
     told = power_of(fitted.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
     rest = total - told - white * gain_of(fitted.extensions, cycles / dt, dt) - quantization * rise(cycles)
     return Bins(
         dt,
         cycles,
-        np.minimum(square, CAP * level).mean(axis=1),
-        np.full(BINS, width / float(np.mean(course(fitted) ** 2))),
+        np.minimum(square, MAX_SQUARE * level).mean(axis=1),
+        np.full(BIN_COUNT, width / float(np.mean(course(fitted) ** 2))),
         gain_of(known, cycles / dt, dt),
         np.maximum(rest, 0.0),
         peaks,

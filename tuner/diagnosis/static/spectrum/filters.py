@@ -54,7 +54,7 @@ COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
     "arma21": (2, 1, ((0.3, -0.1, -0.2), (-0.3, 0.1, 0.2))),
 }
 """Orders p, q of the colours and starting points of their free numbers, the simplest first."""
-FREE = 4.0
+MAX_FREE_NUMBER = 4.0
 """Largest free number."""
 
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-STEPS = 40
+MAX_STEPS = 40
 """Steps at most."""
-SETTLED = 1e-4
+MIN_STEP_GAIN = 1e-4
 """Nats below which a step ends the search."""
-RIDGE = 1e-10
+DIAGONAL_RIDGE = 1e-10
 """Share added to the diagonal of the normal equations, whose diagonal is 1."""
 
 
@@ -40,7 +40,7 @@ def sizes(
     level = np.maximum(power, 1e-300)
     best, best_level, best_cost = np.zeros(number), level.copy(), np.inf
     matrix, target = np.empty((number, number)), np.empty(number)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         for i in range(number):
             target[i] = 0.0
             for j in range(i + 1):
@@ -66,7 +66,7 @@ def sizes(
             level[at] = max(level[at], 1e-9 * largest + 1e-300)
             ratio = power[at] / level[at]
             cost += 0.5 * count[at] * (ratio - 1.0 - np.log(ratio))
-        settled = cost > best_cost - SETTLED
+        settled = cost > best_cost - MIN_STEP_GAIN
         if cost < best_cost:
             best, best_level, best_cost = size, level.copy(), cost
         if settled:
@@ -90,7 +90,7 @@ def not_negative(matrix: FloatArray, target: FloatArray) -> FloatArray:
             for j in range(number):
                 coupled = kept[i] and kept[j]
                 part[i, j] = matrix[i, j] * scale[i] * scale[j] if coupled else 0.0
-            part[i, i] += RIDGE if kept[i] else 1.0
+            part[i, i] += DIAGONAL_RIDGE if kept[i] else 1.0
         for i in range(number):
             for j in range(i + 1, number):
                 factor = part[j, i] / part[i, i]

@@ -32,7 +32,7 @@ from tuner.diagnosis.static.spectrum.binned import Bins, Sizes, bins, rise, size
 from tuner.diagnosis.static.spectrum.filters import (
     COLOURS,
     FILTERS,
-    FREE,
+    MAX_FREE_NUMBER,
     arma_power,
     colour_arma,
     filter_power,
@@ -42,21 +42,21 @@ from tuner.diagnosis.static.spectrum.resonance import Hump, hump_fit, hump_scan
 
 FloatArray = NDArray[np.float64]
 
-CLOSE = 5.0
+SIMPLER_NATS = 5.0
 """Nats within which the simpler shape is taken."""
-LIMIT = 3.0
+REGION_NATS = 3.0
 """Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
-LOW, HIGH = 10, 20
-"""Cutoffs from which the best one is sought: in even ratios below `HALFWAY`, in even steps above."""
-HALFWAY = 0.12
+LOW_CUTOFFS, HIGH_CUTOFFS = 10, 20
+"""Cutoffs from which the best one is sought: in even ratios below `FOLDING_CUTOFF`, in even steps above."""
+FOLDING_CUTOFF = 0.12
 """Cutoff × interval from which a filter that folds has several likely cutoffs."""
 FREAK = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
-STARTS = 2
+COLOUR_STARTS = 2
 """Searches for a colour: from its likeliest starting points."""
 FIRST_ORDER = ("ar1", "ma1")
 """Colours whose likelihood ratio is the statistic."""
-ALARM = 1e-3
+SHAPES_P_VALUE = 1e-3
 """Chance from which the many shapes are fitted."""
 
 
@@ -114,8 +114,8 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
     """Fit a filter by name: what it folds can make two cutoffs likely, the lesser of which is no less a maximum."""
     cost = _filter_cost(data, name)
     low, high = FILTERS[name]
-    above = np.linspace(HALFWAY, high, HIGH)
-    grid = np.log(np.concatenate((np.geomspace(low, HALFWAY, LOW, endpoint=False), above)))
+    above = np.linspace(FOLDING_CUTOFF, high, HIGH_CUTOFFS)
+    grid = np.log(np.concatenate((np.geomspace(low, FOLDING_CUTOFF, LOW_CUTOFFS, endpoint=False), above)))
     value = np.array([cost(x) for x in grid])
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
@@ -140,7 +140,7 @@ def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
 def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
     """Fit a colour by name, quantization free beside it or none."""
     cost = _colour_cost(data, name, rises)
-    starts = sorted(COLOURS[name][2], key=lambda start: cost(np.array(start)))[:STARTS]
+    starts = sorted(COLOURS[name][2], key=lambda start: cost(np.array(start)))[:COLOUR_STARTS]
     x, _ = minimum(cost, starts, scale=0.1, tolerance=0.01)
     found = _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises)
     return ShapeFit(name, x, found.cost, found.expected, rises, found.cost)
@@ -148,7 +148,7 @@ def fit_colour(data: Bins, name: str, rises: bool = True) -> ShapeFit:
 
 def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], float]:
     def cost(x: FloatArray) -> float:
-        if np.any(np.abs(x) > FREE):
+        if np.any(np.abs(x) > MAX_FREE_NUMBER):
             return 1e12
         return _sized(data, arma_power(*colour_arma(name, x), data.cycles), rises).cost
 
@@ -166,7 +166,9 @@ def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
     """Return the 95 % interval of the log of cutoff × interval over all filters that explain the spectrum."""
     alike = [fitted for fitted in filters if fitted is filters[0] or fitted.name != FREAK]
     least = min(fitted.cost for fitted in alike)
-    ends = [_reach(data, fitted, least + LIMIT) for fitted in alike if fitted.cost < least + LIMIT]
+    ends = [
+        _reach(data, fitted, least + REGION_NATS) for fitted in alike if fitted.cost < least + REGION_NATS
+    ]
     return min(end[0] for end in ends), max(end[1] for end in ends)
 
 
@@ -284,7 +286,7 @@ def few_shapes(fitted: Residual) -> ShapeTest:
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
     scatter = misfit(data, null)
     hump_p_value = hump_scan(data, null.expected)[0]
-    if min(p_value, scatter, hump_p_value) > ALARM:
+    if min(p_value, scatter, hump_p_value) > SHAPES_P_VALUE:
         return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
     return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, hump_p_value)
 
@@ -305,7 +307,9 @@ def many_shapes(few: ShapeTest) -> ShapeTest:
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
     """Return the fits of all filters, the best first."""
     fits = [fit_filter(data, name) for name in FILTERS]
-    return tuple(sorted(fits, key=lambda fitted: fitted.least + (CLOSE if fitted.name == FREAK else 0.0)))
+    return tuple(
+        sorted(fits, key=lambda fitted: fitted.least + (SIMPLER_NATS if fitted.name == FREAK else 0.0))
+    )
 
 
 def _price(data: Bins, fitted: ShapeFit | Hump, rises: bool) -> float:
@@ -322,5 +326,5 @@ def _simpler(data: Bins, fits: list[ShapeFit]) -> ShapeFit:
 def _ranked(data: Bins, fits: list[ShapeFit]) -> tuple[ShapeFit, ...]:
     """Return the fits, first the simplest (earliest) of those that cannot be told from the best."""
     least = min(_price(data, fitted, False) for fitted in fits)
-    first = next(fitted for fitted in fits if _price(data, fitted, False) < least + CLOSE)
+    first = next(fitted for fitted in fits if _price(data, fitted, False) < least + SIMPLER_NATS)
     return (first, *(fitted for fitted in fits if fitted is not first))

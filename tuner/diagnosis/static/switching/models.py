@@ -13,7 +13,7 @@ from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
 
 FloatArray = NDArray[np.float64]
 
-NOTHING = np.empty(0)
+NO_VALUES = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def block_noise(terms: Sequence[Term], step: float) -> float:
 
 
 def likelihood(
-    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NOTHING
+    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NO_VALUES
 ) -> float:
     """Return the log likelihood of block means, shape (M,), by `switching`.
 
@@ -111,7 +111,7 @@ def likelihood(
 
 
 def likelihood_by_start(
-    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NOTHING
+    y: FloatArray, chain: Chain, slow: Slow, r: FloatArray | float, path: FloatArray = NO_VALUES
 ) -> float:
     """Return `likelihood` with one filter for each level at the start, and the path from the likeliest of them.
 

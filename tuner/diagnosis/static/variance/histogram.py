@@ -10,8 +10,8 @@ from scipy.stats import norm
 
 FloatArray = NDArray[np.float64]
 
-WIDTH = 0.02
-REACH = 60.0
+CELL_WIDTH = 0.02
+MAX_DEVIATION = 60.0
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,10 @@ class Histogram:
 
 
 def histogram(e: FloatArray) -> Histogram:
-    """Return the bins of residuals; what lies beyond `REACH` is put there."""
-    index = np.round((np.clip(e, -REACH, REACH) + REACH) / WIDTH).astype(int)
+    """Return the bins of residuals; what lies beyond `MAX_DEVIATION` is put there."""
+    index = np.round((np.clip(e, -MAX_DEVIATION, MAX_DEVIATION) + MAX_DEVIATION) / CELL_WIDTH).astype(int)
     count = np.bincount(index)
     filled = np.flatnonzero(count)
-    return Histogram(np.asarray(filled * WIDTH - REACH, dtype=float), count[filled].astype(float))
+    return Histogram(
+        np.asarray(filled * CELL_WIDTH - MAX_DEVIATION, dtype=float), count[filled].astype(float)
+    )

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.static.model.null_distributions import variance_deviate
-from tuner.diagnosis.static.model.residual import CLIP, Residual, once
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, once
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments
 
 FloatArray = NDArray[np.float64]
 
-BLOCKS = 256
+LEVEL_BLOCKS = 256
 """Parts of the record whose loudness is compared."""
-CALM = 0.2
+MIN_SQUARE_VARIANCE = 0.2
 """Least variance of a square: the place in a cell is not known well enough for less."""
 
 
@@ -74,7 +74,7 @@ class Loudness:
 @once
 def loudness(fitted: Residual) -> Loudness:
     """Return how loud every sample is."""
-    e = np.clip(fitted.e, -CLIP, CLIP)
+    e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     square, told = e * e, fitted.valid
     cell = cell_moments(fitted)
     if cell is not None:
@@ -86,7 +86,7 @@ def loudness(fitted: Residual) -> Loudness:
     kappa = float(np.var(square[told]))
     scatter = np.full(len(e), kappa)
     if cell is not None:
-        likely = np.maximum(cell[1], CALM)
+        likely = np.maximum(cell[1], MIN_SQUARE_VARIANCE)
         scatter = likely * (kappa / float(likely[told].mean()))
     if not told.all():
         square, scatter = np.where(told, square, 1.0), np.where(told, scatter, 0.0)
@@ -106,17 +106,17 @@ def course(fitted: Residual) -> FloatArray:
 
 @once
 def block_loudness(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
-    """Return the mean squares of `BLOCKS` even parts, their weights, shapes (`BLOCKS`,), and κ.
+    """Return the mean squares of `LEVEL_BLOCKS` even parts, their weights, shapes (`LEVEL_BLOCKS`,), and κ.
 
     The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.
     """
     loud = loudness(fitted)
-    size = len(fitted.e) // BLOCKS
-    inside = slice(0, size * BLOCKS)
+    size = len(fitted.e) // LEVEL_BLOCKS
+    inside = slice(0, size * LEVEL_BLOCKS)
     told = loud.scatter[inside] > 0.0
-    count = told.reshape(BLOCKS, size).sum(axis=1).astype(float)
-    square = np.where(told, loud.square[inside], 0.0).reshape(BLOCKS, size).sum(axis=1)
-    scatter = loud.scatter[inside].reshape(BLOCKS, size).sum(axis=1)
+    count = told.reshape(LEVEL_BLOCKS, size).sum(axis=1).astype(float)
+    square = np.where(told, loud.square[inside], 0.0).reshape(LEVEL_BLOCKS, size).sum(axis=1)
+    scatter = loud.scatter[inside].reshape(LEVEL_BLOCKS, size).sum(axis=1)
     weight = np.maximum(loud.kappa * count**2 / np.maximum(scatter, 1e-12), 1.0)
     mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 1.0)
     return np.maximum(mean, 1e-6), weight, loud.kappa

@@ -31,14 +31,14 @@ from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import BLOCKS, block_loudness
+from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_loudness
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 
 FloatArray = NDArray[np.float64]
 
-CYCLES = 0.5 * np.arange(2, BLOCKS // 2 + 1)
+CYCLES = 0.5 * np.arange(2, LEVEL_BLOCKS // 2 + 1)
 """Cycles in the record that are tried."""
-EMPTY = 0.5
+MIN_BLOCK_SHARE = 0.5
 """Share of the usual number of samples below which a block says nothing."""
 
 
@@ -58,7 +58,7 @@ def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
         _unnamed("variance by bias", chance, by_bias,
                  "the variance of the white noise moves with the bias"),
         _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
-                 f"the variance of the white noise changes irregularly, between {BLOCKS} parts of the record"),
+                 f"the variance of the white noise changes irregularly, between {LEVEL_BLOCKS} parts of the record"),
     )  # fmt: skip
 
 
@@ -67,15 +67,15 @@ def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestRe
 
 
 def _deviates(fitted: Residual) -> tuple[FloatArray, FloatArray]:
-    """Return the deviates of the blocks, shape (`BLOCKS`,), and what was taken out of them: orthonormal columns."""
+    """Return the deviates of the blocks, shape (`LEVEL_BLOCKS`,), and the orthonormal columns taken out."""
     square, weight, kappa = block_loudness(fitted)
-    told = weight > EMPTY * float(np.median(weight))
+    told = weight > MIN_BLOCK_SHARE * float(np.median(weight))
     level = float(weight[told] @ square[told] / weight[told].sum())
     deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
-    known = [np.ones(BLOCKS), middles() - 0.5]
+    known = [np.ones(LEVEL_BLOCKS), middles() - 0.5]
     if COVARIATE in fitted.channel.covariates:
         known.append(on_blocks(fitted.channel, fitted.channel.covariates[COVARIATE]))
-    basis = np.empty((BLOCKS, 0))
+    basis = np.empty((LEVEL_BLOCKS, 0))
     for column in known:
         basis = np.column_stack((basis, _beside(column * told, basis)))
     return deviate - basis @ (basis.T @ deviate), basis
@@ -103,9 +103,9 @@ def _periodic(deviate: FloatArray, basis: FloatArray) -> tuple[float, float]:
 
 
 def bias_track(fitted: Residual) -> FloatArray:
-    """Return the slow part of the samples as the model sees it, at the blocks of the variance, shape (`BLOCKS`,)."""
+    """Return the slow part of the samples as the model sees it, at the variance blocks, shape (`LEVEL_BLOCKS`,)."""
     track, fit = fitted.track, fitted.fit
-    low = slice(0, BLOCKS - 1)
+    low = slice(0, LEVEL_BLOCKS - 1)
     slow = NoiseModel(t for t in fit.terms() if not isinstance(t, White | Quantization))
     power = slow.psd(track.grid.frequency[low], interval=fitted.channel.interval)
     means = track.columns[low] @ fit.beta

@@ -29,17 +29,17 @@ from tuner.diagnosis.static.model.residual import Residual
 
 FloatArray = NDArray[np.float64]
 
-FINE = 1.0
+MAX_FINE_STEP = 1.0
 """Step ÷ sd up to which the place in a cell does not matter."""
-COARSE = 2.0
+MIN_COARSE_STEP = 2.0
 """Step ÷ sd from which a lattice is a finding."""
-LEAST, MOST = 0.2, 2.0
+MIN_NOISE_SD, MAX_NOISE_SD = 0.2, 2.0
 """Bounds of the sd of the noise, steps; below, samples hardly leave their code and say nothing of their noise."""
-SPARSE = 64
+SPARSE_STRIDE = 64
 """Samples of which one is enough to find the sd of the noise."""
-GRID = 64
+CELL_PLACES = 64
 """Places in a cell at which the moments are known."""
-SILENT = 0.02
+MIN_VARIANCE_RATIO = 0.02
 """Variance of the codes ÷ that of the noise below which samples say nothing."""
 
 
@@ -96,7 +96,7 @@ def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
         Of the numbers, half-width of the dead band, and sd of the mean, steps.
     """
     reach = float(np.ceil(deadband + 8.0 * sd)) if deadband > 0.0 else 0.0
-    place = np.arange(-(reach + 1.0) * GRID, (reach + 1.0) * GRID + 1.0) / GRID
+    place = np.arange(-(reach + 1.0) * CELL_PLACES, (reach + 1.0) * CELL_PLACES + 1.0) / CELL_PLACES
     side = int(np.ceil(8.0 * sd + deadband)) + 1
     code = np.round(place)[:, None] + np.arange(-side, side + 1.0)
     low, high = code - 0.5, code + 0.5
@@ -109,7 +109,8 @@ def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
     variance = np.sum(share * away, axis=1)
     fourth = np.sum(share * away**2, axis=1)
     shift, variance, fourth = (
-        gaussian_filter1d(x, max(unsure * GRID, 1e-3), mode="wrap") for x in (mean - place, variance, fourth)
+        gaussian_filter1d(x, max(unsure * CELL_PLACES, 1e-3), mode="wrap")
+        for x in (mean - place, variance, fourth)
     )
     scatter = fourth / np.maximum(variance, 1e-12) ** 2 - 1.0
     return Moments(reach, place, (1.0 + 1e-12) * place + shift, variance, scatter)
@@ -121,32 +122,32 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
     Samples that say nothing of their noise have κ = ∞.
     """
     channel, step = fitted.channel, fitted.channel.lattice
-    if step <= 0.5 * FINE:
+    if step <= 0.5 * MAX_FINE_STEP:
         return None
     slow, noise, unsure = slow_track(fitted)
     seen = noise / step**2
-    if channel.deadband == 0.0 and seen - 1.0 / 12.0 >= FINE**-2:
+    if channel.deadband == 0.0 and seen - 1.0 / 12.0 >= MAX_FINE_STEP**-2:
         return None
     code = channel.y[int(np.argmax(channel.valid))]
     zero = float(np.round((code + channel.level / channel.scale) / step)) if channel.deadband > 0.0 else 0.0
     place = (slow - code) / step + zero
-    sparse = np.sort(place[::SPARSE])
+    sparse = np.sort(place[::SPARSE_STRIDE])
     dead, vague = channel.deadband / step, float(np.sqrt(unsure)) / step
-    low, high = LEAST, MOST
+    low, high = MIN_NOISE_SD, MAX_NOISE_SD
     for _ in range(20):
         sd = float(np.sqrt(low * high))
         low, high = (low, sd) if float(np.mean(moments(sd, dead, vague).at(sparse)[0])) > seen else (sd, high)
     variance, scatter = moments(sd, dead, vague).at(place)
-    silent = (variance < SILENT * sd**2) | (sd < 1.01 * LEAST)
+    silent = (variance < MIN_VARIANCE_RATIO * sd**2) | (sd < 1.01 * MIN_NOISE_SD)
     usual = float(np.mean(variance[~silent])) if not bool(silent.all()) else 1.0
     return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
 
 
 def is_coarse(fitted: Residual) -> bool:
-    """Return whether a step exceeds `COARSE` sd of the white noise: the place in a cell is felt."""
+    """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell is felt."""
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
     step = fitted.channel.lattice
-    return step**2 > COARSE**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
+    return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
 
 
 def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
@@ -156,7 +157,7 @@ def slow_track(fitted: Residual) -> tuple[FloatArray, float, float]:
     and that of the track, mean W (1 − W/E).
     """
     dt, n = fitted.channel.interval, len(fitted.coefficients)
-    f = np.linspace(0.0, 0.5 / dt, GRID**2)
+    f = np.linspace(0.0, 0.5 / dt, CELL_PLACES**2)
     noise = NoiseModel(t for t in fitted.fit.terms() if isinstance(t, White | Quantization)).psd(
         f, interval=dt
     )

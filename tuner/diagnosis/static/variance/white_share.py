@@ -18,9 +18,9 @@ import numpy as np
 from models.noise import White
 from tuner.diagnosis.static.model.residual import Residual, gain_of
 
-GRID = 4096
+FREQUENCY_COUNT = 4096
 """Frequencies, even up to half the rate, on which the filter is known."""
-LEAST = 0.05
+MIN_WHITE_SHARE = 0.05
 """Share of white noise below which nothing is told of its law."""
 
 
@@ -48,18 +48,22 @@ class Dilution:
         `variance` is that of the whole record, part of it loud: the quiet part has a/(1 + share (r − 1)) of it.
         """
         a, excess = self.variance, ratio - 1.0
-        return max(1.0 + excess / max(a - excess * (1.0 - a) * share, LEAST * a), 1e-3)
+        return max(1.0 + excess / max(a - excess * (1.0 - a) * share, MIN_WHITE_SHARE * a), 1e-3)
 
 
 def dilution(fitted: Residual) -> Dilution:
     """Return what of the residuals is white noise."""
     dt = fitted.channel.interval
-    f = np.linspace(0.0, 0.5 / dt, GRID + 1)
+    f = np.linspace(0.0, 0.5 / dt, FREQUENCY_COUNT + 1)
     order = next(i for i, term in enumerate(fitted.fit.terms()) if isinstance(term, White))
     at = sum(len(kind.PARAMETERS) for kind in fitted.fit.kinds[:order])
     density = float(np.exp(2.0 * fitted.fit.theta[at]))
-    own = max(density - fitted.channel.lattice**2 * dt / 12.0, LEAST * density)
+    own = max(density - fitted.channel.lattice**2 * dt / 12.0, MIN_WHITE_SHARE * density)
     response = np.sqrt(np.minimum(own * gain_of(fitted.extensions, f, dt) / fitted.power_at(f), 1.0))
     h = np.fft.irfft(response)
     error = 2.0 * float(np.sqrt(fitted.fit.covariance[at, at]))
-    return Dilution(max(float(h @ h), LEAST), max(float(np.sum(h**4)), LEAST**2), error * density / own)
+    return Dilution(
+        max(float(h @ h), MIN_WHITE_SHARE),
+        max(float(np.sum(h**4)), MIN_WHITE_SHARE**2),
+        error * density / own,
+    )
