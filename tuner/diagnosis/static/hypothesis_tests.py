@@ -1,8 +1,8 @@
 """Every hypothesis test on one residual, and the budget of false alarms that they share.
 
 The tests of one channel share `FALSE_ALARM_BUDGET`, that of a whole data set: each cause gets
-budget ÷ (all shares × channels), and those that search hundreds of thousands of frequencies several such shares [1]_: the least amplitude that is found falls
-there, and hardly rises elsewhere.
+budget ÷ (all shares × channels), and those that search hundreds of thousands of
+frequencies several such shares [1]_: the least amplitude that is found falls there, and hardly rises elsewhere.
 
 References
 ----------

@@ -1,8 +1,8 @@
-"""The loop: fit, test, extend by what gains most, fit again, until the panel is quiet.
+"""Search for causes: fit, test, extend the model by the cause that gains most, fit again, until no test rejects.
 
-An extension is accepted where its family alarms and its penalised gain is the largest. What alarmed as well and
-falls silent with it is a rival; rivals within `ALTERNATIVE_NATS` nats are its alternatives. When no test rejects any more,
-each extension is taken out in turn and stays out unless its own test then alarms.
+An extension is accepted where its test rejects and its penalised gain is the largest. A cause whose test rejected too
+and no longer does is a rival; rivals within `ALTERNATIVE_NATS` nats are its alternatives. When no test rejects any
+more, each extension is taken out in turn and stays out unless its own test then rejects.
 """
 
 from __future__ import annotations

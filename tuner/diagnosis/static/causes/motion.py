@@ -5,7 +5,8 @@ median over the record, and raised where the second differences of the samples a
 is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
 threshold is far beyond chance.
 Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond
-`JUMP_THRESHOLD` deviations close together, after which the level is another one, or in gyros and accelerometers at once.
+`JUMP_THRESHOLD` deviations close together, after which the level is another one, or in gyros and accelerometers
+at once.
 Extension: the stretch is taken out with the change of level over it, and the level may differ further.
 """
 

@@ -130,7 +130,7 @@ def on_blocks(channel: Channel, values: FloatArray) -> FloatArray:
 def _regression(
     fitted: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> TestResult:
-    """Fit an exponential variance of the white noise in x, shape (`LEVEL_BLOCKS`,), to blocks; it counts per x/width."""
+    """Fit an exponential variance of the white noise in x, shape (`LEVEL_BLOCKS`,), to blocks; counts per x/width."""
     square, weight, usual = block_loudness(fitted)
     x = x - weight @ x / weight.sum()
     white = dilution(fitted)
