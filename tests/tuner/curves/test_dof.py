@@ -207,6 +207,8 @@ def test_the_ruling_term():
     model = NoiseModel((Quantization(1e-3), White(1e-2), RandomWalk(1e-3), GaussMarkov(1e-3, 3.0), Ramp(1.0)))
     assert [dominant(model, tau) for tau in (0.01, 1.0, 1e4)] == ["quantization", "white", "random_walk"]
     assert dominant(NoiseModel((Ramp(1.0),)), 1.0) == "white"
+    for tau in (0.01, 1.0, 1e4):  # whatever the unit: the variances of a good gyro are below 1e-18 rad²/s²
+        assert dominant(model.scaled(1e-9), tau) == dominant(model, tau)
 
 
 def test_unknown_names_are_answered():
