@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import Correction
-from tuner.navigation.fix_sd_model import CAUSE, fix_sd_model
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, fix_sd_model
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Compensation
 from tuner.types.records import Drive
@@ -72,7 +72,7 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:
     """Return the filter with what is known of its fixes: the lag of velocities, the models of reported sds."""
     settings = replace(settings, velocity_lag=correction(compensation).velocity_lag)
-    values = compensation.of(CAUSE)
+    values = compensation.of(GNSS_NOISE_SCALE)
     if not values:
         return settings
     return replace(

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-CAUSE = "gnss_noise_scale"
+GNSS_NOISE_SCALE = "gnss_noise_scale"
 AXES = ("horizontal", "vertical")
 BLOCKS: Mapping[str, slice] = {"position": slice(0, 3), "velocity": slice(3, 6)}
 """Rows of a fix by block."""

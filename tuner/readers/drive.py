@@ -69,7 +69,7 @@ UNITS: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"): ("vn", "ve", "vd", "sd_vn", "sd_ve", "sd_vd"),
 }
 """Units that may follow a name in brackets; without them the first holds."""
-_TRUTH = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
+_TRUTH_COLUMNS = ("t", "lat", "lon", "height", "vn", "ve", "vd", "roll", "pitch", "yaw")
 
 
 def read_drive(path: str | Path) -> Drive:
@@ -190,7 +190,7 @@ def _folder(path: Path) -> Drive:
         path,
         imu,
         table(_existing(path / "gnss.csv"), GNSS_COLUMNS, 4),
-        table(truth, _TRUTH, 4) if truth.exists() else None,
+        table(truth, _TRUTH_COLUMNS, 4) if truth.exists() else None,
         notes=gyro.notes,
     )
 

@@ -48,7 +48,7 @@ MIN_VIBRATION_FREQUENCY = 5.0
 """Frequency above which no vehicle manoeuvres, Hz."""
 UNKNOWN_UNIT_GRADE = "mpu9250"
 """Grade of a unit of which nothing is known: the noisiest built-in consumer unit."""
-SENSORS = ("gyro", "accel")
+SENSOR_NAMES = ("gyro", "accel")
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def stationary_noise(drive: Drive) -> StationaryNoise:
         return StationaryNoise(seconds, {}, {})
     variance = _allan(blocks[still], max(1, round(ALLAN_TAU / dt)))
     white = np.sqrt(np.maximum(variance * max(1, round(ALLAN_TAU / dt)), step**2 / 12.0) * dt)
-    density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSORS)}
+    density = {s: float(np.sqrt(np.mean(white[3 * i : 3 * i + 3] ** 2))) for i, s in enumerate(SENSOR_NAMES)}
     vibration = _vibration(blocks, still, whole & ~slow, dt, step**2 / 12.0)
     return StationaryNoise(seconds, density, vibration)
 
@@ -267,4 +267,4 @@ def _vibration(
 
     at_rest, in_motion = level(blocks[still]), level(blocks[moving])
     ratio = np.sqrt(in_motion / at_rest)
-    return dict(zip(SENSORS, ratio.tolist(), strict=True))
+    return dict(zip(SENSOR_NAMES, ratio.tolist(), strict=True))

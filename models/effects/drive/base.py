@@ -23,7 +23,18 @@ from models.effects.parsing import Written
 
 FloatArray = NDArray[np.float64]
 
-FORCE, MOUNT, AXES, NOISE, BIAS, ANTENNA, LAG, ERROR, FRAME, STAMP = range(10)
+(
+    FORCE_STAGE,
+    MOUNT_STAGE,
+    AXES_STAGE,
+    NOISE_STAGE,
+    BIAS_STAGE,
+    ANTENNA_STAGE,
+    LAG_STAGE,
+    ERROR_STAGE,
+    FRAME_STAGE,
+    STAMP_STAGE,
+) = range(10)
 """Stages, in the order in which effects act."""
 
 

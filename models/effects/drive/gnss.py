@@ -23,12 +23,12 @@ import numpy as np
 
 from models.earth import ned_between
 from models.effects.drive.base import (
-    ANTENNA,
-    ERROR,
-    FRAME,
-    LAG,
-    NOISE,
-    STAMP,
+    ANTENNA_STAGE,
+    ERROR_STAGE,
+    FRAME_STAGE,
+    LAG_STAGE,
+    NOISE_STAGE,
+    STAMP_STAGE,
     Correction,
     DriveEffect,
     DriveSamples,
@@ -64,7 +64,7 @@ class LeverArm(DriveEffect):
     """
 
     name: ClassVar[str] = "lever_arm"
-    stage: ClassVar[int] = ANTENNA
+    stage: ClassVar[int] = ANTENNA_STAGE
     is_constant: ClassVar[bool] = True
     x: float = 0.0
     y: float = 0.0
@@ -103,7 +103,7 @@ class VelocityLag(DriveEffect):
     """
 
     name: ClassVar[str] = "velocity_lag"
-    stage: ClassVar[int] = LAG
+    stage: ClassVar[int] = LAG_STAGE
     is_constant: ClassVar[bool] = True
     delay: float
 
@@ -138,7 +138,7 @@ class GnssNoiseScale(DriveEffect):
     """
 
     name: ClassVar[str] = "gnss_noise_scale"
-    stage: ClassVar[int] = NOISE
+    stage: ClassVar[int] = NOISE_STAGE
     position_horizontal: float = 1.0
     position_vertical: float = 1.0
     velocity_horizontal: float = 1.0
@@ -192,7 +192,7 @@ class CorrelatedGnss(DriveEffect):
     """
 
     name: ClassVar[str] = "correlated_gnss"
-    stage: ClassVar[int] = ERROR
+    stage: ClassVar[int] = ERROR_STAGE
     sd: float
     time_constant: float
 
@@ -236,7 +236,7 @@ class GnssOutliers(DriveEffect):
     """
 
     name: ClassVar[str] = "gnss_outliers"
-    stage: ClassVar[int] = ERROR
+    stage: ClassVar[int] = ERROR_STAGE
     fraction: float
     size: float = 10.0
     run: int = 1
@@ -276,7 +276,7 @@ class GnssVelocity(DriveEffect):
     """
 
     name: ClassVar[str] = "gnss_velocity"
-    stage: ClassVar[int] = ERROR
+    stage: ClassVar[int] = ERROR_STAGE
     fraction: float
     rms: float
 
@@ -301,7 +301,7 @@ class GnssFrame(Turn):
     """Velocities in a frame that is turned against north-east-down."""
 
     name: ClassVar[str] = "gnss_frame"
-    stage: ClassVar[int] = FRAME
+    stage: ClassVar[int] = FRAME_STAGE
 
     @classmethod
     def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
@@ -329,7 +329,7 @@ class TimeOffset(DriveEffect):
     """
 
     name: ClassVar[str] = "time_offset"
-    stage: ClassVar[int] = STAMP
+    stage: ClassVar[int] = STAMP_STAGE
     is_constant: ClassVar[bool] = True
     delay: float
 

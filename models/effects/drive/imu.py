@@ -23,11 +23,11 @@ import numpy as np
 
 from models import rotation
 from models.effects.drive.base import (
-    AXES,
-    BIAS,
-    FORCE,
-    MOUNT,
-    NOISE,
+    AXES_STAGE,
+    BIAS_STAGE,
+    FORCE_STAGE,
+    MOUNT_STAGE,
+    NOISE_STAGE,
     Correction,
     DriveEffect,
     DriveSamples,
@@ -36,8 +36,8 @@ from models.effects.drive.base import (
 )
 from models.effects.static.base import log_uniform, require_finite, require_positive, sign
 
-SENSORS = ("gyro", "accel")
-ANGLES = ("roll", "pitch", "yaw")
+SENSOR_NAMES = ("gyro", "accel")
+ANGLE_NAMES = ("roll", "pitch", "yaw")
 NORMAL_MAD = 0.6745
 """Median absolute value of a standard normal number."""
 
@@ -53,7 +53,7 @@ class Gravity(DriveEffect):
     """
 
     name: ClassVar[str] = "gravity"
-    stage: ClassVar[int] = FORCE
+    stage: ClassVar[int] = FORCE_STAGE
     is_constant: ClassVar[bool] = True
     offset: float
 
@@ -103,7 +103,7 @@ class Mounting(Turn):
     """A unit mounted in the vehicle at unknown angles."""
 
     name: ClassVar[str] = "mounting"
-    stage: ClassVar[int] = MOUNT
+    stage: ClassVar[int] = MOUNT_STAGE
 
     @classmethod
     def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
@@ -127,13 +127,13 @@ class Misalignment(Turn):
     """The gyros are turned against the accelerometers."""
 
     name: ClassVar[str] = "misalignment"
-    stage: ClassVar[int] = AXES
+    stage: ClassVar[int] = AXES_STAGE
 
     @classmethod
     def sensor_error(cls, name: str) -> FloatArray:
         """Return E (6, 6) of a small rotation of the gyros."""
         error = np.zeros((6, 6))
-        error[:3, :3] = rotation.skew(np.eye(3)[ANGLES.index(name)])
+        error[:3, :3] = rotation.skew(np.eye(3)[ANGLE_NAMES.index(name)])
         return error
 
     @classmethod
@@ -165,7 +165,7 @@ class _Scale(DriveEffect):
     """
 
     first: ClassVar[int]
-    stage: ClassVar[int] = AXES
+    stage: ClassVar[int] = AXES_STAGE
     is_constant: ClassVar[bool] = True
     x: float = 0.0
     y: float = 0.0
@@ -220,7 +220,7 @@ class GSensitivity(DriveEffect):
     """
 
     name: ClassVar[str] = "g_sensitivity"
-    stage: ClassVar[int] = AXES
+    stage: ClassVar[int] = AXES_STAGE
     is_constant: ClassVar[bool] = True
     xx: float = 0.0
     xy: float = 0.0
@@ -271,7 +271,7 @@ class ImuNoiseScale(DriveEffect):
     """
 
     name: ClassVar[str] = "imu_noise_scale"
-    stage: ClassVar[int] = NOISE
+    stage: ClassVar[int] = NOISE_STAGE
     gyro: float = 1.0
     accel: float = 1.0
 
@@ -315,7 +315,7 @@ class BiasJump(DriveEffect):
     """
 
     name: ClassVar[str] = "bias_jump"
-    stage: ClassVar[int] = BIAS
+    stage: ClassVar[int] = BIAS_STAGE
     time: float
     x: float = 0.0
     y: float = 0.0
@@ -324,21 +324,21 @@ class BiasJump(DriveEffect):
 
     def __post_init__(self) -> None:
         require_finite(time=self.time, x=self.x, y=self.y, z=self.z)
-        if self.sensor not in SENSORS:
-            msg = f"'sensor' must be one of {', '.join(SENSORS)}; got '{self.sensor}'"
+        if self.sensor not in SENSOR_NAMES:
+            msg = f"'sensor' must be one of {', '.join(SENSOR_NAMES)}; got '{self.sensor}'"
             raise ValueError(msg)
 
     def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
         """Add the jump to the samples whose interval lies after it."""
         jump = np.zeros(6)
-        jump[3 * SENSORS.index(self.sensor) :][:3] = self.x, self.y, self.z
+        jump[3 * SENSOR_NAMES.index(self.sensor) :][:3] = self.x, self.y, self.z
         return drive.erring(np.where(drive.t[:, None] > self.time, jump, 0.0), white=drive.white)
 
     @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
         """5 … 200 deg/h or 0.1 … 5 mg in a random direction, in the middle 60 % of the drive."""
         time = float(drive.t[0] + rng.uniform(0.2, 0.8) * (drive.t[-1] - drive.t[0]))
-        sensor = str(rng.choice(SENSORS))
+        sensor = str(rng.choice(SENSOR_NAMES))
         size = log_uniform(rng, 2.5e-5, 1e-3) if sensor == "gyro" else log_uniform(rng, 1e-3, 5e-2)
         x, y, z = (size * direction(rng)).tolist()
         return cls(time, x, y, z, sensor)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
 
 
@@ -17,7 +17,7 @@ class CauseTest:
 
     Attributes
     ----------
-    result : Alarm
+    result : TestResult
         p value and statistic; its `gain` is the log likelihood gained less ½ ln n a parameter, nats.
     noise : NoiseHypothesis
         The noise with the cause, to go on from; unchanged where the test is not significant.
@@ -28,7 +28,7 @@ class CauseTest:
         where one factor on each group of rows is enough.
     """
 
-    result: Alarm
+    result: TestResult
     noise: NoiseHypothesis
     describe: Callable[[], Mapping[str, Coefficient]]
     sd_model: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
@@ -48,7 +48,7 @@ def not_significant(
     cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str
 ) -> CauseTest:
     """Return the outcome of a test that finds nothing."""
-    return CauseTest(Alarm(cause, p_value, NO_GAIN, statistic, name), noise, dict)
+    return CauseTest(TestResult(cause, p_value, NO_GAIN, statistic, name), noise, dict)
 
 
 MIN_FACTOR = 0.02

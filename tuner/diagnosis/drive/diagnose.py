@@ -84,10 +84,10 @@ def _examine(
 ) -> ExaminedDrive:
     sensor, every = thin_fixes(in_sensor_axes(drive))
     base = run_filter(sensor, Hypothesis.first(sensor, config, config.compensation))
-    doubtful = clocks_are_suspicious(base)
-    if doubtful:
+    suspicious_clocks = clocks_are_suspicious(base)
+    if suspicious_clocks:
         refuse_wrong_axes(drive)
-    coarse, notes = coarse_clock_search(sensor, base.hypothesis) if doubtful else ({}, ())
+    coarse, notes = coarse_clock_search(sensor, base.hypothesis) if suspicious_clocks else ({}, ())
     outcome = search_causes(sensor, base, coarse, progress)
     notes = (*base.notes, *notes, *outcome.notes, *coarse_quantizer_notes(sensor))
     if every > 1:

@@ -59,11 +59,11 @@ def inseparable_causes(accepted: tuple[Accepted, ...]) -> tuple[Inseparable, ...
     return tuple(
         Inseparable(
             (one.cause, *one.inseparable),
-            f"cannot be separated on this drive: {', '.join((one.cause, *one.inseparable))}; drive {REMEDY}",
+            f"cannot be separated on this drive: {', '.join((one.cause, *one.inseparable))}; drive {SEPARATING_MOTION}",
         )
         for one in accepted
         if one.inseparable
     )
 
 
-REMEDY = "an S-turn, with hard braking and starting, to separate them"
+SEPARATING_MOTION = "an S-turn, with hard braking and starting, to separate them"

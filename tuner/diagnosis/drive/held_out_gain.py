@@ -29,7 +29,7 @@ from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.diagnosis.drive.search import SearchResult, refit_constants
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
-from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Gain, Parameter
 from tuner.types.records import DataError, Drive
 

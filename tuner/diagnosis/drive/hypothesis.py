@@ -23,8 +23,7 @@ from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInno
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
-from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
-from tuner.navigation.fix_sd_model import FixSdModel
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
 from tuner.types.records import Drive

@@ -19,7 +19,7 @@ from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_configured
 from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInnovations
 from tuner.diagnosis.drive.score_tests import ScoreTest, score_tests
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient, Parameter
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Candidate:
 
     Attributes
     ----------
-    result : Alarm
+    result : TestResult
         p value, gain and statistic.
     score_test : ScoreTest or None
         Test of a constant cause.
@@ -43,7 +43,7 @@ class Candidate:
         Test of any other.
     """
 
-    result: Alarm
+    result: TestResult
     score_test: ScoreTest | None = None
     test: CauseTest | None = None
 
@@ -129,7 +129,7 @@ def _candidate(test: CauseTest) -> Candidate:
 
 def score_candidate(test: ScoreTest) -> Candidate:
     """Return the candidate of a constant cause."""
-    result = Alarm(test.cause, test.p_value, test.gain, test.statistic, SCORE_TEST_TITLE)
+    result = TestResult(test.cause, test.p_value, test.gain, test.statistic, SCORE_TEST_TITLE)
     return Candidate(result, score_test=test)
 
 

@@ -45,7 +45,7 @@ MIN_RETURNED_SHARE = 0.25
 """Part of what a factor lost that must return when a cause is left out for it to be named."""
 MAX_CAUSES_LEFT_OUT = 4
 """Findings that are left out in turn, the first accepted: each costs a run and a fit."""
-UNKNOWN = "unknown"
+UNKNOWN_CAUSE = "unknown"
 
 
 @dataclass(frozen=True)
@@ -233,11 +233,15 @@ def _remaining_cause(
 ) -> str:
     """Return what accounts for a factor that remains."""
     if name in BLOCKS:
-        return "gnss_noise_scale" if "gnss_noise_scale" in fitted else UNKNOWN
+        return "gnss_noise_scale" if "gnss_noise_scale" in fitted else UNKNOWN_CAUSE
     sensor, _, kind = name.partition("_")
     ratio = vibration.get(sensor, 1.0)
     low = left.interval[0] if left.interval else 0.0
-    return "vibration" if kind == "white" and ratio > MIN_VIBRATION_RATIO and 1.0 < low < ratio else UNKNOWN
+    return (
+        "vibration"
+        if kind == "white" and ratio > MIN_VIBRATION_RATIO and 1.0 < low < ratio
+        else UNKNOWN_CAUSE
+    )
 
 
 def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
@@ -250,7 +254,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
     explained = [
         cause.replace("_", " ")
         for cause in one.causes
-        if cause not in (UNKNOWN, "vibration") and not is_noise_scale(cause)
+        if cause not in (UNKNOWN_CAUSE, "vibration") and not is_noise_scale(cause)
     ]
     parts = [f"{title}: the drive gives {_times(one.plain)} with no cause named"]
     if explained:
@@ -263,7 +267,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
         parts.append(f"above 5 Hz the unit is {vibration:.1f} times as noisy in motion as at rest")
     if "gnss_noise_scale" in one.causes:
         parts.append("the receiver's own standard deviations are off by that much")
-    if UNKNOWN in one.causes:
+    if UNKNOWN_CAUSE in one.causes:
         parts.append("what is left has no known cause")
     return "; ".join(parts)
 

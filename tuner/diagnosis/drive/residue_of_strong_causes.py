@@ -24,7 +24,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, as_co
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.diagnosis.drive.score_tests import ScoreTest, columns_of, retest
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 
 FloatArray = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def explained_by_stronger(
     return strong if again.p_value >= threshold else ()
 
 
-def causes_stronger_than_jump(run: FilterRun, fitted: Sequence[str], test: Alarm) -> tuple[str, ...]:
+def causes_stronger_than_jump(run: FilterRun, fitted: Sequence[str], test: TestResult) -> tuple[str, ...]:
     """Return the strong causes whose residue a weak jump of a bias may be; the run is compensated."""
     return _stronger(run, fitted, test.cause, test.gain, test.statistic)
 

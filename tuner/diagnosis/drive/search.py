@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.drive.causes.base import is_noise_scale, is_of_single_fixes, noise_causes
-from tuner.diagnosis.drive.causes.bias_jump import CAUSE as JUMP
+from tuner.diagnosis.drive.causes.bias_jump import BIAS_JUMP
 from tuner.diagnosis.drive.causes.noise_scale import FINDING_NAMES
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.reported_sd import (
@@ -51,7 +51,7 @@ from tuner.diagnosis.drive.score_tests import (
     late_gain,
     retest,
 )
-from tuner.navigation.fix_sd_model import CAUSE as GNSS_NOISE_SCALE
+from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
@@ -167,7 +167,7 @@ def search_causes(
             accepted.append(Accepted(chosen, {}, inseparable=inseparable_causes))
             if run.hypothesis.position_out.any() or run.hypothesis.velocity_out.any():
                 run = run_filter(drive, run.hypothesis.with_all_fixes())
-            # What noise leans on is another thing where the shift is taken out.
+            # The errors-in-variables bias differs once the constant is taken out.
             run = refit_constants(
                 drive,
                 replace(run, hypothesis=replace(run.hypothesis, errors_in_variables_bias=None)),
@@ -307,14 +307,14 @@ def _without_weak_jumps(
     drive: Drive, run: FilterRun, accepted: list[Accepted], fitted: tuple[str, ...]
 ) -> tuple[FilterRun, list[Accepted], tuple[str, ...]]:
     """Take out jumps of biases that may be the residue of a strong cause, with a note."""
-    jumps = [a.candidate.result for a in accepted if a.cause == JUMP]
+    jumps = [a.candidate.result for a in accepted if a.cause == BIAS_JUMP]
     if len(jumps) != 1 or not (strong := causes_stronger_than_jump(run, fitted, jumps[0])):
         return run, accepted, ()
     less = run_filter(drive, replace(run.hypothesis, jumps=()))
     if jump_remains(less, fitted, strong, significance_threshold()):
         return run, accepted, ()
-    note = rejection_note(JUMP, jumps[0].gain, strong)
-    return refit_constants(drive, less, fitted), [a for a in accepted if a.cause != JUMP], (note,)
+    note = rejection_note(BIAS_JUMP, jumps[0].gain, strong)
+    return refit_constants(drive, less, fitted), [a for a in accepted if a.cause != BIAS_JUMP], (note,)
 
 
 def _gains_late(test: ScoreTest, late: float) -> bool:

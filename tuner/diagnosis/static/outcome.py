@@ -49,4 +49,4 @@ class TestResult:
         return replace(self, propose=None)
 
 
-Alarm = TestResult
+TestResult = TestResult

@@ -113,19 +113,19 @@ def _per(*units: tuple[str, str]) -> Mapping[str, float]:
     return {name: 1.0 / unit_value(unit) for name, unit in units}
 
 
-VELOCITIES = CheckedUnit(
+VELOCITY_UNITS = CheckedUnit(
     "GNSS velocities",
     "m/s",
     "what the positions say",
     _per(("km/h",) * 2, ("knots", "kn"), ("mph",) * 2, ("ft/s",) * 2, ("cm/s",) * 2, ("mm/s",) * 2),
 )
-HEIGHTS = CheckedUnit(
+HEIGHT_UNITS = CheckedUnit(
     "GNSS heights",
     "m",
     "what the vertical velocities say",
     _per(("ft",) * 2, ("cm",) * 2, ("mm",) * 2, ("km",) * 2),
 )
-GYROS = CheckedUnit(
+GYRO_UNITS = CheckedUnit(
     "gyros",
     "rad/s",
     "what the course of the fixes says",
@@ -217,7 +217,7 @@ def refuse_wrong_units(drive: Drive, gnss: Gnss) -> tuple[str, ...]:
     for series, found in _factors(drive, gnss):
         if not found.other:
             continue
-        if series is VELOCITIES and _are_positions_in_radians(gnss):
+        if series is VELOCITY_UNITS and _are_positions_in_radians(gnss):
             msg = (
                 f"{drive.source}: latitude and longitude look to be in rad: only so do they agree with the "
                 "velocities; write them in degrees"
@@ -255,10 +255,10 @@ def _factors(drive: Drive, gnss: Gnss) -> list[tuple[CheckedUnit, UnitFactor]]:
     """Return the factors that the drive tells."""
     means, dt = mean_velocities(gnss), float(np.median(np.diff(drive.imu_t)))
     gains = {f"rad in {dt:.4g} s": dt, f"deg in {dt:.4g} s": dt / DEG}
-    found = [(replace(GYROS, others={**GYROS.others, **gains}), gyro_factor(drive, gnss))]
+    found = [(replace(GYRO_UNITS, others={**GYRO_UNITS.others, **gains}), gyro_factor(drive, gnss))]
     # Errors of a receiver that stands may well go together.
     if len(means) and np.sqrt(np.mean(means.by_velocity[:, :2] ** 2)) > STATIONARY_SPEED:
-        found = [(VELOCITIES, velocity_factor(means)), (HEIGHTS, height_factor(means)), *found]
+        found = [(VELOCITY_UNITS, velocity_factor(means)), (HEIGHT_UNITS, height_factor(means)), *found]
     return [(series, one) for series, one in found if one is not None]
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.effects.drive.base import AXES, DriveEffect
+from models.effects.drive.base import AXES_STAGE, DriveEffect
 from tuner.diagnosis.drive.causes.base import ConstantCause
 
 
@@ -13,7 +13,7 @@ class AccelCrossCouplingEffect(DriveEffect):
     """f_x + xy · f_y."""
 
     name = "accel_cross_coupling"
-    stage = AXES
+    stage = AXES_STAGE
     is_constant = True
     xy: float = 0.0
 

@@ -19,7 +19,7 @@ from tuner.diagnosis.drive.causes.base import (
     constant_causes,
     constant_parameters,
 )
-from tuner.diagnosis.drive.causes.registry import FALSE_ALARM_PROBABILITY, significance_threshold
+from tuner.diagnosis.drive.causes.registry import FALSE_FINDING_PROBABILITY, significance_threshold
 from tuner.formats.configuration import config_json, load_config
 
 CROSS_COUPLING = 0.02
@@ -86,9 +86,9 @@ def test_parameters_of_constants_are_those_of_their_effects():
         assert 0.0 < cause.prior_sd < cause.largest
 
 
-def test_the_false_alarm_probability_is_shared_out():
+def test_the_false_finding_probability_is_shared_out():
     shares = sum(cause.shares for cause in DRIVE_CAUSES.values())
-    assert shares * significance_threshold() == pytest.approx(FALSE_ALARM_PROBABILITY)
+    assert shares * significance_threshold() == pytest.approx(FALSE_FINDING_PROBABILITY)
     assert len(constant_parameters()) == len(set(constant_parameters()))
 
 

@@ -70,7 +70,7 @@ class DriveCause:
     """What to change in a filter, in one sentence."""
     joins: ClassVar[Joins] = "preprocessing"
     shares: ClassVar[int] = 1
-    """Shares of the probability of a false alarm in a clean drive that its test has."""
+    """Shares of the probability of a false finding in a clean drive that its test has."""
     view: ClassVar[View] = "distribution"
     """The figure that shows it best."""
 

@@ -34,12 +34,12 @@ from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, Jump
 from tuner.diagnosis.drive.linear_model.kalman_kernels import NAVIGATION_STATES
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient, Parameter
 
 FloatArray = NDArray[np.float64]
 
-CAUSE = "bias_jump"
+BIAS_JUMP = "bias_jump"
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
 """Bias states whose impulses are scored, and their units, by sensor."""
 MAX_JUMPS = 2
@@ -47,7 +47,7 @@ MAX_JUMPS = 2
 MAX_JUMP_SIZE = {"gyro": 0.05, "accel": 1.0}
 """Size of a jump, rad/s and m/s², from which it is not credible: no sensor in working order jumps so far."""
 N_EDGE_FIXES = 5
-"""Fixes at either end of the run that are left out: there a jump cannot be told from the prior of the biases."""
+"""Fixes at either end of the run that are left out: there a jump cannot be separated from the prior of the biases."""
 CHI2_1_QUANTILE_95 = 3.841
 """Drop of the statistic within which a time is in its 95 % interval: the 95 % quantile of χ²₁."""
 _SINGULAR_VALUE_CUTOFF = 1e-9
@@ -70,11 +70,11 @@ def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     )
     _, gradient = evaluate_with_gradient(settled)
     if gradient.score.shape[1] < 6:
-        return not_significant(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(BIAS_JUMP, noise, 1.0, 0.0, title)
     inside = np.flatnonzero(noise.linearized.scored)
     inside = inside[(inside >= N_EDGE_FIXES) & (inside < len(noise.linearized.t) - N_EDGE_FIXES)]
     if not len(inside):
-        return not_significant(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(BIAS_JUMP, noise, 1.0, 0.0, title)
     scans = {
         sensor: scan(gradient.score[:, at], gradient.information[:, at, at])
         for sensor, (at, _) in SENSORS.items()
@@ -85,7 +85,7 @@ def bias_jump(noise: NoiseHypothesis) -> CauseTest:
     ratio = float(jumps.statistic[k])
     p_value = min(1.0, len(SENSORS) * davies_bound(ratio, np.sqrt(jumps.statistic[inside])))
     price = 1.5 * np.log(noise.count) + np.log(len(SENSORS) * len(inside))
-    result = Alarm(CAUSE, p_value, 0.5 * ratio - float(price), ratio, title)
+    result = TestResult(BIAS_JUMP, p_value, 0.5 * ratio - float(price), ratio, title)
     within_interval = inside[jumps.statistic[inside] > ratio - CHI2_1_QUANTILE_95]
     return CauseTest(
         result,
@@ -124,7 +124,7 @@ def with_jump(noise: NoiseHypothesis, k: int, sensor: str) -> NoiseHypothesis:
     ]
     more = replace(
         linearized,
-        parameters=(*linearized.parameters, *(Parameter(CAUSE, f"{sensor}_{axis}") for axis in "xyz")),
+        parameters=(*linearized.parameters, *(Parameter(BIAS_JUMP, f"{sensor}_{axis}") for axis in "xyz")),
         B=np.concatenate([linearized.B, impulse], axis=2),
         D=np.concatenate([linearized.D, np.zeros((len(linearized.t), 6, 3))], axis=2),
     )
@@ -156,7 +156,7 @@ def _coefficients(
 class BiasJump(NoiseCause):
     """One jump of the biases of the gyros or of the accelerometers."""
 
-    cause = CAUSE
+    cause = BIAS_JUMP
     effect = Effect
     channels = ("imu",)
     meaning = "a bias jumped"

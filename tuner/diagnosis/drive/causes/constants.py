@@ -15,7 +15,7 @@ from tuner.diagnosis.drive.causes.base import ConstantCause, FixGeometry
 
 FloatArray = NDArray[np.float64]
 
-XYZ, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+AXIS_NAMES, ANGLE_NAMES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 
 
 def _columns(position: FloatArray | None, velocity: FloatArray) -> FloatArray:
@@ -65,7 +65,7 @@ class LeverArm(ConstantCause):
     channels = ("gnss",)
     meaning = "the antenna is not where the lever arm puts it"
     consequence = "correct the lever arm by this much, or give the filter states for it"
-    units = dict.fromkeys(XYZ, "m")
+    units = dict.fromkeys(AXIS_NAMES, "m")
     prior_sd, largest = 1.0, 10.0
 
     @classmethod
@@ -82,7 +82,7 @@ class GnssFrame(ConstantCause):
     channels = ("gnss",)
     meaning = "velocities are given in axes turned against north-east-down"
     consequence = "turn the velocities back"
-    units = dict.fromkeys(ANGLES, "rad")
+    units = dict.fromkeys(ANGLE_NAMES, "rad")
     prior_sd, largest = 0.02, 3.2
 
     @classmethod
@@ -99,7 +99,7 @@ class GyroScale(ConstantCause):
     channels = ("gyro",)
     meaning = "scale factors of the gyros are off"
     consequence = "calibrate, or three states"
-    units = dict.fromkeys(XYZ, "1")
+    units = dict.fromkeys(AXIS_NAMES, "1")
     prior_sd, largest = 5e-3, 0.1
 
 
@@ -111,7 +111,7 @@ class AccelScale(ConstantCause):
     channels = ("accel",)
     meaning = "scale factors of the accelerometers are off"
     consequence = "calibrate, or three states"
-    units = dict.fromkeys(XYZ, "1")
+    units = dict.fromkeys(AXIS_NAMES, "1")
     prior_sd, largest = 5e-3, 0.1
 
 
@@ -123,7 +123,7 @@ class Misalignment(ConstantCause):
     channels = ("gyro",)
     meaning = "the axes of the gyros are turned against those of the accelerometers"
     consequence = "calibrate, or give the filter states for the misalignment"
-    units = dict.fromkeys(ANGLES, "rad")
+    units = dict.fromkeys(ANGLE_NAMES, "rad")
     prior_sd, largest = 1e-2, 0.2
 
 
@@ -135,7 +135,7 @@ class GSensitivity(ConstantCause):
     channels = ("gyro",)
     meaning = "the gyros feel specific force"
     consequence = "calibrate, or nine states"
-    units = dict.fromkeys([a + b for a in XYZ for b in XYZ], "rad/s/(m/s^2)")
+    units = dict.fromkeys([a + b for a in AXIS_NAMES for b in AXIS_NAMES], "rad/s/(m/s^2)")
     prior_sd, largest = 2e-4, 0.01
 
 

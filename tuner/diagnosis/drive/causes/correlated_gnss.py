@@ -29,13 +29,13 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
 )
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import MARKOV_TIME, noise_parameters, present
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
 
-CAUSE = "correlated_gnss"
-LAGS = (1, 2, 4, 8, 16, 32)
+CORRELATED_GNSS = "correlated_gnss"
+SUMMED_LAGS = (1, 2, 4, 8, 16, 32)
 """Numbers of lags over which correlations are summed."""
 EFFECTIVE_TESTS = 4.0
 """Independent tests that so many sums over nested lags are equivalent to."""
@@ -53,10 +53,10 @@ def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest
     """Test position fixes for a correlated error; the likelihood is that of the noise hypothesis."""
     title = "likelihood ratio of correlated position errors"
     if not noise.counted[:, :3].any():
-        return not_significant(CAUSE, noise, 1.0, 0.0, title)
+        return not_significant(CORRELATED_GNSS, noise, 1.0, 0.0, title)
     chance = pretest(np.where(noise.counted, likelihood.white, 0.0)[:, :3])
     if chance > PRETEST_P_VALUE:
-        return not_significant(CAUSE, noise, chance, 0.0, title)
+        return not_significant(CORRELATED_GNSS, noise, chance, 0.0, title)
     white = maximize_likelihood(
         noise, noise_parameters(present(noise, ("position_horizontal", "position_vertical")))
     )
@@ -64,10 +64,10 @@ def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest
     ratio = max(0.0, 2.0 * (fit.log_likelihood - white.log_likelihood))
     if fit.noise.markov_time < _interval(noise):
         # An error that is gone at the next fix is white noise: of a size that the reported sds do not follow.
-        return not_significant(CAUSE, noise, 1.0, ratio, title)
+        return not_significant(CORRELATED_GNSS, noise, 1.0, ratio, title)
     price = 1.5 * float(np.log(np.count_nonzero(noise.counted[:, :3])))
-    result = Alarm(
-        CAUSE, float(chi2.sf(ratio, 3)), fit.log_likelihood - likelihood.value - price, ratio, title
+    result = TestResult(
+        CORRELATED_GNSS, float(chi2.sf(ratio, 3)), fit.log_likelihood - likelihood.value - price, ratio, title
     )
     return CauseTest(result, fit.noise, lambda: _coefficients(fit))
 
@@ -76,9 +76,9 @@ def pretest(white: FloatArray) -> float:
     """Return the p value of the summed lag correlations of whitened innovations (k, a), 0 where a row has none."""
     largest = 0.0
     total = 0.0
-    for lag in range(1, min(LAGS[-1], len(white) - 1) + 1):
+    for lag in range(1, min(SUMMED_LAGS[-1], len(white) - 1) + 1):
         total += float(np.sum(white[lag:] * white[:-lag]))
-        if lag in LAGS:
+        if lag in SUMMED_LAGS:
             square = float(np.sum(white**2)) ** 2 / white.size
             largest = max(largest, abs(total) / np.sqrt(lag * square))
     return float(min(1.0, 2.0 * EFFECTIVE_TESTS * norm.sf(largest)))
@@ -137,7 +137,7 @@ def _coefficients(fit: NoiseFit) -> Mapping[str, Coefficient]:
 class CorrelatedGnss(NoiseCause):
     """Position errors of the receiver that are correlated in time."""
 
-    cause = CAUSE
+    cause = CORRELATED_GNSS
     effect = Effect
     channels = ("gnss",)
     meaning = "errors of the positions stay for a while"

@@ -32,7 +32,7 @@ from tuner.diagnosis.drive.causes.base import NoiseCause
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.linear_model.likelihood import NoiseHypothesis, evaluate, evaluate_with_gradient
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -183,7 +183,7 @@ def outliers(noise: NoiseHypothesis, masked: Mask, cause: str) -> CauseTest:
     without = replace(noise, rows=rows)
     dropped = noise.counted & ~without.counted
     gain = contamination(noise, without, dropped) if dropped.any() else 0.0
-    result = Alarm(cause, float(p_value), gain, least, title)
+    result = TestResult(cause, float(p_value), gain, least, title)
     return CauseTest(result, without, lambda: _coefficients(masked, cause, n))
 
 

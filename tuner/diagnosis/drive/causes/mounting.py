@@ -28,9 +28,9 @@ from tuner.types import Coefficient, Finding, Inseparable
 
 FloatArray = NDArray[np.float64]
 
-CAUSE = "mounting"
-MEANING = "the unit is turned in the vehicle against the mounting given"
-CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
+CAUSE_CODE = "mounting"
+CAUSE_MEANING = "the unit is turned in the vehicle against the mounting given"
+CAUSE_CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
 BLOCK_DURATION = 30.0
 """Length of the blocks whose means are compared, s."""
 MIN_BLOCKS = 8
@@ -68,13 +68,15 @@ def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | 
         for name, v, s in zip(("pitch", "yaw"), value, sd, strict=True)
     }
     values = {
-        "cause": CAUSE,
+        "cause": CAUSE_CODE,
         "joins": "preprocessing",
         "parameters": {name: c.value for name, c in angles_found.items()},
     }
     title = "direction of motion in axes of the vehicle"
-    text = words(CAUSE, ("imu",), MEANING, angles_found)
-    return Finding(CAUSE, ("imu",), title, statistic, p_value, angles_found, text, CONSEQUENCE, values)
+    text = words(CAUSE_CODE, ("imu",), CAUSE_MEANING, angles_found)
+    return Finding(
+        CAUSE_CODE, ("imu",), title, statistic, p_value, angles_found, text, CAUSE_CONSEQUENCE, values
+    )
 
 
 def _directions(run: FilterRun, stated: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -120,7 +122,9 @@ def untestable_causes(
         lacking = (
             "no wheels that do not slip are supposed (--wheels)" if not wheels else "the drive states none"
         )
-        lines.append(Inseparable((CAUSE,), f"not tested on this drive: {CAUSE} of the unit, {lacking}"))
+        lines.append(
+            Inseparable((CAUSE_CODE,), f"not tested on this drive: {CAUSE_CODE} of the unit, {lacking}")
+        )
     if "gravity" not in accepted:
         w = final.whitened
         column = w.slope[:, columns_of("gravity", final.linearized.parameters)[0]]
@@ -144,8 +148,8 @@ def untestable_causes(
 class Mounting(FinalCause):
     """The unit is mounted in the vehicle at other angles than stated."""
 
-    cause = CAUSE
+    cause = CAUSE_CODE
     effect = Effect
     channels = ("imu",)
-    meaning = MEANING
-    consequence = CONSEQUENCE
+    meaning = CAUSE_MEANING
+    consequence = CAUSE_CONSEQUENCE

@@ -40,7 +40,7 @@ from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.linear_model.noise_fit import NO_PRIOR, NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import BLOCKS, ROW_GROUPS, noise_parameters, present
 from tuner.diagnosis.drive.linear_model.noise_prior import static_prior
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Coefficient
 
 FloatArray = NDArray[np.float64]
@@ -184,7 +184,7 @@ def joint_noise(
         def described() -> Mapping[str, Coefficient]:
             return {FINDING_NAMES.get(name, name): fit.coefficient(name) for name in sides[i]}
 
-        return CauseTest(Alarm(cause, chance[i], gain, ratio[i], title), fitted, described)
+        return CauseTest(TestResult(cause, chance[i], gain, ratio[i], title), fitted, described)
 
     return test("gnss_noise_scale", 0), test("imu_noise_scale", 1)
 
@@ -234,7 +234,7 @@ def _test(
     fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - scores.value - price * len(fit.estimate)
-    result = Alarm(cause, p_value, gain, exact, title)
+    result = TestResult(cause, p_value, gain, exact, title)
     others = {name: sd for name, sd in prior_sd.items() if name not in fit.parameters.names}
     return CauseTest(result, fit.noise, lambda: _coefficients(noise, parts, others))
 

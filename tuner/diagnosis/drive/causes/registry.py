@@ -24,9 +24,9 @@ from tuner.diagnosis.drive.causes.mounting import Mounting
 from tuner.diagnosis.drive.causes.noise_scale import GnssNoiseScale, ImuNoiseScale
 from tuner.diagnosis.drive.causes.sensor_bias import SensorBias
 
-__all__ = ["DRIVE_CAUSES", "FALSE_ALARM_PROBABILITY", "significance_threshold"]
+__all__ = ["DRIVE_CAUSES", "FALSE_FINDING_PROBABILITY", "significance_threshold"]
 
-FALSE_ALARM_PROBABILITY = 3e-3
+FALSE_FINDING_PROBABILITY = 3e-3
 """Probability of any finding in a clean drive: below the 2 % that hard clean drives are allowed, with room for their
 non-normal errors."""
 
@@ -39,5 +39,5 @@ DRIVE_CAUSES.extend(
 
 
 def significance_threshold() -> float:
-    """Return the p value below which a test with one share of the false-alarm probability is significant."""
-    return FALSE_ALARM_PROBABILITY / sum(cause.shares for cause in DRIVE_CAUSES.values())
+    """Return the p value below which a test with one share of the probability of a false finding is significant."""
+    return FALSE_FINDING_PROBABILITY / sum(cause.shares for cause in DRIVE_CAUSES.values())

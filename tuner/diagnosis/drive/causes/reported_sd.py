@@ -27,14 +27,14 @@ from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_fit import NoiseFit, maximize_likelihood
 from tuner.diagnosis.drive.linear_model.noise_parameters import (
     BLOCKS,
-    EXPONENT,
+    EXPONENT_ENDING,
     ROW_GROUPS,
     ReportedLevels,
     names_of_block,
     noise_parameters,
     weights,
 )
-from tuner.diagnosis.static.outcome import Alarm
+from tuner.diagnosis.static.outcome import TestResult
 from tuner.navigation.fix_sd_model import class_edges_of, sd_levels
 from tuner.types import Coefficient
 
@@ -91,15 +91,15 @@ class ReportedSdModel:
         rows = names_of_block(ROW_GROUPS, self.block)
         if self.kind == "classes":
             return tuple(f"{row}_class_{c}" for c in range(len(self.edges) + 1) for row in rows)
-        return (*rows, f"{self.block}{EXPONENT}") if self.kind == "power" else rows
+        return (*rows, f"{self.block}{EXPONENT_ENDING}") if self.kind == "power" else rows
 
     def values(self, fit: NoiseFit) -> dict[str, float]:
         """Return the model as values of a compensation, the fit being of `names`."""
-        out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT)}
+        out = {name: fit.factor(name) for name in self.names if not name.endswith(EXPONENT_ENDING)}
         out |= {f"{self.block}_edge_{c}": edge for c, edge in enumerate(self.edges, 1)}
         if self.kind == "power":
-            more = float(fit.estimate[fit.number(f"{self.block}{EXPONENT}")])
-            out[f"{self.block}{EXPONENT}"] = 1.0 + more
+            more = float(fit.estimate[fit.number(f"{self.block}{EXPONENT_ENDING}")])
+            out[f"{self.block}{EXPONENT_ENDING}"] = 1.0 + more
             out[f"{self.block}_typical"] = float(np.exp(self.levels.typical[self.block]))
         return out
 
@@ -140,7 +140,7 @@ def edge_coefficients(values: Mapping[str, float]) -> dict[str, Coefficient]:
 
 def has_sd_model(values: Mapping[str, float], block: str) -> bool:
     """Whether a compensation has classes or an exponent for a block."""
-    return bool(class_edges_of(values, block)) or f"{block}{EXPONENT}" in values
+    return bool(class_edges_of(values, block)) or f"{block}{EXPONENT_ENDING}" in values
 
 
 def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
@@ -150,8 +150,8 @@ def sd_model_parameters(values: Mapping[str, float]) -> tuple[str, ...]:
         rows = names_of_block(ROW_GROUPS, block)
         count = len(class_edges_of(values, block)) + 1
         out += rows if count == 1 else [f"{row}_class_{c}" for c in range(count) for row in rows]
-        if f"{block}{EXPONENT}" in values:
-            out.append(f"{block}{EXPONENT}")
+        if f"{block}{EXPONENT_ENDING}" in values:
+            out.append(f"{block}{EXPONENT_ENDING}")
     return tuple(out)
 
 
@@ -168,7 +168,9 @@ def updated_values(values: Mapping[str, float], fit: NoiseFit) -> dict[str, floa
     for name in fit.parameters.names:
         key, more = name, float(fit.estimate[fit.number(name)])
         out[key] = (
-            values[key] + more if name.endswith(EXPONENT) else scaled_factor(values, key, float(np.exp(more)))
+            values[key] + more
+            if name.endswith(EXPONENT_ENDING)
+            else scaled_factor(values, key, float(np.exp(more)))
         )
     return out
 
@@ -196,7 +198,7 @@ def choose_sd_model(noise: NoiseHypothesis, block: str) -> ReportedSdModel | Non
     levels = ReportedLevels(
         {block: classes}, {block: np.log(level)}, {block: float(np.mean(np.log(level[counted])))}
     )
-    candidates: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT}")}
+    candidates: dict[str, tuple[str, ...]] = {"power": (block, f"{block}{EXPONENT_ENDING}")}
     if edges:
         candidates["classes"] = tuple(f"{block}_class_{c}" for c in range(len(edges) + 1))
     if not any(_worth_a_fit(noise, names, levels) for names in candidates.values()):
@@ -246,13 +248,13 @@ def reported_sd_test(noise: NoiseHypothesis, block: str) -> CauseTest | None:
         return {name: coefficient(fit, name) for name in model.names}
 
     return CauseTest(
-        Alarm("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, model.values(fit)
+        TestResult("gnss_noise_scale", p_value, gain, ratio, title), fit.noise, described, model.values(fit)
     )
 
 
 def coefficient(fit: NoiseFit, name: str, scale: float = 1.0) -> Coefficient:
     """Return a parameter of a model with its interval: a factor times `scale`, or an exponent with `scale` added."""
-    if not name.endswith(EXPONENT):
+    if not name.endswith(EXPONENT_ENDING):
         return fit.coefficient(name, scale=scale)
     j = fit.number(name)
     value, half = scale + float(fit.estimate[j]), 1.96 * float(np.sqrt(fit.covariance[j, j]))

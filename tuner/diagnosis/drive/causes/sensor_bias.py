@@ -23,9 +23,9 @@ from tuner.diagnosis.static.findings import words
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Coefficient, Enlargement, FilterConfig, Finding, Quantity
 
-CAUSE = "sensor_bias"
-MEANING = "a constant bias far beyond its prior"
-CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
+CAUSE_CODE = "sensor_bias"
+CAUSE_MEANING = "a constant bias far beyond its prior"
+CAUSE_CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 
 ALTERNATIVES = {"gyro": (Alternative("g_sensitivity", 1.0),), "accel": ()}
 """Causes that have the same effect on a level road, by sensor."""
@@ -70,28 +70,28 @@ def biases_beyond_prior(
             low, high = value - 1.96 * spread, value + 1.96 * spread
             biases[axis] = Coefficient.known(value, low, high, noise.unit)
             if noise.constant_sd > 0.0:
-                reason = f"{CAUSE}: on this drive"
+                reason = f"{CAUSE_CODE}: on this drive"
                 inflations.append(
                     Enlargement(Quantity(axis, "constant_sd"), abs(value) / noise.constant_sd, reason)
                 )
         if biases:
             channels = tuple(biases)
             values = {
-                "cause": CAUSE,
+                "cause": CAUSE_CODE,
                 "joins": "states",
                 "parameters": {a: c.value for a, c in biases.items()},
             }
-            text = words(CAUSE, channels, MEANING, biases)
+            text = words(CAUSE_CODE, channels, CAUSE_MEANING, biases)
             findings.append(
                 Finding(
-                    CAUSE,
+                    CAUSE_CODE,
                     channels,
                     "bias ÷ its prior sd",
                     most,
                     least,
                     biases,
                     text,
-                    CONSEQUENCE,
+                    CAUSE_CONSEQUENCE,
                     values,
                     alternatives=ALTERNATIVES[sensor],
                     inflations=tuple(inflations),
@@ -115,8 +115,8 @@ def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.fl
 class SensorBias(FinalCause):
     """A constant bias far beyond its prior, of the gyros or of the accelerometers."""
 
-    cause = CAUSE
+    cause = CAUSE_CODE
     channels = ("imu",)
-    meaning = MEANING
-    consequence = CONSEQUENCE
+    meaning = CAUSE_MEANING
+    consequence = CAUSE_CONSEQUENCE
     joins = "states"

@@ -25,7 +25,7 @@ SUSPICIOUS_REFUSED_SHARE = 0.03
 """Share of fixes rejected by the gate from which they are searched."""
 SEARCHED_MOTION = 300.0
 """Length of the motion that is searched, s."""
-DELAY, LAG = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
+OFFSET_DELAY, LAG_DELAY = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
 MIN_COARSE_DELAY = 0.1
 """Delay from which the linear model is not accurate enough, s; smaller ones are found by the score test."""
 
@@ -57,10 +57,10 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
     threshold : float
         p value below which it is reported.
     """
-    if DELAY.cause not in accepted:
+    if OFFSET_DELAY.cause not in accepted:
         return ()
     names = run.linearized.parameters
-    trend = linear_trend(run.whitened, names, accepted, DELAY)
+    trend = linear_trend(run.whitened, names, accepted, OFFSET_DELAY)
     if trend.p_value >= threshold:
         return ()
     low, high = (1e3 * (trend.rate + side * 1.96 * trend.sd) for side in (-1.0, 1.0))
@@ -91,7 +91,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
     delay, lag = stretches[0].alignment.delay, stretches[0].lag
     if abs(delay) < MIN_COARSE_DELAY and lag == 0.0:
         return {}, ()
-    values = {DELAY: start.compensation.get(DELAY, 0.0) + delay}
+    values = {OFFSET_DELAY: start.compensation.get(OFFSET_DELAY, 0.0) + delay}
     if lag:
-        values[LAG] = start.compensation.get(LAG, 0.0) + lag
+        values[LAG_DELAY] = start.compensation.get(LAG_DELAY, 0.0) + lag
     return values, tuple(f"coarsely: {note}" for note in notes)

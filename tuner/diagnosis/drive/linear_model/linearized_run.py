@@ -63,7 +63,7 @@ class LinearizedRun:
     scored : ndarray of bool, shape (k,)
         Fixes that count in sums over the run; false while the filter settles, all by default.
     sparse_cache : dict of str to SparseStack
-        Transition and noise without their zeros, filled on demand and shared with copies.
+        Transition and noise without their zeros, filled when needed and shared with copies.
     """
 
     t: FloatArray

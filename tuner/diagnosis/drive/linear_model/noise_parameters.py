@@ -32,9 +32,9 @@ MARKOV_AXES = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_
 MARKOV_TIME = "markov_time"
 """Name of the factor on its time constant."""
 _ROW_GROUPS = ROW_GROUPS | BLOCKS
-EXPONENT = "_exponent"
+EXPONENT_ENDING = "_exponent"
 """Ending of the name of the change of the exponent of a reported sd."""
-_CLASS = "_class_"
+_CLASS_MARK = "_class_"
 TIME_CONSTANT_STEP = 1e-4
 """Width of the difference that replaces the derivative by the time constant."""
 
@@ -81,15 +81,15 @@ def weights(name: str, count: int, levels: ReportedLevels) -> FloatArray:
     Parameters
     ----------
     name : str
-        Of `ROW_GROUPS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT`.
+        Of `ROW_GROUPS` or `BLOCKS`, with ``_class_C`` behind it, or of `BLOCKS` with `EXPONENT_ENDING`.
     count : int
         Number of fixes.
     levels : ReportedLevels
         Levels that the receiver reports.
     """
-    base, _, number = name.removesuffix(EXPONENT).partition(_CLASS)
+    base, _, number = name.removesuffix(EXPONENT_ENDING).partition(_CLASS_MARK)
     block, out = base.partition("_")[0], np.zeros((count, 6))
-    if name.endswith(EXPONENT):
+    if name.endswith(EXPONENT_ENDING):
         out[:, _ROW_GROUPS[base]] = (levels.logs[block] - levels.typical[block])[:, None]
     else:
         out[:, _ROW_GROUPS[base]] = (levels.classes[block] == int(number))[:, None] if number else 1.0
@@ -132,7 +132,7 @@ def noise_parameters(names: tuple[str, ...], levels: ReportedLevels = NO_LEVELS)
 
 
 def _of_rows(name: str) -> bool:
-    return name.removesuffix(EXPONENT).partition(_CLASS)[0] in _ROW_GROUPS
+    return name.removesuffix(EXPONENT_ENDING).partition(_CLASS_MARK)[0] in _ROW_GROUPS
 
 
 def present(
