@@ -23,6 +23,7 @@ from tuner.exporters import export
 from tuner.formats import native
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
+from tuner.identification.identify import with_terms_found
 from tuner.identification.identify_source import identify_source, receiver_of_source, records_name
 from tuner.readers import read
 from tuner.readers.drive import read_drive
@@ -32,7 +33,7 @@ from tuner.segments.multi_position import PoseCalibration, calibrate
 from tuner.simulation.static import demo
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
-from tuner.synthesis.findings import agreed, findings_for_config
+from tuner.synthesis.findings import findings_for_config, terms_found, with_notes_on_findings
 from tuner.synthesis.from_drive import identification_of_drive, receiver_of, stationary_noise
 from tuner.synthesis.prediction import hold_to_records
 from tuner.synthesis.worst_case import worst_case
@@ -291,12 +292,14 @@ def identify_and_diagnose(
         progress("identifying")
         found = identify(still, terms=terms, latitude=latitude)
         try:
-            diagnosis = diagnose(inputs.records, replicas=replicas, seed=seed, progress=progress)
+            diagnosis = diagnose(
+                inputs.records, identification=found, replicas=replicas, seed=seed, progress=progress
+            )
         except DataError as error:
             return LogResult(found, None, {"diagnosis": str(error)}, still)
-        return LogResult(
-            found if terms is not None else agreed(still, found, diagnosis), diagnosis, {}, still
-        )
+        if terms is None:
+            found = with_notes_on_findings(with_terms_found(still, found, terms_found(diagnosis)), diagnosis)
+        return LogResult(found, diagnosis, {}, still)
     if isinstance(inputs.source, Identification):
         return LogResult(inputs.source, None, {"diagnosis": NO_SAMPLES})
     if inputs.source is not None:

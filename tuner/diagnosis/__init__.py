@@ -14,7 +14,7 @@ from typing import overload
 from tuner.readers import read
 from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_drive
-from tuner.types import Diagnosis, DriveDiagnosis, FilterConfig, GnssNoise
+from tuner.types import Diagnosis, DriveDiagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
 
@@ -26,6 +26,7 @@ def diagnose(
     data: Record | Sequence[Record],
     *,
     holdout: Record | Sequence[Record] | None = ...,
+    identification: Identification | None = ...,
     replicas: int = ...,
     seed: int = ...,
     progress: Progress = ...,
@@ -48,6 +49,7 @@ def diagnose(
     data: Record | Sequence[Record] | Drive | str | Path,
     *,
     holdout: Record | Sequence[Record] | None = ...,
+    identification: Identification | None = ...,
     replicas: int = ...,
     seed: int = ...,
     config: FilterConfig | str | Path | None = ...,
@@ -61,6 +63,7 @@ def diagnose(
     data: Record | Sequence[Record] | Drive | str | Path,
     *,
     holdout: Record | Sequence[Record] | None = None,
+    identification: Identification | None = None,
     replicas: int = 0,
     seed: int = 0,
     config: FilterConfig | str | Path | None = None,
@@ -76,6 +79,8 @@ def diagnose(
         The records of a static log, a measured drive, or the path of either.
     holdout : Record or sequence of Record, optional
         Of a static log: a second log of the same unit, to measure gains on; without it, on the last 40 %.
+    identification : Identification, optional
+        Of a static log: its noise as identified, which findings are reported against; without it, identified here.
     replicas : int
         Of a static log: simulated records a finding, for bands; 0 for none.
     seed : int
@@ -120,4 +125,6 @@ def diagnose(
         msg = f"{option}: expected with a drive, but a static log has no fixes"
         raise DataError(msg)
     progress("diagnosing")
-    return diagnose_records(data, holdout=holdout, replicas=replicas, seed=seed)
+    return diagnose_records(
+        data, holdout=holdout, identification=identification, replicas=replicas, seed=seed
+    )

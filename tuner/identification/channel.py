@@ -9,12 +9,12 @@ do not describe.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.noise import TERMS, NoiseModel, Quantization
+from models.noise import TERMS, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
 from tuner.identification.allan_leastsquares import fit as fit_curve
@@ -22,9 +22,15 @@ from tuner.identification.allan_leastsquares import misfit, unweighted
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
-from tuner.identification.likelihood import LikelihoodFit, fit, fit_periodogram
+from tuner.identification.likelihood import (
+    LikelihoodFit,
+    fit,
+    fit_periodogram,
+    take_out_lines,
+    with_lines,
+)
 from tuner.identification.mean import mean_of_noise
-from tuner.identification.periodogram import CosinePeriodogram, cosine_periodogram
+from tuner.identification.periodogram import cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.slopes import read_segments
 from tuner.identification.valid_band import CURVE_TOLERANCE, Band, curve_within, find_band, periodogram_within
@@ -44,6 +50,7 @@ def identify_channel(
     axis: str,
     *,
     terms: Sequence[str] | None = None,
+    further: Sequence[str] = (),
     method: str = "likelihood",
     arma: Likelihood | None = "fast",
 ) -> ChannelIdentification:
@@ -57,6 +64,8 @@ def identify_channel(
         Which of its channels.
     terms : sequence of str, optional
         Fit exactly this sum instead of choosing one.
+    further : sequence of str
+        Terms beside those that are chosen: ``sinusoid`` or ``gauss_markov``, as a diagnosis found them.
     method : str
         Where the coefficients come from: ``likelihood``, ``leastsquares``, ``slopes`` or ``unweighted``.
     arma : str, optional
@@ -76,16 +85,17 @@ def identify_channel(
     if method not in METHODS:
         msg = f"'method' must be one of {', '.join(METHODS)}, got {method!r}"
         raise ValueError(msg)
-    single = _single(record, axis)
+    single = single_axis(record, axis)
     pieces = single.pieces(axis)
     whole = OctaveCurve.of(pieces, single.interval)
-    band = find_band(whole) if terms is None else Band(1, np.inf, 1.0)
-    octaves = curve_within(whole, band)
-    data = periodogram_within(cosine_periodogram(pieces, single.interval), band)
     if terms is None:
-        chosen, bounds, candidates = _choose(data, band, single.unit)
+        noise = choose_terms(pieces, single.interval, further)
+        band, chosen, candidates = noise.band, noise.fit, noise.candidates
+        bounds = tuple(_bounded(b, single.unit) for b in noise.bounds)
     else:
-        chosen, bounds, candidates = fit(pieces, single.interval, terms), (), ()
+        band = Band(1, np.inf, 1.0)
+        chosen, bounds, candidates = fit(pieces, single.interval, (*terms, *further)), (), ()
+    octaves = curve_within(whole, band)
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     longest = max(pieces, key=len)
@@ -119,7 +129,7 @@ def identify_channel(
     )
 
 
-def _single(record: Record, axis: str) -> Record:
+def single_axis(record: Record, axis: str) -> Record:
     """Return the record of one axis, without segments that are too short or stuck at one value."""
     column = record.column(axis)
     segments = tuple(
@@ -196,11 +206,45 @@ def _by_method(
     return estimates
 
 
-def _choose(
-    data: CosinePeriodogram, band: Band, unit: str
-) -> tuple[LikelihoodFit, tuple[TermEstimate, ...], tuple[Candidate, ...]]:
-    """Return the fitted sum, the bounds of the terms that are absent, and the sums that were compared."""
-    selection = select_periodogram(data)
+@dataclass(frozen=True)
+class ChosenNoise:
+    """Terms of gap-free segments.
+
+    Attributes
+    ----------
+    fit : LikelihoodFit
+        The chosen sum, sinusoids included.
+    band : Band
+        Part of the spectrum that it was fitted to.
+    bounds : tuple of Bound
+        Limits of the terms that are absent.
+    candidates : tuple of Candidate
+        Sums that were compared, the best first.
+    """
+
+    fit: LikelihoodFit
+    band: Band
+    bounds: tuple[Bound, ...]
+    candidates: tuple[Candidate, ...]
+
+
+def choose_terms(pieces: Sequence[FloatArray], interval: float, further: Sequence[str] = ()) -> ChosenNoise:
+    """Choose and fit the noise terms of gap-free segments of one channel: the one fit of the noise of a record.
+
+    Parameters
+    ----------
+    pieces : sequence of ndarray
+        Samples of each segment, unit.
+    interval : float
+        Sampling interval, s.
+    further : sequence of str
+        Terms beside those that are chosen: as many ``sinusoid`` are taken out first, the others join every sum.
+    """
+    lines, rest = take_out_lines(pieces, interval, list(further).count(Sinusoid.name))
+    processes = [name for name in further if name != Sinusoid.name]
+    band = find_band(OctaveCurve.of(rest, interval))
+    data = periodogram_within(cosine_periodogram(rest, interval), band)
+    selection = select_periodogram(data, processes)
     chosen, absent = selection.fit, selection.bounded
     if band.m > 1:
         if Quantization.name in chosen.terms:
@@ -210,8 +254,8 @@ def _choose(
         hidden = "hidden: it shows only in clusters shorter than those that the terms describe"
         below = Bound(Quantization.name, Quantization.PARAMETERS[0], np.inf, hidden)
         absent = (below, *(b for b in absent if b.name != Quantization.name))
-    bounds = tuple(_bounded(b, unit) for b in absent if b.name not in chosen.terms)
-    return chosen, bounds, selection.candidates
+    bounds = tuple(b for b in absent if b.name not in chosen.terms)
+    return ChosenNoise(with_lines(chosen, lines, rest, interval), band, bounds, selection.candidates)
 
 
 def _bounded(bound: Bound, unit: str) -> TermEstimate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
@@ -70,6 +70,55 @@ def identify(
         raise DataError(msg)
     channels, about_earth = _earth(channels, latitude)
     return Identification(_source(records), channels, (*notes, *about_earth))
+
+
+def with_terms_found(
+    records: Sequence[Record],
+    identification: Identification,
+    found: Mapping[str, Sequence[str]],
+    *,
+    arma: Likelihood | None = "fast",
+) -> Identification:
+    """Return an identification whose terms are chosen beside those that a diagnosis found.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        What was identified.
+    identification : Identification
+        Noise of the terms of the base.
+    found : mapping of str to sequence of str
+        Further terms by axis, ``sinusoid`` or ``gauss_markov``; a term that the data do not allow beside the others
+        is left out, and a warning says so.
+    arma : str, optional
+        Time-series model, as of `identify`.
+    """
+    channels = dict(identification.channels)
+    for record in records:
+        for axis in (axis for axis in record.axes if axis in channels and found.get(axis)):
+            before, further = channels[axis], found[axis]
+            after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
+            if absent := _absent(after, further):
+                names = ", ".join(absent)
+                about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
+                channels[axis] = replace(before, warnings=(*before.warnings, about))
+            else:
+                channels[axis] = replace(after, mean=before.mean)
+    return replace(identification, channels=channels)
+
+
+def _absent(channel: ChannelIdentification, further: Sequence[str]) -> list[str]:
+    """Return the further terms of which fewer are present than were asked for.
+
+    A process whose correlation time has no upper limit is a random walk, which is another term.
+    """
+    present = [
+        term.name
+        for term in channel.terms
+        if term.present
+        and all(c.interval is None or np.isfinite(c.interval[1]) for c in term.coefficients.values())
+    ]
+    return [name for name in dict.fromkeys(further) if present.count(name) < list(further).count(name)]
 
 
 def _earth(

@@ -90,12 +90,26 @@ def fit(pieces: Sequence[FloatArray], interval: float, terms: Sequence[str]) -> 
     ValueError
         If a term is unknown, or all pieces are too short or constant.
     """
+    lines, rest = take_out_lines(pieces, interval, list(terms).count(Sinusoid.name))
+    noise = [name for name in terms if name != Sinusoid.name]
+    return with_lines(fit_periodogram(cosine_periodogram(rest, interval), noise), lines, rest, interval)
+
+
+def take_out_lines(
+    pieces: Sequence[FloatArray], interval: float, number: int
+) -> tuple[list[Line], list[FloatArray]]:
+    """Return the sinusoids that stand out most, so many of them, and the segments without them."""
     lines, rest = [], list(pieces)
-    for _ in range(list(terms).count(Sinusoid.name)):
+    for _ in range(number):
         line, rest = take_out_line(rest, interval)
         lines.append(line)
-    noise = [name for name in terms if name != Sinusoid.name]
-    found = fit_periodogram(cosine_periodogram(rest, interval), noise)
+    return lines, rest
+
+
+def with_lines(
+    found: LikelihoodFit, lines: Sequence[Line], rest: Sequence[FloatArray], interval: float
+) -> LikelihoodFit:
+    """Return a fit to segments without sinusoids with those that were taken out of them."""
     for line in lines:
         density = float(found.model.psd(np.array([line.frequency]), interval=interval)[0])
         found = _with_line(found, line, line_sd(line, density, rest, interval))

@@ -108,10 +108,19 @@ def select(pieces: Sequence[FloatArray], interval: float) -> Selection:
     return select_periodogram(cosine_periodogram(pieces, interval))
 
 
-def select_periodogram(data: CosinePeriodogram) -> Selection:
-    """Choose the terms that a cosine periodogram contains, and fit them; see `select`."""
+def select_periodogram(data: CosinePeriodogram, further: Sequence[str] = ()) -> Selection:
+    """Choose the terms that a cosine periodogram contains, and fit them; see `select`.
+
+    Parameters
+    ----------
+    data : CosinePeriodogram
+        What was measured.
+    further : sequence of str
+        Terms that every sum has besides, such as a Gauss–Markov process that a diagnosis found. Where the data set
+        one of their parameters no limit, the absent terms have none beside them either.
+    """
     tried = []
-    for terms in _sums():
+    for terms in ((*base, *further) for base in _sums()):
         objective = Objective.of(data, terms)
         theta = objective.maximum()
         score = sum(TERM_PRICE[name] for name in terms) - 2.0 * objective.log_likelihood(theta)
@@ -121,7 +130,9 @@ def select_periodogram(data: CosinePeriodogram) -> Selection:
     fit = describe(objective, theta)
     candidates = tuple(Candidate(terms, score - least, _note(terms, chosen)) for score, terms, _, _ in tried)
     absent = [name for name in TERM_PRICE if name not in chosen and name != "gauss_markov"]
-    return Selection(fit, candidates, tuple(_bound(data, fit, name) for name in absent))
+    limited = not further or all(np.isfinite(high) for _, high in fit.intervals)
+    bounds = tuple(_bound(data, fit, name) for name in absent) if limited else ()
+    return Selection(fit, candidates, bounds)
 
 
 def _sums() -> list[tuple[str, ...]]:

@@ -4,7 +4,7 @@
 
 Where a finding carries the noise of its channels without it (`tuner.synthesis.findings.findings_for_config`),
 that noise is
-taken; elsewhere the identified terms (`tuner.synthesis.findings.agreed`). Causes whose spectrum is part of
+taken; elsewhere the identified terms. Causes whose spectrum is part of
 that noise are not
 added a second time; telegraph noise is added instead of the Gauss–Markov process of its spectrum::
 
@@ -29,7 +29,6 @@ from models.noise import GaussMarkov, NoiseModel
 from tuner.simulation.effect_spec import PlacedEffect
 from tuner.simulation.imu import noise_of_channel
 from tuner.simulation.static import Channel
-from tuner.synthesis.findings import IN_THE_NOISE, MARKOV_CAUSES
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -80,7 +79,7 @@ def channels_of_config(
         effects: list[PlacedEffect] = []
         for finding in static:
             known = without.keys() >= set(finding["channels"])
-            in_noise = finding["cause"] in (IN_THE_NOISE if known else ("line", *MARKOV_CAUSES))
+            in_noise = _in_the_noise(finding["cause"], fitted_together=known)
             for axes, values in _parts(finding):
                 if in_noise:
                     rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
@@ -97,6 +96,17 @@ def channels_of_config(
         raise DataError(msg) from None
     channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
     return channels, tuple(effects), tuple(notes)
+
+
+def _in_the_noise(cause: str, *, fitted_together: bool) -> bool:
+    """Return whether the terms of a channel contain a cause: all that are noise where they were fitted with it.
+
+    Otherwise they are those of the identification, which has a term for some causes.
+    """
+    effect = EFFECTS.get(cause)
+    if effect is None:
+        return False
+    return effect.is_noise if fitted_together else effect.identified_as is not None
 
 
 def _beside(noise: NoiseModel, values: Mapping[str, Any]) -> NoiseModel | None:

@@ -1,143 +1,68 @@
-"""Identification and diagnosis of one log, made to say the same.
+"""What findings on a log mean for its identification and for a filter that is set from it.
 
-=============================  =====================================================================
-finding                        what becomes of the identification
-=============================  =====================================================================
-line                           the channel is identified again with a sinusoid
-gauss_markov, telegraph        again with one Gauss–Markov process more, unless it has that one already
-all others                     as it is: a filter that does not compensate them meets them; a note says so
-=============================  =====================================================================
+==============================  ====================================================================
+finding                         what becomes of the identification
+==============================  ====================================================================
+line                            the terms are chosen beside a sinusoid
+gauss_markov, telegraph         the terms are chosen beside a Gauss–Markov process
+all others                      as it is: a filter that does not compensate them meets them; a note says so
+==============================  ====================================================================
 
-An inflation speaks of the noise that the diagnosis fitted first. Its factor is put on the setting of the filter
-now, and left out where that is enough already.
+Which term stands for a cause is a fact of its effect (`models.effects.Effect.identified_as`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from models.effects import EFFECTS
 from tuner.formats.diagnosis import config_finding
 from tuner.formats.documents import plain
-from tuner.identification.arma import Likelihood
-from tuner.identification.channel import identify_channel
 from tuner.types import (
-    ChannelIdentification,
     Diagnosis,
     Enlargement,
     FilterConfig,
-    Finding,
     Identification,
     Quantity,
-    TermEstimate,
 )
-from tuner.types.records import IdentificationError, Record
 
-MARKOV_CAUSES = ("gauss_markov", "telegraph")
-"""Causes whose spectrum is that of a Gauss–Markov process."""
-IN_THE_NOISE = ("vibration", "lowpass", "colour", *MARKOV_CAUSES)
-"""Causes that the noise fitted together with them holds in its own terms."""
-SAME_TIME = 2.0
-"""Ratio of two time constants up to which they are those of one process."""
 WORTH_SAYING = 1.02
 """Factor up to which nothing is inflated."""
 
 
-def agreed(
-    records: Sequence[Record],
-    identification: Identification,
-    diagnosis: Diagnosis,
-    *,
-    arma: Likelihood | None = "fast",
-) -> Identification:
-    """Return the identification with the terms that were found in its channels, and notes on other findings.
+def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
+    """Return the noise terms that the findings add to those of each axis, one a finding."""
+    found: dict[str, list[str]] = {}
+    for finding in diagnosis.findings:
+        effect = EFFECTS.get(finding.cause)
+        if effect is not None and effect.identified_as is not None:
+            for axis in finding.channels:
+                found.setdefault(axis, []).append(effect.identified_as)
+    return {axis: tuple(terms) for axis, terms in found.items()}
 
-    Parameters
-    ----------
-    records : sequence of Record
-        What was identified.
-    identification : Identification
-        Noise of the base terms.
-    diagnosis : Diagnosis
-        Findings on the same log.
-    arma : str, optional
-        Time-series model beside the sum of terms, as of `tuner.identification.identify`.
+
+def with_notes_on_findings(identification: Identification, diagnosis: Diagnosis) -> Identification:
+    """Return the identification with a note on each axis that was identified with other findings in it.
+
+    A filter that does not compensate them meets them, so they stay in its noise.
     """
-    channels = dict(identification.channels)
     notes = list(identification.notes)
-    for record in records:
-        for axis in [a for a in record.axes if a in channels]:
-            mine = [f for f in diagnosis.findings if axis in f.channels]
-            more = _further(channels[axis], [_of(f, axis) for f in mine])
-            if more:
-                channels[axis] = _again(record, channels[axis], more, arma)
-            left = dict.fromkeys(f.cause for f in mine if f.cause not in ("line", *MARKOV_CAUSES))
-            if left:
-                notes.append(
-                    f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, record.unit)}"
-                )
-    return replace(identification, channels=channels, notes=tuple(notes))
+    for axis, channel in identification.channels.items():
+        causes = dict.fromkeys(f.cause for f in diagnosis.findings if axis in f.channels)
+        left = [cause for cause in causes if not _is_identified(cause)]
+        if left:
+            notes.append(
+                f"{axis} was identified with {', '.join(left)} in it{_without(diagnosis, axis, channel.unit)}"
+            )
+    return replace(identification, notes=tuple(notes))
 
 
-def _of(finding: Finding, axis: str) -> tuple[str, Mapping[str, float | None]]:
-    """Return a cause and its values in one channel."""
-    parameters = finding.by_channel.get(axis, finding.parameters)
-    return finding.cause, {name: c.value for name, c in parameters.items()}
-
-
-def _further(
-    channel: ChannelIdentification, causes: Sequence[tuple[str, Mapping[str, float | None]]]
-) -> list[str]:
-    """Return the terms that the causes add to those the channel has."""
-    known = [t.coefficients["time_constant"].value for t in channel.terms if t.name == "gauss_markov"]
-    more = []
-    for cause, values in causes:
-        if cause == "line":
-            more.append("sinusoid")
-        elif cause in MARKOV_CAUSES:
-            time = _correlation_time(values)
-            if not any(t and time and 1.0 / SAME_TIME < t / time < SAME_TIME for t in known):
-                more.append("gauss_markov")
-    return more
-
-
-def _correlation_time(values: Mapping[str, float | None]) -> float | None:
-    """Return the correlation time of a Gauss–Markov process, or of a telegraph: 1/T = 1/low + 1/high."""
-    low, high = values.get("dwell_low"), values.get("dwell_high")
-    return 1.0 / (1.0 / low + 1.0 / high) if low and high else values.get("time_constant")
-
-
-def _again(
-    record: Record, before: ChannelIdentification, more: Sequence[str], arma: Likelihood | None
-) -> ChannelIdentification:
-    """Return the channel identified with further terms, its bounds kept; as it was where that does not work."""
-    present = [t.name for t in before.terms if t.present]
-    try:
-        after = identify_channel(
-            record, before.axis, terms=(*present, *more), method=before.method, arma=arma
-        )
-    except IdentificationError as error:
-        warning = (
-            f"the terms {', '.join(more)} that were found could not be fitted beside the others: {error}"
-        )
-        return replace(before, warnings=(*before.warnings, warning))
-    if absent := [t.name for t in after.terms if t.name in more and not t.present]:
-        warning = (
-            f"{', '.join(absent)} was found by the diagnosis, but beside the other terms the data allow none"
-        )
-        return replace(before, warnings=(*before.warnings, warning))
-    names = {t.name for t in after.terms}
-    bounds = tuple(t for t in before.terms if not t.present and t.name not in names)
-    return replace(after, mean=before.mean, terms=tuple(_ordered(after.terms, bounds, before)))
-
-
-def _ordered(
-    terms: Sequence[TermEstimate], bounds: Sequence[TermEstimate], before: ChannelIdentification
-) -> list[TermEstimate]:
-    """Return terms and bounds in the order of the first identification, further ones last."""
-    order = [t.name for t in before.terms]
-    return sorted([*terms, *bounds], key=lambda t: order.index(t.name) if t.name in order else len(order))
+def _is_identified(cause: str) -> bool:
+    """Return whether a noise term of the identification stands for a cause."""
+    effect = EFFECTS.get(cause)
+    return effect is not None and effect.identified_as is not None
 
 
 def _without(diagnosis: Diagnosis, axis: str, unit: str) -> str:

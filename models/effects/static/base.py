@@ -129,6 +129,8 @@ class Effect(Written, ABC):
     """Which part of a model the cause joins once it is found."""
     is_noise: ClassVar[bool] = False
     """Whether the noise terms fitted together with the cause contain its spectrum."""
+    identified_as: ClassVar[str | None] = None
+    """Noise term that an identification of the samples has for it; None where the terms take no account of it."""
     locates: ClassVar[tuple[str, ...]] = ()
     """Parameters that must agree for two channels to share one finding: where, when, or at which frequency."""
     positive: ClassVar[tuple[str, ...]] = ()

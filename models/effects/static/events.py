@@ -92,6 +92,7 @@ class Telegraph(Effect):
     """
 
     name: ClassVar[str] = "telegraph"
+    identified_as: ClassVar[str | None] = "gauss_markov"
     is_noise: ClassVar[bool] = True
     positive: ClassVar[tuple[str, ...]] = ("dwell_low", "dwell_high")
     size: float

@@ -54,6 +54,7 @@ class Line(Effect):
     """
 
     name: ClassVar[str] = "line"
+    identified_as: ClassVar[str | None] = "sinusoid"
     locates: ClassVar[tuple[str, ...]] = ("frequency",)
     positive: ClassVar[tuple[str, ...]] = ("frequency", "amplitude")
     frequency: float
@@ -262,6 +263,7 @@ class CorrelatedDrift(Effect):
     """
 
     name: ClassVar[str] = "gauss_markov"
+    identified_as: ClassVar[str | None] = "gauss_markov"
     joins: ClassVar[Joins] = "noise model"
     is_noise: ClassVar[bool] = True
     locates: ClassVar[tuple[str, ...]] = ("time_constant",)

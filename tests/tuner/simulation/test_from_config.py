@@ -15,12 +15,13 @@ from tuner.cli import run
 from tuner.diagnosis import diagnose
 from tuner.formats import native
 from tuner.identification import identify
+from tuner.identification.identify import with_terms_found
 from tuner.readers.drive import read_drive
 from tuner.simulation.drive import simulate_drive
 from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import Channel, simulate
 from tuner.synthesis import synthesize
-from tuner.synthesis.findings import agreed, findings_for_config
+from tuner.synthesis.findings import findings_for_config, terms_found
 from tuner.types.records import DataError
 
 NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4)))
@@ -36,7 +37,7 @@ def config():
     records, _ = simulate(axes, duration=1200.0, rate=50.0, seed=4, effects=[LINE, BURST, FILTER])
     found = diagnose(records)
     assert sorted(f.cause for f in found.findings) == ["burst", "line", "lowpass"]
-    identified = agreed(records, identify(records, arma=None), found, arma=None)
+    identified = with_terms_found(records, identify(records, arma=None), terms_found(found), arma=None)
     return synthesize(identified, name="unit", findings=findings_for_config(found))
 
 

@@ -10,9 +10,16 @@ from tuner.cli import run
 from tuner.formats.configuration import config_json, load_config
 from tuner.formats.logs import write_log
 from tuner.identification import identify
+from tuner.identification.identify import with_terms_found
 from tuner.simulation.static import simulate
 from tuner.synthesis import inflate, synthesize
-from tuner.synthesis.findings import agreed, findings_for_config, judge_hidden, settled_inflations
+from tuner.synthesis.findings import (
+    findings_for_config,
+    judge_hidden,
+    settled_inflations,
+    terms_found,
+    with_notes_on_findings,
+)
 from tuner.types import Coefficient, Diagnosis, Enlargement, Finding, Quantity
 
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
@@ -35,16 +42,21 @@ def identified(model=MODEL, *hidden, seed=1):
     return records, identify(records, arma=None)
 
 
+def with_findings(records, identification, diagnosis):
+    found = with_terms_found(records, identification, terms_found(diagnosis), arma=None)
+    return with_notes_on_findings(found, diagnosis)
+
+
 def test_a_line_found_is_identified_and_reaches_the_yaml():
     records, base = identified(MODEL, "line@gyro_x:frequency=12.5,amplitude=3e-4")
     found = Diagnosis((finding("line", frequency=12.5, amplitude=3e-4),), models={"gyro_x": MODEL})
-    channel = agreed(records, base, found, arma=None).channels["gyro_x"]
+    channel = with_findings(records, base, found).channels["gyro_x"]
     line = channel.term("sinusoid")
     # Amplitude errs by sd √(2/n) = 5.8e-6, frequency by √6/(π T) σ/(A √n)·… = 3e-5 Hz: more than five of them.
     assert line.coefficients["amplitude"].value == pytest.approx(3e-4, abs=3e-5)
     assert line.coefficients["frequency"].value == pytest.approx(12.5, abs=2e-4)
     assert {t.name for t in base.channels["gyro_x"].terms} < {t.name for t in channel.terms}
-    noise = synthesize(agreed(records, base, found, arma=None), findings=findings_for_config(found))
+    noise = synthesize(with_findings(records, base, found), findings=findings_for_config(found))
     again = load_config(config_json(noise), source="again")
     assert again == noise
     assert again.findings[0]["cause"] == "line"
@@ -56,12 +68,16 @@ def test_a_process_found_becomes_a_state_unless_it_is_one():
     records, base = identified(slow)
     assert base.channels["gyro_x"].term("gauss_markov").present
     same = Diagnosis((finding("gauss_markov", sd=5e-4, time_constant=2.0),), models={"gyro_x": slow})
-    assert agreed(records, base, same, arma=None).channels == base.channels
+    before, after = (one.channels["gyro_x"] for one in (base, with_findings(records, base, same)))
+    assert [t.name for t in after.model.terms] == [t.name for t in before.model.terms]
+    for mine, other in zip(after.model.terms, before.model.terms, strict=True):
+        values = [[getattr(term, name) for name in term.PARAMETERS] for term in (mine, other)]
+        assert values[0] == pytest.approx(values[1], rel=1e-3)
     telegraph = "telegraph@gyro_x:size=1e-3,dwell_low=4,dwell_high=4"
     records, _ = identified(NoiseModel([White(1e-4), BiasInstability(3e-5)]), telegraph)
     without = identify(records, terms=("white", "bias_instability"), arma=None)
     found = finding("telegraph", size=1e-3, dwell_low=4.0, dwell_high=4.0)
-    after = agreed(records, without, Diagnosis((found,)), arma=None).channels["gyro_x"].term("gauss_markov")
+    after = with_findings(records, without, Diagnosis((found,))).channels["gyro_x"].term("gauss_markov")
     # Two levels ± size/2, dwells of 4 s: sd 5e-4, correlation time 2 s; 300 of those in the log.
     assert after.coefficients["sd"].value == pytest.approx(5e-4, rel=0.3)
     assert after.coefficients["time_constant"].value == pytest.approx(2.0, rel=0.5)
@@ -70,15 +86,27 @@ def test_a_process_found_becomes_a_state_unless_it_is_one():
 def test_a_process_the_data_do_not_allow_is_said_and_left_out():
     records, base = identified(MODEL)
     found = Diagnosis((finding("gauss_markov", sd=1e-6, time_constant=5.0),))
-    after = agreed(records, base, found, arma=None).channels["gyro_x"]
+    after = with_findings(records, base, found).channels["gyro_x"]
     assert after.terms == base.channels["gyro_x"].terms
     assert "the data allow none" in after.warnings[-1]
+
+
+def test_a_term_that_a_process_replaces_keeps_a_limit():
+    """Telegraph noise looks like a random walk to the base terms; beside its process the walk is absent, not zero."""
+    telegraph = "telegraph@gyro_x:size=1e-3,dwell_low=4,dwell_high=4"
+    records, base = identified(NoiseModel([White(1e-4)]), telegraph)
+    found = Diagnosis((finding("telegraph", size=1e-3, dwell_low=4.0, dwell_high=4.0),))
+    after = with_findings(records, base, found).channels["gyro_x"]
+    assert {"bias_instability", "random_walk"} <= {t.name for t in after.terms}
+    for term in after.terms:
+        if not term.present and term.name != "quantization":
+            assert all(c.upper > 0.0 for c in term.coefficients.values())
 
 
 def test_what_a_filter_meets_stays_in_the_identification_and_is_said():
     records, base = identified()
     found = Diagnosis((finding("temperature", slope=1e-5),), models={"gyro_x": MODEL})
-    after = agreed(records, base, found, arma=None)
+    after = with_findings(records, base, found)
     assert after.channels == base.channels
     assert "gyro_x was identified with temperature in it" in after.notes[-1]
     assert "random_walk density 1e-06 rad/s^1.5" in after.notes[-1]

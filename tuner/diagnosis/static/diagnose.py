@@ -15,14 +15,15 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
-from tuner.diagnosis.static.findings import findings, joins, model_of, words
+from tuner.diagnosis.static.findings import findings, joins, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.posterior_predictive import covered
+from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
-from tuner.types import Diagnosis, Finding, Unexplained
+from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
@@ -35,6 +36,7 @@ def diagnose(
     records: Record | Sequence[Record],
     *,
     holdout: Record | Sequence[Record] | None = None,
+    identification: Identification | None = None,
     replicas: int = 0,
     seed: int = 0,
 ) -> Diagnosis:
@@ -46,6 +48,9 @@ def diagnose(
         Sensors of one log; a covariate ``temperature`` is used where there is one.
     holdout : Record or sequence of Record, optional
         A second log of the same unit, to measure gains on; without it they are measured on the last 40 %.
+    identification : Identification, optional
+        Noise of the log as identified, which is what the findings are reported against; without it the log is
+        identified here, by the same choice of terms.
     replicas : int
         Replicas of the model before and after, each fitted again, for the coverage of the curves; 0 for none.
     seed : int
@@ -92,10 +97,19 @@ def diagnose(
     with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
         loops = {pool.submit(search_causes, part, limit, moves): part.axis for part, moves in parts}
         ends = {loops[end]: pool.submit(measured, loops[end], end.result()) for end in as_completed(loops)}
+        before = {
+            axis: pool.submit(noise_before, record, axis, identification)
+            for record in sensors
+            for axis in record.axes
+            if axis in ends
+        }
         outcomes = {part.axis: ends[part.axis].result() for part, _ in parts}
+        base = {axis: before[axis].result() for axis in outcomes}
+        after = {axis: pool.submit(noise_after, outcomes[axis].final, base[axis]) for axis in outcomes}
+        models = {axis: after[axis].result() for axis in outcomes}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
     stretched = mount_tilt.stretched(finals, limit)
-    told = [f for f in findings(outcomes) if not (stretched and f.cause == "attitude")]
+    told = [f for f in findings(outcomes, base) if not (stretched and f.cause == "attitude")]
     found += [*told, *_common(finals, limit)]
     unexplained = tuple(
         Unexplained(alarm.name, (axis,), alarm.p_value)
@@ -106,8 +120,8 @@ def diagnose(
         tuple(found),
         (*unexplained, *stretched),
         (*notes, *refused, *sampling.notes(finals)),
-        {axis: model_of(outcome.final) for axis, outcome in outcomes.items()},
-        {axis: model_of(outcome.base) for axis, outcome in outcomes.items()},
+        models,
+        base,
     )
 
 

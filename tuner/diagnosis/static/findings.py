@@ -8,11 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from models.noise import NoiseModel, Term, White
+from models.noise import NoiseModel
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.base import Extension, Value
-from tuner.diagnosis.static.causes.colour import Colour
-from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.profile_likelihood import first_column
@@ -21,6 +19,8 @@ from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
+WORTH_SAYING = 1.02
+"""Factor on a density up to which nothing is enlarged: as well as most records know it."""
 AGREEMENT_SDS = 4.0
 """Standard deviations within which they do."""
 
@@ -40,20 +40,17 @@ class _Single:
     inflation: Enlargement | None
 
 
-def model_of(fitted: Residual) -> NoiseModel:
-    """Return the noise model of a residual with the terms of its extensions, SI."""
-    dt = fitted.channel.interval
-    shape = next((x for x in fitted.extensions if isinstance(x, LowPass | Colour)), None)
-    terms: list[Term] = []
-    for term in fitted.fit.terms():
-        terms.append(shape.arma(dt, term.density) if shape is not None and isinstance(term, White) else term)
-    terms += [term for x in fitted.extensions for term in x.terms(dt)]
-    return NoiseModel(terms).scaled(fitted.channel.scale)
+def findings(outcomes: Mapping[str, SearchResult], base: Mapping[str, NoiseModel]) -> tuple[Finding, ...]:
+    """Return the findings of all channels, shared ones once, the clearest first.
 
-
-def findings(outcomes: Mapping[str, SearchResult]) -> tuple[Finding, ...]:
-    """Return the findings of all channels, shared ones once, the clearest first."""
-    singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome)]
+    Parameters
+    ----------
+    outcomes : mapping of str to SearchResult
+        By axis.
+    base : mapping of str to NoiseModel
+        Noise without any finding, SI, which enlargements refer to.
+    """
+    singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome, base[axis])]
     groups: list[list[_Single]] = []
     for single in singles:
         home = next((g for g in groups if _shared(g, single)), None)
@@ -65,7 +62,7 @@ def findings(outcomes: Mapping[str, SearchResult]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: finding.p_value))
 
 
-def _singles(axis: str, outcome: SearchResult) -> list[_Single]:
+def _singles(axis: str, outcome: SearchResult, base: NoiseModel) -> list[_Single]:
     channel = outcome.final.channel
     given = len(outcome.final.extensions) - len(outcome.accepted)
     singles = []
@@ -80,7 +77,7 @@ def _singles(axis: str, outcome: SearchResult) -> list[_Single]:
             itself = Alternative(extension.cause, 1.0)
             accepted = replace(accepted, alternatives=(itself, *accepted.alternatives))
         parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
-        inflation = _inflation(axis, outcome, accepted)
+        inflation = _inflation(axis, outcome, accepted, base)
         singles.append(_Single(axis, channel.unit, accepted, cause, parameters, inflation))
     return singles
 
@@ -104,13 +101,15 @@ def _bounded(cause: str, name: str, value: Value) -> Value:
     return value.positive if effect is not None and name in effect.positive else value
 
 
-def _inflation(axis: str, outcome: SearchResult, accepted: Accepted) -> Enlargement | None:
-    """Return what to enlarge in a filter that is set from the base model."""
+def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: NoiseModel) -> Enlargement | None:
+    """Return what to enlarge in a filter that is set from the base model; None where that is large enough."""
     enlargement = accepted.extension.white_noise_enlargement(outcome.base, outcome.final)
     if enlargement is None:
         return None
     factor, reason = enlargement
-    return Enlargement(Quantity(axis, "white_density"), factor, reason)
+    needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale
+    factor = needed / base.white_density()
+    return Enlargement(Quantity(axis, "white_density"), factor, reason) if factor > WORTH_SAYING else None
 
 
 def _shared(group: Sequence[_Single], single: _Single) -> bool:
