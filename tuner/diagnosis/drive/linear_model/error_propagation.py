@@ -1,7 +1,7 @@
-"""The way of the errors between fixes in compiled code: Φ, process noise and the pull of unknown constants.
+"""Φ, process noise and the effect of unknown constants between fixes, in compiled code.
 
-A second pass over the steps: from the state a filter had after each fix, the mechanisation runs again to the next, and
-`propagation` takes the errors along, one covariance step after the other.
+A second run over the steps: from the state that a filter had after each fix, the mechanisation runs again to the next
+one, and `propagation_kernels` accumulates what every covariance step does to the errors.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ IntArray = NDArray[np.int64]
 
 
 class Trace(NamedTuple):
-    """What a pass leaves, of k fixes, n states, p constants.
+    """What happens to the errors before each of k fixes, with n states and p constants.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Trace(NamedTuple):
     white : ndarray, shape (2, k, 9, 9)
         Process noise from the white noise of gyros and accelerometers.
     slow : ndarray, shape (3, k, n, n)
-        From the drives of gyro biases, accelerometer biases, receiver states.
+        From the noise that drives gyro biases, accelerometer biases, receiver states.
     pull : ndarray, shape (k, 9, p)
         B of the navigation states.
     prior : ndarray, shape (k, 10)
@@ -88,7 +88,7 @@ def _calibrate(lay: Layout, x: FloatArray, bias: FloatArray, inverse: FloatArray
 
 @compiled
 def _leave(lay: Layout, way: Way, out: Trace, i: int) -> None:
-    """Leave what has come of errors until fix i."""
+    """Store what has accumulated until fix i."""
     n, W = lay.size, way.wide
     noise = 2 * n - 9
     out.phi[i] = 0.0

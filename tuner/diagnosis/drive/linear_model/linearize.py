@@ -54,7 +54,7 @@ def linearize(
     starts: Sequence[FloatArray],
     reported: Sequence[FloatArray],
 ) -> LinearizedRun:
-    """Return the record of a filter's pass.
+    """Return the linear model of a filter run.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def linearize(
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:
-    """Return what parts of a record are together, without a copy where there is one."""
+    """Return the parts of a run joined, without a copy where there is one."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
@@ -112,7 +112,7 @@ def _part(
     *,
     first: bool,
 ) -> LinearizedRun:
-    """Return the record of one stretch."""
+    """Return the linear model of one stretch."""
     parameters = constant_parameters()
     k, n, p = len(solution.t), settings.size, len(parameters)
     own = columns(parameters)

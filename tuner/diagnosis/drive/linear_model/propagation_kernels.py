@@ -1,13 +1,13 @@
-"""How errors go on in one covariance step, in compiled code: Φ, process noise and the pull of unknown constants.
+"""What covariance steps do to the errors, in compiled code: Φ, process noise and the effect of unknown constants.
 
 Nine navigation states x and six sensors s, with the matrices of `models.error_state`::
 
-    x⁺ = A x + Γ (S b + w)        b⁺ = D b + drive        Γ: answer to a constant sensor error, with −C A⁻¹ in it
+    x⁺ = A x + Γ (S b + w)        b⁺ = D b + noise        Γ: answer to a constant sensor error, with −C A⁻¹ in it
 
-S says which sensor feels which state b, D is diagonal, but for slopes. So of Φ, and of every noise Q, only nine rows
-are full: they stand side by side in one matrix W, with the columns
+S says which sensor measures which state b, D is diagonal but for slopes. So of Φ, and of every noise Q, only nine rows
+are full: they are the rows of one matrix W, with the columns
 
-    Φ (n)  |  Q between navigation and what is driven (n − 9)  |  Q of navigation, four groups (4 × 9)  |  B (p)
+    Φ (n)  |  Q between navigation and other states (n − 9)  |  Q of navigation, four groups (4 × 9)  |  B (p)
 
 and one product A W does most of a step.
 """
@@ -70,9 +70,9 @@ class Way(NamedTuple):
     felt : ndarray, shape (9, 6)
         For each sensor, what the states that it feels share with navigation.
     step : ndarray, shape (1,)
-        Length of a step, s, that `decay` and `driven` are for.
-    decay, driven : ndarray, shape (n,)
-        What a state keeps in it, and the variance that drives it.
+        Length of a step, s, that `decay` and `added` are for.
+    decay, added : ndarray, shape (n,)
+        Factor of a state over it, and the variance that it adds.
     acts : ndarray of int, shape (m, 3)
         Constant, sensor that it disturbs and what it multiplies, of every place of `Columns.mix` that is not 0.
     size : ndarray, shape (m,)
@@ -91,7 +91,7 @@ class Way(NamedTuple):
     felt: FloatArray
     step: FloatArray
     decay: FloatArray
-    driven: FloatArray
+    added: FloatArray
     acts: IntArray
     size: FloatArray
 
@@ -205,8 +205,8 @@ def _product(A: FloatArray, W: FloatArray, out: FloatArray) -> None:
 
 
 @compiled
-def _driven(drive: float, rate: float, dt: float) -> float:
-    """Return the variance that drives a state in a step."""
+def _added_variance(drive: float, rate: float, dt: float) -> float:
+    """Return the variance that a step adds to a state."""
     u = 2.0 * rate * dt
     return float(drive * dt * (1.0 if u == 0.0 else -np.expm1(-u) / u))
 
@@ -262,13 +262,13 @@ def advance(lay: Layout, columns: Columns, way: Way, true: FloatArray, dt: float
         way.step[0] = dt
         for j in range(9, n):
             way.decay[j] = np.exp(-lay.rate[j] * dt)
-            way.driven[j] = _driven(lay.drive[j], lay.rate[j], dt)
+            way.added[j] = _added_variance(lay.drive[j], lay.rate[j], dt)
     for j in range(9, n):
         decay = way.decay[j]
         if lay.drive[j] > 0.0:
             for i in range(9):
                 W[i, cross + j] *= decay
-            way.variance[j] = decay * decay * way.variance[j] + way.driven[j]
+            way.variance[j] = decay * decay * way.variance[j] + way.added[j]
         slope = lay.slope[j]
         if slope >= 0:
             way.tie[j] = decay * way.tie[j] + dt * way.own[slope]
