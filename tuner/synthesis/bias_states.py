@@ -202,7 +202,7 @@ def spectrum_bound(term: Term) -> GaussMarkov:
 
 
 BOUND_GRID = 300
-"""Time constants that are tried; the variance is then within 0.1 % of the least."""
+"""Time constants that are tried; the variance is then within 0.8 % of the least."""
 MAX_BOUND_VARIANCE = 100.0
 """Variance of a bounding state ÷ that of the term beyond which the state says nothing useful of it: white noise, or a
 narrow line."""

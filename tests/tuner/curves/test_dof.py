@@ -132,7 +132,7 @@ def test_no_digits_are_lost_in_long_records():
 
 @pytest.mark.parametrize("noise", list(PURE_NOISES))
 def test_total_variance_table(noise):
-    m = np.array([1, 2, 4, 8, 20, 50, 100, 150, 199])
+    m = np.array([1, 2, 4, 8, 20, 50, 100, 105, 120, 150, 180, 199])
     expected = np.array([exact("totdev", k, generalised(COVARIANCE[noise])) for k in m])
     np.testing.assert_allclose(dof("totdev", N - 1, m, noise), expected, rtol=0.04)
 

@@ -18,7 +18,7 @@ from tuner.synthesis import (
     step_noise,
     structure_function,
 )
-from tuner.synthesis.bias_states import FlickerView
+from tuner.synthesis.bias_states import FlickerView, spectrum_bound
 from tuner.types import ChannelNoise
 
 VIEW = FlickerView(
@@ -206,3 +206,12 @@ def test_axis_system_has_the_densities_on_its_diagonal() -> None:
     expected = [1e-8, 2.0 * 4e-6 / 50.0, 2.0 * 1e-6 / 5.0, 9e-10, 0.0]
     assert np.diag(system.Q) == pytest.approx(expected)
     assert np.diag(system.P0) == pytest.approx([0.0, 4e-6, 1e-6, 1e-6, 1e-14])
+
+
+@pytest.mark.parametrize("time", [0.01, 1.0, 300.0, 1e5])
+@pytest.mark.parametrize("sd", [1e-8, 1.0, 100.0])
+def test_the_state_that_bounds_a_gauss_markov_process_is_that_process(time, sd):
+    """Whatever unit and time constant; the grid of time constants has steps of 1.5 %: half of one in T and in variance."""
+    state = spectrum_bound(GaussMarkov(sd, time))
+    assert state.time_constant == pytest.approx(time, rel=8e-3)
+    assert state.sd == pytest.approx(sd, rel=4e-3)

@@ -285,6 +285,15 @@ def test_what_no_sensor_shows_is_assumed_and_called_so() -> None:
         assert "assumed" in accel_alone.initial.reasons[name]
 
 
+def test_a_slow_line_is_a_state_of_its_variance_and_corner() -> None:
+    """A sin(2πft) has the variance A²/2; a state with the corner frequency f, 1/(2πT) = f, follows it."""
+    frequency = 1e-4
+    line = TermEstimate("sinusoid", {"amplitude": known(3e-5), "frequency": known(frequency)})
+    _, noise = only(found(channel(*BASE, line)))
+    (state,) = [s for s in noise.markov if s.sd == pytest.approx(3e-5 / math.sqrt(2.0))]
+    assert 2.0 * math.pi * frequency * state.time_constant == pytest.approx(1.0)
+
+
 def test_inflation_scales_and_is_recorded() -> None:
     config = synthesize(grade_identification(load_grade("stim300")), gnss=load_gnss("rtk"))
     wanted = (
