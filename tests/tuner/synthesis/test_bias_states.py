@@ -211,7 +211,7 @@ def test_axis_system_has_the_densities_on_its_diagonal() -> None:
 @pytest.mark.parametrize("time", [0.01, 1.0, 300.0, 1e5])
 @pytest.mark.parametrize("sd", [1e-8, 1.0, 100.0])
 def test_the_state_that_bounds_a_gauss_markov_process_is_that_process(time, sd):
-    """Whatever unit and time constant; the grid of time constants has steps of 1.5 %: half of one in T and in variance."""
+    """In any unit and at any time constant; steps of the grid are 1.5 %, T and variance are off by half of one."""
     state = spectrum_bound(GaussMarkov(sd, time))
     assert state.time_constant == pytest.approx(time, rel=8e-3)
     assert state.sd == pytest.approx(sd, rel=4e-3)
