@@ -320,7 +320,7 @@ def configure(
     conservative: bool,
     seed: int,
 ) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
-    """Return the configuration that the static log asks for, and how well each of its axes predicts that log.
+    """Return the configuration that the static log implies, and how well each of its axes predicts that log.
 
     Axes that fail to predict their log get settings that do; noise that is larger for a part of the time is advice,
     unless the configuration is to be conservative.

@@ -273,8 +273,8 @@ def _without_constant_axes(records: list[Record], notes: list[str], *, keep: boo
         moving = [j for j in range(record.y.shape[1]) if np.ptp(record.y[:, j]) > 0]
         dead = [a for j, a in enumerate(record.axes) if j not in moving]
         if dead:
-            fate = "kept" if keep and moving else "left out"
-            notes.append(f"{len(dead)} constant axes were {fate}: {', '.join(dead)}")
+            handling = "kept" if keep and moving else "left out"
+            notes.append(f"{len(dead)} constant axes were {handling}: {', '.join(dead)}")
         if len(moving) == len(record.axes) or (keep and moving):
             live.append(record)
         elif moving:

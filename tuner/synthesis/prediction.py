@@ -1,4 +1,4 @@
-"""A configuration held against the record it came from: every axis must predict its own Allan curve and forecasts.
+"""A configuration compared with the record it came from: every axis must predict its own Allan curve and forecasts.
 
 The settings of an axis that fail are replaced by a block fitted to the curve, and the notes say so with the figures;
 an axis that no block predicts is marked with the cluster times or horizons at which it fails. What stays bounded in

@@ -82,9 +82,9 @@ def _system(block: NoiseBlock, step: float) -> tuple[FloatArray, FloatArray, Flo
     times = np.array([state.time_constant for state in block.states])
     power = np.array([state.sd**2 for state in block.states])
     decay = np.append(np.exp(-step / times), 1.0)
-    driving = np.append(power * (1.0 - decay[:-1] ** 2), block.random_walk_density**2 * step)
+    driving_variance = np.append(power * (1.0 - decay[:-1] ** 2), block.random_walk_density**2 * step)
     noise = block.white_density**2 / step + 2.0 * (block.increment_sd / step) ** 2
-    return decay, driving, power, noise
+    return decay, driving_variance, power, noise
 
 
 def _predictions(block: NoiseBlock, durations: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -104,7 +104,7 @@ def _predictions(block: NoiseBlock, durations: FloatArray) -> tuple[FloatArray, 
 
 @njit(cache=True)
 def _run_filter(  # type: ignore[no-untyped-def]
-    means, step, decay, driving, power, noise, ahead, gains, floors, settling_share
+    means, step, decay, driving_variance, power, noise, ahead, gains, floors, settling_share
 ):
     """Return squared errors, stated variances and counts of all forecasts, shapes (h,)."""
     n, k = len(means), len(decay)
@@ -146,5 +146,5 @@ def _run_filter(  # type: ignore[no-untyped-def]
             state[a] = decay[a] * (state[a] + gain[a] * innovation)
             for b in range(k):
                 covariance[a, b] = decay[a] * decay[b] * (covariance[a, b] - gain[a] * gain[b] * total)
-            covariance[a, a] += driving[a]
+            covariance[a, a] += driving_variance[a]
     return error, stated, count

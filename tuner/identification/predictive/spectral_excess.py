@@ -27,7 +27,7 @@ EXCESS_OVER_MEDIAN = 4.0
 """Power ÷ local median from which a frequency counts: 15 or more windows of white noise do not come near it."""
 SLOWEST_PERIOD = 10.0
 """Longest period, s: a slower oscillation is a bias to a filter, and is left to its bias states."""
-WINDOW = 100.0
+WINDOW_LENGTH = 100.0
 """Length of a window of the spectrum, s; at most an eighth of the record."""
 MIN_WINDOW = 64
 """Samples of the shortest window that tells a line from what surrounds it."""
@@ -45,7 +45,7 @@ def spectral_excess(pieces: Sequence[FloatArray], interval: float) -> SpectralEx
     interval : float
         Sampling interval, s.
     """
-    window = int(min(max(len(piece) for piece in pieces) // 8, round(WINDOW / interval)))
+    window = int(min(max(len(piece) for piece in pieces) // 8, round(WINDOW_LENGTH / interval)))
     if window < MIN_WINDOW:
         return None
     frequency, density = _spectrum(pieces, interval, window)
