@@ -108,7 +108,7 @@ def with_terms_found(
 
 
 def _absent(channel: ChannelIdentification, further: Sequence[str]) -> list[str]:
-    """Return the further terms of which fewer are present than were asked for.
+    """Return the further terms of which fewer are present than were given.
 
     A process whose correlation time has no upper limit is a random walk, which is another term.
     """
