@@ -1,4 +1,4 @@
-"""From the tests of hygiene to channels: what was not measured is left out, bridged or dropped.
+"""From the tests of data quality to channels: what was not measured is left out, bridged or dropped.
 
 Frozen stretches are gaps of their axis. Of held readings few are bridged, as if they had not come; where they are many
 they are dropped, and the rest is taken for even samples at the mean rate of what is new.

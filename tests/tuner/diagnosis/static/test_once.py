@@ -13,7 +13,7 @@ from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.null_distributions import minimum
 from tuner.diagnosis.static.model.residual import relabelled, residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import block_loudness, loudness
+from tuner.diagnosis.static.variance.level import block_variance, local_variance
 from tuner.diagnosis.static.variance.quantized_noise import moments
 from tuner.simulation.static import Channel, simulate
 
@@ -23,9 +23,9 @@ def test_local_variance_is_computed_once_for_a_residual():
         0
     ]
     found = residual(channel(record, "gyro_x"))
-    assert loudness(found) is loudness(found)
-    assert block_loudness(found) is block_loudness(found)
-    assert loudness(relabelled(found, (HeavyTails(6.0),))) is not loudness(found)
+    assert local_variance(found) is local_variance(found)
+    assert block_variance(found) is block_variance(found)
+    assert local_variance(relabelled(found, (HeavyTails(6.0),))) is not local_variance(found)
 
 
 def test_moments_between_places_are_on_straight_lines():

@@ -10,7 +10,7 @@ from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.hypothesis_tests import hypothesis_tests, threshold
 from tuner.diagnosis.static.model.residual import residual
-from tuner.diagnosis.static.variance.level import block_loudness
+from tuner.diagnosis.static.variance.level import block_variance
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments, moments
 from tuner.simulation.static import Channel, simulate
 
@@ -60,7 +60,7 @@ def test_a_slow_track_on_a_coarse_quantizer_makes_no_burst(step, deadband):  # f
 
 def test_local_variance_beside_a_quantizer_is_even_in_every_place():
     found = fitted(3.0)
-    square, weight, kappa = block_loudness(found)
+    square, weight, kappa = block_variance(found)
     deviate = (square - 1.0) * np.sqrt(weight / kappa)
     assert np.mean(deviate**2) < 1.0 + 6.0 * np.sqrt(2.0 / len(deviate))
 

@@ -27,7 +27,7 @@ from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
 from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, robust_sd
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import Loudness, loudness
+from tuner.diagnosis.static.variance.level import LocalVariance, local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Burst(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Scan windows for another variance."""
-        loud = loudness(fitted)
+        loud = local_variance(fitted)
         first = _loudest(loud)
         gain, stretches = 0.0, [(first.start, first.start + first.width)]
         if first.chance < 1e-2:
@@ -106,7 +106,7 @@ class _Window:
     mean: float
 
 
-def _loudest(loud: Loudness) -> _Window:
+def _loudest(loud: LocalVariance) -> _Window:
     """Return the most remarkable of all windows."""
     n = len(loud.square)
     total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
@@ -129,7 +129,7 @@ def _widths(n: int) -> list[int]:
     return [MIN_WINDOW * 2**k for k in range(int(np.log2(n / (3 * MIN_WINDOW))) + 1)]
 
 
-def _all(fitted: Residual, loud: Loudness, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+def _all(fitted: Residual, loud: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
     known = [x for x in fitted.extensions if isinstance(x, Burst)]
     allowed = REPORTED_STRETCHES if 0 < len(known) <= REPORTED_STRETCHES else MAX_STRETCHES

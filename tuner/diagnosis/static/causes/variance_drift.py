@@ -25,7 +25,7 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_loudness
+from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]
@@ -131,7 +131,7 @@ def _regression(
     fitted: Residual, x: FloatArray, name: str, width: float, unit: str, kind: type[VarianceDrift]
 ) -> TestResult:
     """Fit an exponential variance of the white noise in x, shape (`LEVEL_BLOCKS`,), to blocks; counts per x/width."""
-    square, weight, usual = block_loudness(fitted)
+    square, weight, usual = block_variance(fitted)
     x = x - weight @ x / weight.sum()
     white = dilution(fitted)
     most = MAX_LOG_CHANGE / (float(np.ptp(x)) + 1e-300)

@@ -24,7 +24,7 @@ QUALITIES = (1.0, 200.0)
 
 
 @dataclass(frozen=True)
-class Hump:
+class ResonanceFit:
     """White noise, quantization and a resonance.
 
     Attributes
@@ -43,7 +43,7 @@ class Hump:
     expected: FloatArray
 
 
-def hump_scan(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
+def scan_resonances(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
     """Return the chance of the clearest excess of 1 … 16 bins over a power, its middle and width, cycles."""
     total = np.concatenate(([0.0], np.cumsum(data.count * data.power / expected)))
     mass = np.concatenate(([0.0], np.cumsum(data.count)))
@@ -59,7 +59,7 @@ def hump_scan(data: Bins, expected: FloatArray) -> tuple[float, float, float]:
     return min(1.0, best[0]), best[1], best[2]
 
 
-def hump_fit(data: Bins, middle: float, width: float) -> Hump:
+def fit_resonance(data: Bins, middle: float, width: float) -> ResonanceFit:
     """Fit a hump next to a frequency, cycles."""
     background = np.stack((data.white, data.rest, rise(data.cycles)))
 
@@ -82,7 +82,7 @@ def hump_fit(data: Bins, middle: float, width: float) -> Hump:
     def profile(y: FloatArray) -> float:
         return sized(data, background, np.exp(y[2]) * _power(y[:2], data)).cost
 
-    return Hump(whole, curvature(profile, whole), value, best.expected)
+    return ResonanceFit(whole, curvature(profile, whole), value, best.expected)
 
 
 def _power(x: FloatArray, data: Bins) -> FloatArray:

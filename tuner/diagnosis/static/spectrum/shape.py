@@ -38,7 +38,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     filter_power,
     filter_powers,
 )
-from tuner.diagnosis.static.spectrum.resonance import Hump, hump_fit, hump_scan
+from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonance, scan_resonances
 
 FloatArray = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ class ShapeTest:
         Chance of bins that scatter about the null as much.
     filters, colours : tuple of ShapeFit
         Best first; empty where nothing alarms.
-    hump : Hump or None
+    hump : ResonanceFit or None
         White noise with a hump.
     hump_p_value : float
         Chance of as clear an excess of neighbouring bins.
@@ -224,7 +224,7 @@ class ShapeTest:
     misfit: float
     filters: tuple[ShapeFit, ...]
     colours: tuple[ShapeFit, ...]
-    hump: Hump | None
+    hump: ResonanceFit | None
     hump_p_value: float
 
     @property
@@ -240,7 +240,7 @@ class ShapeTest:
         frequency = self.data.cycles[at] / self.data.interval
         return f"shape of the fast spectrum, {10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
 
-    def gain(self, fitted: ShapeFit | Hump) -> float:
+    def gain(self, fitted: ShapeFit | ResonanceFit) -> float:
         """Return the log likelihood gained over the null, less half the log of the coefficients a further parameter.
 
         Quantization, which the null may have, is one: a shape that does without it is the simpler.
@@ -285,7 +285,7 @@ def few_shapes(fitted: Residual) -> ShapeTest:
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
     scatter = misfit(data, null)
-    hump_p_value = hump_scan(data, null.expected)[0]
+    hump_p_value = scan_resonances(data, null.expected)[0]
     if min(p_value, scatter, hump_p_value) > SHAPES_P_VALUE:
         return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
     return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, hump_p_value)
@@ -300,8 +300,8 @@ def many_shapes(few: ShapeTest) -> ShapeTest:
         _simpler(data, [fit_colour(data, name, False), first.get(name) or fit_colour(data, name)])
         for name in COLOURS
     ]
-    _, middle, width = hump_scan(data, few.null.expected)
-    return replace(few, colours=_ranked(data, colours), hump=hump_fit(data, middle, width))
+    _, middle, width = scan_resonances(data, few.null.expected)
+    return replace(few, colours=_ranked(data, colours), hump=fit_resonance(data, middle, width))
 
 
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
@@ -312,7 +312,7 @@ def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
     )
 
 
-def _price(data: Bins, fitted: ShapeFit | Hump, rises: bool) -> float:
+def _price(data: Bins, fitted: ShapeFit | ResonanceFit, rises: bool) -> float:
     """Return the cost and the price of the parameters beyond those of white noise, which `rises` or not."""
     further = len(fitted.x) + (fitted.rises - rises if isinstance(fitted, ShapeFit) else 0)
     return fitted.cost + 0.5 * further * data.log_count

@@ -25,7 +25,7 @@ MIN_SQUARE_VARIANCE = 0.2
 
 
 @dataclass(frozen=True)
-class Loudness:
+class LocalVariance:
     """Squares of the residuals.
 
     Attributes
@@ -45,7 +45,7 @@ class Loudness:
     kappa: float
     rounded: bool
 
-    def outside(self, stretches: Sequence[tuple[int, int]]) -> Loudness:
+    def outside(self, stretches: Sequence[tuple[int, int]]) -> LocalVariance:
         """Return what is left without stretches of samples, its mean 1 again."""
         square, scatter = self.square.copy(), self.scatter.copy()
         for first, last in stretches:
@@ -57,7 +57,7 @@ class Loudness:
         kappa = float(np.var(square[told])) / level**2
         scatter *= kappa / float(scatter[told].mean())
         square = np.where(told, square / level, 1.0)
-        return Loudness(square, scatter, kappa, self.rounded)
+        return LocalVariance(square, scatter, kappa, self.rounded)
 
     def deviate(self, mean: FloatArray, freedom: FloatArray) -> FloatArray:
         """Return normal deviates of mean squares with so many degrees of freedom.
@@ -72,7 +72,7 @@ class Loudness:
 
 
 @once
-def loudness(fitted: Residual) -> Loudness:
+def local_variance(fitted: Residual) -> LocalVariance:
     """Return how loud every sample is."""
     e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     square, told = e * e, fitted.valid
@@ -81,7 +81,7 @@ def loudness(fitted: Residual) -> Loudness:
         told = told & np.isfinite(cell[1])
         square = square / cell[0]
     if not told.any():
-        return Loudness(np.ones_like(e), np.zeros_like(e), 2.0, rounded=True)
+        return LocalVariance(np.ones_like(e), np.zeros_like(e), 2.0, rounded=True)
     square = square / square[told].mean()
     kappa = float(np.var(square[told]))
     scatter = np.full(len(e), kappa)
@@ -90,7 +90,7 @@ def loudness(fitted: Residual) -> Loudness:
         scatter = likely * (kappa / float(likely[told].mean()))
     if not told.all():
         square, scatter = np.where(told, square, 1.0), np.where(told, scatter, 0.0)
-    return Loudness(square, scatter, kappa, cell is not None)
+    return LocalVariance(square, scatter, kappa, cell is not None)
 
 
 @once
@@ -105,12 +105,12 @@ def course(fitted: Residual) -> FloatArray:
 
 
 @once
-def block_loudness(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
+def block_variance(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
     """Return the mean squares of `LEVEL_BLOCKS` even parts, their weights, shapes (`LEVEL_BLOCKS`,), and κ.
 
     The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.
     """
-    loud = loudness(fitted)
+    loud = local_variance(fitted)
     size = len(fitted.e) // LEVEL_BLOCKS
     inside = slice(0, size * LEVEL_BLOCKS)
     told = loud.scatter[inside] > 0.0

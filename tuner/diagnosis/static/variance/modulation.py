@@ -31,7 +31,7 @@ from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_loudness
+from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +68,7 @@ def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestRe
 
 def _deviates(fitted: Residual) -> tuple[FloatArray, FloatArray]:
     """Return the deviates of the blocks, shape (`LEVEL_BLOCKS`,), and the orthonormal columns taken out."""
-    square, weight, kappa = block_loudness(fitted)
+    square, weight, kappa = block_variance(fitted)
     told = weight > MIN_BLOCK_SHARE * float(np.median(weight))
     level = float(weight[told] @ square[told] / weight[told].sum())
     deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
