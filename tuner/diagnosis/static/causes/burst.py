@@ -81,11 +81,11 @@ class Burst(Extension):
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Scan windows for another variance."""
-        loud = local_variance(fitted)
-        first = _loudest(loud)
+        local = local_variance(fitted)
+        first = _largest_variance(local)
         gain, stretches = 0.0, [(first.start, first.start + first.width)]
         if first.chance < 1e-2:
-            gain, stretches = _all(fitted, loud, first)
+            gain, stretches = _all(fitted, local, first)
         return TestResult(
             "burst",
             first.chance,
@@ -98,7 +98,7 @@ class Burst(Extension):
 
 @dataclass(frozen=True)
 class _Window:
-    """The window whose loudness has the least chance."""
+    """The window whose local variance is least likely."""
 
     chance: float
     start: int
@@ -106,17 +106,17 @@ class _Window:
     mean: float
 
 
-def _loudest(loud: LocalVariance) -> _Window:
+def _largest_variance(local: LocalVariance) -> _Window:
     """Return the most remarkable of all windows."""
-    n = len(loud.square)
-    total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (loud.square, loud.scatter))
+    n = len(local.square)
+    total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (local.square, local.scatter))
     best = _Window(1.0, 0, MIN_WINDOW, 1.0)
     widths = _widths(n)
     for width in widths:
         start = np.arange(0, n - width, width // 4)
         mean = (total[start + width] - total[start]) / width
         freedom = 2.0 * width**2 / np.maximum(scatter[start + width] - scatter[start], 1e-9)
-        deviate = np.abs(loud.deviate(mean, freedom * (1.0 - width / n)))
+        deviate = np.abs(local.deviate(mean, freedom * (1.0 - width / n)))
         at = int(np.argmax(deviate))
         chance = float(norm.sf(deviate[at])) * len(start) * len(widths)
         if chance < best.chance:
@@ -129,26 +129,26 @@ def _widths(n: int) -> list[int]:
     return [MIN_WINDOW * 2**k for k in range(int(np.log2(n / (3 * MIN_WINDOW))) + 1)]
 
 
-def _all(fitted: Residual, loud: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
+def _all(fitted: Residual, local: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
     """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
     known = [x for x in fitted.extensions if isinstance(x, Burst)]
     allowed = REPORTED_STRETCHES if 0 < len(known) <= REPORTED_STRETCHES else MAX_STRETCHES
     stretches: list[tuple[int, int]] = []
-    rest = loud
+    rest = local
     while window.chance < SECOND_P_VALUE or not stretches:
         total = np.concatenate(([0.0], np.cumsum(rest.square)))
         edges = refine(total, window.start, window.start + window.width)[1]
         stretches.append(_beside(edges, stretches))
         covered = sum(last - first for first, last in (*stretches, *((x.first, x.last) for x in known)))
-        if len(stretches) + len(known) > allowed or covered > MAX_RECORD_SHARE * len(loud.square):
+        if len(stretches) + len(known) > allowed or covered > MAX_RECORD_SHARE * len(local.square):
             stretches = stretches[:1]
             if len(known) >= REPORTED_STRETCHES:
                 return 0.0, stretches
             break
-        rest = loud.outside(stretches)
-        window = _loudest(rest)
-    square, told = loud.square, loud.scatter > 0.0
-    if not loud.rounded:
+        rest = local.outside(stretches)
+        window = _largest_variance(rest)
+    square, told = local.square, local.scatter > 0.0
+    if not local.rounded:
         square = np.where(told, _squares(fitted, stretches), 1.0)
         square /= square[told].mean()
     return _gain(square, told, stretches), stretches
@@ -232,10 +232,10 @@ def extension(fitted: Residual, stretches: list[tuple[int, int]], which: int) ->
     square[~fitted.valid] = usual
     for a, b in stretches[:which] + stretches[which + 1 :]:
         square[a:b] = usual
-    quiet, loud = square[quietly], square[first:last]
-    ratio = float(loud.mean() / quiet.mean())
+    quiet, local = square[quietly], square[first:last]
+    ratio = float(local.mean() / quiet.mean())
     kappa = float(np.var(quiet) / quiet.mean() ** 2)
-    relative = float(np.sqrt(kappa / len(loud) + kappa / len(quiet)))
+    relative = float(np.sqrt(kappa / len(local) + kappa / len(quiet)))
     total = np.concatenate(([0.0], np.cumsum(square)))
     start = _reach(total, first, last, kappa, move_first=True)
     stop = _reach(total, first, last, kappa, move_first=False)

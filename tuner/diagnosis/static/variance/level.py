@@ -19,7 +19,7 @@ from tuner.diagnosis.static.variance.quantized_noise import cell_moments
 FloatArray = NDArray[np.float64]
 
 LEVEL_BLOCKS = 256
-"""Parts of the record whose loudness is compared."""
+"""Parts of the record whose local variance is compared."""
 MIN_SQUARE_VARIANCE = 0.2
 """Least variance of a square: the place in a cell is not known well enough for less."""
 

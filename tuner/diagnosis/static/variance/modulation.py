@@ -1,4 +1,4 @@
-"""Whether the loudness of the noise depends on anything: on a period, on the bias itself, on nothing that is known.
+"""Whether the local variance of the noise depends on anything: on a period, on the bias itself, or on nothing known.
 
 The mean squares of 256 blocks of residuals are made normal by the cube root of Wilson and Hilferty, with the degrees of
 freedom that the measured kurtosis allows; constant, time and temperature, which have a cause of their own
@@ -43,7 +43,7 @@ MIN_BLOCK_SHARE = 0.5
 
 
 def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
-    """Test the loudness of the blocks against periods, against the bias, and against being even."""
+    """Test the local variance of the blocks against periods, against the bias, and against being even."""
     deviate, basis = _deviates(fitted)
     periodic, cycles = _periodic(deviate, basis)
     bias = _beside(bias_track(fitted), basis)
