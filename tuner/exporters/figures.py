@@ -3,7 +3,7 @@
 One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
 the comment. Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory
 of the filter (`tuner.synthesis.equivalent_models`). Figures follow from several numbers and have no interval of their
-own: they carry `tuner.formats.digits.DIGITS`.
+own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 """
 
 from __future__ import annotations
