@@ -20,7 +20,7 @@ from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.exporters import export
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
@@ -214,7 +214,7 @@ def tune(
     if inputs.drive is not None:
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         config = config_after_drive(examined)
-    exports = {"noise.yaml": native.dumps(config)}
+    exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED_DIALECTS}
     checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
     return TuneResult(

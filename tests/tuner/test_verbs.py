@@ -10,7 +10,7 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner import pipeline
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.report.result_set import write_tune_result
 from tuner.simulation.drive import simulate_drive
 from tuner.simulation.static import simulate
@@ -67,7 +67,9 @@ def test_every_verb_is_there_and_says_what_it_does():
 def test_tune_in_python_is_the_command(result, log, short_check, tmp_path):
     arguments = ["tune", str(log), "--gnss", "spp", "--seed", "4", "-o", str(tmp_path / "command")]
     assert run([*arguments, "--quiet"]) == 0
-    assert native.load(tmp_path / "command" / "noise.yaml") == native.loads(native.dumps(result.config))
+    assert noise_yaml.load(tmp_path / "command" / "noise.yaml") == noise_yaml.loads(
+        noise_yaml.dumps(result.config)
+    )
     write_tune_result(result, tmp_path / "python")
     files = {path.name: path.read_bytes() for path in (tmp_path / "command").glob("*.*")}
     assert {path.name for path in (tmp_path / "python").glob("*.*")} == set(files)

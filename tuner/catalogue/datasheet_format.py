@@ -39,8 +39,8 @@ from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from models.units import canonical_unit, to_si, two_sided
 from tuner.formats.codec import load, refuse_unknown_keys, store, structured
+from tuner.formats.document_errors import refuse
 from tuner.formats.documents import parse_format
-from tuner.formats.mismatch import refuse
 from tuner.types.numbers import Positive
 
 FORMAT = "tuner-datasheet/1"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from models.noise.bias_instability import ALLAN_FLOOR
-from tuner.formats.noise import noise_model
+from tuner.formats.noise_terms import noise_model
 from tuner.types import AllanCurve, ChannelIdentification, Coefficient, TermEstimate
 
 LONGEST_TAU = 1e4

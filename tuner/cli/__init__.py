@@ -19,7 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from models.registry import RegistryError
-from tuner.cli.origin import foreign_models
+from tuner.cli.package_check import foreign_models
 from tuner.types.records import DataError
 
 COMMANDS: Mapping[str, str] = MappingProxyType(

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tuner.curves.edf import dof
-from tuner.curves.segments import ESTIMATORS, curve
+from tuner.curves.pooled_curve import ESTIMATORS, curve
 from tuner.curves.series import acf, pacf
 from tuner.curves.spectrum import psd
 from tuner.types import AllanCurve, Correlogram, Spectrum

@@ -27,14 +27,14 @@ from tuner.exporters import (
     vins,
 )
 from tuner.exporters.dialect import DIALECTS, Dialect, Target
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
 __all__ = ["DIALECTS", "Dialect", "Target", "export"]
 
-_NATIVE = Dialect("native", "our own configuration", "SI", lambda config, _: native.dumps(config))
+_NATIVE = Dialect("native", "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config))
 
 DIALECTS.extend(
     (

@@ -59,7 +59,7 @@ class Dialect:
     units : str
         Units of its numbers, in order of appearance.
     write : callable
-        Returns the text; `tuner.exporters.figures` has the numbers, `tuner.exporters.header` the comments.
+        Returns the text; `tuner.exporters.triad_values` has the numbers, `tuner.exporters.header` the comments.
     """
 
     name: str

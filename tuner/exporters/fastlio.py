@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import mean, triad
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import mean, triad
 from tuner.formats.yaml_text import yaml_text
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import longest_time, triad
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import longest_time, triad
 from tuner.formats.digits import rounded
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
 from tuner.types import ChannelNoise, FilterConfig

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from models.units import STANDARD_GRAVITY
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
+from tuner.exporters.triad_values import triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tuner.exporters.figures import triad
+from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
 from tuner.synthesis.equivalent_models import structure_function
 from tuner.types import FilterConfig

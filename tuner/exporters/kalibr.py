@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.types import FilterConfig
 

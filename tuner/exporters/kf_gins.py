@@ -17,8 +17,8 @@ from typing import Any
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import longest_time, triad, triple
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import longest_time, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_markov_sd

@@ -7,9 +7,9 @@ states included, so BiasInstability stays at its default of zero: it would count
 from __future__ import annotations
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
+from tuner.exporters.triad_values import triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig
 

@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import longest_time, triad, triple
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
+from tuner.exporters.triad_values import longest_time, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk
 from tuner.types import ChannelNoise, FilterConfig
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import Figure, Limits, limited, rms, triad, walk, white
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import Figure, Limits, limited, rms, triad, walk, white
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 

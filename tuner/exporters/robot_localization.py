@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import triad, triple
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.types import FilterConfig

@@ -13,8 +13,8 @@ from typing import Any
 
 from models.units import STANDARD_GRAVITY
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.figures import triad, walk, white
 from tuner.exporters.header import provenance
+from tuner.exporters.triad_values import triad, walk, white
 from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.types import FilterConfig
 

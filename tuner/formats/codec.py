@@ -46,8 +46,8 @@ import numpy as np
 from cattrs.cols import is_mapping, mapping_structure_factory
 from cattrs.gen import make_dict_structure_fn, override
 
+from tuner.formats.document_errors import Mismatch, place, refuse, shown
 from tuner.formats.documents import plain
-from tuner.formats.mismatch import Mismatch, place, refuse, shown
 from tuner.types.numbers import Finite, Limits, VectorLimits
 from tuner.types.records import DataError
 
@@ -140,7 +140,7 @@ def refuse_unknown_keys(kind: type[T]) -> type[T]:
 @cache
 def _converter() -> cattrs.Converter:
     """Return the converter with all kinds declared; they are imported at the first use, as noise models load slowly."""
-    importlib.import_module("tuner.formats.kinds")
+    importlib.import_module("tuner.formats.document_types")
     return _CONVERTER
 
 

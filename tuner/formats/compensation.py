@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from models.effects.drive import EFFECTS
 from tuner.formats.codec import store, structured
-from tuner.formats.mismatch import refuse
+from tuner.formats.document_errors import refuse
 from tuner.types import Compensation, Parameter
 from tuner.types.numbers import Finite
 

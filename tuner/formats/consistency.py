@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeAlias
 
 from tuner.formats.codec import dump, load, store, stored_form, structured
-from tuner.formats.mismatch import refuse, shown
+from tuner.formats.document_errors import refuse, shown
 from tuner.types.consistency import (
     Consistency,
     Explanation,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from models.noise import POWER_LAW, TERMS, NoiseModel
 from tuner.formats.codec import dump, load, store, stored_form, structured
-from tuner.formats.mismatch import Mismatch, refuse
-from tuner.formats.noise import noise_model, require_declared
+from tuner.formats.document_errors import Mismatch, refuse
+from tuner.formats.noise_terms import noise_model, require_declared
 from tuner.types import (
     AllanCurve,
     ArmaFit,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tuner.formats.codec import dump, store, structured
-from tuner.formats.mismatch import refuse, shown
+from tuner.formats.document_errors import refuse, shown
 from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
 from tuner.types.numbers import Finite
 

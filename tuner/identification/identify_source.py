@@ -14,7 +14,7 @@ from tuner.identification.identify import identify
 from tuner.readers import is_curve, read, read_curve
 from tuner.readers.gnss_log import read_fixes
 from tuner.readers.source_kind import is_file, source_name
-from tuner.readers.stored import is_stored, read_stored
+from tuner.readers.stored_identification import is_stored, read_stored
 from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import calibrate
 from tuner.types import GnssNoise, Identification

@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from tuner.formats.customary_units import digits, digits_to
-from tuner.formats.noise import coefficient_json
+from tuner.formats.noise_terms import coefficient_json
 from tuner.papers.results import Claim, Item
 from tuner.types import Coefficient
 

@@ -1,6 +1,6 @@
 """Which columns of a file are the sensors: as the user maps them, or by name.
 
-Rules, in order: what the user maps; a column named as ours or by an alias (`names.STEMS`); of arrays whose
+Rules, in order: what the user maps; a column named as ours or by an alias (`column_names.STEMS`); of arrays whose
 name only contains a sensor's (``gyro_raw``, ``gyro_dps_1``) one named raw before others, then the longest,
 and for the second sensor the one with the same length and ending as the first. Each choice gets a note.
 """

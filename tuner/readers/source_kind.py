@@ -21,7 +21,7 @@ def is_log(source: str | Path) -> bool:
     """Tell a log from a grade, a datasheet, a stored identification and a measured Allan curve."""
     from tuner.catalogue.datasheet import is_datasheet
     from tuner.readers.allan_curve import is_curve
-    from tuner.readers.stored import is_stored
+    from tuner.readers.stored_identification import is_stored
 
     path = Path(source)
     return is_file(source) and not (is_datasheet(path) or is_stored(path) or is_curve(path))

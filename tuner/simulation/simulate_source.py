@@ -8,7 +8,7 @@ from typing import Any
 
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_names, load_gnss, load_grade
 from tuner.catalogue.trajectories import load_trajectory
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.readers.source_kind import is_file
 from tuner.simulation.drive import simulate_drive
 from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
@@ -72,7 +72,7 @@ def simulate_source(
         motion = load_trajectory(trajectory, duration)
         if not grade:
             return _drive_of_config(
-                native.load(Path(source)), trajectory, gnss, duration, rate, effects, seed
+                noise_yaml.load(Path(source)), trajectory, gnss, duration, rate, effects, seed
             )
         receiver = load_gnss(gnss or DEFAULT_RECEIVER)
         drive, key = simulate_drive(
@@ -82,7 +82,7 @@ def simulate_source(
     if grade:
         records, key = simulate(load_grade(source), duration=duration, rate=rate, seed=seed, effects=effects)
         return Simulated(source, records, key)
-    config = native.load(Path(source))
+    config = noise_yaml.load(Path(source))
     channels, findings, notes = channels_of_config(config)
     records, key = simulate(
         channels,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from tuner.formats.documents import plain
-from tuner.formats.noise import coefficient_json
+from tuner.formats.noise_terms import coefficient_json
 from tuner.segments.multi_position import PoseCalibration
 from tuner.synthesis.initial_covariance import initial_uncertainty
 from tuner.types import Coefficient, FilterConfig

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, grade_names, load_gnss, load_grade
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.readers import kf_gins_settings
 from tuner.readers.source_kind import is_file
 from tuner.synthesis.synthesize import synthesize
@@ -40,7 +40,7 @@ def load_config(
         path = Path(source)
         if is_datasheet(path):
             return synthesize(read_datasheet(path), gnss=receiver or default)
-        config = kf_gins_settings.load(path) if kf_gins_settings.is_settings(path) else native.load(path)
+        config = kf_gins_settings.load(path) if kf_gins_settings.is_settings(path) else noise_yaml.load(path)
         return config if receiver is None else replace(config, gnss=receiver)
     if source not in grade_names():
         msg = (

@@ -1,8 +1,8 @@
 """From what was found in a sensor to the settings of a filter: every number with its reason.
 
-`synthesize` takes each axis through `tuner.synthesis.axis`, sizes P0 by `tuner.synthesis.initial_covariance`, and
-fills in what the log lacks from grades, saying so. `inflate` enlarges figures of a configuration with a
-reason each.
+`synthesize` takes each axis through `tuner.synthesis.channel_noise`, sizes P0 by
+`tuner.synthesis.initial_covariance`, and fills in what the log lacks from grades, saying so. `inflate` enlarges
+figures of a configuration with a reason each.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any
 from models.noise import GaussMarkov
 from models.sensors import SensorGrade
 from tuner.catalogue.grades import grade_identification
-from tuner.synthesis.axis import channel_noise
 from tuner.synthesis.bias_states import BOUND, RULES
+from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
 from tuner.types.records import DataError

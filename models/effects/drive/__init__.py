@@ -35,7 +35,6 @@ import numpy as np
 
 from models.effects import parsing as text
 from models.effects.drive.base import DriveEffect, DriveSamples
-from models.effects.drive.course import Course, course_of_fixes
 from models.effects.drive.gnss import (
     CorrelatedGnss,
     GnssFrame,
@@ -56,6 +55,7 @@ from models.effects.drive.imu import (
     Misalignment,
     Mounting,
 )
+from models.effects.drive.true_trajectory import Course, course_of_fixes
 from models.registry import Registry
 
 __all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]

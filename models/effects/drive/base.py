@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import llh_displaced
-from models.effects.drive.course import Course
+from models.effects.drive.true_trajectory import Course
 from models.effects.parsing import Written
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from tuner.cli import COMMANDS, run
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.configuration import load_config
 
 
@@ -78,7 +78,7 @@ def test_tuned_yaml_is_the_configuration_of_the_result(tuned):
     text = (tuned / "noise.yaml").read_text()
     assert yaml.safe_load(text)["format"] == "tuner-noise/1"
     config = json.loads((tuned / "result.json").read_text())["config"]
-    assert native.dumps(load_config(config, source="result.json")) == text
+    assert noise_yaml.dumps(load_config(config, source="result.json")) == text
 
 
 def test_identification_follows_the_contract(tuned):

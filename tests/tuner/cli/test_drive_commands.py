@@ -15,7 +15,7 @@ from tuner.cli import run
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.noise_scale_estimates import may_be_one, words
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.logs import write_drive
 from tuner.readers.source_kind import is_drive
 from tuner.report.drive_diagnosis_tables import drive_tables
@@ -107,12 +107,12 @@ def test_every_setting_has_its_inflation_explained(found):
 
 
 def test_tune_writes_one_configuration_with_reasons(tuned):
-    config = native.load(tuned / "noise.yaml")
+    config = noise_yaml.load(tuned / "noise.yaml")
     assert config.compensation.value("time_offset", "delay") == pytest.approx(DELAY, abs=0.03)
     told = [i for i in config.inflations if i.quantity.owner == "gnss" and isinstance(i, AppliedNoiseScale)]
     assert len(told) == 2
     assert all(i.reason for i in told)
-    assert native.loads(native.dumps(config)) == config
+    assert noise_yaml.loads(noise_yaml.dumps(config)) == config
     result = json.loads((tuned / "result.json").read_text())
     assert result["schema"] == "tuner.result/1"
     assert [one["quantity"] for one in result["drive"]["demands"]] == SETTINGS
@@ -224,7 +224,7 @@ def test_noise_scales_are_put_in_words():
 
 
 def test_findings_that_do_harm_are_not_taken_over(tuned):
-    config = native.load(tuned / "noise.yaml")
+    config = noise_yaml.load(tuned / "noise.yaml")
     before = replace(config, compensation=Compensation())
     gain = Gain("60/40", -1.0, -2.0, -50.0, user={"nis": (1.0, 9.0)})
     found = DriveDiagnosis((), before, config, gain=gain)
@@ -261,9 +261,9 @@ def test_a_measured_cart_with_the_clock_of_a_pc(tmp_path, capsys):
 
 
 def test_an_explained_inflation_survives_the_file(tuned):
-    config = native.load(tuned / "noise.yaml")
+    config = noise_yaml.load(tuned / "noise.yaml")
     more = AppliedNoiseScale(
         Quantity("gyro", "white_density"), 2.0, "because", (1.5, 2.5), ("vibration", "unknown")
     )
     whole = replace(config, inflations=(*config.inflations, more))
-    assert native.loads(native.dumps(whole)) == whole
+    assert noise_yaml.loads(noise_yaml.dumps(whole)) == whole

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tuner.formats.codec import dump, load, refuse_unknown_keys
 from tuner.formats.documents import json_text, parse_json, parse_yaml
-from tuner.formats.noise import coefficient_json
+from tuner.formats.noise_terms import coefficient_json
 from tuner.types import Coefficient
 from tuner.types.numbers import NonNegative, Positive
 from tuner.types.records import DataError

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis import synthesize
 from tuner.types import (
@@ -34,10 +34,10 @@ def test_an_interval_without_an_upper_end_is_read_back() -> None:
     term = TermEstimate("gauss_markov", {"time_constant": open_ended})
     channel = replace(config.channels["gyro_z"], identified=(term,))
     config = replace(config, channels={**config.channels, "gyro_z": channel})
-    text = native.dumps(config)
+    text = noise_yaml.dumps(config)
     assert "interval: [1000.0, null]" in text
     for version in (text, text.replace("[1000.0, null]", "[1000.0, .inf]")):
-        assert native.loads(version).channels["gyro_z"].identified == (term,)
+        assert noise_yaml.loads(version).channels["gyro_z"].identified == (term,)
 
 
 def test_numbers_carry_the_digits_their_interval_supports_and_two_more() -> None:
@@ -46,7 +46,9 @@ def test_numbers_carry_the_digits_their_interval_supports_and_two_more() -> None
     channel = replace(
         config.channels["gyro_z"], identified=(TermEstimate("white", {"density": coefficient}),)
     )
-    text = native.dumps(replace(config, channels={**config.channels, "gyro_z": channel}, interval=1.0 / 30.0))
+    text = noise_yaml.dumps(
+        replace(config, channels={**config.channels, "gyro_z": channel}, interval=1.0 / 30.0)
+    )
     assert "{value: 4.3633e-05, interval: [4.3123e-05, 4.4123e-05], unit: rad/s^0.5}" in text
     assert "white_density: 4.36332e-05" in text
     assert "interval: 0.0333333333 " in text
@@ -61,8 +63,8 @@ OLD_INFLATIONS = """inflations:
 
 
 def test_inflations_of_files_without_their_kind_are_told_apart() -> None:
-    text = native.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
-    bound, larger, drive, unknown = native.loads(text).inflations
+    text = noise_yaml.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
+    bound, larger, drive, unknown = noise_yaml.loads(text).inflations
     assert bound == BoundUsed(Quantity("gyro_x", "white.density"), 0.5, bound.reason)
     assert larger == Enlargement(Quantity("gyro_x", "white_density"), 2.5, larger.reason)
     assert drive == AppliedNoiseScale(Quantity("gyro", "markov"), 1.0, drive.reason, (1.2, 1.6), ("unknown",))
@@ -70,17 +72,17 @@ def test_inflations_of_files_without_their_kind_are_told_apart() -> None:
 
 
 def test_an_inflation_that_names_no_quantity_is_refused() -> None:
-    text = native.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
+    text = noise_yaml.dumps(replace(stim300(), inflations=())).replace("inflations: []\n", OLD_INFLATIONS)
     with pytest.raises(DataError, match=r"inflations\[2\]\.quantity: expected .*OWNER\.FIELD"):
-        native.loads(text.replace("gyro.markov", "gyro"))
+        noise_yaml.loads(text.replace("gyro.markov", "gyro"))
     with pytest.raises(DataError, match=r"inflations\[0\]\.kind: expected one of bound_used"):
-        native.loads(
+        noise_yaml.loads(
             text.replace("{quantity: gyro_x.white.density,", "{quantity: gyro_x.white.density, kind: x,")
         )
 
 
 def test_text_speaks_customary_units_and_names_its_format() -> None:
-    text = native.dumps(stim300())
+    text = noise_yaml.dumps(stim300())
     assert yaml.safe_load(text)["format"] == "tuner-noise/1"
     assert "# rad/s/√Hz; 0.150 deg/√h" in text
     assert "# m/s^2/√Hz; 102 µg/√Hz" in text
@@ -88,8 +90,8 @@ def test_text_speaks_customary_units_and_names_its_format() -> None:
 
 def test_files_are_written_and_read(tmp_path: Path) -> None:
     path = tmp_path / "noise.yaml"
-    native.dump(stim300(), path)
-    assert native.load(path) == native.loads(native.dumps(stim300()))
+    noise_yaml.dump(stim300(), path)
+    assert noise_yaml.load(path) == noise_yaml.loads(noise_yaml.dumps(stim300()))
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -123,10 +125,10 @@ def test_files_are_written_and_read(tmp_path: Path) -> None:
     ],
 )
 def test_a_broken_text_is_refused_in_one_line(old: str, new: str, message: str) -> None:
-    text = native.dumps(stim300())
+    text = noise_yaml.dumps(stim300())
     assert old in text
     with pytest.raises(DataError) as caught:
-        native.loads(text.replace(old, new), source="mine.yaml")
+        noise_yaml.loads(text.replace(old, new), source="mine.yaml")
     assert message in str(caught.value)
     assert str(caught.value).startswith("mine.yaml")
     assert "\n" not in str(caught.value)
@@ -134,7 +136,7 @@ def test_a_broken_text_is_refused_in_one_line(old: str, new: str, message: str) 
 
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="expected a readable YAML"):
-        native.load(tmp_path / "absent.yaml")
+        noise_yaml.load(tmp_path / "absent.yaml")
 
 
 def test_comments_never_leak_into_values() -> None:

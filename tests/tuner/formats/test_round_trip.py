@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from models.noise import TERMS, GaussMarkov, NoiseModel, Term
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.configuration import config_json, load_config
 from tuner.formats.consistency import load_consistency, scores_json
 from tuner.formats.curves import curves_json, load_curves
@@ -257,14 +257,14 @@ def test_configuration_as_json(config: FilterConfig) -> None:
 @thorough
 @given(configs)
 def test_configuration_as_yaml_is_written_again_as_it_was_read(config: FilterConfig) -> None:
-    text = native.dumps(config)
-    assert native.dumps(native.loads(text)) == text
+    text = noise_yaml.dumps(config)
+    assert noise_yaml.dumps(noise_yaml.loads(text)) == text
 
 
 @thorough
 @given(configs)
 def test_configuration_as_yaml_has_rounded_numbers_and_all_else(config: FilterConfig) -> None:
-    found = native.loads(native.dumps(config))
+    found = noise_yaml.loads(noise_yaml.dumps(config))
     assert json.dumps(structure(config_json(found))) == json.dumps(structure(config_json(config)))
 
 

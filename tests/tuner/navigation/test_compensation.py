@@ -11,7 +11,7 @@ import pytest
 from models import rotation
 from models.effects.drive import EFFECTS
 from models.registry import RegistryError
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.navigation.compensation import correction, sensor_matrix
 from tuner.types import Compensation, Parameter
 from tuner.types.records import DataError
@@ -73,8 +73,8 @@ def test_an_unknown_cause_is_refused_in_one_line():
 def test_a_file_with_an_unknown_parameter_is_refused(drive_config, name, expected):
     """Before, such a key was ignored."""
     config = replace(drive_config, compensation=Compensation.parse({"lever_arm.x": 0.5}))
-    text = native.dumps(config)
-    assert native.loads(text).compensation == config.compensation
+    text = noise_yaml.dumps(config)
+    assert noise_yaml.loads(text).compensation == config.compensation
     with pytest.raises(DataError, match=re.escape(expected)) as error:
-        native.loads(text.replace("lever_arm.x", name))
+        noise_yaml.loads(text.replace("lever_arm.x", name))
     assert "\n" not in str(error.value)

@@ -10,7 +10,7 @@ import pytest
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS
 from tuner.readers.drive import read_drive
 from tuner.synthesis.equivalent_models import equivalent_markov_sd
@@ -92,7 +92,7 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     assert not found.consistency.diverged
     assert found.consistency.gated < 0.01
     assert set(theirs.constants) == {"gyro_scale", "accel_scale"}
-    assert native.loads(native.dumps(theirs)).constants == theirs.constants
+    assert noise_yaml.loads(noise_yaml.dumps(theirs)).constants == theirs.constants
     for name, sd in theirs.constants.items():
         np.testing.assert_array_equal(found.settings.initial_sd[found.settings.model.layout[name]], sd)
     out = tmp_path / "out.json"

@@ -13,7 +13,7 @@ from models.trajectory.catalogue import city
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.diagnosis import diagnose
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.identification import identify
 from tuner.identification.identify import with_terms_found
 from tuner.readers.drive import read_drive
@@ -42,7 +42,7 @@ def config():
 
 
 def test_findings_are_hidden_once(config):
-    channels, hidden, notes = channels_of_config(native.loads(native.dumps(config)))
+    channels, hidden, notes = channels_of_config(noise_yaml.loads(noise_yaml.dumps(config)))
     assert sorted((h.effect.name, h.axes) for h in hidden) == [("burst", ("gyro_x",)), ("line", ("gyro_x",))]
     assert notes == ()
     assert "sinusoid" not in channels["gyro_x"].model.as_dict()
@@ -51,7 +51,7 @@ def test_findings_are_hidden_once(config):
 
 def test_what_is_made_again_is_diagnosed_again(config, tmp_path):
     path = tmp_path / "noise.yaml"
-    native.dump(config, path)
+    noise_yaml.dump(config, path)
     log, told = tmp_path / "again.npz", tmp_path / "found.json"
     assert run(["simulate", str(path), "--hours", "0.3333", "-o", str(log), "--seed", "5", "--quiet"]) == 0
     key = json.loads((tmp_path / "again.key.json").read_text())
@@ -76,7 +76,7 @@ def test_telegraph_noise_is_made_again_with_its_levels():
     found = diagnose(records)
     assert [f.cause for f in found.findings] == ["telegraph"]
     unit = synthesize(identify(records, arma=None), findings=findings_for_config(found))
-    channels, hidden, notes = channels_of_config(native.loads(native.dumps(unit)))
+    channels, hidden, notes = channels_of_config(noise_yaml.loads(noise_yaml.dumps(unit)))
     assert [(h.effect.name, h.axes) for h in hidden] == [("telegraph", ("gyro_x",))]
     assert notes == ()
     # Its own process is gone; what is left is the noise beside it.
@@ -125,7 +125,7 @@ def test_what_cannot_be_simulated_is_left_out_and_reported(config):
 )
 def test_refusals_are_one_line(config, tmp_path, capsys, arguments):
     path = tmp_path / "noise.yaml"
-    native.dump(config, path)
+    noise_yaml.dump(config, path)
     assert run(["simulate", str(path), "-o", str(tmp_path / "x.npz"), "--quiet", *arguments]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "x.npz").exists()
@@ -133,7 +133,7 @@ def test_refusals_are_one_line(config, tmp_path, capsys, arguments):
 
 def test_malformed_findings_are_one_line(config, tmp_path, capsys):
     path = tmp_path / "noise.yaml"
-    path.write_text(native.dumps(config).replace("extension:", "extension: 3 #"), encoding="utf-8")
+    path.write_text(noise_yaml.dumps(config).replace("extension:", "extension: 3 #"), encoding="utf-8")
     assert run(["simulate", str(path), "-o", str(tmp_path / "x.npz"), "--quiet"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -168,7 +168,7 @@ def six():
 
 def test_a_drive_is_made_of_a_configuration(six, tmp_path):
     path, out = tmp_path / "noise.yaml", tmp_path / "d.npz"
-    native.dump(six, path)
+    noise_yaml.dump(six, path)
     command = ["simulate", str(path), "--trajectory", "city", "--hours", "0.03", "-o", str(out), "--quiet"]
     assert run([*command, "--hide", "lever_arm:x=1,y=0,z=0"]) == 0
     key = json.loads((tmp_path / "d.key.json").read_text())

@@ -11,7 +11,7 @@ import pytest
 
 import tuner
 from models.noise import GaussMarkov, NoiseModel, White
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.report.result_set import tune_json
 from tuner.synthesis import synthesize
 from tuner.synthesis.prediction import hold_to_records
@@ -57,7 +57,7 @@ def test_the_noise_at_its_worst_is_advice_beside_the_settings(result):
     true = 1e-4 * np.sqrt(101.0)
     written = result.config.channels["gyro_y"].white_density
     assert worst.factor * written == pytest.approx(true, rel=0.15)
-    assert native.loads(native.dumps(result.config)).worst_case[0].quantity == worst.quantity
+    assert noise_yaml.loads(noise_yaml.dumps(result.config)).worst_case[0].quantity == worst.quantity
 
 
 def test_conservative_settings_use_the_worst_throughout(result):
@@ -74,7 +74,7 @@ def test_the_comparison_is_part_of_the_result_and_of_the_file(result):
     assert [f["seconds"] for f in content["forecasts"]] == [10.0, 60.0, 300.0]
     tau, measured = np.array(content["allan"]["tau"]), np.array(content["allan"]["measured"])
     assert np.interp(1.0, tau, measured) == pytest.approx(1e-4, rel=0.05)
-    stored = native.loads(native.dumps(result.config)).provenance["prediction"]["gyro_x"]
+    stored = noise_yaml.loads(noise_yaml.dumps(result.config)).provenance["prediction"]["gyro_x"]
     assert stored["passes"] is True
 
 

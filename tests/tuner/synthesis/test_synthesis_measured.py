@@ -9,7 +9,7 @@ import pytest
 
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.exporters import DIALECTS, export
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.configuration import config_json, load_config
 from tuner.identification import identify
 from tuner.readers import read
@@ -44,7 +44,7 @@ def test_what_160_seconds_cannot_show_is_bounded_and_said(config: FilterConfig) 
 
 def test_it_survives_the_yaml_and_reaches_every_dialect(config: FilterConfig) -> None:
     assert load_config(config_json(config), source="again") == config
-    text = native.dumps(config)
-    assert native.dumps(native.loads(text)) == text
+    text = noise_yaml.dumps(config)
+    assert noise_yaml.dumps(noise_yaml.loads(text)) == text
     for dialect in DIALECTS:
         assert "stim300_static" in export(config, dialect)

@@ -20,7 +20,7 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
-from tuner.diagnosis.static.variance.level import course
+from tuner.diagnosis.static.variance.local_variance import course
 
 FALSE_ALARM_BUDGET = 3e-3
 """Chance that a data set without any effect gets a finding."""

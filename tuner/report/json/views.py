@@ -7,7 +7,7 @@ from typing import Any
 
 from models.sensors import SensorGrade
 from tuner.formats.identification import identification_json
-from tuner.formats.noise import coefficient_json
+from tuner.formats.noise_terms import coefficient_json
 from tuner.identification.comparison import Comparison
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.identification.record_length import Plan

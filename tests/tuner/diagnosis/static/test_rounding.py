@@ -10,7 +10,7 @@ from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.hypothesis_tests import hypothesis_tests, threshold
 from tuner.diagnosis.static.model.residual import residual
-from tuner.diagnosis.static.variance.level import block_variance
+from tuner.diagnosis.static.variance.local_variance import block_variance
 from tuner.diagnosis.static.variance.quantized_noise import cell_moments, moments
 from tuner.simulation.static import Channel, simulate
 

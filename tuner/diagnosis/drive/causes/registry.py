@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from tuner.diagnosis.drive.causes.base import DRIVE_CAUSES
 from tuner.diagnosis.drive.causes.bias_jump import BiasJump
-from tuner.diagnosis.drive.causes.constants import (
+from tuner.diagnosis.drive.causes.constant_errors import (
     AccelScale,
     GnssFrame,
     Gravity,

@@ -43,7 +43,7 @@ from tuner.diagnosis.static.switching.models import (
     likelihood,
     likelihood_by_start,
 )
-from tuner.diagnosis.static.variance.level import course
+from tuner.diagnosis.static.variance.local_variance import course
 
 FloatArray = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_variance
+from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]

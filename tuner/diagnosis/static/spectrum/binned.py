@@ -25,7 +25,7 @@ from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.model.dct import MAX_SQUARE
 from tuner.diagnosis.static.model.residual import Residual, gain_of, power_of
 from tuner.diagnosis.static.spectrum.fisher_scoring import sizes
-from tuner.diagnosis.static.variance.level import course
+from tuner.diagnosis.static.variance.local_variance import course
 
 FloatArray = NDArray[np.float64]
 

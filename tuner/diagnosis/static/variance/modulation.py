@@ -31,7 +31,7 @@ from tuner.diagnosis.static.causes.variance_drift import middles, on_blocks
 from tuner.diagnosis.static.model.null_distributions import any_of, variance_deviate
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import LEVEL_BLOCKS, block_variance
+from tuner.diagnosis.static.variance.local_variance import LEVEL_BLOCKS, block_variance
 from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 
 FloatArray = NDArray[np.float64]

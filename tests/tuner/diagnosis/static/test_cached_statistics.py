@@ -13,7 +13,7 @@ from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.null_distributions import minimum
 from tuner.diagnosis.static.model.residual import relabelled, residual
 from tuner.diagnosis.static.outcome import TestResult
-from tuner.diagnosis.static.variance.level import block_variance, local_variance
+from tuner.diagnosis.static.variance.local_variance import block_variance, local_variance
 from tuner.diagnosis.static.variance.quantized_noise import moments
 from tuner.simulation.static import Channel, simulate
 

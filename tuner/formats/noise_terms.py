@@ -12,7 +12,7 @@ from typing import Any
 
 from models.noise import TERMS, NoiseModel
 from tuner.formats.codec import dump, store, structured
-from tuner.formats.mismatch import refuse, shown
+from tuner.formats.document_errors import refuse, shown
 from tuner.types import Coefficient, TermEstimate
 
 

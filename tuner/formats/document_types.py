@@ -8,7 +8,7 @@ from tuner.formats import (
     diagnosis,
     identification,
     inflation,
-    noise,
+    noise_terms,
 )
 
 __all__ = [
@@ -19,5 +19,5 @@ __all__ = [
     "diagnosis",
     "identification",
     "inflation",
-    "noise",
+    "noise_terms",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tuner.catalogue.model_channel import channel_of_terms
-from tuner.formats import native
+from tuner.formats import noise_yaml
 from tuner.formats.documents import parse_json, read_text
 from tuner.formats.identification import load_identification
 from tuner.types import Identification
@@ -26,7 +26,7 @@ def is_stored(path: Path) -> bool:
             head = file.read(4096)
     except (OSError, UnicodeDecodeError):
         return False
-    return any(line.partition("#")[0].strip() == f"format: {native.FORMAT}" for line in head.splitlines())
+    return any(line.partition("#")[0].strip() == f"format: {noise_yaml.FORMAT}" for line in head.splitlines())
 
 
 def read_stored(path: Path) -> Identification:
@@ -41,7 +41,7 @@ def read_stored(path: Path) -> Identification:
 
 
 def _from_configuration(path: Path) -> Identification:
-    config = native.load(path)
+    config = noise_yaml.load(path)
     channels = {
         axis: channel_of_terms(
             axis,
