@@ -179,7 +179,7 @@ def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatc
     def short(seed):
         return simulate({"gyro_x": MODEL}, duration=120.0, rate=100.0, seed=seed, effects=[hidden])
 
-    monkeypatch.setattr("tuner.simulation.static.demo", short)
+    monkeypatch.setattr("tuner.pipeline.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
     assert "line in gyro_x (frequency 12.5, amplitude 0.001): found" in capsys.readouterr().out
     result = json.loads((tmp_path / "result.json").read_text())
