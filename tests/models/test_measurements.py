@@ -139,3 +139,10 @@ def test_antenna_on_a_circle_moves_on_its_own_circle():
     state = motion.evaluate(np.linspace(0.0, 20.0, 21))
     _, vel = antenna(state, [0.0, arm * np.cos(0.02), -arm * np.sin(0.02)])
     np.testing.assert_allclose(np.linalg.norm(vel, axis=1), speed * (radius - arm) / radius, rtol=1e-5)
+
+
+def test_an_antenna_at_rest_on_the_turning_earth_stands_still():
+    """Gyros at rest feel the rotation of the Earth, the antenna does not move whatever its lever arm."""
+    motion = TRAJECTORIES["static"](10.0)
+    _, velocity = perfect_fixes(motion, np.array([1.0, 5.0]), lever_arm=(300.0, -200.0, 100.0))
+    np.testing.assert_allclose(velocity, 0.0, atol=1e-9)

@@ -71,3 +71,11 @@ def test_drawn_profiles_are_reproducible_and_of_all_kinds():
 def test_impossible_profiles_are_refused(make, says):
     with pytest.raises(ValueError, match=says):
         make()
+
+
+def test_a_cycle_begins_at_its_phase():
+    """mean + amplitude sin(2πt/period + phase): at 0 and a quarter of a period later."""
+    day = Diurnal(15.0, 5.0, period=1000.0, phase=0.3)
+    np.testing.assert_allclose(
+        day.celsius(np.array([0.0, 250.0])), 15.0 + 5.0 * np.array([np.sin(0.3), np.cos(0.3)])
+    )

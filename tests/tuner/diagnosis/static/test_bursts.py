@@ -42,6 +42,8 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
             ("variance_ratio", ratio, (5.0 + max(1.0 / ratio - 1.0, 0.0)) * ratio * np.sqrt(2.0 / length)),
         ):
             assert abs(finding.parameters[name].value - truth) <= tolerance, name
+        low, high = finding.parameters["start"].interval
+        assert high - low < 2.0 * edge
 
 
 def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():
