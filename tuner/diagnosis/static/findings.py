@@ -102,9 +102,13 @@ def _bounded(cause: str, name: str, value: Value) -> Value:
 
 
 def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: NoiseModel) -> Enlargement | None:
-    """Return what to enlarge in a filter that is set from the base model; None where that is large enough."""
+    """Return what to enlarge in a filter that is set from the base model; None where that is large enough.
+
+    None, too, where the base model has no white noise that could be enlarged: a filter then gets its white noise from
+    the Allan curve, which contains the cause.
+    """
     enlargement = accepted.extension.white_noise_enlargement(outcome.base, outcome.final)
-    if enlargement is None:
+    if enlargement is None or base.white_density() == 0.0:
         return None
     factor, reason = enlargement
     needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tuner.diagnosis import diagnose
+from tuner.identification import identify
 from tuner.types import Diagnosis
 from tuner.types.records import Record
 
@@ -69,3 +70,15 @@ def test_a_variance_that_always_changes_is_reported_as_such_and_not_as_many_burs
     diagnosis = diagnosed(loud, seed=11)
     assert sum(f.cause == "burst" for f in diagnosis.findings) <= 3
     assert any("period" in told.statistic for told in diagnosis.unexplained)
+
+
+def test_a_burst_beside_an_identification_without_white_noise_enlarges_nothing():
+    """A resonance can make the identified terms lack white noise; no factor on zero is stated, and nothing fails."""
+    variance = np.ones(N)
+    variance[50_000:51_200] = 100.0
+    y = np.random.default_rng(7).standard_normal((N, 1)) * np.sqrt(variance)[:, None]
+    record = Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL)
+    identified = identify([record], terms=("bias_instability",), arma=None)
+    diagnosis = diagnose(record, identification=identified)
+    assert [f.cause for f in diagnosis.findings] == ["burst"]
+    assert diagnosis.inflations == ()
