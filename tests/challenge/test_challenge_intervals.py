@@ -50,7 +50,7 @@ def ready(item: Item, folder) -> Channel:
         for t in data_quality_tests(record)
         if t.cause == "lattice" and t.parameters
     ]
-    return channel(record, record.axes[0], lattice=steps[0] if steps else 0.0)
+    return channel(record, record.axes[0], quantizer_step=steps[0] if steps else 0.0)
 
 
 def told(effect: type[Effect], one: Channel) -> dict[str, Value]:
@@ -59,7 +59,7 @@ def told(effect: type[Effect], one: Channel) -> dict[str, Value]:
         (stretch,) = motion.stretches([one])
         return dict(motion.extension(one, stretch).values)
     one = Channel(one.axis, one.unit, one.y, one.valid, one.scale, one.level, one.interval, one.start, one.block,
-                  lattice=one.lattice)  # fmt: skip
+                  quantizer_step=one.quantizer_step)  # fmt: skip
     return dict(LAWS[effect](residual(one)).propose()[0].values)
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
-from tuner.diagnosis.data_quality.quantizer import lattice_step, read_codes
-from tuner.diagnosis.data_quality.repeated_samples import held_readings
+from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
+from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.types import Coefficient
 from tuner.types.records import Record
@@ -85,19 +85,19 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     tuple of DataQualityTest
         All tests, passed or not: the caller holds the p-values against its budget of false alarms.
     """
-    stuck = standing_still(record)
-    single = {axis: alive(record, (axis,), stuck).pieces(axis) for axis in record.axes}
-    steps = {axis: lattice_step(pieces) for axis, pieces in single.items()}
-    held = duplicates(record, steps, stuck)
-    tests = [timing(record), *stuck, *held]
+    stuck = frozen_stretches(record)
+    single = {axis: without_frozen(record, (axis,), stuck).pieces(axis) for axis in record.axes}
+    steps = {axis: quantizer_step(pieces) for axis, pieces in single.items()}
+    repeated = duplicates(record, steps, stuck)
+    tests = [timing(record), *stuck, *repeated]
     for axis, pieces in single.items():
-        if any(test.p_value < DECISIVE_P_VALUE and axis in test.channels for test in held):
+        if any(test.p_value < DECISIVE_P_VALUE and axis in test.channels for test in repeated):
             fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
         else:
             fresh = pieces
         tests += [
             clipping(fresh, steps[axis], axis=axis, unit=record.unit),
-            lattice(fresh, steps[axis], axis=axis, unit=record.unit),
+            quantizer_test(fresh, steps[axis], axis=axis, unit=record.unit),
         ]
     return tuple(tests)
 
@@ -136,22 +136,22 @@ def timing(record: Record) -> DataQualityTest:
     return DataQualityTest("timing", record.axes, gaps, p_value, parameters, note=note, text=text)
 
 
-def standing_still(record: Record) -> list[DataQualityTest]:
+def frozen_stretches(record: Record) -> list[DataQualityTest]:
     """Return the frozen stretches: axes that froze together in one test."""
     found = [(axis, one) for axis in record.axes if (one := frozen(record, axis)) is not None]
-    return [_standing_still(record, group) for group in together(found)]
+    return [_frozen_test(record, group) for group in together(found)]
 
 
-def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> DataQualityTest:
+def _frozen_test(record: Record, group: Sequence[tuple[str, Frozen]]) -> DataQualityTest:
     """Return the test of axes that froze at the same times, measured on the one in which chance adds least."""
-    best = min((one for _, one in group), key=lambda one: (one.slack, one.held))
+    best = min((one for _, one in group), key=lambda one: (one.slack, one.repeated))
     (first, last), dt, n = best.longest, record.interval, len(record)
     number, slack = len(best.stretches), best.slack
     begin, length = float(record.t[first]), (last - first) * dt
     free = number * (1 + 2 * slack)
     parameters = {
         "fraction": Coefficient.known(
-            best.held / n, max(best.held - free, 0) / n, (best.held + number) / n, "1"
+            best.repeated / n, max(best.repeated - free, 0) / n, (best.repeated + number) / n, "1"
         ),
         "count": Coefficient.known(float(number), float(number), float(number), "1"),
         "start": Coefficient.known(begin, begin, begin + (1 + slack) * dt, "s"),
@@ -159,7 +159,7 @@ def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> Data
     }
     plural = "es" if number > 1 else ""
     text = (
-        f"{number} stretch{plural}, {100 * best.held / n:.3g} % of the samples; "
+        f"{number} stretch{plural}, {100 * best.repeated / n:.3g} % of the samples; "
         f"the longest lasts {length:.6g} s, from {begin:.6g} s on"
     )
     return DataQualityTest(
@@ -179,7 +179,7 @@ def _standing_still(record: Record, group: Sequence[tuple[str, Frozen]]) -> Data
     )
 
 
-def alive(record: Record, axes: tuple[str, ...], tests: Sequence[DataQualityTest]) -> Record:
+def without_frozen(record: Record, axes: tuple[str, ...], tests: Sequence[DataQualityTest]) -> Record:
     """Return some axes of a record, without the stretches in which one of them was frozen."""
     stretches = [stretch for test in tests if set(axes) & set(test.channels) for stretch in test.stretches]
     columns = [record.axes.index(axis) for axis in axes]
@@ -200,19 +200,19 @@ def duplicates(
     stuck : sequence of DataQualityTest
         Those that found frozen stretches: what is in these does not count.
     """
-    tests = [_duplicates(alive(record, record.axes, stuck), steps)]
+    tests = [_duplicates(without_frozen(record, record.axes, stuck), steps)]
     if len(record.axes) > 1 and tests[0].p_value > DECISIVE_P_VALUE:
-        tests += [_duplicates(alive(record, (axis,), stuck), steps) for axis in record.axes]
+        tests += [_duplicates(without_frozen(record, (axis,), stuck), steps) for axis in record.axes]
     return tuple(tests)
 
 
 def _duplicates(record: Record, steps: Mapping[str, float]) -> DataQualityTest:
     pieces = [record.y[start:stop] for start, stop in record.segments if stop - start > 2]
-    held = held_readings(pieces, [steps[axis] for axis in record.axes])
-    fraction = Coefficient.known(held.fraction, *held.interval, "1")
-    text = f"{100 * held.fraction:.3g} % of the samples repeat the one before"
+    repeated = find_repeated_samples(pieces, [steps[axis] for axis in record.axes])
+    fraction = Coefficient.known(repeated.fraction, *repeated.interval, "1")
+    text = f"{100 * repeated.fraction:.3g} % of the samples repeat the one before"
     return DataQualityTest(
-        "duplicates", record.axes, held.statistic, held.p_value, {"fraction": fraction}, text=text
+        "duplicates", record.axes, repeated.statistic, repeated.p_value, {"fraction": fraction}, text=text
     )
 
 
@@ -232,7 +232,7 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
     return DataQualityTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
 
 
-def lattice(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
+def quantizer_test(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
     """Judge the lattice of an axis: a note, or a finding where it is coarse, has a dead band or holes."""
     if step == 0.0:
         return DataQualityTest("lattice", (axis,), 0.0, 1.0, text="no lattice")

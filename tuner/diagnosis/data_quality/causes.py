@@ -53,7 +53,7 @@ class Clipping(Cause):
     view = "values"
 
 
-class Lattice(Cause):
+class Quantizer(Cause):
     """A quantizer that is coarse beside the noise."""
 
     cause = "lattice"

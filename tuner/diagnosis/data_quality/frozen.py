@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import erf, ndtr
 
-from tuner.diagnosis.data_quality.quantizer import lattice_step
+from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
@@ -85,7 +85,7 @@ class Frozen:
         return max(self.stretches, key=lambda stretch: stretch[1] - stretch[0])
 
     @property
-    def held(self) -> int:
+    def repeated(self) -> int:
         """Samples that repeat the one before."""
         return sum(last - first - 1 for first, last in self.stretches)
 
@@ -178,7 +178,7 @@ def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
     others, count = np.unique(np.concatenate(rest), return_counts=True)
     chance = np.where(_at_a_rail(values, others, count), 1.0, 0.0)
     moved = np.concatenate([np.abs(np.diff(piece)) for piece in rest])
-    step = lattice_step(rest)
+    step = quantizer_step(rest)
     if step == 0.0:
         return chance if len(others) > MIN_DISTINCT_SHARE * np.count_nonzero(moved) else np.ones(len(values))
     apart = moved > 1.5 * step

@@ -79,7 +79,7 @@ class Codes:
     p_value: float
 
 
-def lattice_step(pieces: Sequence[FloatArray]) -> float:
+def quantizer_step(pieces: Sequence[FloatArray]) -> float:
     """Return the step of the lattice that all values lie on, unit; 0 where there is none.
 
     Parameters

@@ -64,7 +64,7 @@ SHAPE_SHARE = 0.6
 
 
 @dataclass(frozen=True)
-class Held:
+class RepeatedSamples:
     """How many samples repeat the one before.
 
     Attributes
@@ -91,7 +91,7 @@ def chance_equality(s: FloatArray | float, step: float) -> FloatArray:
     return np.asarray(erf(u / math.sqrt(2.0)) + 2.0 / (u * math.sqrt(2.0 * math.pi)) * np.expm1(-0.5 * u * u))
 
 
-def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
+def find_repeated_samples(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples:
     """Test for samples that equal the one before in all the given channels at once.
 
     Parameters
@@ -109,16 +109,16 @@ def held_readings(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
     return _fine(pieces, steps) or _by_lags(pieces, steps)
 
 
-def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
+def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples:
     """Return the test of equalities at lag 1 by those at the other lags."""
     block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCK_COUNT)
     rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > MAX_LAG + LEAST_BLOCK // 2]
     if not rows or any(_hides(pieces, j, step) for j, step in enumerate(steps)):
-        return Held(0.0, 1.0, 0.0, (0.0, 1.0))
+        return RepeatedSamples(0.0, 1.0, 0.0, (0.0, 1.0))
     equal, ratio, pairs = (np.concatenate(part) for part in zip(*rows, strict=True))
     telling = np.all(np.isfinite(ratio), axis=1)
     if not telling.any():
-        return Held(0.0, 1.0, 0.0, (0.0, 1.0))
+        return RepeatedSamples(0.0, 1.0, 0.0, (0.0, 1.0))
     equal, ratio, pairs = equal[telling], ratio[telling], pairs[telling]
     colour = ratio.mean(axis=0)
     lags = _alike(colour)
@@ -137,10 +137,10 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held:
         p_value = float(t.sf(statistic, max(len(excess) - 1, 1)))
     shares = np.concatenate(([1.0], equal.sum(axis=0) / n))
     scale = np.array([scaled[:, i].sum() / max(equal[:, k].sum(), 1.0) for i, k in enumerate(lags)])
-    return _held(statistic, p_value, shares, np.where(scale > 0.0, scale, colour), lags, sd / n)
+    return _with_share(statistic, p_value, shares, np.where(scale > 0.0, scale, colour), lags, sd / n)
 
 
-def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held | None:
+def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples | None:
     """Return the test of one channel by the counts of small differences; None where the lattice is not fine."""
     if len(steps) > 1 or steps[0] <= 0.0:
         return None
@@ -167,21 +167,23 @@ def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> Held | None:
     excess = rows[:, :, 0] - (rows[:, :, 1:] * (weight / counts[:, 1:])).sum(axis=2) * chance
     lags = _alike(chance[0] / chance[1:])
     ratio, n = chance[0] / chance[lags], len(rows) * block
-    held = excess[:, 0] - np.mean(ratio * excess[:, lags], axis=1)
-    total, sd = float(held.sum()), math.sqrt(len(held)) * float(np.std(held, ddof=1))
+    repeated = excess[:, 0] - np.mean(ratio * excess[:, lags], axis=1)
+    total, sd = float(repeated.sum()), math.sqrt(len(repeated)) * float(np.std(repeated, ddof=1))
     shares = np.concatenate(([1.0], excess.sum(axis=0) / n))
-    return _held(total / sd, float(t.sf(total / sd, len(held) - 1)), shares, ratio, lags, sd / n)
+    return _with_share(total / sd, float(t.sf(total / sd, len(repeated) - 1)), shares, ratio, lags, sd / n)
 
 
-def _held(
+def _with_share(
     statistic: float, p_value: float, shares: FloatArray, ratio: FloatArray, lags: IntArray, sd: float
-) -> Held:
+) -> RepeatedSamples:
     """Return the test with the share of held samples, from the shares of equal pairs at lags 0, 1 and on."""
     free = max(1.0 - float(np.mean(ratio * shares[lags])), 1e-3)
     most = max(float(shares[1]), 0.0)
     fraction = min(max((shares[1] - float(np.mean(ratio * shares[lags + 1]))) / free, 0.0), most)
     half = float(norm.ppf(0.975)) * sd / free
-    return Held(statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0)))
+    return RepeatedSamples(
+        statistic, p_value, fraction, (max(fraction - half, 0.0), min(fraction + half, 1.0))
+    )
 
 
 def _alike(ratio: FloatArray) -> IntArray:

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.static.model.covariate import code_step, hold, smoothed
+from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Channel:
     start: float
     block: int
     covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
-    lattice: float = 0.0
+    quantizer_step: float = 0.0
     deadband: float = 0.0
 
     def __len__(self) -> int:
@@ -134,7 +134,12 @@ class Channel:
 
 
 def channel(
-    record: Record, axis: str, *, lattice: float = 0.0, held: BoolArray | None = None, seed: int = 0
+    record: Record,
+    axis: str,
+    *,
+    quantizer_step: float = 0.0,
+    repeated: BoolArray | None = None,
+    seed: int = 0,
 ) -> Channel:
     """Make an axis of a record ready.
 
@@ -167,8 +172,8 @@ def channel(
         raise DataError(msg)
     block, n = _cut(n)
     keep = place < n
-    if held is not None:
-        keep &= ~held[source]
+    if repeated is not None:
+        keep &= ~repeated[source]
     place, source = place[keep], source[keep]
     measured = column[source]
     level, scale = float(np.median(measured)), difference_sd(measured)
@@ -189,14 +194,14 @@ def channel(
         name: smoothed(
             np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1),
             code_step(values),
-            -(-hold(values) // block),
+            -(-typical_repeats(values) // block),
         )
         for name, values in record.covariates.items()
         if np.all(np.isfinite(values)) and np.ptp(values) > 0
     }
     return Channel(
         axis, record.unit, y, valid, scale, level, record.interval, float(record.t[source[0]]), block,
-        MappingProxyType(covariates), lattice / scale,
+        MappingProxyType(covariates), quantizer_step / scale,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.diagnosis.data_quality import DataQualityTest, alive
+from tuner.diagnosis.data_quality import DataQualityTest, without_frozen
 from tuner.diagnosis.static.channel import Channel, channel
 from tuner.types.records import DataError, Record
 
@@ -49,22 +49,22 @@ def prepared(
         step, dead = (
             float(codes[name].value or 0.0) if name in codes else 0.0 for name in ("step", "deadband")
         )
-        source = alive(record, (axis,), stuck)
-        held = None
+        source = without_frozen(record, (axis,), stuck)
+        repeated = None
         if "duplicates" in mine:
             test = mine["duplicates"]
-            held = _held(alive(record, test.channels, stuck), test, seed)
-        if held is not None and held.mean() > MAX_BRIDGED_SHARE:
-            source, held = _thinned(source, ~held), None
+            repeated = _repeated(without_frozen(record, test.channels, stuck), test, seed)
+        if repeated is not None and repeated.mean() > MAX_BRIDGED_SHARE:
+            source, repeated = _thinned(source, ~repeated), None
         try:
-            even = channel(source, axis, lattice=step, held=held, seed=seed)
+            even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
             ready.append(replace(even, deadband=dead / even.scale))
         except DataError as error:
             refused.append(str(error))
     return ready
 
 
-def _held(record: Record, test: DataQualityTest, seed: int) -> BoolArray:
+def _repeated(record: Record, test: DataQualityTest, seed: int) -> BoolArray:
     """Return which samples count as held in all channels of a record, those of a test, shape (n,).
 
     Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own

@@ -109,12 +109,12 @@ def diagnose(
         models = {axis: after[axis].result() for axis in outcomes}
     finals = {axis: outcome.final for axis, outcome in outcomes.items()}
     stretched = mount_tilt.stretched(finals, limit)
-    told = [f for f in findings(outcomes, base) if not (stretched and f.cause == "attitude")]
-    found += [*told, *_common(finals, limit)]
+    reported = [f for f in findings(outcomes, base) if not (stretched and f.cause == "attitude")]
+    found += [*reported, *_common(finals, limit)]
     unexplained = tuple(
-        Unexplained(alarm.name, (axis,), alarm.p_value)
+        Unexplained(result.name, (axis,), result.p_value)
         for axis, outcome in outcomes.items()
-        for alarm in outcome.unexplained
+        for result in outcome.unexplained
     )
     return Diagnosis(
         tuple(found),

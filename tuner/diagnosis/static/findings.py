@@ -181,9 +181,9 @@ def _log_moments(c: Coefficient) -> tuple[float, float]:
 
 
 def _finding(group: list[_Single]) -> Finding:
-    clearest = sorted(group, key=lambda single: -single.accepted.alarm.gain)
+    clearest = sorted(group, key=lambda single: -single.accepted.result.gain)
     best = clearest[0]
-    cause, alarm = best.cause, best.accepted.alarm
+    cause, result = best.cause, best.accepted.result
     parameters = {
         name: pooled([s.parameters[name] for s in clearest if name in s.parameters])
         for name in best.parameters
@@ -193,9 +193,9 @@ def _finding(group: list[_Single]) -> Finding:
     return Finding(
         cause=cause.cause,
         channels=channels,
-        statistic=alarm.name,
-        value=alarm.statistic,
-        p_value=min(1.0, alarm.p_value),
+        statistic=result.name,
+        value=result.statistic,
+        p_value=min(1.0, result.p_value),
         parameters=parameters,
         text=words(cause.cause, channels, cause.meaning, parameters, by_channel),
         consequence=cause.consequence,
@@ -236,12 +236,12 @@ def words(
     figures = ", ".join(
         f"{name} {figure(value)}{where}"
         for name, shown in parameters.items()
-        for where, value in _told(of_each(name, shown, by_channel), shown)
+        for where, value in _by_axis(of_each(name, shown, by_channel), shown)
     )
     return f"{cause} in {', '.join(channels)}: {meaning} ({figures})"
 
 
-def _told(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:
+def _by_axis(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:
     return [(f" in {axis}", value) for axis, value in each.items()] or [("", shown)]
 
 

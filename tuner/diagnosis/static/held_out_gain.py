@@ -88,11 +88,11 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
     n = len(test.channel)
     done = []
     for accepted in outcome.accepted:
-        alarm = retest(found, accepted.extension.cause)
-        if alarm is None or alarm.propose is None or alarm.gain <= 0:
+        result = retest(found, accepted.extension.cause)
+        if result is None or result.propose is None or result.gain <= 0:
             done.append(replace(accepted, gain=_in_sample(outcome, accepted)))
             continue
-        extended = residual(train, (*found.extensions, *alarm.propose()), starts=found.starts)
+        extended = residual(train, (*found.extensions, *result.propose()), starts=found.starts)
         after = _score(extended, test)
         user = _user(found, extended, test)
         done.append(replace(accepted, gain=Gain(split, before / n, after / n, after - before, user=user)))
@@ -123,7 +123,7 @@ def _own(fitted: Residual) -> float:
 def _in_sample(outcome: SearchResult, accepted: Accepted) -> Gain:
     n = len(outcome.base.channel)
     before = _own(outcome.base) / n
-    return Gain("in sample", before, before + accepted.alarm.gain / n, accepted.alarm.gain)
+    return Gain("in sample", before, before + accepted.result.gain / n, accepted.result.gain)
 
 
 def _signal(fitted: Residual, test: _Test) -> FloatArray:

@@ -48,9 +48,9 @@ def significant(result: TestResult, threshold: float) -> bool:
 
 def hypothesis_tests(fitted: Residual, known: tuple[TestResult, ...] = ()) -> tuple[TestResult, ...]:
     """Run every test that is still open on a residual, but for those of single causes whose result is known."""
-    told = {result.cause: result for result in known}
+    by_cause = {result.cause: result for result in known}
     results = [
-        told[code] if code in told else cause.test(fitted)
+        by_cause[code] if code in by_cause else cause.test(fitted)
         for code, cause in CAUSES.extensions().items()
         if not cause.tested_first and is_open(fitted, code)
     ]
@@ -79,15 +79,15 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     """
     tested = few_shapes(fitted)
     unnamed = TestResult("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)
-    humps = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
-    certain = any(hump.gain > CERTAIN_GAIN for hump in humps)
+    resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
+    certain = any(one.gain > CERTAIN_GAIN for one in resonances)
     if fitted.count("lowpass", "colour") or (certain and not whole):
-        return (*humps, unnamed)
+        return (*resonances, unnamed)
     known, tested = tested, many_shapes(tested)
-    if humps and tested.smooth is not known.smooth:
-        humps = (vibration.test(fitted, tested),)
-    wide = (vibration.wide(tested, fitted),) if humps else ()
-    return (*humps, lowpass.test(tested), colour.test(tested), *wide, unnamed)
+    if resonances and tested.smooth is not known.smooth:
+        resonances = (vibration.test(fitted, tested),)
+    wide = (vibration.wide(tested, fitted),) if resonances else ()
+    return (*resonances, lowpass.test(tested), colour.test(tested), *wide, unnamed)
 
 
 def slow_spectrum_misfit(fitted: Residual) -> tuple[TestResult, ...]:

@@ -47,6 +47,3 @@ class TestResult:
     def without_proposal(self) -> TestResult:
         """The result to be kept: what makes extensions refers to the whole residual."""
         return replace(self, propose=None)
-
-
-TestResult = TestResult

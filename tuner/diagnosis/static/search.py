@@ -49,7 +49,7 @@ class Accepted:
     """An extension, what spoke for it, and what it is worth on data held out."""
 
     extension: Extension
-    alarm: TestResult
+    result: TestResult
     alternatives: tuple[Alternative, ...] = ()
     gain: Gain | None = None
 
@@ -97,75 +97,77 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     off = tuple(one.extension for one in accepted)
     base = residual(channel, given)
     found = residual(channel, (*given, *off)) if off else base
-    swept = [alarm for alarm in (Sweep.test(found),) if significant(alarm, threshold)]
-    for alarm in swept:
-        assert alarm.propose is not None
-        given = (*given, *alarm.propose())
+    swept = [result for result in (Sweep.test(found),) if significant(result, threshold)]
+    for result in swept:
+        assert result.propose is not None
+        given = (*given, *result.propose())
         base = residual(channel, given)
         found = residual(channel, (*given, *off)) if off else base
-    alarms: tuple[TestResult, ...] = ()
+    results: tuple[TestResult, ...] = ()
     fresh = 0
     quiet: tuple[TestResult, ...] = ()
     for _ in range(MAX_PASSES):
-        before, alarms = alarms, hypothesis_tests(found, quiet)
-        if quiet and not any(_raised(alarms, threshold)):
-            alarms = hypothesis_tests(found)
+        before, results = results, hypothesis_tests(found, quiet)
+        if quiet and not any(_rejections(results, threshold)):
+            results = hypothesis_tests(found)
         if fresh:
-            known = [_with_rivals(one, before, alarms, threshold) for one in accepted[-fresh:]]
+            known = [_with_rivals(one, before, results, threshold) for one in accepted[-fresh:]]
             accepted = [*accepted[:-fresh], *known]
-        raised = _raised(alarms, threshold)
-        if not raised:
+        rejections = _rejections(results, threshold)
+        if not rejections:
             masked = pair_test(found)
-            raised = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
-        better = None if raised else replacing_pair(found, threshold)
+            rejections = [masked] if masked and significant(masked, threshold) and masked.gain > 0 else []
+        better = None if rejections else replacing_pair(found, threshold)
         if better is not None:
             found = without(found, better[0])
             del accepted[better[0] - len(given)]
-            raised = [better[1]]
-        if not raised:
+            rejections = [better[1]]
+        if not rejections:
             break
-        if any(alarm.local for alarm in raised):
-            raised = [alarm for alarm in raised if alarm.local or group_of(alarm.cause) != "fast spectrum"]
-        raised = _not_superseded(raised)
-        broad = [alarm for alarm in raised if is_broad(alarm.cause)]
-        chosen = _clearest(raised)
-        paths = any(alarm.cause == "telegraph" for alarm in chosen)
-        jumps = [alarm for alarm in raised if alarm in chosen or (paths and alarm.cause == "step")]
+        if any(result.local for result in rejections):
+            rejections = [
+                result for result in rejections if result.local or group_of(result.cause) != "fast spectrum"
+            ]
+        rejections = _not_superseded(rejections)
+        broad = [result for result in rejections if is_broad(result.cause)]
+        chosen = _clearest(rejections)
+        paths = any(result.cause == "telegraph" for result in chosen)
+        jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
         wider = _wider(found, jumps, len(given))
         if wider is not None:
             found = residual(channel, wider, starts=found.starts, near=found)
             base = residual(channel, wider[: len(given)], starts=base.starts)
             fresh, quiet = 0, ()
             continue
-        if broad and max(alarm.gain for alarm in broad) > MIN_GAIN_SHARE * chosen[0].gain:
-            chosen = [max(broad, key=lambda alarm: alarm.gain)]
+        if broad and max(result.gain for result in broad) > MIN_GAIN_SHARE * chosen[0].gain:
+            chosen = [max(broad, key=lambda result: result.gain)]
         new: list[Extension] = []
-        for alarm in chosen:
-            assert alarm.propose is not None
-            proposed = alarm.propose()
-            accepted += [Accepted(extension, alarm.without_proposal) for extension in proposed]
+        for result in chosen:
+            assert result.propose is not None
+            proposed = result.propose()
+            accepted += [Accepted(extension, result.without_proposal) for extension in proposed]
             new += proposed
         fresh = len(new)
-        quiet = _still_quiet(alarms, threshold, new)
+        quiet = _still_quiet(results, threshold, new)
         starts = None if any(x.broad for x in new) else found.starts
         found = residual(channel, (*found.extensions, *new), starts=starts, near=found)
         for _ in range(MAX_REFITS if any(x.group == "fast spectrum" for x in new) else 1):
-            polished = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
-            if all(a is b for a, b in zip(polished, found.extensions, strict=True)):
+            refits = tuple(x.refit(found, i) for i, x in enumerate(found.extensions))
+            if all(a is b for a, b in zip(refits, found.extensions, strict=True)):
                 break
-            found = residual(channel, polished, starts=found.starts, near=found)
+            found = residual(channel, refits, starts=found.starts, near=found)
         if any(x.cause == "temperature" for x in new):
             found, accepted = _with_lag(found, accepted)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = _without_lag(found, accepted)
-    found = _refined(found)
-    refined = found.extensions[len(given) :]
-    accepted = [replace(a, extension=x) for a, x in zip(accepted, refined, strict=True)]
-    nameless = [a.alarm for a in accepted if not a.extension.named]
+    found = _with_joint_estimates(found)
+    estimated = found.extensions[len(given) :]
+    accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
+    nameless = [a.result for a in accepted if not a.extension.named]
     left = (
-        *(alarm.without_proposal for alarm in swept),
+        *(result.without_proposal for result in swept),
         *nameless,
-        *(a for a in alarms if significant(a, threshold) and a.propose is None),
+        *(a for a in results if significant(a, threshold) and a.propose is None),
     )
     return SearchResult(relabelled(base, base.extensions), found, tuple(accepted), left)
 
@@ -184,40 +186,40 @@ def is_broad(cause: str) -> bool:
     return declared is not None and declared.broad
 
 
-def _not_superseded(raised: list[TestResult]) -> list[TestResult]:
+def _not_superseded(rejections: list[TestResult]) -> list[TestResult]:
     """Return the results without those of causes that wait for another pass; one that waits itself keeps none back."""
     for code, cause in CAUSES.extensions().items():
-        if any(result.cause == code for result in raised):
-            raised = [result for result in raised if result.cause not in cause.supersedes]
-    return raised
+        if any(result.cause == code for result in rejections):
+            rejections = [result for result in rejections if result.cause not in cause.supersedes]
+    return rejections
 
 
-def _raised(alarms: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
+def _rejections(results: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
     """Return the alarms that ask for an extension."""
-    return [a for a in alarms if significant(a, threshold) and a.gain > 0 and a.propose is not None]
+    return [a for a in results if significant(a, threshold) and a.gain > 0 and a.propose is not None]
 
 
 def _still_quiet(
-    alarms: tuple[TestResult, ...], threshold: float, new: list[Extension]
+    results: tuple[TestResult, ...], threshold: float, new: list[Extension]
 ) -> tuple[TestResult, ...]:
     """Return the alarms of the slow track where none is raised and nothing new touches it.
 
     They need not be asked again until nothing else is found.
     """
-    slow = tuple(alarm for alarm in alarms if group_of(alarm.cause) == "slow part")
+    slow = tuple(result for result in results if group_of(result.cause) == "slow part")
     touched = any(x.group == "slow part" or x.broad for x in new)
-    return () if touched or _raised(slow, threshold) else slow
+    return () if touched or _rejections(slow, threshold) else slow
 
 
-def _wider(fitted: Residual, raised: list[TestResult], given: int) -> tuple[Extension, ...] | None:
+def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[Extension, ...] | None:
     """Return the extensions with a stretch of motion widened by what alarms at its edge; None where nothing does.
 
     Motion has no sharp end: a jump or a burst close by belongs to it.
     """
-    for alarm in raised if given else []:
-        if alarm.cause not in ("step", "burst") or alarm.propose is None:
+    for result in rejections if given else []:
+        if result.cause not in ("step", "burst") or result.propose is None:
             continue
-        for event in alarm.propose():
+        for event in result.propose():
             assert isinstance(event, Step | Burst)
             last = event.last if isinstance(event, Burst) else event.first
             for i, moved in enumerate(fitted.extensions[:given]):
@@ -227,19 +229,19 @@ def _wider(fitted: Residual, raised: list[TestResult], given: int) -> tuple[Exte
     return None
 
 
-def _clearest(raised: list[TestResult]) -> list[TestResult]:
+def _clearest(rejections: list[TestResult]) -> list[TestResult]:
     """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
-    best = max(raised, key=lambda alarm: alarm.gain)
+    best = max(rejections, key=lambda result: result.gain)
     chosen = [best]
     causes = CAUSES.extensions()
     for group in GROUPS:
         mine = [
-            alarm
-            for alarm in raised
-            if group_of(alarm.cause) == group
-            and not (alarm.cause in causes and causes[alarm.cause].only_if_clearest)
+            result
+            for result in rejections
+            if group_of(result.cause) == group
+            and not (result.cause in causes and causes[result.cause].only_if_clearest)
         ]
-        clearest = max(mine, key=lambda alarm: alarm.gain, default=best)
+        clearest = max(mine, key=lambda result: result.gain, default=best)
         if (
             group_of(best.cause) != group
             and clearest is not best
@@ -253,35 +255,35 @@ def _with_rivals(
     one: Accepted, before: tuple[TestResult, ...], after: tuple[TestResult, ...], threshold: float
 ) -> Accepted:
     """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
-    group = group_of(one.alarm.cause)
+    group = group_of(one.result.cause)
     silent = {a.cause for a in before} - {a.cause for a in after if significant(a, threshold) and a.gain > 0}
     rivals = {
-        a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.alarm.gain, 0.0))))
+        a.cause: Alternative(a.cause, float(np.exp(min(a.gain - one.result.gain, 0.0))))
         for a in before
         if a.propose is not None
         and a.cause != UNNAMED
-        and (one.alarm.cause, a.cause)
+        and (one.result.cause, a.cause)
         != ("telegraph", "gauss_markov")  # its statistic has beaten that already
         and a.cause in silent
         and group is not None
         and group_of(a.cause) == group
-        and a.cause != one.alarm.cause
+        and a.cause != one.result.cause
         and significant(a, threshold)
-        and a.gain > max(one.alarm.gain - ALTERNATIVE_NATS, 0.0)
+        and a.gain > max(one.result.gain - ALTERNATIVE_NATS, 0.0)
     }
-    if one.alarm.cause == "gauss_markov":
+    if one.result.cause == "gauss_markov":
         rivals |= {
             a.cause: _twin(a) for a in before if a.cause == "telegraph" and a.statistic > -ALTERNATIVE_NATS
         }
     return replace(one, alternatives=tuple(rivals.values()))
 
 
-def _twin(alarm: TestResult) -> Alternative:
+def _twin(result: TestResult) -> Alternative:
     """Return telegraph noise beside a Gauss–Markov process: the path does not speak against two levels.
 
     The statistic of telegraph noise is its lead over the best Gaussian model, in nats, such a process included.
     """
-    return Alternative(alarm.cause, float(np.exp(min(alarm.statistic, 0.0))))
+    return Alternative(result.cause, float(np.exp(min(result.statistic, 0.0))))
 
 
 def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
@@ -289,12 +291,12 @@ def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tupl
     at = 0
     given = len(fitted.extensions) - len(accepted)
     while len(accepted) > 1 and at < len(accepted):
-        if accepted[at].alarm.gain > CERTAIN_GAIN:
+        if accepted[at].result.gain > CERTAIN_GAIN:
             at += 1
             continue
         fewer = without(fitted, given + at)
-        alarm = retest(fewer, accepted[at].extension.cause)
-        if alarm is not None and not (significant(alarm, threshold) and alarm.gain > 0):
+        result = retest(fewer, accepted[at].extension.cause)
+        if result is not None and not (significant(result, threshold) and result.gain > 0):
             fitted = fewer
             accepted = [a for i, a in enumerate(accepted) if i != at]
         else:
@@ -315,12 +317,12 @@ def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
         plain = list(fitted.extensions)
         plain[given + at] = Temperature()
         other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
-        polished = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, polished, starts=other.starts, near=other)
+        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, refits, starts=other.starts, near=other)
         lead = fitted.fit.log_likelihood - other.fit.log_likelihood
         if lead < ALTERNATIVE_NATS:
             twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
-            changed = replace(one, extension=polished[given + at], alternatives=(twin,))
+            changed = replace(one, extension=refits[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
 
@@ -336,20 +338,20 @@ def _with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, lis
             return fitted, accepted
         wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
         other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
-        polished = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, polished, starts=other.starts, near=other)
-        return other, [*accepted[:at], replace(one, extension=polished[given + at]), *accepted[at + 1 :]]
+        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, refits, starts=other.starts, near=other)
+        return other, [*accepted[:at], replace(one, extension=refits[given + at]), *accepted[at + 1 :]]
     return fitted, accepted
 
 
-def _refined(fitted: Residual) -> Residual:
+def _with_joint_estimates(fitted: Residual) -> Residual:
     """Return the residual whose extensions carry the parameters of the joint fit."""
-    refined = []
+    estimated = []
     for index, extension in enumerate(fitted.extensions):
         at = first_column(fitted, index)
         if extension.columns(fitted.channel).shape[1] and extension.cause != "motion":
             lower, upper = fitted.reach(at)
             size = Value(float(fitted.fit.beta[at]), lower, upper)
             extension = extension.with_joint_estimate(fitted, index, size)
-        refined.append(extension)
-    return relabelled(fitted, tuple(refined))
+        estimated.append(extension)
+    return relabelled(fitted, tuple(estimated))

@@ -14,8 +14,8 @@ from models.effects import Samples, hide
 from models.effects.static.sampling import Clipping, Duplicates, Lattice
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
-from tuner.diagnosis.data_quality.quantizer import lattice_step, read_codes
-from tuner.diagnosis.data_quality.repeated_samples import chance_equality, held_readings
+from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
+from tuner.diagnosis.data_quality.repeated_samples import chance_equality, find_repeated_samples
 from tuner.diagnosis.data_quality.saturation import rails
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
@@ -62,7 +62,7 @@ def hidden(*effects, n=100_000, k=1, seed=0, kind="white") -> Record:
     return record(hide(block, [(e, range(k)) for e in effects], rng).y)
 
 
-def alarms(tests: tuple[DataQualityTest, ...]) -> list[str]:
+def rejected(tests: tuple[DataQualityTest, ...]) -> list[str]:
     return [t.cause for t in tests if t.p_value < ALARM]
 
 
@@ -75,7 +75,7 @@ def test_clean_data_have_no_finding_for_any_noise_and_quantizer(kind):
         tests = data_quality_tests(
             hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000)
         )
-        assert alarms(tests) == []
+        assert rejected(tests) == []
         assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")
 
 
@@ -93,7 +93,7 @@ def test_clean_simulated_sensors_have_no_finding_and_uniform_p_values():
             effects=[f"lattice:step={step}"],
         )
         tests = data_quality_tests(gyro)
-        assert alarms(tests) == []
+        assert rejected(tests) == []
         for t in tests:
             found.get(t.cause, []).append(t.p_value)
     for p in found.values():
@@ -114,7 +114,7 @@ def test_chance_equality_is_the_integral():
 def test_repeated_samples_are_found_and_counted(step, fraction):
     effects = [Duplicates(fraction)] + ([Lattice(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=200_000, seed=int(100 * fraction)))
-    assert alarms(tests) == ["duplicates"]
+    assert rejected(tests) == ["duplicates"]
     (held,) = [t for t in tests if t.cause == "duplicates"]
     share = held.parameters["fraction"]
     # A share p of equal neighbours, fraction + (1 − fraction) g with g = step/(2 √π) by chance, has the sd √(p(1−p)/n):
@@ -134,7 +134,7 @@ def test_intervals_of_the_fraction_cover_it():
         y = Duplicates(0.05).apply(
             Samples(np.arange(20_000.0), 0.2 * np.round(5 * rng.standard_normal((20_000, 1))), 1.0), rng
         )
-        low, high = held_readings([y.y], [0.2]).interval
+        low, high = find_repeated_samples([y.y], [0.2]).interval
         inside += low <= 0.05 <= high
     assert inside >= 66
 
@@ -142,7 +142,7 @@ def test_intervals_of_the_fraction_cover_it():
 def test_samples_repeated_by_a_slow_register_are_found():
     """Every reading four times over: three quarters are held, though lag 2 is equal half of the time."""
     y = np.repeat(noise("low-pass", 30_000, 1, np.random.default_rng(1)), 4, axis=0)
-    held = held_readings([y], [0.0])
+    held = find_repeated_samples([y], [0.0])
     assert held.p_value < 1e-20
     assert held.fraction == pytest.approx(0.75, abs=0.01)
 
@@ -151,7 +151,7 @@ def test_a_few_repeated_samples_are_found_where_chance_makes_none():
     """Five in 100 000: each as likely at one of nine lags, 9⁻⁵; against one lag alone it were 2⁻⁵."""
     y = np.random.default_rng(8).standard_normal((100_000, 1))
     y[[900, 20_000, 44_444, 71_000, 99_000]] = y[[899, 19_999, 44_443, 70_999, 98_999]]
-    assert held_readings([y], [0.0]).p_value == pytest.approx(9.0**-5, rel=0.2)
+    assert find_repeated_samples([y], [0.0]).p_value == pytest.approx(9.0**-5, rel=0.2)
 
 
 def test_half_a_percent_of_repeats_on_a_quantizer_of_half_a_sd_is_beyond_chance():
@@ -165,7 +165,7 @@ def test_half_a_percent_of_repeats_on_a_quantizer_of_half_a_sd_is_beyond_chance(
         y = 0.5 * np.round(2.0 * rng.standard_normal((360_000, 1)))
         source = np.arange(len(y))
         source[1 + rng.choice(len(y) - 1, 1800, replace=False)] = 0
-        deviates.append(held_readings([y[np.maximum.accumulate(source)]], [0.5]).statistic)
+        deviates.append(find_repeated_samples([y[np.maximum.accumulate(source)]], [0.5]).statistic)
     assert np.mean(deviates) > 4.6
 
 
@@ -177,7 +177,7 @@ def test_p_values_of_repeated_samples_are_uniform_on_a_fine_quantizer(pole, free
     for _ in range(120):
         w = rng.standard_t(freedom, 20_000) if np.isfinite(freedom) else rng.standard_normal(20_000)
         y = np.round(3.0 * lfilter([1.0], [1.0, -pole], w))
-        few += held_readings([y[:, None]], [1.0]).p_value < 0.01
+        few += find_repeated_samples([y[:, None]], [1.0]).p_value < 0.01
     assert few <= 8
 
 
@@ -197,7 +197,7 @@ def test_a_low_pass_on_a_coarse_quantizer_is_no_repetition():
     y = np.round(noise("low-pass", 300_000, 1, np.random.default_rng(3)))
     same1, same2 = (np.mean(y[lag:] == y[:-lag]) for lag in (1, 2))
     assert same1 > 1.1 * same2
-    assert held_readings([y], [1.0]).p_value > 1e-3
+    assert find_repeated_samples([y], [1.0]).p_value > 1e-3
 
 
 # ---- clipping
@@ -210,7 +210,7 @@ def test_rails_are_found_where_they_are(step, kind):
     clip = Clipping(high=float(np.quantile(hidden(n=300_000, kind=kind, seed=4).y, 0.999)))
     effects = [clip] + ([Lattice(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=300_000, kind=kind, seed=4))
-    assert alarms(tests) == ["clipping"]
+    assert rejected(tests) == ["clipping"]
     (found,) = [t for t in tests if t.p_value < ALARM]
     assert set(found.parameters) == {"high"}
     assert found.parameters["high"].value == pytest.approx(
@@ -283,9 +283,9 @@ def test_the_step_is_found_through_scale_decimals_and_sparse_codes(step):
     rng = np.random.default_rng(6)
     for width in (3.0, 40.0, 3000.0):
         y = step * np.round(width * rng.standard_normal(20_000))
-        assert lattice_step([y]) == pytest.approx(step, rel=1e-9)
+        assert quantizer_step([y]) == pytest.approx(step, rel=1e-9)
     decimals = np.round(step * np.round(5.0 * rng.standard_normal(20_000)), 2 - int(np.floor(np.log10(step))))
-    assert lattice_step([decimals]) == pytest.approx(step, rel=0.01)
+    assert quantizer_step([decimals]) == pytest.approx(step, rel=0.01)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.5, -9.80665 / 0.0024])
@@ -296,15 +296,15 @@ def test_bridged_samples_and_an_offset_do_not_hide_the_quantizer(offset):
     middle = rng.choice(np.arange(1, 99_999, 2), 1000, replace=False)
     y[middle] = 0.5 * (y[middle - 1] + y[middle + 1])
     tests = data_quality_tests(record(y))
-    assert alarms(tests) == []
+    assert rejected(tests) == []
     (test,) = [t for t in tests if t.cause == "lattice"]
     assert test.note
     assert test.parameters["step"].value == pytest.approx(0.0024, rel=1e-6)
 
 
 def test_continuous_and_constant_data_have_no_step():
-    assert lattice_step([np.random.default_rng(7).standard_normal(50_000)]) == 0.0
-    assert lattice_step([np.full(100, 3.0)]) == 0.0
+    assert quantizer_step([np.random.default_rng(7).standard_normal(50_000)]) == 0.0
+    assert quantizer_step([np.full(100, 3.0)]) == 0.0
 
 
 @pytest.mark.parametrize(("step", "note"), [(0.5, True), (1.9, True), (2.15, False), (4.0, False)])
@@ -323,7 +323,7 @@ def test_dead_bands_are_found_with_their_width(step, width):
     rng = np.random.default_rng(9)
     block = Samples(np.arange(200_000.0), 0.1 + rng.standard_normal((200_000, 1)), 1.0)
     y = Lattice(step, width * step).apply(block, rng).y[:, 0]
-    codes = read_codes([y], lattice_step([y]))
+    codes = read_codes([y], quantizer_step([y]))
     assert codes.p_value < ALARM
     assert codes.deadband == pytest.approx(width * step, abs=0.5 * step)
 
@@ -340,7 +340,7 @@ def test_a_code_that_never_comes_is_missed():
 def test_holes_that_are_narrow_against_the_noise_do_no_harm():
     """A lattice of 4.9 units that was printed in whole units: many codes are missing, none matters."""
     y = np.round(4.9 * np.round(200.0 * np.random.default_rng(16).standard_normal((100_000, 1))))
-    assert alarms(data_quality_tests(record(y))) == []
+    assert rejected(data_quality_tests(record(y))) == []
 
 
 # ---- order, edges
@@ -348,7 +348,9 @@ def test_holes_that_are_narrow_against_the_noise_do_no_harm():
 
 def test_repeated_samples_do_not_make_other_findings():
     for seed in range(5):
-        assert alarms(data_quality_tests(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == ["duplicates"]
+        assert rejected(data_quality_tests(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == [
+            "duplicates"
+        ]
 
 
 def test_gaps_are_no_neighbours():
@@ -357,10 +359,10 @@ def test_gaps_are_no_neighbours():
     y[200::200] = y[199:-1:200]
     cut = record(y, segments=tuple((i, i + 200) for i in range(0, 40_000, 200)))
     whole = record(y)
-    assert alarms(data_quality_tests(whole)) == ["duplicates"]
-    assert alarms(data_quality_tests(cut)) == []
+    assert rejected(data_quality_tests(whole)) == ["duplicates"]
+    assert rejected(data_quality_tests(cut)) == []
 
 
 @pytest.mark.parametrize("y", [np.zeros((500, 2)), np.ones((3, 1)), np.arange(40.0)[:, None]])
 def test_records_without_noise_or_length_are_judged_without_fuss(y):
-    assert alarms(data_quality_tests(record(y))) == []
+    assert rejected(data_quality_tests(record(y))) == []

@@ -70,6 +70,6 @@ def test_chance_of_a_tilt_in_clean_records(walk):
     low = 0
     for seed in range(24):
         clean = simulate({"accel_x": Channel(noise)}, duration=600.0, rate=RATE, seed=seed)[0][0]
-        alarm = mount_tilt.MountTilt.test(residual(channel(clean, "accel_x")))
-        low += alarm is not None and alarm.p_value < 1e-3
+        result = mount_tilt.MountTilt.test(residual(channel(clean, "accel_x")))
+        low += result is not None and result.p_value < 1e-3
     assert low < 4

@@ -16,8 +16,8 @@ from tuner.types.records import Record
 INTERVAL, N = 0.01, 120_000
 
 
-def diagnosed(loud: np.ndarray, seed: int) -> Diagnosis:
-    y = np.random.default_rng(seed).standard_normal((N, 1)) * np.sqrt(loud)[:, None]
+def diagnosed(variance: np.ndarray, seed: int) -> Diagnosis:
+    y = np.random.default_rng(seed).standard_normal((N, 1)) * np.sqrt(variance)[:, None]
     return diagnose(Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL))
 
 
@@ -25,11 +25,11 @@ def diagnosed(loud: np.ndarray, seed: int) -> Diagnosis:
     ("number", "length", "ratio"), [(4, 1000, 3.0), (10, 500, 4.0), (3, 6000, 0.1), (5, 4000, 1.6)]
 )
 def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
-    loud = np.ones(N)
+    variance = np.ones(N)
     starts = 2000 + (N // number) * np.arange(number)
     for first in starts:
-        loud[first : first + length] = ratio
-    diagnosis = diagnosed(loud, seed=number)
+        variance[first : first + length] = ratio
+    diagnosis = diagnosed(variance, seed=number)
     assert [f.cause for f in diagnosis.findings] == ["burst"] * number
     assert diagnosis.unexplained == ()
     told = sorted(diagnosis.findings, key=lambda finding: finding.parameters["start"].value)
@@ -49,9 +49,9 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
 
 def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():
     """A hundredfold variance in 1 %: cut at fifteen deviations of the rest it would be told as 73."""
-    loud = np.ones(N)
-    loud[50_000:51_200] = 100.0
-    bursts = [f for f in diagnosed(loud, seed=7).findings if f.cause == "burst"]
+    variance = np.ones(N)
+    variance[50_000:51_200] = 100.0
+    bursts = [f for f in diagnosed(variance, seed=7).findings if f.cause == "burst"]
     assert len(bursts) == 1
     assert bursts[0].parameters["variance_ratio"].value == pytest.approx(100.0, rel=5 * np.sqrt(2 / 1200))
 
@@ -66,8 +66,8 @@ def test_a_variance_that_drifts_or_tails_that_are_heavy_are_no_bursts():
 
 def test_a_variance_that_always_changes_is_reported_as_such_and_not_as_many_bursts():
     """Loud and calm by turns, sixty times: three stretches at most, and that it swells and ebbs."""
-    loud = np.exp(0.7 * np.sign(np.sin(2.0 * np.pi * np.arange(N) / 2000.0)))
-    diagnosis = diagnosed(loud, seed=11)
+    variance = np.exp(0.7 * np.sign(np.sin(2.0 * np.pi * np.arange(N) / 2000.0)))
+    diagnosis = diagnosed(variance, seed=11)
     assert sum(f.cause == "burst" for f in diagnosis.findings) <= 3
     assert any("period" in told.statistic for told in diagnosis.unexplained)
 

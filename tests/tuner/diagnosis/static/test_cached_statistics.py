@@ -52,14 +52,14 @@ def test_shapes_are_kept_from_step_to_step():
     record = simulate({"gyro_x": Channel(NoiseModel((White(1e-3),)))}, duration=60.0, rate=100.0, seed=1)[0][
         0
     ]
-    hump, other = Vibration(20.0, 30.0, 0.3), Vibration(30.0, 10.0, 0.1)
-    first = residual(channel(record, "gyro_x"), (hump,))
+    resonance, other = Vibration(20.0, 30.0, 0.3), Vibration(30.0, 10.0, 0.1)
+    first = residual(channel(record, "gyro_x"), (resonance,))
     assert first.peaks is not None
-    second = residual(first.channel, (hump, other), near=first)
-    assert second.shapes[hump] is first.shapes[hump]
-    np.testing.assert_allclose(second.peaks, residual(first.channel, (hump, other)).peaks)
+    second = residual(first.channel, (resonance, other), near=first)
+    assert second.shapes[resonance] is first.shapes[resonance]
+    np.testing.assert_allclose(second.peaks, residual(first.channel, (resonance, other)).peaks)
     f = np.arange(1.0, len(first.coefficients)) / (2.0 * first.channel.span)
-    np.testing.assert_allclose(second.peaks, hump.power(f, 0.01) + other.power(f, 0.01))
+    np.testing.assert_allclose(second.peaks, resonance.power(f, 0.01) + other.power(f, 0.01))
     np.testing.assert_allclose(second.power_at(f), second.power)
     assert second.power_at(0.0) == second.power[0]
 
@@ -75,8 +75,10 @@ def test_the_periodogram_is_every_second_ordinate_of_the_finer_spectrum():
 
 @pytest.mark.parametrize(("frequency", "quality"), [(20.0, 30.0), (0.3, 5.0), (48.0, 100.0)])
 def test_a_resonance_has_the_spectrum_of_its_recursion(frequency, quality):
-    hump, f = Vibration(frequency, quality, 0.3), np.linspace(0.01, 49.9, 5000)
-    np.testing.assert_allclose(hump.power(f, 0.01), hump.arma(0.01).psd(f, interval=0.01), rtol=1e-9)
+    resonance, f = Vibration(frequency, quality, 0.3), np.linspace(0.01, 49.9, 5000)
+    np.testing.assert_allclose(
+        resonance.power(f, 0.01), resonance.arma(0.01).psd(f, interval=0.01), rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("start", [[0.0, 0.0, 0.0], [3.0, -2.0, 1.0]])

@@ -66,8 +66,8 @@ def test_a_resonance_is_no_tone_nor_where_it_drifts(quality, drift):
         state = turn * state + drive[i]
         pole[i] = state.real
     y = rng.standard_normal(N) + np.sqrt(2.0) * (1.0 - decay) * pole
-    alarm = Sweep.test(residual(channel(record(y), "gyro_x")))
-    assert alarm.p_value > 1e-4
+    result = Sweep.test(residual(channel(record(y), "gyro_x")))
+    assert result.p_value > 1e-4
 
 
 def test_sums_run_along_straight_tracks():

@@ -57,8 +57,10 @@ def test_slow_noise_does_not_stand_in_for_a_filter():
 def test_the_power_of_a_resonance_is_that_of_its_recursion_however_sharp():
     f = np.linspace(0.1, 49.9, 500)
     for quality in (3.0, 30.0, 300.0):
-        hump = Vibration(17.0, quality, 0.3)
-        np.testing.assert_allclose(hump.power(f, 0.01), hump.arma(0.01).psd(f, interval=0.01), rtol=1e-9)
+        resonance = Vibration(17.0, quality, 0.3)
+        np.testing.assert_allclose(
+            resonance.power(f, 0.01), resonance.arma(0.01).psd(f, interval=0.01), rtol=1e-9
+        )
     assert 0.0 < Vibration(17.0, 1e8, 0.3).power(np.array([17.0]), 0.01)[0] < np.inf
 
 

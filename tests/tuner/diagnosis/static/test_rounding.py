@@ -53,9 +53,9 @@ def test_fine_steps_do_not_matter():
 @pytest.mark.parametrize(("step", "deadband"), [(1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (0.8, 1.5)])
 def test_a_slow_track_on_a_coarse_quantizer_makes_no_burst(step, deadband):  # five families at 1.2e-4 each
     found = fitted(step, deadband)
-    alarms = {alarm.cause: alarm for alarm in hypothesis_tests(found)}
+    results = {result.cause: result for result in hypothesis_tests(found)}
     for family in ("burst", "variance_drift", "periodic variance", "variance by bias", "irregular variance"):
-        assert alarms[family].p_value > threshold(1), family
+        assert results[family].p_value > threshold(1), family
 
 
 def test_local_variance_beside_a_quantizer_is_even_in_every_place():
@@ -71,7 +71,7 @@ def test_a_burst_on_a_coarse_quantizer_is_still_found():  # 30 % of the record, 
     size = 2.5 * WHITE
     object.__setattr__(record, "y", size * np.round(record.y / size))
     found = residual(prepared(record, data_quality_tests(record), threshold(1), 0, [])[0])
-    alarm = next(alarm for alarm in hypothesis_tests(found) if alarm.cause == "burst")
-    assert alarm.p_value < 1e-12
-    (burst,) = alarm.propose()
+    result = next(result for result in hypothesis_tests(found) if result.cause == "burst")
+    assert result.p_value < 1e-12
+    (burst,) = result.propose()
     assert abs(burst.values["start"].value - 600.0) < 30.0

@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.static.model.covariate import hold, smoothed
+from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
@@ -86,7 +86,7 @@ def test_a_thermometer_is_smoothed_where_its_noise_allows(held, share):
     truth = 20.0 - 3.0 * np.exp(-t / 0.1)
     noisy = truth + 0.05 * np.random.default_rng(2).standard_normal(4096)
     readings = 0.01 * np.round(noisy / 0.01)[np.arange(4096) // held * held]
-    curve = smoothed(readings, 0.01, hold(readings))
+    curve = smoothed(readings, 0.01, typical_repeats(readings))
     assert np.std(curve - truth) < share * 0.05
     assert abs(curve[0] - truth[0]) < 0.1
 

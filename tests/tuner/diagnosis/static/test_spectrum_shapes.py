@@ -12,8 +12,8 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.spectral import Vibration
 from tests.cramer_rao import butterworth_gain, spectral_bound
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.data_quality.quantizer import lattice_step
-from tuner.diagnosis.data_quality.repeated_samples import held_readings
+from tuner.diagnosis.data_quality.quantizer import quantizer_step
+from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
 from tuner.diagnosis.static.causes import vibration
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.channel import channel
@@ -134,20 +134,20 @@ def test_wide_and_narrow_resonances_are_found():
         rng = np.random.default_rng(int(frequency))
         y = rng.standard_normal(N) + Vibration(frequency, quality, sd).signal(N, 1.0 / RATE, rng)
         found = fitted(y)
-        alarm = vibration.test(found, shape_test(found))
-        assert alarm.p_value < threshold(6)
-        assert alarm.gain > 0.0
-        assert alarm.propose is not None
-        assert alarm.propose()[0].values["frequency"].value == pytest.approx(frequency, rel=0.05)
+        result = vibration.test(found, shape_test(found))
+        assert result.p_value < threshold(6)
+        assert result.gain > 0.0
+        assert result.propose is not None
+        assert result.propose()[0].values["frequency"].value == pytest.approx(frequency, rel=0.05)
 
 
 def test_burst_of_five_per_cent_of_a_record_is_found():
     rng = np.random.default_rng(4)
     y = rng.standard_normal(360_000)
     y[100_000:118_000] *= np.sqrt(1.12)
-    alarm = Burst.test(fitted(y))
-    assert alarm.p_value < threshold(6)
-    assert alarm.gain > 0.0
+    result = Burst.test(fitted(y))
+    assert result.p_value < threshold(6)
+    assert result.gain > 0.0
 
 
 def test_white_noise_has_no_resonance_and_no_burst():
@@ -162,10 +162,10 @@ def test_repeated_samples_on_a_fine_quantizer_do_not_depend_on_the_colour():
     """A filtered sensor with 0.5 % held readings, and without: 10 sd apart."""
     rng = np.random.default_rng(2)
     codes = np.round(8.0 * filtered(1, 25.0, rng))
-    assert held_readings([codes[:, None]], [1.0]).p_value > 1e-4
+    assert find_repeated_samples([codes[:, None]], [1.0]).p_value > 1e-4
     held = rng.random(N) < 0.01
     place = np.maximum.accumulate(np.where(held, 0, np.arange(N)))
-    test = held_readings([codes[place][:, None]], [1.0])
+    test = find_repeated_samples([codes[place][:, None]], [1.0])
     assert test.p_value < 1e-6
     # Chance alone makes neighbours equal with g = 1/(16 √π) on a step of an eighth of a sd, more after a filter.
     assert test.fraction == pytest.approx(held.mean(), abs=6.0 * np.sqrt(0.15 / N))
@@ -184,8 +184,8 @@ def test_bandwidth_of_a_filter_is_that_of_its_order():
 def test_digits_of_arithmetic_are_no_quantizer():
     codes = np.round(5.0 * np.random.default_rng(0).standard_normal(100_001))
     between = np.interp(np.arange(100_000) + 0.3, np.arange(100_001), codes)
-    assert lattice_step([between]) == 0.0
-    assert lattice_step([1.234e-4 * codes]) == pytest.approx(1.234e-4)
+    assert quantizer_step([between]) == 0.0
+    assert quantizer_step([1.234e-4 * codes]) == pytest.approx(1.234e-4)
 
 
 def test_filter_is_named_beside_a_resonance_and_repeated_samples():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuner.diagnosis.data_quality.quantizer import lattice_step
+from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.types.records import Drive
 
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}
@@ -23,7 +23,7 @@ def coarse_quantizer_notes(drive: Drive) -> tuple[str, ...]:
     if not count:
         return ()
     sd = np.quantile(drive.rates[: count * size].reshape(count, size, 6).std(axis=1), CALM_QUANTILE, axis=0)
-    steps = np.array([lattice_step([column]) for column in drive.rates.T])
+    steps = np.array([quantizer_step([column]) for column in drive.rates.T])
     notes = []
     for sensor, (at, unit) in SENSORS.items():
         step, usual = float(steps[at].max()), float(np.sqrt(np.mean(sd[at] ** 2)))

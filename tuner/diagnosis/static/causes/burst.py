@@ -147,11 +147,11 @@ def _all(fitted: Residual, local: LocalVariance, window: _Window) -> tuple[float
             break
         rest = local.outside(stretches)
         window = _largest_variance(rest)
-    square, told = local.square, local.scatter > 0.0
+    square, measured = local.square, local.scatter > 0.0
     if not local.rounded:
-        square = np.where(told, _squares(fitted, stretches), 1.0)
-        square /= square[told].mean()
-    return _gain(square, told, stretches), stretches
+        square = np.where(measured, _squares(fitted, stretches), 1.0)
+        square /= square[measured].mean()
+    return _gain(square, measured, stretches), stretches
 
 
 def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int, int]:
@@ -176,7 +176,7 @@ def _squares(fitted: Residual, stretches: list[tuple[int, int]]) -> FloatArray:
     return np.asarray(np.minimum(np.abs(fitted.e), most) ** 2)
 
 
-def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]]) -> float:
+def _gain(square: FloatArray, measured: BoolArray, stretches: list[tuple[int, int]]) -> float:
     """Return the gain of variances of their own for these stretches, less a price for each."""
     n = len(square)
     inside = np.zeros(n, dtype=bool)
@@ -185,7 +185,7 @@ def _gain(square: FloatArray, told: BoolArray, stretches: list[tuple[int, int]])
         inside[first:last] = True
         variance[first:last] = max(float(square[first:last].mean()), 1e-3)
     variance[~inside] = max(float(square[~inside].mean()), 1e-3)
-    kappa = float(np.var(square[told] / variance[told]))
+    kappa = float(np.var(square[measured] / variance[measured]))
     gain = 0.5 * float(n * np.log(square.mean()) - np.sum(np.log(variance)))
     cells = [len(_widths(n)) * 4.0 * n / (last - first) for first, last in stretches]
     return gain * 2.0 / max(kappa, 1e-9) - float(np.sum(np.log(cells) + 0.5 * np.log(n)))

@@ -19,7 +19,7 @@ from tuner.diagnosis.static.causes.base import Extension, Value, plateau_enlarge
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
 from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
-from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, polished
+from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, refit_colour
 
 if TYPE_CHECKING:
     from tuner.diagnosis.static.model.residual import Residual
@@ -110,7 +110,7 @@ def extension(data: Bins, fitted: ShapeFit) -> Colour:
 
 def _estimated(data: Bins, fitted: ShapeFit) -> tuple[Coefficients, list[float]]:
     """Return the coefficients of a colour and the sd of each (by differences through the free numbers)."""
-    x, covariance = polished(data, fitted)
+    x, covariance = refit_colour(data, fitted)
     ar, ma = colour_arma(fitted.name, x)
     step = 1e-5
     moved = [np.concatenate(colour_arma(fitted.name, x + step * unit)) for unit in np.eye(len(x))]

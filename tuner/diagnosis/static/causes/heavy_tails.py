@@ -107,8 +107,8 @@ class HeavyTails(Extension):
         white = fitted.spread * float(
             np.sqrt(fitted.power[len(fitted.power) // 2 :].mean() / fitted.channel.interval)
         )
-        lattice = rounded_kurtosis(fitted.channel.lattice / white)
-        deviate = (kurtosis - CLIPPED_KURTOSIS - lattice) / np.sqrt(24.0 / n)
+        rounding = rounded_kurtosis(fitted.channel.quantizer_step / white)
+        deviate = (kurtosis - CLIPPED_KURTOSIS - rounding) / np.sqrt(24.0 / n)
         p_value = float(norm.sf(deviate))
         gain, law = 0.0, Law(0.0, np.inf, 0.0)
         if p_value < 1e-3:
@@ -225,7 +225,7 @@ def extension(fitted: Residual, law: Law, sd: float) -> HeavyTails:
     `sd` is that of the white noise, in scales.
     """
     white = dilution(fitted)
-    rounding = -1.2 * (fitted.channel.lattice / sd) ** 4 / 144.0
+    rounding = -1.2 * (fitted.channel.quantizer_step / sd) ** 4 / 144.0
     shape = HeavyTails(law.nu, law.share, law.ratio)
     core, wide = shape.scales
     heavy = 3.0 * law.nu**2 / ((law.nu - 2.0) * max(law.nu - 4.0, 0.05)) * wide**4

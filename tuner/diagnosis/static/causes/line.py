@@ -38,7 +38,7 @@ EFFECTIVE_NEIGHBOURS = 490
 """Independent ordinates that would give the level as well as that median."""
 MIN_PEAK_SHARE = 0.8
 """Least share of a peak that the nearest half bin shows."""
-REFINED_P_VALUE = 1e-2
+FOLLOWED_P_VALUE = 1e-2
 """Chance from which ordinates are followed to their peaks."""
 
 
@@ -80,7 +80,7 @@ class Line(Extension):
         ratio[: int(np.searchsorted(frequency, FIRST_ORDINATE / (n * fitted.channel.interval)))] = 0.0
         best = int(np.argmax(ratio))
         height, f = float(ratio[best]), float(frequency[best])
-        if _chance(height / MIN_PEAK_SHARE, n) < REFINED_P_VALUE:
+        if _chance(height / MIN_PEAK_SHARE, n) < FOLLOWED_P_VALUE:
             near = np.flatnonzero(ratio >= MIN_PEAK_SHARE * height)
             tops = [near[0], *near[1:][np.diff(near) > 2]]
             height, f = max(_peak(fitted, float(frequency[i]), float(level[i])) for i in tops)

@@ -134,9 +134,9 @@ def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArr
     blocks = y[: len(y) // size * size].reshape(-1, size)
     step = np.diff(blocks.mean(axis=1))
     usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
-    loud = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
-    louder = 0.5 * (loud[1:] + loud[:-1]) / float(np.median(loud))
-    return np.abs(step) / (usual * np.sqrt(np.maximum(louder, 1.0))), size
+    local = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
+    variance_ratio = 0.5 * (local[1:] + local[:-1]) / float(np.median(local))
+    return np.abs(step) / (usual * np.sqrt(np.maximum(variance_ratio, 1.0))), size
 
 
 def stretches(channels: list[Channel]) -> list[Stretch]:

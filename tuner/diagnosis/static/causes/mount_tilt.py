@@ -226,10 +226,10 @@ def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained
         Chance below which the length is not kept.
     """
     triad = {axis: found for axis, found in finals.items() if found.channel.unit == "m/s^2"}
-    told = [x for found in triad.values() for x in found.extensions if isinstance(x, MountTilt)]
-    if not told or len(triad) != 3 or len({len(found.channel) for found in triad.values()}) != 1:
+    tilts = [x for found in triad.values() for x in found.extensions if isinstance(x, MountTilt)]
+    if not tilts or len(triad) != 3 or len({len(found.channel) for found in triad.values()}) != 1:
         return ()
-    clearest = max(told, key=lambda x: abs(x.values["tilt"].value))
+    clearest = max(tilts, key=lambda x: abs(x.values["tilt"].value))
     moved = np.array([_moved(found, clearest) for found in triad.values()])
     level = np.array([found.channel.level for found in triad.values()])
     norm = float(np.linalg.norm(level))

@@ -14,7 +14,7 @@ from typing import Any
 from models.effects import EFFECTS
 from models.registry import Registry
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.data_quality.causes import Clipping, Duplicates, Lattice, Timing
+from tuner.diagnosis.data_quality.causes import Clipping, Duplicates, Quantizer, Timing
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.chirp import Sweep
@@ -89,6 +89,6 @@ CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
-        Clipping, Lattice,
+        Clipping, Quantizer,
     )
 )  # fmt: skip

@@ -122,15 +122,15 @@ class Telegraph(Extension):
         step = channel.block * channel.interval
         y = fitted.cleaned.block_mean(fitted.cleaned.y) - fitted.path
         y = y - y.mean()
-        loud = channel.block_mean(course(fitted))
+        relative_variance = channel.block_mean(course(fitted))
         name = "log likelihood of two levels less that of Gaussian noise"
         more = fitted.fits if fitted.count("gauss_markov") else fitted.with_markov
         null = -np.inf
         for fit in (*fitted.fits, *more):
             terms = fit.terms()
             slow = Slow.of(expanded(terms, step, channel.span), step)
-            null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * loud))
-        r = block_noise(fitted.fit.terms(), step) * loud
+            null = max(null, likelihood(y, STILL, slow, block_noise(terms, step) * relative_variance))
+        r = block_noise(fitted.fit.terms(), step) * relative_variance
         besides: type[Term] = GaussMarkov
         best = _search(y, step, channel.span, r, fitted, null)
         flicker = BiasInstability in fitted.fit.kinds
@@ -139,7 +139,7 @@ class Telegraph(Extension):
             best, besides = (again, BiasInstability) if again[0] > best[0] else (best, besides)
         price = 1.5 * float(np.log(channel.blocks))
         if best[0] - null > price:
-            null = max(null, _polished(y, step, channel.span, r, best[1]))
+            null = max(null, _refit_gaussian(y, step, channel.span, r, best[1]))
         lead = best[0] - null
         p_value = float(chi2.sf(2.0 * max(lead, 0.0), 5))
         gain = lead - price
@@ -199,7 +199,7 @@ def _cost(
     return -likelihood(y, *_parts(x, step, span, besides), r)
 
 
-def _polished(y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray) -> float:
+def _refit_gaussian(y: FloatArray, step: float, span: float, r: FloatArray | float, x: FloatArray) -> float:
     """Return the log likelihood of two Gauss–Markov processes and a random walk, fitted by the same filter.
 
     The fits of the cosine domain are those of instants, the filter sees means of blocks: close to the block

@@ -79,7 +79,7 @@ class VarianceDrift(Extension):
     def test(cls, fitted: Residual) -> TestResult:
         """Regress the log variance of blocks on time, and on the temperature where it was measured."""
         span = fitted.channel.span
-        alarms = [
+        results = [
             _regression(
                 fitted,
                 middles() - 0.5,
@@ -92,11 +92,11 @@ class VarianceDrift(Extension):
         if COVARIATE in fitted.channel.covariates:
             celsius = on_blocks(fitted.channel, fitted.channel.covariates[COVARIATE])
             name = "change of the log variance a kelvin"
-            alarms.append(_regression(fitted, celsius, name, 1.0, "1/K", VarianceByHeat))
-        best = max(alarms, key=lambda alarm: alarm.gain)
+            results.append(_regression(fitted, celsius, name, 1.0, "1/K", VarianceByHeat))
+        best = max(results, key=lambda result: result.gain)
         return TestResult(
             best.cause,
-            min(1.0, len(alarms) * best.p_value),
+            min(1.0, len(results) * best.p_value),
             best.gain,
             best.statistic,
             best.name,
@@ -162,10 +162,10 @@ def _course(change: float, x: FloatArray, weight: FloatArray, share: float) -> t
 
     Of the mean variance the white noise, which follows exp(change x), has this share.
     """
-    loud = np.exp(change * x)
-    mean = weight @ loud / weight.sum()
-    total = 1.0 - share + share * loud / mean
-    slope = share * loud / mean / total * (x - weight @ (x * loud) / weight.sum() / mean)
+    growth = np.exp(change * x)
+    mean = weight @ growth / weight.sum()
+    total = 1.0 - share + share * growth / mean
+    slope = share * growth / mean / total * (x - weight @ (x * growth) / weight.sum() / mean)
     return np.log(total), slope - weight @ slope / weight.sum()
 
 

@@ -37,7 +37,7 @@ IntArray = NDArray[np.signedinteger[Any]]
 WINDOWS = tuple(8 * 2**k for k in range(10))
 LEVEL_WIDTHS = 16
 """Widths of a window from which its level is taken, on either side."""
-REFINED_P_VALUE = 0.03
+REFIT_P_VALUE = 0.03
 """Chance of a window from which the hump is fitted."""
 NEIGHBOUR_COUNT = 200
 """Ordinates about one that tell a line from a hump."""
@@ -116,19 +116,19 @@ class Vibration(Extension):
         level = np.stack((other * (0.5 - place), other * (0.5 + place)))
         count = np.full(number, float(size))
 
-        def hump(x: FloatArray) -> FloatArray:
+        def peak(x: FloatArray) -> FloatArray:
             frequency, quality = np.exp(np.clip(x, -20.0, 20.0)).tolist()
             return Vibration(min(frequency, 0.499 / dt), min(max(quality, 0.5), 1e5), 1.0).power(f, dt)
 
         def cost(x: FloatArray) -> float:
-            return sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[2]
+            return sizes(mean, count, np.vstack((level, peak(x))), np.zeros(number))[2]
 
         def whole(x: FloatArray) -> float:
-            return sizes(mean, count, level, np.exp(2.0 * x[2]) * hump(x[:2]))[2]
+            return sizes(mean, count, level, np.exp(2.0 * x[2]) * peak(x[:2]))[2]
 
         start = np.log([self.frequency, self.quality, self.sd])
         x, _ = minimum(cost, [start[:2].tolist()], scale=0.02, tolerance=1e-3)
-        variance = sizes(mean, count, np.vstack((level, hump(x))), np.zeros(number))[0][-1]
+        variance = sizes(mean, count, np.vstack((level, peak(x))), np.zeros(number))[0][-1]
         x = np.append(x, 0.5 * np.log(max(variance, 1e-12)))
         covariance = curvature(whole, x)
         sd = np.sqrt(np.diag(covariance))
@@ -157,11 +157,11 @@ def resonance(f: FloatArray, interval: float, r: float, angle: float, sd: float)
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
-def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray, hump: FloatArray) -> float:
+def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray, peak: FloatArray) -> float:
     """Return Σ ln E + P/E of ordinates P, shape (b,), with E = exp(level) (1 + slope · place) (1 + hump)."""
     total, scale = 0.0, np.exp(level)
     for at in range(mean.size):
-        expected = scale * (1.0 + slope * place[at]) * (1.0 + hump[at])
+        expected = scale * (1.0 + slope * place[at]) * (1.0 + peak[at])
         total += np.log(expected) + mean[at] / expected
     return total
 
@@ -188,7 +188,7 @@ def test(fitted: Residual, tested: ShapeTest) -> TestResult:
     p_value = float(np.exp(min(log_chance, 0.0)))
     centre, half = (at + 1 + 0.5 * width) * df, 0.5 * width * df
     name = f"mean of {width} ordinates of the spectrum ÷ their neighbourhood"
-    if p_value > REFINED_P_VALUE:
+    if p_value > REFIT_P_VALUE:
         return TestResult("vibration", min(1.0, 2.0 * p_value), -9.0, mean, name)
     gain, found = extension(fitted, background, centre, half)
     covered = float(np.clip(found.frequency / found.quality / df, WINDOWS[0], widths[-1]))
@@ -238,14 +238,14 @@ def _largest(values: FloatArray, number: int) -> IntArray:
 def wide(tested: ShapeTest, fitted: Residual) -> TestResult:
     """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
     name = "excess of the fast spectrum over white noise"
-    if tested.hump is None:
+    if tested.resonance is None:
         return TestResult("vibration", tested.any_p_value, -9.0, 0.0, name)
-    hump = tested.hump
+    peak = tested.resonance
     scale = np.array([1.0, 1.0, 0.5])
-    spread = scale * np.sqrt(np.diag(hump.covariance))
-    found = _fitted(scale * hump.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
-    ratio = 2.0 * (tested.null.cost - hump.cost)
-    gain = -np.inf if found.quality < MIN_QUALITY or found.overlaps(fitted) else tested.gain(hump)
+    spread = scale * np.sqrt(np.diag(peak.covariance))
+    found = _fitted(scale * peak.x - [np.log(tested.data.interval), 0.0, 0.0], spread)
+    ratio = 2.0 * (tested.null.cost - peak.cost)
+    gain = -np.inf if found.quality < MIN_QUALITY or found.overlaps(fitted) else tested.gain(peak)
     return TestResult("vibration", tested.any_p_value, gain, ratio, name, lambda: (found,))
 
 
@@ -314,8 +314,8 @@ def extension(
             and abs(x[4]) < 0.9
         ):
             return 1e12
-        hump = resonance(f, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
-        return size * float(_level_cost(mean, x[3], x[4], place, hump))
+        peak = resonance(f, dt, *Vibration(frequency, quality, sd).pole(dt), sd) / white
+        return size * float(_level_cost(mean, x[3], x[4], place, peak))
 
     def flat(x: FloatArray) -> float:
         return size * float(_level_cost(mean, x[0], x[1], place, none)) if abs(x[1]) < 0.9 else 1e12

@@ -39,7 +39,7 @@ def code_step(values: FloatArray) -> float:
     return float(np.median(np.diff(codes)))
 
 
-def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
+def smoothed(readings: FloatArray, step: float, repeats: int = 1) -> FloatArray:
     """Return the smoothest curve within the error of readings, shape (n,).
 
     Parameters
@@ -53,8 +53,8 @@ def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
     curve = readings
     if len(readings) < 4 * PART_COUNT:
         return curve
-    held = min(held, len(readings) // PART_COUNT)
-    second = readings[2 * held :] - 2.0 * readings[held:-held] + readings[: -2 * held]
+    repeats = min(repeats, len(readings) // PART_COUNT)
+    second = readings[2 * repeats :] - 2.0 * readings[repeats:-repeats] + readings[: -2 * repeats]
     error = max(step / np.sqrt(12.0), float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0)))
     if error == 0.0:
         return curve
@@ -62,14 +62,14 @@ def smoothed(readings: FloatArray, step: float, held: int = 1) -> FloatArray:
     for _ in range(24):
         middle = 0.5 * (low + high)
         trial = _whittaker(readings, 10.0**middle)
-        if _within(readings - trial, error, MEAN_MEASUREMENTS * held):
+        if _within(readings - trial, error, MEAN_MEASUREMENTS * repeats):
             low, curve = middle, trial
         else:
             high = middle
     return curve
 
 
-def hold(values: FloatArray) -> int:
+def typical_repeats(values: FloatArray) -> int:
     """Return how many equal values follow each other, typically."""
     change = np.flatnonzero(np.diff(values))
     return int(np.median(np.diff(change))) if len(change) > 1 else len(values)

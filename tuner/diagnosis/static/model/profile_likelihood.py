@@ -101,7 +101,7 @@ def profile(fitted: Residual, index: int, template: Template, centre: float, siz
     most = explained(middle)
     followed = [f for f in fitted.fits if f.log_likelihood > fitted.fit.log_likelihood - MAX_NATS_BELOW]
 
-    def held(log_factor: float) -> float:
+    def at_fitted_noise(log_factor: float) -> float:
         return most - explained(middle + log_factor)
 
     def refitted(log_factor: float) -> float:
@@ -112,7 +112,7 @@ def profile(fitted: Residual, index: int, template: Template, centre: float, siz
 
     ends = []
     for sign in (-1.0, 1.0):
-        ends.append(sign * max(_reach(refitted, sign), wider * _reach(held, sign)))
+        ends.append(sign * max(_reach(refitted, sign), wider * _reach(at_fitted_noise, sign)))
     sizes = []
     for end in ends:
         columns = block_transform(template(centre * float(np.exp(end))), fitted.cleaned, track.singles)

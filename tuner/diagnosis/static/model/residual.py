@@ -87,7 +87,7 @@ class Residual:
     @property
     def cleaners(self) -> tuple[Extension, ...]:
         """Extensions that change samples."""
-        return _repairs(self.extensions)
+        return _cleaners(self.extensions)
 
     def count(self, *causes: str) -> int:
         """Return how many extensions have one of these causes."""
@@ -109,8 +109,8 @@ class Residual:
         centre, sd = float(self.fit.beta[column]), float(np.sqrt(self.fit.beta_covariance[column, column]))
 
         def drop(size: float) -> float:
-            held = self.track.without_column(column, size)
-            best = max(held.fit(f.kinds, f.theta).log_likelihood for f in self.fits)
+            fixed = self.track.without_column(column, size)
+            best = max(fixed.fit(f.kinds, f.theta).log_likelihood for f in self.fits)
             return 2.0 * (self.fit.log_likelihood - best)
 
         flicker = next(f for f in self.fits if BiasInstability in f.kinds)
@@ -240,7 +240,7 @@ def _columns(channel: Channel, extensions: tuple[Extension, ...]) -> FloatArray:
     return np.concatenate([ramp[:, None], *(x.columns(channel) for x in extensions)], axis=1)
 
 
-def _repairs(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
+def _cleaners(extensions: tuple[Extension, ...]) -> tuple[Extension, ...]:
     """Return the extensions that change samples."""
     return tuple(x for x in extensions if type(x).clean_samples is not Extension.clean_samples)
 
@@ -313,7 +313,7 @@ def residual(
         One of the same channel, whose coefficients serve again where the cleaners are the same.
     """
     singles = channel.blocks // 2
-    if near is not None and near.channel is channel and near.cleaners == _repairs(extensions):
+    if near is not None and near.channel is channel and near.cleaners == _cleaners(extensions):
         cleaned, a, cells = near.cleaned, near.coefficients, near.track.grid
     else:
         cleaned = channel

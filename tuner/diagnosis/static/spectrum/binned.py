@@ -106,14 +106,16 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
     known = tuple(x for x in fitted.extensions if x is not without)
     shaped = any(x.cause in ("lowpass", "colour") for x in known)
-    rounding = fitted.channel.lattice**2 / 12.0 * dt
+    rounding = fitted.channel.quantizer_step**2 / 12.0 * dt
     peaks = fitted.peaks[inside]
     if without is not None:
         f = np.arange(first + 1.0, first + 1.0 + width * BIN_COUNT) / (2.0 * (n + 1) * dt)
         peaks = peaks - without.power(f, dt)
     peaks = peaks.reshape(BIN_COUNT, width).mean(axis=1)
-    told = power_of(fitted.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
-    rest = total - told - white * gain_of(fitted.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    explained = power_of(fitted.extensions, cycles / dt, dt) - power_of(known, cycles / dt, dt) + peaks
+    rest = (
+        total - explained - white * gain_of(fitted.extensions, cycles / dt, dt) - quantization * rise(cycles)
+    )
     return Bins(
         dt,
         cycles,

@@ -155,7 +155,7 @@ def _colour_cost(data: Bins, name: str, rises: bool) -> Callable[[FloatArray], f
     return cost
 
 
-def polished(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
+def refit_colour(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
     """Return the free numbers of a colour and their covariance, white noise free and quantization if it has that."""
     cost = _colour_cost(data, fitted.name, fitted.rises)
     x, covariance, _ = maximum(cost, [fitted.x.tolist()], scale=0.02, tolerance=1e-3)
@@ -224,13 +224,13 @@ class ShapeTest:
     misfit: float
     filters: tuple[ShapeFit, ...]
     colours: tuple[ShapeFit, ...]
-    hump: ResonanceFit | None
-    hump_p_value: float
+    resonance: ResonanceFit | None
+    resonance_p_value: float
 
     @property
     def any_p_value(self) -> float:
         """Chance of the most remarkable of the three statistics."""
-        return min(1.0, 3.0 * min(self.p_value, self.misfit, self.hump_p_value))
+        return min(1.0, 3.0 * min(self.p_value, self.misfit, self.resonance_p_value))
 
     @property
     def worst(self) -> str:
@@ -285,10 +285,10 @@ def few_shapes(fitted: Residual) -> ShapeTest:
     ratio = 2.0 * max(0.0, null.cost - min(f.cost for f in first))
     p_value = min(1.0, 2.0 * float(chi2.sf(ratio, 1)))
     scatter = misfit(data, null)
-    hump_p_value = scan_resonances(data, null.expected)[0]
-    if min(p_value, scatter, hump_p_value) > SHAPES_P_VALUE:
-        return ShapeTest(data, null, p_value, scatter, (), (), None, hump_p_value)
-    return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, hump_p_value)
+    resonance_p_value = scan_resonances(data, null.expected)[0]
+    if min(p_value, scatter, resonance_p_value) > SHAPES_P_VALUE:
+        return ShapeTest(data, null, p_value, scatter, (), (), None, resonance_p_value)
+    return ShapeTest(data, null, p_value, scatter, fit_filters(data), first, None, resonance_p_value)
 
 
 def many_shapes(few: ShapeTest) -> ShapeTest:
@@ -301,7 +301,7 @@ def many_shapes(few: ShapeTest) -> ShapeTest:
         for name in COLOURS
     ]
     _, middle, width = scan_resonances(data, few.null.expected)
-    return replace(few, colours=_ranked(data, colours), hump=fit_resonance(data, middle, width))
+    return replace(few, colours=_ranked(data, colours), resonance=fit_resonance(data, middle, width))
 
 
 def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:

@@ -50,13 +50,13 @@ class LocalVariance:
         square, scatter = self.square.copy(), self.scatter.copy()
         for first, last in stretches:
             scatter[first:last] = 0.0
-        told = scatter > 0.0
-        if not told.any():
+        measured = scatter > 0.0
+        if not measured.any():
             return self
-        level = float(square[told].mean())
-        kappa = float(np.var(square[told])) / level**2
-        scatter *= kappa / float(scatter[told].mean())
-        square = np.where(told, square / level, 1.0)
+        level = float(square[measured].mean())
+        kappa = float(np.var(square[measured])) / level**2
+        scatter *= kappa / float(scatter[measured].mean())
+        square = np.where(measured, square / level, 1.0)
         return LocalVariance(square, scatter, kappa, self.rounded)
 
     def deviate(self, mean: FloatArray, freedom: FloatArray) -> FloatArray:
@@ -75,21 +75,21 @@ class LocalVariance:
 def local_variance(fitted: Residual) -> LocalVariance:
     """Return how loud every sample is."""
     e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
-    square, told = e * e, fitted.valid
+    square, measured = e * e, fitted.valid
     cell = cell_moments(fitted)
     if cell is not None:
-        told = told & np.isfinite(cell[1])
+        measured = measured & np.isfinite(cell[1])
         square = square / cell[0]
-    if not told.any():
+    if not measured.any():
         return LocalVariance(np.ones_like(e), np.zeros_like(e), 2.0, rounded=True)
-    square = square / square[told].mean()
-    kappa = float(np.var(square[told]))
+    square = square / square[measured].mean()
+    kappa = float(np.var(square[measured]))
     scatter = np.full(len(e), kappa)
     if cell is not None:
         likely = np.maximum(cell[1], MIN_SQUARE_VARIANCE)
-        scatter = likely * (kappa / float(likely[told].mean()))
-    if not told.all():
-        square, scatter = np.where(told, square, 1.0), np.where(told, scatter, 0.0)
+        scatter = likely * (kappa / float(likely[measured].mean()))
+    if not measured.all():
+        square, scatter = np.where(measured, square, 1.0), np.where(measured, scatter, 0.0)
     return LocalVariance(square, scatter, kappa, cell is not None)
 
 
@@ -110,13 +110,13 @@ def block_variance(fitted: Residual) -> tuple[FloatArray, FloatArray, float]:
 
     The weights are numbers of samples of the usual κ: 2 weight/κ are the degrees of freedom of a mean square.
     """
-    loud = local_variance(fitted)
+    local = local_variance(fitted)
     size = len(fitted.e) // LEVEL_BLOCKS
     inside = slice(0, size * LEVEL_BLOCKS)
-    told = loud.scatter[inside] > 0.0
-    count = told.reshape(LEVEL_BLOCKS, size).sum(axis=1).astype(float)
-    square = np.where(told, loud.square[inside], 0.0).reshape(LEVEL_BLOCKS, size).sum(axis=1)
-    scatter = loud.scatter[inside].reshape(LEVEL_BLOCKS, size).sum(axis=1)
-    weight = np.maximum(loud.kappa * count**2 / np.maximum(scatter, 1e-12), 1.0)
+    measured = local.scatter[inside] > 0.0
+    count = measured.reshape(LEVEL_BLOCKS, size).sum(axis=1).astype(float)
+    square = np.where(measured, local.square[inside], 0.0).reshape(LEVEL_BLOCKS, size).sum(axis=1)
+    scatter = local.scatter[inside].reshape(LEVEL_BLOCKS, size).sum(axis=1)
+    weight = np.maximum(local.kappa * count**2 / np.maximum(scatter, 1e-12), 1.0)
     mean = np.where(count > 0.0, square / np.maximum(count, 1.0), 1.0)
-    return np.maximum(mean, 1e-6), weight, loud.kappa
+    return np.maximum(mean, 1e-6), weight, local.kappa

@@ -69,15 +69,15 @@ def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestRe
 def _deviates(fitted: Residual) -> tuple[FloatArray, FloatArray]:
     """Return the deviates of the blocks, shape (`LEVEL_BLOCKS`,), and the orthonormal columns taken out."""
     square, weight, kappa = block_variance(fitted)
-    told = weight > MIN_BLOCK_SHARE * float(np.median(weight))
-    level = float(weight[told] @ square[told] / weight[told].sum())
-    deviate = np.where(told, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
+    filled = weight > MIN_BLOCK_SHARE * float(np.median(weight))
+    level = float(weight[filled] @ square[filled] / weight[filled].sum())
+    deviate = np.where(filled, variance_deviate(square / level, 2.0 * weight / kappa), 0.0)
     known = [np.ones(LEVEL_BLOCKS), middles() - 0.5]
     if COVARIATE in fitted.channel.covariates:
         known.append(on_blocks(fitted.channel, fitted.channel.covariates[COVARIATE]))
     basis = np.empty((LEVEL_BLOCKS, 0))
     for column in known:
-        basis = np.column_stack((basis, _beside(column * told, basis)))
+        basis = np.column_stack((basis, _beside(column * filled, basis)))
     return deviate - basis @ (basis.T @ deviate), basis
 
 

@@ -121,7 +121,7 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
 
     Samples that say nothing of their noise have κ = ∞.
     """
-    channel, step = fitted.channel, fitted.channel.lattice
+    channel, step = fitted.channel, fitted.channel.quantizer_step
     if step <= 0.5 * MAX_FINE_STEP:
         return None
     slow, noise, unsure = slow_track(fitted)
@@ -146,7 +146,7 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
 def is_coarse(fitted: Residual) -> bool:
     """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell is felt."""
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
-    step = fitted.channel.lattice
+    step = fitted.channel.quantizer_step
     return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0
 
 

@@ -58,7 +58,7 @@ def dilution(fitted: Residual) -> Dilution:
     order = next(i for i, term in enumerate(fitted.fit.terms()) if isinstance(term, White))
     at = sum(len(kind.PARAMETERS) for kind in fitted.fit.kinds[:order])
     density = float(np.exp(2.0 * fitted.fit.theta[at]))
-    own = max(density - fitted.channel.lattice**2 * dt / 12.0, MIN_WHITE_SHARE * density)
+    own = max(density - fitted.channel.quantizer_step**2 * dt / 12.0, MIN_WHITE_SHARE * density)
     response = np.sqrt(np.minimum(own * gain_of(fitted.extensions, f, dt) / fitted.power_at(f), 1.0))
     h = np.fft.irfft(response)
     error = 2.0 * float(np.sqrt(fitted.fit.covariance[at, at]))
