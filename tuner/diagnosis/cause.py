@@ -30,7 +30,7 @@ class Cause:
     meaning: ClassVar[str]
     """What the cause is and how it shows, in one sentence."""
     consequence: ClassVar[str]
-    """What it asks of a filter, in one sentence."""
+    """What a filter needs because of it, in one sentence."""
     group: ClassVar[Group]
     """Causes that it can be mistaken for."""
     shares: ClassVar[int] = 1

@@ -1,4 +1,4 @@
-"""Causes that lie in the samples themselves: what they are and what they ask of a filter."""
+"""Causes that lie in the samples themselves: repeated and frozen ones, time stamps, saturation, the quantizer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Frozen(Duplicates):
 
     meaning = "one reading is given over and over: the register, or the link to it, was stuck"
     consequence = (
-        "leave these stretches out: a filter that takes them for measurements believes a sensor without noise"
+        "leave these stretches out: a filter that takes them for measurements assumes a sensor without noise"
     )
 
 

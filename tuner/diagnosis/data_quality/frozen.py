@@ -1,22 +1,22 @@
 """Frozen readings: stretches in which an axis gives one value over and over, as a stuck register does.
 
-Noise on a lattice of step D repeats a code with a chance q a sample, so that runs of equal values have a geometric
-tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `FROZEN_P_VALUE`::
+Noise through a quantizer of step D repeats a code with a chance q a sample, so that runs of equal values have a
+geometric tail. A run of ℓ samples is frozen where both of two bounds on its chance are below `FROZEN_P_VALUE`::
 
     K exp(−(ℓ − u)/(2 s))       u the K-th longest of the runs that are not frozen, s their mean excess over it:
-                                whatever the noise, its colour, its changes, a dead band or readings held one by one
+                                whatever the noise, its colour, its changes, a dead band or single repeated samples
     n q^(ℓ−1),  q = erf(w/(√8 σ))   the noise with its mean in the middle of the code all the time, w the distance
                                 between the edges of the code: where no other code comes, as in a dead band, it is wide
 
-The 2 pays for a tail that is a mixture of several. σ is read off the share of neighbours two codes and more apart,
-which knows no slow track, in the quietest tenth of the record::
+The 2 allows for a tail that is a mixture of several. σ follows from the share of neighbours two codes and more apart,
+which does not depend on slow noise, in the quietest tenth of the record::
 
     h(D/σ) = 1 − Σ p_c² − 2 Σ p_c p_(c+1)     the mean on a code or half-way between two, where it is larger
 
 Where it is below `MIN_FAR_SHARE`, D above some 3 σ, runs of any length are natural, and nothing is
 reported. A value at the end of all others, at which these pile up as well, is a rail, where the sensor saturated
 (`tuner.diagnosis.data_quality.saturation`).
-Nor is it where more than half of the samples would be frozen, but for one stretch of values that lie on no lattice.
+Nor is it where more than half of the samples would be frozen, but for one stretch in a record without a quantizer.
 """
 
 from __future__ import annotations
@@ -38,27 +38,49 @@ IntArray = NDArray[np.int64]
 Range = tuple[int, int]
 
 FROZEN_P_VALUE = 1e-9
-"""Chance of a run below which it is frozen."""
+"""P-value of a run below which it is frozen.
+
+Both bounds are exponential, so that a smaller value costs a few samples of length only; chosen far below the share of
+the false-alarm budget because the tail of the runs is extrapolated.
+"""
 MIN_RUN_LENGTH = 16
-"""Samples in the shortest run that is asked for."""
+"""Samples in the shortest run that is tested; shorter ones do a filter no more harm than repeated samples do."""
 TAIL_RUN_COUNT = 50
-"""Runs that tell the tail, K; a record has four times as many at least."""
+"""Longest runs from which the tail is estimated, K; their mean excess is known to 1/√K = 14 %.
+
+The record needs four times as many, so that these lie in the tail.
+"""
 MIN_FAR_SHARE = 0.01
-"""Least share of neighbours two codes and more apart."""
+"""Least share of neighbours two codes and more apart: below it, σ is under a third of the step and not estimable."""
 QUIET_SHARE = 0.1
-"""Share of the record that may be quieter than the noise that is reckoned with."""
+"""Share of the record that may be quieter than the σ that is used: its quantile over blocks.
+
+Chosen low, so that a quieter part, where samples repeat more often, is not taken for a frozen one.
+"""
 BLOCK_PAIRS = 256
-"""Pairs of neighbours that tell how quiet it is."""
+"""Pairs of neighbours in a block of which σ is estimated; at `MIN_FAR_SHARE` some three of them are far apart."""
 UNREACHABLE_DISTANCE = 12.0
-"""Distance of two values, σ, from which noise does not get from one to the other: there is no code in between."""
+"""Distance of two values, σ, that noise does not cross in one step: beyond, a code in between is missing.
+
+The difference of neighbours has the sd √2 σ: 12 σ are 8.5 of these, P = 2e-17.
+"""
 MAX_FROZEN_SHARE = 0.5
-"""Largest share of a record that can be frozen, but for a sensor without a lattice that dies."""
+"""Largest share of a record that can be frozen, but for a sensor without a quantizer that fails.
+
+Chosen so that the samples that change are the majority: σ and the runs are those of the working sensor.
+"""
 MIN_DISTINCT_SHARE = 0.5
-"""Least number of different values ÷ changes from one sample to the next in data that lie on no lattice."""
+"""Least number of different values ÷ changes between samples in data without a quantizer.
+
+Continuous data give 1, coarse codes nearly 0; half-way between.
+"""
 MIN_RAIL_SAMPLES = 3
-"""Samples at the end of all values that make it a rail, at least."""
+"""Least number of samples at the end of all values that make it a rail: two may coincide by rounding."""
 EDGE_TOLERANCE = 16
-"""Samples by which edges of stretches may differ that several axes share."""
+"""Samples by which the edges of a stretch may differ between axes that froze together.
+
+Chosen as `MIN_RUN_LENGTH`: by chance an axis repeats its value for a few samples more at either end.
+"""
 
 
 @dataclass(frozen=True)
@@ -86,7 +108,7 @@ class Frozen:
 
     @property
     def repeated(self) -> int:
-        """Samples that repeat the one before."""
+        """Number of samples that repeat the one before."""
         return sum(last - first - 1 for first, last in self.stretches)
 
     def alike(self, other: Frozen) -> bool:
@@ -210,7 +232,7 @@ def _at_a_rail(values: FloatArray, others: FloatArray, count: IntArray) -> NDArr
 
 
 def _two_apart(u: float) -> float:
-    """Return h for a lattice of u = D/σ: with the mean on a code or half-way between two, the larger one."""
+    """Return h for a quantizer step of u = D/σ: with the mean on a code or half-way between two, the larger one."""
     reach = math.ceil(8.0 / u) + 1
     edges = np.arange(-reach, reach + 1.0) - 0.5
     alike = []

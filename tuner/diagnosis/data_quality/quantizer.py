@@ -1,7 +1,7 @@
-"""The lattice of digital codes: its step, its dead band, codes that never come.
+"""The quantizer of a sensor: its step, its dead band, its missing codes.
 
 A converter of step D returns y = D round(x/D). Adjacent values of the data differ by whole steps; the step is
-their greatest common divisor. As long as D ≤ 2σ, with σ the white sd of a sample, the lattice adds D²/12 to
+their greatest common divisor. As long as D ≤ 2σ, with σ the white sd of a sample, quantization adds D²/12 to
 the variance and nothing else [1]_: that is a note, not a finding. What is a finding:
 
 - a coarser step: the error is no longer independent of the signal;
@@ -29,34 +29,40 @@ from scipy.stats import norm
 FloatArray = NDArray[np.float64]
 
 MAX_VALUES = 200_000
-"""Values that are enough to find the step."""
+"""Samples from which the step is found; chosen to bound the time: they meet every frequent code."""
 MIN_CODE_SHARE = 0.97
-"""Share of the samples whose values must lie on the lattice."""
+"""Share of the samples whose values must be whole steps; the rest may be interpolated over gaps."""
 MAX_CODE_DISTANCE = 0.1
-"""Distance from a code, in steps, at which a sample is taken for none."""
+"""Distance from a code, steps, from which a sample counts as interpolated; decimal rounding moves it by 2 % at most."""
 MEAN_WINDOW = 257
-"""Width in samples of the moving mean that parts slow from fast."""
+"""Width of the moving mean that separates slow from fast noise, samples.
+
+Chosen wide: it takes 1/257 of the variance of white noise, and an odd width keeps the phase.
+"""
 MIN_NOISE_VARIANCE = 0.01
-"""Least variance of the noise beside a lattice, step²."""
+"""Least variance of the noise beside quantization, step².
+
+A white sd of a tenth of a step, below which it is not seen.
+"""
 MIN_CODE_COUNT = 30
-"""Samples in a code that make a hole beside it remarkable."""
+"""Samples in a code from which a missing code beside it is tested: exp(−30/2) = 3e-7 by Poisson."""
 MAX_CODES = 1e6
-"""Codes in the range above which they are too many: digits of arithmetic, not of a converter."""
+"""Codes in the range above which they are digits of arithmetic, not of a converter (20 bits)."""
 MAX_HOLE_LENGTH = 16
-"""Longest run of empty codes that counts as a hole, codes."""
+"""Longest run of missing codes that counts as a hole, codes; longer ones separate spikes from the noise."""
 HARMLESS_DISTANCE = 0.1
-"""Distance of two codes, in σ, below which a hole between them does no harm."""
+"""Distance of two codes, σ, below which a hole between them does no harm: its D²/12 is 0.1 % of the variance."""
 MIN_PEAK_RATIO = 1.5
-"""Samples of code 0 ÷ those of any other near it at which it stands out."""
+"""Samples of code 0 ÷ those of any other near it from which a dead band is tested: one of b = D doubles them."""
 MIN_LOG_EXCESS = np.log(1.5)
-"""Excess of zeros that is left to the shape of the noise, in the logarithm."""
+"""Log excess of zeros that noise of other than normal shape may have; `MIN_PEAK_RATIO` in the logarithm."""
 MIN_COUNT_RATIO = 0.5
 """Least counts of codes ±2 ÷ those of codes ±1 for which five codes lie on a parabola (step 0.7 σ)."""
 
 
 @dataclass(frozen=True)
 class Codes:
-    """What the codes of a channel are like.
+    """Quantizer of a channel as its samples show it.
 
     Attributes
     ----------
@@ -80,13 +86,13 @@ class Codes:
 
 
 def quantizer_step(pieces: Sequence[FloatArray]) -> float:
-    """Return the step of the lattice that all values lie on, unit; 0 where there is none.
+    """Return the quantizer step of which all values are multiples, unit; 0 where there is none.
 
     Parameters
     ----------
     pieces : sequence of ndarray, shape (n,)
         Samples; steps may carry the rounding of a decimal print-out (2 % of a step). The rarest 3 % of the
-        samples may lie off the lattice, as interpolated ones do, where codes are so few that they repeat.
+        samples may lie between codes, as interpolated ones do, where codes are so few that they repeat.
     """
     values, count = np.unique(np.concatenate(pieces)[:MAX_VALUES], return_counts=True)
     descending = np.sort(count)[::-1]
@@ -121,7 +127,7 @@ def fast_part(piece: FloatArray) -> FloatArray:
 
 
 def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
-    """Look at the codes of one channel.
+    """Estimate noise, dead band and missing codes of the quantizer of one channel.
 
     Parameters
     ----------
@@ -181,7 +187,7 @@ def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], fl
 
 
 def _stands_out(count: NDArray[np.int64], zero: int) -> bool:
-    """Tell whether code 0 has half as many samples again as any other near it."""
+    """Return whether code 0 has half as many samples again as any other near it."""
     around = count[max(zero - MAX_HOLE_LENGTH, 0) : zero + MAX_HOLE_LENGTH + 1].copy()
     around[min(zero, MAX_HOLE_LENGTH)] = 0
     return bool(count[zero] > MIN_PEAK_RATIO * around.max())

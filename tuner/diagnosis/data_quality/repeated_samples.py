@@ -1,25 +1,25 @@
-"""Held readings: samples that repeat the one before.
+"""Repeated samples: readings that equal the one before, as from a register polled faster than it is filled.
 
-On a lattice neighbours are equal by chance. Rounded to a step D, two values whose difference is normal of sd
+Quantized neighbours are equal by chance, too. Rounded to a step D, two values whose difference is normal of sd
 s are equal with the probability ::
 
     g(s) = E max(0, 1 − |d|/D) = erf(D/(s√2)) − (2s/(D√(2π))) (1 − exp(−D²/(2s²)))
 
-A held sample equals its neighbour but not the ones before that, so equality at lag 1 is tested against
-equality at lags 2 … 9, which tell chance together; where the noise is coloured such that their differences are not
+A repeated sample equals its neighbour but not the ones before that, so equality at lag 1 is tested against
+equality at lags 2 … 9, which estimate chance together; where the noise is coloured such that their differences are not
 of the size of those at lag 2, against equality there only. Coloured noise has other differences at lag 1 too: the
 expectation is scaled by R = g(s₁)/g(s_k), with a margin in proportion to that correction, and by no less than 1. Only
-differences that are not zero tell s, so that holding does not change R. Counts and scales are taken in blocks: a change
-of the noise along the record does no harm, and their scatter gives the test, a Student t over blocks, or the exact
-binomial where equalities are few. Where the step exceeds about 4 s₁ equalities cannot tell holding from the
-lattice.
+differences that are not zero estimate s, so that repetition does not change R. Counts and scales are taken in blocks: a
+change of the noise along the record does no harm, and their scatter gives the test, a Student t over blocks, or the
+exact binomial where equalities are few. Where the step exceeds about 4 s₁ repetition
+and quantization cannot be separated.
 
-On a fine lattice (s₁ of two steps and more) the counts n(j) of neighbours that differ by j steps tell chance without
-the noise: their logarithm is a parabola in j near 0, and its value there, from j = ±1 … ±s₁/D (half as far where the
-noise is coloured), is what noise gives. What the codes themselves do to n(0) they do at the other lags as well: the
-excess e₁ = n₁(0) − n̂₁(0) stands against the excesses e_k, scaled by R = n̂₁(0)/n̂_k(0).
+With a fine quantizer (s₁ of two steps and more) the counts n(j) of neighbours that differ by j steps give chance
+without the noise: their logarithm is a parabola in j near 0, and its value there, from j = ±1 … ±s₁/D (half as far
+where the noise is coloured), is what noise gives. What the codes themselves do to n(0) they do at the other lags as
+well: the excess e₁ = n₁(0) − n̂₁(0) stands against the excesses e_k, scaled by R = n̂₁(0)/n̂_k(0).
 
-With a share f of held samples, equality at lag k is that at lag k − 1 for these, and chance for the others. Hence,
+With a share f of repeated samples, equality at lag k is that at lag k − 1 for these, and chance for the others. Hence,
 with the shares e of equal pairs, or of their excesses, e₀ = 1, and the mean over the lags k::
 
     f = (e₁ − mean R_k e_k) / (1 − mean R_k e_(k−1)),    f ≤ e₁
@@ -40,32 +40,47 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BLOCK_COUNT = 200
-"""Blocks that a record is cut into."""
+"""Blocks that a record is cut into: enough degrees of freedom for a t law close to the normal one."""
 LEAST_BLOCK = 100
-"""Least length of a block, samples."""
+"""Least length of a block, samples; chosen so that a block has several lags' worth of pairs (`MAX_LAG` is 9)."""
 MIN_EQUALITIES = 400
-"""Equalities below which the binomial test stands in for the scatter of the blocks."""
+"""Equalities below which the exact binomial test replaces the scatter over blocks: two a block of `BLOCK_COUNT`."""
 MIN_FINE_SD = 2.0
-"""Least sd of the differences on a fine lattice, steps."""
+"""Least sd of the differences for a fine quantizer, steps.
+
+Codes ±1 and ±2 lie within one sd, where log n is a parabola.
+"""
 MAX_DIFFERENCE_STEPS = 8
-"""Largest difference that tells how many are 0 by chance, steps."""
+"""Largest difference from which the count of zeros by chance is extrapolated, steps.
+
+Enough points for a parabola in the logarithm.
+"""
 MAX_COLOURED_DIFFERENCE = 0.5
-"""Largest difference of coloured noise, sd of the differences: further out its law may be another at lag 1."""
+"""Largest difference used for coloured noise, sd of the differences.
+
+Further out its distribution at lag 1 may differ from that at other lags; half as far as for white noise.
+"""
 MAX_LAG = 9
-"""Largest lag at which equalities tell chance."""
+"""Largest lag at which equalities estimate chance; eight lags make its variance an eighth of that at lag 1."""
 LAG_TOLERANCE = 0.02
-"""Relative difference of R between two lags up to which one tells chance as well as the other."""
+"""Relative difference of R between two lags up to which both estimate chance.
+
+Chosen far below the margin of the test.
+"""
 MIN_SQUARE_DIFFERENCE = 0.2
-"""Mean square of neighbours' differences, step², below which a lattice hides what is held."""
+"""Mean square of neighbours' differences, step², below which quantization hides repetition: four of five are equal."""
 MAX_ITERATIONS = 200
-"""Steps at most to the noise that moves as much as the codes do."""
+"""Largest number of iterations for s; they converge linearly, slowest for coarse steps."""
 SHAPE_SHARE = 0.6
-"""Share of the correction for colour that is left to the shape of the noise."""
+"""Share of the correction for colour that is allowed as its error.
+
+The correction is exact for normal noise; chosen so that noise of other distributions is not rejected.
+"""
 
 
 @dataclass(frozen=True)
 class RepeatedSamples:
-    """How many samples repeat the one before.
+    """Test for samples that repeat the one before, and their share.
 
     Attributes
     ----------
@@ -74,7 +89,7 @@ class RepeatedSamples:
     p_value : float
         Chance of such an excess.
     fraction : float
-        Share of samples that are held.
+        Share of samples that are repetitions.
     interval : (float, float)
         95 % interval of that.
     """
@@ -86,7 +101,7 @@ class RepeatedSamples:
 
 
 def chance_equality(s: FloatArray | float, step: float) -> FloatArray:
-    """Return g(s) for differences of sd `s` on a lattice of that step."""
+    """Return g(s) for differences of sd `s` through a quantizer of that step."""
     u = step / np.asarray(s, dtype=float)
     return np.asarray(erf(u / math.sqrt(2.0)) + 2.0 / (u * math.sqrt(2.0 * math.pi)) * np.expm1(-0.5 * u * u))
 
@@ -99,12 +114,12 @@ def find_repeated_samples(pieces: Sequence[FloatArray], steps: Sequence[float]) 
     pieces : sequence of ndarray, shape (n, k)
         Gap-free samples of k channels that are read together.
     steps : sequence of float
-        Lattice step of each channel, unit; 0 for none.
+        Quantizer step of each channel, unit; 0 for none.
 
     Returns
     -------
-    Held
-        The test and the share of held samples.
+    RepeatedSamples
+        The test and the share of repeated samples.
     """
     return _fine(pieces, steps) or _by_lags(pieces, steps)
 
@@ -141,7 +156,7 @@ def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSa
 
 
 def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples | None:
-    """Return the test of one channel by the counts of small differences; None where the lattice is not fine."""
+    """Return the test of one channel by the counts of small differences; None where the quantizer is not fine."""
     if len(steps) > 1 or steps[0] <= 0.0:
         return None
     near, far = (
@@ -176,7 +191,7 @@ def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSampl
 def _with_share(
     statistic: float, p_value: float, shares: FloatArray, ratio: FloatArray, lags: IntArray, sd: float
 ) -> RepeatedSamples:
-    """Return the test with the share of held samples, from the shares of equal pairs at lags 0, 1 and on."""
+    """Return the test with the share of repeated samples, from the shares of equal pairs at lags 0, 1 and on."""
     free = max(1.0 - float(np.mean(ratio * shares[lags])), 1e-3)
     most = max(float(shares[1]), 0.0)
     fraction = min(max((shares[1] - float(np.mean(ratio * shares[lags + 1]))) / free, 0.0), most)
@@ -187,7 +202,7 @@ def _with_share(
 
 
 def _alike(ratio: FloatArray) -> IntArray:
-    """Return the lags, less 1, that tell chance as lag 2 does, by R of the lags from 2 on."""
+    """Return the lags, less 1, that estimate chance as lag 2 does, by R of the lags from 2 on."""
     return 1 + np.flatnonzero(np.abs(ratio / ratio[0] - 1.0) < LAG_TOLERANCE)
 
 
@@ -212,7 +227,7 @@ def _differences(y: FloatArray, step: float, reach: int, block: int) -> IntArray
 
 
 def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
-    """Tell whether the lattice is so coarse that equal neighbours are the rule."""
+    """Return whether the quantizer is so coarse that equal neighbours are the rule."""
     squares = np.concatenate([np.diff(piece[:, column]) ** 2 for piece in pieces])
     return bool(np.mean(squares) < MIN_SQUARE_DIFFERENCE * step**2)
 

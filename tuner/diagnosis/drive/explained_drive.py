@@ -1,4 +1,4 @@
-"""The diagnosis of a drive with, for each noise setting of the filter, the scale that the drive asks for and why."""
+"""The diagnosis of a drive with, for each noise setting of the filter, the scale that the drive needs and why."""
 
 from __future__ import annotations
 

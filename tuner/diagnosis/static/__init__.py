@@ -1,1 +1,1 @@
-"""Room."""
+"""Diagnosis of static logs: search for the causes of misfit between a log and its noise model."""

@@ -1,7 +1,7 @@
-"""One axis made ready for criticism: even, without gaps, in units of its own white noise.
+"""One axis prepared for the search for causes: even samples without gaps, in units of its white noise.
 
 The samples are cut into M blocks of L. Slow effects are seen on the blocks (their cosine coefficients),
-fast ones on the samples. What was never measured (gaps, held readings) is filled with a straight line and noise,
+fast ones on the samples. What was never measured (gaps, repeated samples) is filled with a straight line and noise,
 and kept out of every test of the distribution.
 """
 
@@ -60,7 +60,7 @@ class Channel:
         Samples in a block, L.
     covariates : mapping of str to ndarray, shape (M,)
         Block means of further channels.
-    lattice, deadband : float
+    quantizer_step, deadband : float
         Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
     """
 
@@ -141,7 +141,7 @@ def channel(
     repeated: BoolArray | None = None,
     seed: int = 0,
 ) -> Channel:
-    """Make an axis of a record ready.
+    """Return an axis of a record as an even channel without gaps, scaled by its white noise.
 
     Parameters
     ----------
@@ -149,9 +149,9 @@ def channel(
         Samples; short gaps are bridged, the longest stretch between long ones is taken.
     axis : str
         One of its axes.
-    lattice : float
+    quantizer_step : float
         Step of the codes, unit.
-    held : ndarray of bool, shape (n,), optional
+    repeated : ndarray of bool, shape (n,), optional
         Samples that repeat the one before: not measured.
     seed : int
         Seed of the noise that fills gaps.

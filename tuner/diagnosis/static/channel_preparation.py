@@ -1,7 +1,7 @@
-"""From the tests of data quality to channels: what was not measured is left out, bridged or dropped.
+"""Channels from records: what the data-quality tests reject is left out, bridged or dropped.
 
-Frozen stretches are gaps of their axis. Of held readings few are bridged, as if they had not come; where they are many
-they are dropped, and the rest is taken for even samples at the mean rate of what is new.
+Frozen stretches are gaps of their axis. A few repeated samples are bridged, as if they had not come; where they are
+many they are dropped, and the rest is taken for even samples at the mean rate of what is new.
 """
 
 from __future__ import annotations
@@ -19,13 +19,17 @@ from tuner.types.records import DataError, Record
 BoolArray = NDArray[np.bool_]
 
 MAX_BRIDGED_SHARE = 0.3
-"""Share of held readings up to which they are bridged; beyond, they are dropped and the rate is corrected."""
+"""Share of repeated samples up to which they are bridged; beyond, they are dropped and the rate is corrected.
+
+Chosen so that gaps stay the minority in which the filling noise, which has the level but not the colour of the
+neighbours, does not shape the spectrum.
+"""
 
 
 def prepared(
     record: Record, tests: Sequence[DataQualityTest], limit: float, seed: int, refused: list[str]
 ) -> list[Channel]:
-    """Return the axes of a record made ready, without frozen stretches, held readings bridged or dropped.
+    """Return the axes of a record as channels, without frozen stretches, repeated samples bridged or dropped.
 
     Parameters
     ----------
@@ -65,7 +69,7 @@ def prepared(
 
 
 def _repeated(record: Record, test: DataQualityTest, seed: int) -> BoolArray:
-    """Return which samples count as held in all channels of a record, those of a test, shape (n,).
+    """Return which samples count as repetitions in all channels of a record, those of a test, shape (n,).
 
     Of those that repeat the one before as many are drawn as chance does not account for: the noise, whose own
     repetitions are among them, keeps its law.

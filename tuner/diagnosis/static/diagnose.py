@@ -1,4 +1,4 @@
-"""Diagnosis of static records: data quality, motion, the loop of every channel, what channels share."""
+"""Diagnosis of static records: data quality, motion, search for causes in every channel, what channels share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the outcome of each channel to findings: shared causes told once, in SI, in words."""
+"""Findings from the search results of all channels: a cause that channels share is one finding, in SI units."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
 WORTH_SAYING = 1.02
-"""Factor on a density up to which nothing is enlarged: as well as most records know it."""
+"""Factor on a density up to which nothing is enlarged: the accuracy with which most records estimate it."""
 AGREEMENT_SDS = 4.0
-"""Standard deviations within which they do."""
+"""Standard deviations within which parameters of two channels agree: normal deviates exceed 4 in 6e-5."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def joins(cause: str) -> str:
 
 
 def alternatives(accepted: Sequence[Accepted]) -> tuple[Alternative, ...]:
-    """Return the causes that every channel holds for possible, with the product of their weights."""
+    """Return the alternatives that all channels have in common, with the product of their weights."""
     common = set.intersection(*({a.cause for a in one.alternatives} for one in accepted))
     scores = {
         cause: float(np.prod([a.score for one in accepted for a in one.alternatives if a.cause == cause]))
@@ -232,7 +232,7 @@ def words(
     parameters: Mapping[str, Coefficient],
     by_channel: Mapping[str, Mapping[str, Coefficient]] = MappingProxyType({}),
 ) -> str:
-    """Return a finding in one sentence; a parameter in which channels differ is told of each."""
+    """Return a finding in one sentence; a parameter in which channels differ is given for each."""
     figures = ", ".join(
         f"{name} {figure(value)}{where}"
         for name, shown in parameters.items()

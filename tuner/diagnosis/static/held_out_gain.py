@@ -1,4 +1,4 @@
-"""What an extension is worth: log likelihood of data that had no part in it, and figures a user reads.
+"""Gain of an extension: log likelihood of data that had no part in its fit, and figures of use to a user.
 
 The extensions are fitted again, one by one, to a record A: the same record as was diagnosed where there is a second
 record B, else its first 60 %. With all parameters frozen, B is scored before and after each::

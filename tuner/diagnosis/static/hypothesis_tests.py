@@ -23,11 +23,11 @@ from tuner.diagnosis.static.variance import modulation
 from tuner.diagnosis.static.variance.local_variance import course
 
 FALSE_ALARM_BUDGET = 3e-3
-"""Chance that a data set without any effect gets a finding."""
+"""Probability that a data set without any effect gets a finding; chosen as one data set in three hundred."""
 TESTS_WITHOUT_CAUSE = 6
 """Tests that no cause owns: misfit of the fast and of the slow spectrum, three of the local variance, masked pairs."""
 CERTAIN_GAIN = 60.0
-"""Gain beyond which an extension is not put in question again, nats."""
+"""Gain beyond which an extension is not tested again, nats; chosen far beyond chance, e⁻⁶⁰."""
 
 
 def shares() -> int:
@@ -36,7 +36,7 @@ def shares() -> int:
 
 
 def threshold(channels: int) -> float:
-    """Return the chance below which a family with one share alarms, for a data set of so many channels."""
+    """Return the p-value below which a family with one share rejects, for a data set of so many channels."""
     return FALSE_ALARM_BUDGET / (shares() * channels)
 
 
@@ -73,9 +73,10 @@ def is_open(fitted: Residual, cause: str) -> bool:
 
 
 def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
-    """Test the shape of the fast spectrum, and it for humps.
+    """Test the fast spectrum for resonances and for its broad shape.
 
-    Beside a narrow hump beyond doubt broad shapes are not asked for unless the `whole` is: it goes first.
+    Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
+    first.
     """
     tested = few_shapes(fitted)
     unnamed = TestResult("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)

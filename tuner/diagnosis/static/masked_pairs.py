@@ -1,6 +1,6 @@
 """Masked pairs: two causes of which neither is found alone, because the noise, refitted, takes up what is left.
 
-When no other test raises an alarm, the noise is fitted under a saturated mean (temperature and its lags, transients,
+When no other test rejects, the noise is fitted under a saturated mean (temperature and its lags, transients,
 and the best pair at the noise as fitted): if that gains more than chance at 2 %, all pairs of templates are
 scored with this noise, and the best pair is judged by a likelihood ratio with the noise refitted, χ²₂ times
 the number of pairs that differ.

@@ -2,8 +2,8 @@
 
 It is that of the identification: terms chosen and fitted by `tuner.identification.channel.choose_terms`, before to the
 samples as they are, after to what the findings leave of them. The sum of terms that the tests work with
-(`tuner.diagnosis.static.model.slow_likelihood`) is saturated, so that no finding owes its significance to a missing
-term; it is reported only where a finding shapes the fast spectrum, which it is fitted together with.
+(`tuner.diagnosis.static.model.slow_likelihood`) is saturated, so that no finding is significant only because of a
+missing term; it is reported only where a finding shapes the fast spectrum, which it is fitted together with.
 """
 
 from __future__ import annotations

@@ -32,21 +32,29 @@ from tuner.diagnosis.static.outcome import TestResult
 from tuner.types import Alternative, Gain
 
 MAX_PASSES = 16
+"""Largest number of passes; chosen to bound the search above the number of causes that one record has."""
 MAX_REFITS = 2
-"""Times that parameters are fitted again beside each other after a new extension, at most."""
+"""Largest number of refits of all parameters after a new extension, chosen as enough for spectra that overlap.
+
+A refit that changes nothing ends them earlier.
+"""
 ALTERNATIVE_NATS = 3.0
-"""Nats within which a rival counts as an alternative."""
+"""Nats within which a rival counts as an alternative: a likelihood ratio of 20, the usual 5 %."""
 MIN_GAIN_SHARE = 0.2
-"""Share of the largest gain from which an alarm of another group is believed in the same pass."""
+"""Share of the largest gain from which the rejection of another group is accepted in the same pass.
+
+Chosen so that what a strong effect adds to the statistics of other groups is tested anew after it has been removed,
+while independent effects of like size do not cost a pass each.
+"""
 GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
 """Groups of which one cause each can be accepted in the same pass."""
 LAG_LIKELIHOOD_RATIO = 24.0
-"""Likelihood ratio from which a lag is believed beside a temperature: χ²₁ at 1e-5, a dozen lags tried."""
+"""Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """An extension, what spoke for it, and what it is worth on data held out."""
+    """An extension, the test result that proposed it, and its gain on data held out."""
 
     extension: Extension
     result: TestResult
@@ -56,7 +64,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Outcome of the loop for one channel.
+    """Causes found in one channel, with its residuals before and after.
 
     Attributes
     ----------
@@ -65,7 +73,7 @@ class SearchResult:
     accepted : tuple of Accepted
         In the order of `final.extensions`.
     unexplained : tuple of TestResult
-        What still alarms and has no cause.
+        Tests that still reject and have no cause.
     """
 
     base: Residual
@@ -75,14 +83,14 @@ class SearchResult:
 
 
 def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ...] = ()) -> SearchResult:
-    """Find the causes in one channel.
+    """Search one channel for causes by tests of its residuals.
 
     Parameters
     ----------
     channel : Channel
         Samples of one axis.
     threshold : float
-        Chance below which a family with one share of the budget alarms.
+        P-value below which a family with one share of the budget rejects.
     given : tuple of Extension
         What is known beforehand, such as stretches of motion.
 
@@ -195,16 +203,16 @@ def _not_superseded(rejections: list[TestResult]) -> list[TestResult]:
 
 
 def _rejections(results: tuple[TestResult, ...], threshold: float) -> list[TestResult]:
-    """Return the alarms that ask for an extension."""
+    """Return the results that reject and propose an extension with a gain."""
     return [a for a in results if significant(a, threshold) and a.gain > 0 and a.propose is not None]
 
 
 def _still_quiet(
     results: tuple[TestResult, ...], threshold: float, new: list[Extension]
 ) -> tuple[TestResult, ...]:
-    """Return the alarms of the slow track where none is raised and nothing new touches it.
+    """Return the results of the slow track where none rejects and nothing new touches it.
 
-    They need not be asked again until nothing else is found.
+    They need not be computed again until nothing else is found.
     """
     slow = tuple(result for result in results if group_of(result.cause) == "slow part")
     touched = any(x.group == "slow part" or x.broad for x in new)
@@ -212,7 +220,7 @@ def _still_quiet(
 
 
 def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[Extension, ...] | None:
-    """Return the extensions with a stretch of motion widened by what alarms at its edge; None where nothing does.
+    """Return the extensions with a stretch of motion widened by an event at its edge; None where there is none.
 
     Motion has no sharp end: a jump or a burst close by belongs to it.
     """
@@ -230,7 +238,7 @@ def _wider(fitted: Residual, rejections: list[TestResult], given: int) -> tuple[
 
 
 def _clearest(rejections: list[TestResult]) -> list[TestResult]:
-    """Return the alarm of largest gain, and those of other groups that are not dwarfed by it."""
+    """Return the rejection of largest gain, and those of other groups with a gain above `MIN_GAIN_SHARE` of it."""
     best = max(rejections, key=lambda result: result.gain)
     chosen = [best]
     causes = CAUSES.extensions()
@@ -254,7 +262,7 @@ def _clearest(rejections: list[TestResult]) -> list[TestResult]:
 def _with_rivals(
     one: Accepted, before: tuple[TestResult, ...], after: tuple[TestResult, ...], threshold: float
 ) -> Accepted:
-    """Return what was accepted with its alternatives: causes of its group that fell silent together with it."""
+    """Return what was accepted with its alternatives: causes of its group that no longer reject either."""
     group = group_of(one.result.cause)
     silent = {a.cause for a in before} - {a.cause for a in after if significant(a, threshold) and a.gain > 0}
     rivals = {
@@ -287,7 +295,7 @@ def _twin(result: TestResult) -> Alternative:
 
 
 def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tuple[Residual, list[Accepted]]:
-    """Return the model without the extensions whose own test is silent once they are taken out."""
+    """Return the model without the extensions whose own test does not reject once they are taken out."""
     at = 0
     given = len(fitted.extensions) - len(accepted)
     while len(accepted) > 1 and at < len(accepted):

@@ -1,15 +1,15 @@
-"""Burst: a stretch of louder (or quieter) noise.
+"""Burst: a stretch of larger (or smaller) noise variance.
 
 Statistic: mean squares of the residuals in windows of 64, 128, … samples, three quarters overlapping, made normal by
 the cube root of Wilson and Hilferty with the degrees of freedom that the measured kurtosis allows. Every width has the
 same share of the false alarms, and so has every window of a width; half of them are counted because neighbours
-overlap. Where a window alarms, its edges are fitted and the others are searched again without it, until no window is
+overlap. Where a window rejects, its edges are fitted and the others are searched again without it, until no window is
 beyond `SECOND_P_VALUE`: all such stretches, with more or less variance than the rest, are proposed together. Where
 they are more than `MAX_STRETCHES` or cover more than `MAX_RECORD_SHARE` of the record, the variance is not that of
 bursts, and only `REPORTED_STRETCHES` are reported. Gain:
 likelihood of a variance for each and one for the rest, over that of one for all, with the degrees of freedom that the
 kurtosis about these variances allows.
-Extension: the residuals inside are divided by the square root of the ratio. What is told is the ratio of the white
+Extension: the residuals inside are divided by the square root of the ratio. What is reported is the ratio of the white
 noise itself (`tuner.diagnosis.static.variance.white_share`), and edges by the likelihood of a point of change.
 """
 
@@ -35,15 +35,27 @@ IntArray = NDArray[np.signedinteger[Any]]
 BoolArray = NDArray[np.bool_]
 
 MIN_WINDOW = 64
-"""Samples in the narrowest window."""
+"""Samples in the narrowest window: with 64 degrees of freedom the cube root of χ² is close to normal."""
 SECOND_P_VALUE = 1e-9
-"""Chance of a window below which it is proposed together with a clearer one."""
+"""P-value of a window below which it is proposed together with a clearer one.
+
+Chosen far below the threshold: the noise has not been fitted again without the first one.
+"""
 MAX_RECORD_SHARE = 0.25
-"""Share of the record beyond which what is louder (or quieter) is no burst but a variance that changes."""
+"""Share of the record beyond which another variance is no burst but a variance that changes.
+
+Chosen as a clear minority.
+"""
 MAX_STRETCHES, REPORTED_STRETCHES = 24, 3
-"""Stretches in one record, and those that are told where there are more, or where they cover more."""
+"""Most bursts in one record, and those reported where there are more, or where they cover more than that share.
+
+Chosen so that a list stays readable; a variance that changes more often is a modulation, not events.
+"""
 WIDER_CLIP_RATIO = 3.0
-"""Residuals are cut at so many `RESIDUAL_CLIP`, in their own deviations, where sizes are measured."""
+"""Residuals are cut at so many `RESIDUAL_CLIP`, in their own sds, where sizes are estimated.
+
+Wider than for tests, so that the cut does not bias the variance of a burst.
+"""
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,16 @@
-"""A tone whose frequency moves evenly through the record: no test of a whole spectrum sees it for what it is.
+"""Frequency sweep: a tone whose frequency changes linearly through the record, which no spectrum of the whole resolves.
 
 The residuals are cut into K parts, each with its periodogram on half bins, divided by the mean of its part and of its
 frequency: a burst, a line and the shape of the spectrum leave nothing behind. Where the model is right the
-ordinates I are exponential numbers, independent from part to part, and on every straight track::
+ordinates I are exponential numbers, independent from part to part, and on every linear track::
 
     Σ_k I[k, f + d k/(K − 1)]   is Gamma distributed with K,    d = −(K − 1) … K − 1 half bins
 
 All tracks cost K F log K additions by halves of halves. A resonance that wanders fills many tracks side by side, a tone
 one: each drift is looked for in the fewest, longest parts in which it is slow, and where the mean of the tracks beside
 exceeds its expectation, sums are divided by that excess. Chance: that of the greatest sum times the number of tracks
-and of lengths of parts (many parts for fast sweeps, few for slow ones). No cause of the catalogue sweeps: it is told
-as what it is. Extension: the tone is taken out part by part, phase and size free.
+and of lengths of parts (many parts for fast sweeps, few for slow ones). No cause of the catalogue sweeps: it is
+reported as unexplained. Extension: the tone is taken out part by part, phase and size free.
 
 References
 ----------
@@ -36,19 +36,19 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
 PARTS = (512, 256, 128, 64)
-"""Parts that a record is cut into."""
+"""Numbers of parts that a record is cut into, in octaves: many parts for fast sweeps, few for slow ones."""
 MIN_PART_SAMPLES = 16
-"""Samples of a part at least."""
+"""Least number of samples in a part; fewer leave no frequencies above `MIN_HALF_BIN`."""
 MIN_TRACK_MOTION = 4
-"""Half bins by which a track must move: what does not is a line."""
+"""Half bins by which a track must move: two bins; what moves less is a line."""
 NEAR_TRACK_DISTANCE, FAR_TRACK_DISTANCE = 4, 10
 """Half bins from a track at which the tracks beside it lie: a tone does not reach them, a resonance does."""
 MIN_HALF_BIN = 8
 """Half bins at the lower end that are left out: slow noise is not white within a part."""
 PART_PIECES = 8
-"""Pieces of a part in which the tone keeps step with the track, for its ends to be placed."""
+"""Pieces of a part over each of which the frequency of the tone is taken as constant when its ends are estimated."""
 END_PLACES = 17
-"""Places of each end that are tried then, within two half bins."""
+"""Values of each end that are tried then, within two half bins: quarter steps of a half bin."""
 
 
 @dataclass(frozen=True)

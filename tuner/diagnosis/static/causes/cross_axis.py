@@ -1,7 +1,7 @@
 """Cross-axis: white noise that several channels share.
 
 Statistic: Σ e_i e_j / √n of the residuals of two channels, standard normal where they are independent;
-Bonferroni over the pairs. Pairs that alarm and hang together are one finding.
+Bonferroni over the pairs. Rejected pairs that share a channel are one finding.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def test(residuals: Mapping[str, Residual], limit: float) -> tuple[Shared, ...]:
     residuals : mapping of str to Residual
         Final residuals by axis.
     limit : float
-        Chance below which a pair, all pairs paid for, alarms.
+        P-value below which a pair rejects, Bonferroni-corrected for all pairs.
     """
     pairs = [(a, b) for a, b in combinations(residuals, 2) if _together(residuals[a], residuals[b])]
     found: dict[tuple[str, str], tuple[float, float, float]] = {}

@@ -27,7 +27,9 @@ class MoreMarkov(Extension):
     effect = CorrelatedDrift
     group = "slow part"
     contained_in = ("telegraph",)
-    meaning = "a correlated process that flicker and a random walk do not explain: a hump of the Allan curve"
+    meaning = (
+        "a correlated process that flicker and a random walk do not explain: a local peak of the Allan curve"
+    )
     consequence = "a Gauss–Markov bias state to add, with this sd and time constant"
 
     @classmethod

@@ -1,14 +1,14 @@
 """Heavy tails: residuals of Student's law in place of the normal one.
 
 Statistic: excess kurtosis of the residuals cut at five deviations, normal with variance 24/n about that of normal
-numbers rounded to a lattice of step Δ: −1.2 (Δ²/12σ²)² where Δ is small, else it depends on where the mean lies
+numbers rounded to a step Δ: −1.2 (Δ²/12σ²)² where Δ is small, else it depends on where the mean lies
 between two codes, and the largest counts. Gain: likelihood of Student's law.
 Where normal noise is added or mixed in, tails are heavier than those of the Student's law of the middle: a share of
 normal and a share of Student's law stand for both then, if they are likelier than Student's law beside spikes, which
 has as many parameters. One law for all sizes is one cause.
-Extension: the residuals pass the distribution function of the fitted law and the normal quantile function. What is told
-is the kurtosis of the white noise itself: rounding has one of its own, and quantization and the whitening filter mix
-samples (`tuner.diagnosis.static.variance.white_share`).
+Extension: the residuals pass the distribution function of the fitted law and the normal quantile function. What is
+reported is the kurtosis of the white noise itself: rounding has one of its own, and quantization and the whitening
+filter mix samples (`tuner.diagnosis.static.variance.white_share`).
 """
 
 from __future__ import annotations

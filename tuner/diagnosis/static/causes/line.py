@@ -33,13 +33,13 @@ from tuner.diagnosis.static.spectrum.background import FIRST_ORDINATE, local_lev
 FloatArray = NDArray[np.float64]
 
 NEIGHBOUR_COUNT = 1024
-"""Ordinates from whose median the level is taken."""
+"""Ordinates from whose median the level is taken; chosen so that it adds little to the chance of a peak."""
 EFFECTIVE_NEIGHBOURS = 490
 """Independent ordinates that would give the level as well as that median."""
 MIN_PEAK_SHARE = 0.8
 """Least share of a peak that the nearest half bin shows."""
 FOLLOWED_P_VALUE = 1e-2
-"""Chance from which ordinates are followed to their peaks."""
+"""P-value below which ordinates are followed to their peaks: far above the threshold, so that it only saves time."""
 
 
 @dataclass(frozen=True)

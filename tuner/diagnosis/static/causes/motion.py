@@ -1,7 +1,7 @@
-"""Motion: a stretch in which the sensor was not still.
+"""Motion: a stretch of a static log in which the sensor moved.
 
 Statistic: steps between the means of blocks of 0.25 s and of 1 s over their standard deviation. That is taken from the
-median over the record, and raised where the second differences of the samples are larger than usual: a burst of noise
+median over the record, and enlarged where the second differences of the samples are larger than usual: a burst of noise
 is no motion, while a hand or a gust is slow against the samples. Several large ones close together make a stretch; the
 threshold is far beyond chance.
 Where the blocks are too long to see a hand turn the sensor, jumps from sample to sample do: several beyond
@@ -26,35 +26,41 @@ from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
 FloatArray = NDArray[np.float64]
 
 BLOCK_LENGTH = 0.25
-"""Length of a short block, s."""
+"""Length of a short block, s: a hand or a gust is slower, the noise of a mean of samples is smaller than theirs."""
 MIN_BLOCK_SAMPLES = 16
-"""Fewest samples in a short block."""
+"""Least number of samples in a short block, so that its mean is close to normal whatever the noise."""
 STEP_THRESHOLD = 10.0
 """Deviations that no still sensor reaches: t law of 30 degrees of freedom, 5e-11."""
 MIN_LARGE_STEPS = 4
-"""Large steps that make a stretch."""
+"""Least number of large steps that make a stretch: one or two are a step of the bias or a spike."""
 MIN_GAP_BLOCKS = 40
-"""Blocks without a large step that end a stretch."""
+"""Blocks without a large step that end a stretch: 10 s of short blocks."""
 JUMP_THRESHOLD = 12.0
-"""Jump of a sample, in deviations of the white noise, that no still sensor makes."""
+"""Jump between samples, in sds of the white noise, that a stationary sensor does not make: beyond heavy tails, too."""
 HANDLING_TIME = 120.0
-"""Time without a jump that ends the handling of a sensor, and what is left out before and after it, s."""
+"""Time without a jump that ends the handling of a sensor, and what is left out before and after it, s.
+
+Chosen as the time a person takes to turn a unit and let it settle.
+"""
 MAX_STRETCHES = 8
-"""Stretches that are told apart; closer ones are joined beyond."""
+"""Most stretches that are kept apart; beyond, the closest are joined.
+
+Chosen because each adds a free level: more of them would take up the slow noise.
+"""
 MIN_EDGE_BLOCKS = 3
-"""Blocks that are left out on either side of a stretch at least."""
+"""Least number of blocks left out on either side of a stretch: a step is seen one block late."""
 GROWTH_STEPS, GROWTH_RATIO, STEP_CLIP = 12, 6.0, 4.0
 """A stretch grows by so many steps while their mean square exceeds so many medians (a still sensor: 2.2 ± 0.9), steps
 cut at so many deviations."""
 
-MOST_UNSEEN = 0.3
-"""Largest share of a motion that is not seen, at either end."""
+MAX_UNSEEN_SHARE = 0.3
+"""Largest share of a motion below the noise, at either end; chosen for swaying that decays exponentially."""
 MARGIN_SHARE = 0.1
-"""Share of a stretch that is left out on either side: motion dies away."""
+"""Share of a stretch that is left out on either side, because motion decays into the noise."""
 
 
 class Stretch(NamedTuple):
-    """A stretch of motion: samples first … last − 1 are left out, from `begun` to `ended` it is beyond doubt.
+    """A stretch of motion: samples first … last − 1 are left out, from `begun` to `ended` it is certain.
 
     What sways dies away under the noise: motion begins at most `unseen` samples before `first`, at the latest at
     `begun`, and ends likewise.
@@ -197,7 +203,7 @@ def _foot(peak: float) -> float:
 
     Under a swell sin²(πx), x from 0 to 1, of which what exceeds `STEP_THRESHOLD` is seen.
     """
-    x = min(float(np.arcsin(np.sqrt(STEP_THRESHOLD / peak))) / np.pi, MOST_UNSEEN)
+    x = min(float(np.arcsin(np.sqrt(STEP_THRESHOLD / peak))) / np.pi, MAX_UNSEEN_SHARE)
     return x / (1.0 - 2.0 * x)
 
 
@@ -234,7 +240,7 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
 
 
 def extension(channel: Channel, stretch: Stretch) -> Motion:
-    """Return the stretch with its place: between what may have moved and what did beyond doubt."""
+    """Return the stretch with its place: between what may have moved and what certainly did."""
     dt, start = channel.interval, channel.start
     first, last = float(stretch.first - stretch.unseen), float(stretch.last + stretch.unseen)
     begun, ended = float(stretch.begun), float(stretch.ended)

@@ -8,7 +8,7 @@ f at rest then moves to f + φ √(g² − f²), and one along gravity does not 
 Statistic: likelihood ratio of the best such course, the noise refitted. Courses between the knots of a coarse grid
 are sums of the pieces between neighbouring knots: one Gram matrix of the pieces scores all of them. The chance
 is Davies' bound along the record, summed over the durations that are tried.
-One axis cannot tell a tilt from a bias that moves and settles; with three, `stretched` asks whether the length of the
+One axis cannot tell a tilt from a bias that moves and settles; with three, `stretched` tests whether the length of the
 specific force is kept, as it is where it only turns.
 """
 
@@ -38,15 +38,15 @@ FloatArray = NDArray[np.float64]
 STANDARD_GRAVITY = 9.80665
 """Gravity, m/s²."""
 MAX_GRAVITY_SHARE = 0.9
-"""Share of gravity that an axis may read at most, for a tilt to show in it to first order."""
+"""Largest share of gravity on an axis in which a tilt shows: √(1 − 0.9²) = 0.44 of its angle to first order."""
 GRID_CELLS = 48
-"""Cells of the coarse grid of begins and ends."""
+"""Cells of the coarse grid of begins and ends; chosen so that a course between knots keeps most of its likelihood."""
 DURATIONS = (1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44)
-"""Durations tried, in cells."""
+"""Durations tried, in cells: in ratios of about √2, from one cell to nearly the record."""
 FINE_PLACES = 13
-"""Begins, and ends, tried about the best of the coarse grid."""
+"""Begins, and ends, tried about the best of the coarse grid; a sixth of a cell apart."""
 MIN_LEAD = 3.0
-"""Nats by which a tilt must be better than a jump, which has one number less."""
+"""Nats by which a tilt must be likelier than a jump, which has one parameter less: a likelihood ratio of 20."""
 DIRECTION_SD = 0.02
 """Deviation of the direction in which the biases of a triad let gravity appear, rad."""
 REGION_CHI2 = 5.99

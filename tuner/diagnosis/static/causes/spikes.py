@@ -29,12 +29,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
 
 SPIKE_THRESHOLD = 5.0
+"""Sds beyond which residuals are counted by the test: normal ones exceed it with a chance of 6e-7."""
 SPIKE_GATE = 4.8
-"""Deviations beyond which a sample counts as a spike once there are spikes."""
+"""Sds beyond which a sample is taken out once there are spikes.
+
+Slightly below the threshold, so that spikes just under it are taken out with the others.
+"""
 GROSS_THRESHOLD = 300.0
-"""White deviations beyond which a sample is no noise of any kind."""
+"""White sds beyond which a sample is no noise of any kind; chosen beyond any tail that a noise term could explain."""
 MEDIAN_NEIGHBOURS = 4
-"""Samples on either side whose median a gross spike is far from."""
+"""Samples on either side whose median a gross spike is compared with; up to four spikes among them do no harm."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ def mixture_gain(bins: Histogram) -> float:
 
 
 def gross(channel: Channel) -> TestResult | None:
-    """Return the alarm of samples that are far from those beside them; None where there are none."""
+    """Return the test result of samples that are far from those beside them; None where there are none."""
     far = np.flatnonzero((np.abs(channel.y) > GROSS_THRESHOLD) & channel.valid)
     middle = np.clip(far, MEDIAN_NEIGHBOURS, len(channel) - 1 - MEDIAN_NEIGHBOURS)
     beside = middle[:, None] + np.arange(-MEDIAN_NEIGHBOURS, MEDIAN_NEIGHBOURS + 1)

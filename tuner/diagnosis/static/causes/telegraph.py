@@ -3,12 +3,12 @@
 Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block
 means under two levels, one Gauss–Markov process (or flicker) and a random walk, less that of the best Gaussian model
 (flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter, the white noise
-as loud as is known of each block; χ²₅, and
+of each block with its known variance; χ²₅, and
 a price of 1.5 ln M nats because the problem is not regular. A path with fewer than four switches is a
-matter of steps. The level that is held longer is called low: which of two levels is the true bias cannot be
-told.
-Where three levels with even hops, which have as many parameters, are likelier, the path is no telegraph noise: it is
-told as what it is, without a name. Each level must be come back to: one that is not is a matter of steps, too.
+matter of steps. The level with the longer mean time is called low: which of two levels is the true bias is
+not observable.
+Where three levels with equal switching rates, which have as many parameters, are likelier, the path is no telegraph
+noise: it is reported as unexplained. Each level must be visited twice: one that is not is a matter of steps, too.
 Extension: the path is taken out; in the noise model it is the Gauss–Markov process of the same variance.
 
 References
@@ -48,13 +48,22 @@ from tuner.diagnosis.static.variance.local_variance import course
 FloatArray = NDArray[np.float64]
 
 MIN_MARKOV_GAIN = 5.0
-"""Nats that a further Gauss–Markov process must gain on flicker for two levels on flicker to be tried."""
+"""Nats that a further Gauss–Markov process must gain on flicker before two levels beside flicker are fitted.
+
+Two levels have the spectrum of such a process: without that gain the fit is not worth its time.
+"""
 MIN_SWITCHES = 4
-"""Switches that make a path telegraph noise."""
+"""Least number of switches of telegraph noise: with fewer, steps explain the path with fewer parameters."""
 LEVEL_OFFSETS = 5
-"""Places of the lower level, within a size, that are tried on held-out data."""
+"""Places of the lower level, within a size, that are tried on held-out data.
+
+Between them it is free by a normal law.
+"""
 THIRD_LEVEL_LEAD = 3.0
-"""Nats by which three levels must be likelier than two, for the same number of parameters, to be believed instead."""
+"""Nats by which three levels must be likelier than two, for the same number of parameters, to replace them.
+
+A likelihood ratio of 20.
+"""
 
 
 @dataclass(frozen=True)
@@ -154,7 +163,7 @@ class Telegraph(Extension):
         size = extension.values["size"]
         if (
             switches < MIN_SWITCHES or not size.lower * size.upper > 0.0
-        ):  # levels that are not told apart have no name
+        ):  # levels that are not distinct have no name
             return TestResult("telegraph", p_value, -9.0, lead, name)
         return TestResult("telegraph", p_value, gain, lead, name, lambda: (extension,))
 
@@ -164,7 +173,7 @@ class ManyLevels(Telegraph):
     """A path between more than two levels."""
 
     named = False
-    meaning = "the bias hops between more than two levels"
+    meaning = "the bias switches between more than two levels"
 
 
 def _parts(x: FloatArray, step: float, span: float, besides: type[Term]) -> tuple[Chain, Slow]:
@@ -306,7 +315,7 @@ def _three_levels(
 ) -> tuple[ManyLevels, int, float]:
     """Return the path between three levels next to the free numbers of two, the fewest visits to one, log likelihood.
 
-    The third level lies between the two, or beyond one of them; from each a hop to either other is as likely.
+    The third level lies between the two, or beyond one of them; from each a switch to either other is as likely.
     """
 
     def chain(x: FloatArray) -> Chain:

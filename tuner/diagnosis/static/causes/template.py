@@ -41,7 +41,7 @@ class Template(Extension):
     different_in_pairs: ClassVar[float | None] = None
     """How many of the candidates for a pair differ; None where pairs of causes that mask each other leave it out."""
     abrupt: ClassVar[bool] = False
-    """Whether the function jumps; a sum of smooth ones is what the noise could have swallowed."""
+    """Whether the function jumps; the noise fit can absorb a sum of smooth ones."""
 
     def template(self, channel: Channel) -> FloatArray:
         """Return the function on the blocks, shape (M,)."""

@@ -4,8 +4,8 @@ Statistic: likelihood ratio of the best lag of a grid, the noise refitted; Davie
 Extension: a template; its lag by the profile of the likelihood. The lagging temperature starts at the measured
 one. Where the sensor was not at rest before the record that is wrong by slope · (L(0) − T(0)) exp(−t/τ): a further,
 free template. So is T − L: part of the bias may follow at once, by `prompt_slope`, and the rest late (a heated sensor
-has parts that follow their own ways); `slope` is that of slow changes either way. Each is taken where a likelihood
-ratio of χ²₁ asks for it at 0.1 %.
+has parts that follow their own ways); `slope` is that of slow changes either way. Each is included where its likelihood
+ratio is significant at 0.1 % (χ²₁).
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from tuner.diagnosis.static.model.score_scan import scan
 FloatArray = NDArray[np.float64]
 
 MAX_LAG_RATIO = 100.0
-"""Ratio of the ends of the interval of a lag up to which it is a lag that was found: a factor of ten either way.
+"""Ratio of the ends of the interval of a lag up to which the lag is estimable: a factor of ten either way.
 
-Beyond, the interval reaches from well within the record to far outside of it, and slope and lag cannot be told apart.
+Beyond, the interval reaches from well within the record to far outside of it, and slope and lag are not separable.
 """
 MIN_LIKELIHOOD_RATIO = 10.8
 """Likelihood ratio from which a further template is taken: χ²₁ at 0.1 %."""
 
 
 class Thermal(Cause):
-    """A bias that goes with the temperature in a way that the record does not tell."""
+    """A bias that goes with the temperature with a dynamic that the record does not determine."""
 
     cause = "thermal"
     group = "slow part"
     shares = 0
     meaning = (
         "the bias follows the measured temperature with a lag, or the rate at which it changes: "
-        "the record does not tell which"
+        "the record does not determine which"
     )
     consequence = (
         "no calibration follows from this record: take one in which the temperature also rests, or changes at other "

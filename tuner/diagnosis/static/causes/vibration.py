@@ -3,8 +3,8 @@
 Statistic: means of w = 8, 16 … 4096 neighbouring ordinates of the periodogram of the residuals over the mean of
 those beside them, 16 w on either side and half a window away, so that a resonance does not raise its own level. With
 m of these the ratio has Fisher's law F(2w, 2m). Every width has the same share of the false alarms, and so has every
-window of a width. Where that is promising, the likelihood ratio of the fitted hump may be the clearer of the two: χ²₂
-for each window as wide as the hump.
+window of a width. Where that is promising, the likelihood ratio of the fitted resonance may be the clearer of the two:
+χ²₂ for each window as wide as the resonance.
 Extension: frequency, quality and standard deviation by the likelihood of the ordinates about the peak, over a
 level that may slope.
 """
@@ -35,18 +35,25 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.signedinteger[Any]]
 
 WINDOWS = tuple(8 * 2**k for k in range(10))
+"""Widths of the windows, ordinates, in octaves: a resonance of any width fills half of one of them."""
 LEVEL_WIDTHS = 16
-"""Widths of a window from which its level is taken, on either side."""
+"""Widths of a window from which its level is taken, on either side.
+
+The level is then √32 times better known than it.
+"""
 REFIT_P_VALUE = 0.03
-"""Chance of a window from which the hump is fitted."""
+"""P-value of a window below which a resonance is fitted; chosen above any threshold.
+
+The likelihood ratio may be clearer.
+"""
 NEIGHBOUR_COUNT = 200
-"""Ordinates about one that tell a line from a hump."""
+"""Ordinates about one whose median separates a line from a resonance: it is known to 1/(ln 2 √200) = 10 %."""
 MIN_QUALITY = 3.0
-"""Quality below which a hump is a matter of the broad shape of the spectrum."""
+"""Quality below which a resonance is a matter of the broad shape of the spectrum: half power is a third of f wide."""
 MIN_PARAMETER_CHANGE = 0.1
-"""Standard deviations by which parameters move before the model is fitted again."""
+"""Sds by which a parameter must move for the model to be fitted again; a tenth costs 0.005 nats."""
 MAX_ORDINATE = 25.0
-"""Largest ordinate that counts: a line is no resonance."""
+"""Largest ordinate that counts, in units of its neighbours: exponential ones exceed 25 by 1e-11, lines do."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ class Vibration(Extension):
     shares = 3
     view = "peak"
     repeats = 4
-    meaning = "a narrow-band resonance: a hump in the spectrum, wider than a line"
+    meaning = "a narrow-band resonance: a peak of the spectrum, wider than a line"
     consequence = (
         "distrust this band: damp or notch it; "
         "where it cannot be removed it calls for a two-state shaping filter"
@@ -94,7 +101,7 @@ class Vibration(Extension):
         return unknown or bool(taken(fitted, np.array([self.frequency]))[0])
 
     def refit(self, fitted: Residual, index: int) -> Vibration:  # noqa: ARG002
-        """Fit the hump again, over the noise as fitted with it, whose level may slope beside it."""
+        """Fit the resonance again, over the noise as fitted with it, whose level may slope beside it."""
         dt, n = fitted.channel.interval, len(fitted.coefficients)
         df = 0.5 / (n * dt)
         reach = max(6.0 * self.frequency / self.quality, 200.0 * df)
@@ -158,7 +165,7 @@ def resonance(f: FloatArray, interval: float, r: float, angle: float, sd: float)
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray, peak: FloatArray) -> float:
-    """Return Σ ln E + P/E of ordinates P, shape (b,), with E = exp(level) (1 + slope · place) (1 + hump)."""
+    """Return Σ ln E + P/E of ordinates P, shape (b,), with E = exp(level) (1 + slope · place) (1 + peak)."""
     total, scale = 0.0, np.exp(level)
     for at in range(mean.size):
         expected = scale * (1.0 + slope * place[at]) * (1.0 + peak[at])
@@ -167,7 +174,7 @@ def _level_cost(mean: FloatArray, level: float, slope: float, place: FloatArray,
 
 
 def test(fitted: Residual, tested: ShapeTest) -> TestResult:
-    """Search the spectrum of the residuals for a hump on the best spectrum that has none."""
+    """Search the spectrum of the residuals for a resonance over the best monotonic spectrum."""
     df = 1.0 / (len(fitted.e) * fitted.channel.interval)
     background = tested.background(df * np.arange(1.0, len(fitted.periodogram) + 1.0))
     power = fitted.periodogram / background
@@ -236,7 +243,7 @@ def _largest(values: FloatArray, number: int) -> IntArray:
 
 
 def wide(tested: ShapeTest, fitted: Residual) -> TestResult:
-    """Judge a hump too wide to be compared with its neighbourhood: it competes with filters and colours."""
+    """Test for a resonance too wide to be compared with its neighbourhood: it competes with filters and colours."""
     name = "excess of the fast spectrum over white noise"
     if tested.resonance is None:
         return TestResult("vibration", tested.any_p_value, -9.0, 0.0, name)
@@ -265,7 +272,7 @@ def _log_tail(ratio: float, width: float, reference: float) -> float:
 
 
 def rival(fitted: Residual, frequency: float, height: float) -> TestResult | None:
-    """Return the alarm of a resonance that explains a peak of the spectrum better than a line of that height.
+    """Return the test result of a resonance that explains a peak of the spectrum better than a line of that height.
 
     A line is one high ordinate, a resonance several: of exponential law, they gain the more the more there are.
     """

@@ -1,11 +1,11 @@
-"""A covariate as the sensor felt it: the readings of a digital thermometer without their lattice and their noise.
+"""Smoothed covariates: the readings of a digital thermometer without their quantization and their noise.
 
-Readings on a lattice of step Δ hold still and jump, and they are noisy; the temperature did none of that. The smoothest
+Readings of quantizer step Δ stay constant and jump, and they are noisy; the temperature did none of that. The smoothest
 curve within their error s is taken (Whittaker's smoother): it minimises Σ(x − r)² + λ Σ(third differences of x)², with
 the largest λ for which the readings r lie s about it over the record, not much more in any part of it, and a few of
 them together at no time as far off as rounding takes one, √3 s: where the temperature turns fast, the curve has to
 follow. s is √(Δ²/12), or the noise of the readings as their second differences
-over the time that they are held show it, if that is more.
+over the time of one measurement show it, if that is more.
 
 References
 ----------
@@ -22,17 +22,19 @@ from scipy.linalg import solveh_banded
 FloatArray = NDArray[np.float64]
 
 PART_COUNT = 64
-"""Parts of a record in each of which the curve must follow the readings."""
+"""Parts of a record in each of which the curve must follow the readings: over the whole record a
+short misfit, where the temperature turns, would average out.
+"""
 MAX_LOCAL_RMS = 1.6
-"""Root mean square of what is left in a part, in errors, beyond which it does not."""
+"""Rms residual of a part, in errors, beyond which the curve does not follow; chosen below the √3 of half a step."""
 MEAN_MEASUREMENTS = 16
-"""Measurements whose mean must not be `MAX_MEAN_DISTANCE` off: noise alone does not take it there."""
+"""Measurements whose mean must not be `MAX_MEAN_DISTANCE` off: the noise of their mean is 1/4 of one error."""
 MAX_MEAN_DISTANCE = 1.4
 """Distance in errors; half a step, which rounding takes a reading off at most, is √3 of them."""
 
 
 def code_step(values: FloatArray) -> float:
-    """Return the step of the lattice of readings, shape (n,); 0 where they take too many values for one."""
+    """Return the quantizer step of readings, shape (n,); 0 where they take too many values for one."""
     codes = np.unique(values)
     if not 2 <= len(codes) <= max(2, len(values) // 20):
         return 0.0
@@ -46,9 +48,9 @@ def smoothed(readings: FloatArray, step: float, repeats: int = 1) -> FloatArray:
     ----------
     readings : ndarray, shape (n,)
     step : float
-        Of their lattice; 0 for none.
-    held : int
-        Readings that one measurement is held for.
+        Their quantizer step; 0 for none.
+    repeats : int
+        Readings that repeat one measurement.
     """
     curve = readings
     if len(readings) < 4 * PART_COUNT:

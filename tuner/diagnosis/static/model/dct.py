@@ -23,11 +23,17 @@ from tuner.identification.periodogram import CosinePeriodogram
 FloatArray = NDArray[np.float64]
 
 MAX_SQUARE = 30.0
-"""Largest square of a coefficient, in units of its neighbours', that the noise fit believes: lines stay out."""
+"""Largest square of a coefficient that enters the noise fit, in units of its neighbours'; lines are larger.
+
+The square of a normal coefficient exceeds 30 with a chance of 4e-8: noise is not cut.
+"""
 UNCAPPED_COEFFICIENTS = 64
-"""Coefficients that are believed as they are: the level of their neighbours is not theirs."""
+"""Lowest coefficients, which are not cut: the spectrum is steep there, so that neighbours do not give their level."""
 CELL_RESOLUTION = 0.02
-"""Relative width of the cells above the single coefficients."""
+"""Relative width of the cells above the single coefficients.
+
+Within 2 % of frequency the spectra of the terms are flat.
+"""
 
 
 def transform(y: FloatArray, interval: float) -> FloatArray:

@@ -2,7 +2,8 @@
 
 A template C(τ) of an extension is replaced in the track by that of another τ. The best τ is sought with the noise as
 fitted; its 95 % interval ends where twice the loss of log likelihood, sizes and noise fitted again, passes the point
-of χ²₁. What the size owes to τ is its change over that interval, a fifth of a normal law's 3.92 deviations a deviation.
+of χ²₁. The uncertainty of the size that comes from τ is its change over that interval, a fifth of a normal law's 3.92
+deviations a deviation.
 """
 
 from __future__ import annotations
@@ -25,13 +26,16 @@ Template = Callable[[float], FloatArray]
 """Columns on the blocks, shape (M, p), for a time constant, s."""
 
 MIN_LOG_CHANGE = 0.01
-"""Change of a logarithm of a time constant that is not worth another fit."""
+"""Change of the log of a time constant below which it has converged; intervals are tens of percent wide."""
 MAX_LOG_FACTOR = 4.0
-"""Logarithm of the factor beyond which an end of an interval is not sought."""
+"""Log of the factor (55) to which the ends of an interval are searched.
+
+Beyond, time constant and size are degenerate.
+"""
 CHI2_QUANTILE = 3.84
 """χ²₁ at 95 %."""
 MAX_NATS_BELOW = 10.0
-"""Nats below the best fit at which a kind of noise is not followed any more."""
+"""Nats below the best fit from which a kind of noise is left out of the profile: it has lost by a factor of 2e4."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Profile:
     constant : Value
         s.
     drift : float
-        Half the change of the size over the interval, in scales: what the size owes to the time constant.
+        Half the change of the size over the interval, in scales: the part of its uncertainty due to the time constant.
     """
 
     constant: Value

@@ -1,4 +1,4 @@
-"""The one residual that all tests are tests of.
+"""Whitened residuals of a channel under a noise model and its extensions, which all tests use.
 
 A channel, its extensions and a fit of its noise make residuals that are independent standard normal numbers where the
 model is right::
@@ -31,9 +31,12 @@ FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 SPECTRUM_KNOTS = 8192
-"""Frequencies, even and in even ratios, between which the shape of the broad noise is a straight line."""
+"""Frequencies, even and in even ratios, between which the spectrum is interpolated linearly; fine for its curvature."""
 RESIDUAL_CLIP = 5.0
-"""Residuals beyond this are cut for tests of the spectrum and of the variance."""
+"""Sds at which residuals are cut for tests of the spectrum and of the variance.
+
+Normal samples exceed five with a chance of 6e-7; spikes, which have a test of their own, do not decide these.
+"""
 
 
 @dataclass(frozen=True)
@@ -222,7 +225,7 @@ class Residual:
 
 
 def once(make: Callable[[Residual], T]) -> Callable[[Residual], T]:
-    """Return the function, which keeps what it makes of a residual with that residual: it is asked by several tests."""
+    """Return the function with a cache: its value for a residual is stored with that residual, for all tests."""
 
     @wraps(make)
     def kept(fitted: Residual) -> T:

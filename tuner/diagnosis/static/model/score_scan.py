@@ -5,8 +5,8 @@ With weights 1/E and the templates N of the model projected out, a template c ha
     z = c'W r / √(c'W c − c'W N (N'W N)⁻¹ N'W c),    r = a − N β
 
 A step at every block boundary costs one sine transform. The best template is then judged by a likelihood ratio
-with the noise refitted under both hypotheses: a step looks like a random walk to the noise, and a fit that has
-swallowed it must be allowed to give it back.
+with the noise refitted under both hypotheses: a step resembles a random walk, so that a noise fit that has
+absorbed it must be free to change.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ from tuner.diagnosis.static.model.residual import Residual
 FloatArray = NDArray[np.float64]
 
 MIN_SQUARE_SCORE = 6.0
-"""Square of a score below which a refit is not worth its time."""
+"""Square of a score below which a template is not refitted.
+
+By chance χ²₁ exceeds 6 in 1.4 %, far more often than any threshold allows.
+"""
 
 
 @dataclass(frozen=True)

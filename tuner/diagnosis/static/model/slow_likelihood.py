@@ -142,7 +142,7 @@ class Track:
         return float(weight @ (variance + (size - fit.beta[column]) ** 2))
 
     def without_column(self, column: int, size: float) -> Track:
-        """Return the track with one template held at a size instead of fitted."""
+        """Return the track with the size of one template fixed instead of fitted."""
         amplitude = self.grid.amplitude.copy()
         amplitude[: self.singles] -= size * self.columns[:, column]
         return replace(

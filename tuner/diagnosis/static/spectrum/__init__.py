@@ -1,1 +1,1 @@
-"""Room."""
+"""Fast spectrum of a channel: binned periodogram, filters, ARMA colours, resonances, aliasing."""

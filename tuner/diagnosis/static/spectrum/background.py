@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 FIRST_ORDINATE = 20
-"""Lowest Fourier frequency that is searched for lines and humps."""
+"""Lowest Fourier frequency that is searched for lines and resonances.
+
+Below, the spectrum of slow noise is too steep for the median of the neighbours to be its level.
+"""
 
 
 def local_level(power: FloatArray, width: int) -> FloatArray:

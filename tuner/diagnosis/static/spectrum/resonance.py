@@ -1,4 +1,4 @@
-"""A hump in the binned fast spectrum: an AR(2) resonance too wide to be compared with its neighbourhood."""
+"""Broad resonance in the binned fast spectrum: an AR(2) process too wide to be compared with its neighbourhood."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tuner.diagnosis.static.spectrum.filters import arma_power
 FloatArray = NDArray[np.float64]
 
 WIDTHS = (1, 2, 4, 8, 16)
-"""Bins of a window."""
+"""Bins of a window, in octaves up to an eighth of the spectrum."""
 FREQUENCIES = (0.002, 0.495)
-"""Least and largest frequency × interval."""
+"""Least and largest frequency × interval: within the bins, below the Nyquist frequency 0.5."""
 QUALITIES = (1.0, 200.0)
-"""Least and largest quality."""
+"""Least and largest quality: broader is a filter or a colour, narrower lies within one bin."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def scan_resonances(data: Bins, expected: FloatArray) -> tuple[float, float, flo
 
 
 def fit_resonance(data: Bins, middle: float, width: float) -> ResonanceFit:
-    """Fit a hump next to a frequency, cycles."""
+    """Fit white noise, quantization and a resonance next to a frequency, cycles."""
     background = np.stack((data.white, data.rest, rise(data.cycles)))
 
     def fitted(x: FloatArray) -> Sizes:

@@ -8,7 +8,7 @@ in the bins of `tuner.diagnosis.static.spectrum.binned`, with the slow part as f
 the white noise and
 q ≥ 0 quantization (the base has it: a rise that differenced white noise explains is no finding). The fit may have
 taken colour for slow noise, never slow noise for white: 0 ≤ s ≤ 1. The shapes of
-`tuner.diagnosis.static.spectrum.filters` and a hump
+`tuner.diagnosis.static.spectrum.filters` and a resonance
 compete by likelihood and number of parameters.
 
 A cutoff is known as far as the order and the kind of its filter are: its interval is that of the likelihood over
@@ -43,21 +43,24 @@ from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonanc
 FloatArray = NDArray[np.float64]
 
 SIMPLER_NATS = 5.0
-"""Nats within which the simpler shape is taken."""
+"""Nats within which the simpler shape is taken: it must be less likely by a factor of 150 to be rejected."""
 REGION_NATS = 3.0
 """Loss of log likelihood at the ends of a 95 % region of a cutoff and a folding (χ²₂), nats."""
 LOW_CUTOFFS, HIGH_CUTOFFS = 10, 20
-"""Cutoffs from which the best one is sought: in even ratios below `FOLDING_CUTOFF`, in even steps above."""
+"""Cutoffs from which the best one is sought: in even ratios below `FOLDING_CUTOFF`, in even steps above.
+
+Chosen so that neighbouring cutoffs lie on the same maximum of the likelihood.
+"""
 FOLDING_CUTOFF = 0.12
-"""Cutoff × interval from which a filter that folds has several likely cutoffs."""
+"""Cutoff × interval from which a filter with aliasing can have several likely cutoffs; below, it folds too little."""
 FREAK = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
 COLOUR_STARTS = 2
-"""Searches for a colour: from its likeliest starting points."""
+"""Searches for a colour, from its likeliest starting points: the likelihood may have a maximum for either sign."""
 FIRST_ORDER = ("ar1", "ma1")
 """Colours whose likelihood ratio is the statistic."""
 SHAPES_P_VALUE = 1e-3
-"""Chance from which the many shapes are fitted."""
+"""P-value below which all shapes are fitted; chosen above any threshold, so that it only saves time."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ class ShapeFit:
 
     @property
     def even(self) -> bool:
-        """Whether the spectrum has no hump and no trough."""
+        """Whether the spectrum is monotonic."""
         return self.falls or bool(np.all(np.diff(self.expected) >= 0.0))
 
 
@@ -198,7 +201,7 @@ def misfit(data: Bins, fitted: ShapeFit) -> float:
 
 @dataclass(frozen=True)
 class ShapeTest:
-    """The null and the best shape of every class.
+    """Tests of the fast spectrum: white noise as null, and the best filter, colour and resonance.
 
     Attributes
     ----------
@@ -211,10 +214,10 @@ class ShapeTest:
     misfit : float
         Chance of bins that scatter about the null as much.
     filters, colours : tuple of ShapeFit
-        Best first; empty where nothing alarms.
-    hump : ResonanceFit or None
-        White noise with a hump.
-    hump_p_value : float
+        Best first; empty where no test rejects.
+    resonance : ResonanceFit or None
+        White noise with a resonance.
+    resonance_p_value : float
         Chance of as clear an excess of neighbouring bins.
     """
 
@@ -257,7 +260,7 @@ class ShapeTest:
         return bool(np.all(np.diff(fitted.expected - self.data.peaks) <= 0.0))
 
     def background(self, f: FloatArray) -> FloatArray:
-        """Return the power of the best spectrum without hump or trough ÷ that of the residual at frequencies, Hz."""
+        """Return the power of the best monotonic spectrum ÷ that of the residual at frequencies, Hz."""
         if self.smooth is None:
             return np.ones_like(f)
         ratio = self.smooth.expected / self.data.model
@@ -265,18 +268,21 @@ class ShapeTest:
 
     @cached_property
     def smooth(self) -> ShapeFit | None:
-        """The best spectrum without hump or trough; None where there is none."""
+        """The best monotonic spectrum; None where there is none."""
         even = [fitted for fitted in (*self.filters, *self.colours) if fitted.even]
         return min(even, key=lambda fitted: fitted.cost, default=None)
 
 
 def shape_test(fitted: Residual) -> ShapeTest:
-    """Fit the shapes to the fast spectrum of a residual; the many only where the few alarm, none where one is known."""
+    """Fit filters, colours and a resonance to the fast spectrum; all of them only where `few_shapes` rejects."""
     return many_shapes(few_shapes(fitted))
 
 
 def few_shapes(fitted: Residual) -> ShapeTest:
-    """Fit the colours of first order and, where they or the bins alarm, the filters: what a background asks for."""
+    """Fit the colours of first order and, where they or the bins reject white noise, the filters.
+
+    That is what the background of a search for narrow resonances needs.
+    """
     data = bins(fitted)
     null = fit_white(data)
     if fitted.count("lowpass", "colour"):
@@ -292,7 +298,7 @@ def few_shapes(fitted: Residual) -> ShapeTest:
 
 
 def many_shapes(few: ShapeTest) -> ShapeTest:
-    """Fit all colours and a hump besides, where the few alarm."""
+    """Fit all colours and a resonance besides, where `few_shapes` rejects."""
     if not few.filters:
         return few
     data, first = few.data, {fitted.name: fitted for fitted in few.colours}
@@ -324,7 +330,7 @@ def _simpler(data: Bins, fits: list[ShapeFit]) -> ShapeFit:
 
 
 def _ranked(data: Bins, fits: list[ShapeFit]) -> tuple[ShapeFit, ...]:
-    """Return the fits, first the simplest (earliest) of those that cannot be told from the best."""
+    """Return the fits, first the simplest (earliest) of those within `SIMPLER_NATS` of the best."""
     least = min(_price(data, fitted, False) for fitted in fits)
     first = next(fitted for fitted in fits if _price(data, fitted, False) < least + SIMPLER_NATS)
     return (first, *(fitted for fitted in fits if fitted is not first))

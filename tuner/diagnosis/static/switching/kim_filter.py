@@ -39,7 +39,8 @@ def switching(
     """Return the log likelihood of y, shape (M,); fill `path` (M or 0) with the mean of the level so far.
 
     `levels` (m,) has the chances `first` (m,) at the start and `chances` (m, m) from row to column a block.
-    `phi`, `q`, `initial` have shape (n,): decay, driving and first variance of each state; `r` (M,) is that of v.
+    `phi`, `q`, `initial` have shape (n,): decay, process-noise and initial variance of each state; `r` (M,) is that of
+    v.
     """
     n, modes = phi.size, levels.size
     p = np.zeros((modes, n, n))

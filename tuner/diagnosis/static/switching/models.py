@@ -18,7 +18,7 @@ NO_VALUES = np.empty(0)
 
 @dataclass(frozen=True)
 class Chain:
-    """Levels, in scales, their chances at the start, and those of a hop in a block, from row to column."""
+    """Levels, in scales, their probabilities at the start, and those of a switch in a block, from row to column."""
 
     levels: FloatArray
     first: FloatArray

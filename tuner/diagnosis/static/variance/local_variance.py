@@ -1,7 +1,8 @@
-"""How loud the residuals are: squares of unit expectation, what they scatter by, their means over parts of the record.
+"""Local variance of the residuals: squares of unit expectation, their variances, their means over parts of the record.
 
-Squares of normal residuals have the variance κ = 2, as they are κ is measured. On a coarse lattice both the expectation
-and κ depend on where the slow track lies between two codes (`tuner.diagnosis.static.variance.quantized_noise`).
+Squares of normal residuals have the variance κ = 2, as they are κ is measured. With a coarse quantizer both the
+expectation and κ depend on where the slow track lies between two codes
+(`tuner.diagnosis.static.variance.quantized_noise`).
 """
 
 from __future__ import annotations
@@ -19,9 +20,12 @@ from tuner.diagnosis.static.variance.quantized_noise import cell_moments
 FloatArray = NDArray[np.float64]
 
 LEVEL_BLOCKS = 256
-"""Parts of the record whose local variance is compared."""
+"""Parts of the record whose local variance is compared; chosen to resolve 64 cycles a record with four parts each."""
 MIN_SQUARE_VARIANCE = 0.2
-"""Least variance of a square: the place in a cell is not known well enough for less."""
+"""Least variance of a square, a tenth of the normal 2.
+
+The place in a quantizer cell is not known well enough for less.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class LocalVariance:
     kappa : float
         Usual variance.
     rounded : bool
-        Whether a coarse lattice makes them rare and large, rather than those of a normal law.
+        Whether a coarse quantizer makes them rare and large, rather than those of a normal law.
     """
 
     square: FloatArray
@@ -73,7 +77,7 @@ class LocalVariance:
 
 @once
 def local_variance(fitted: Residual) -> LocalVariance:
-    """Return how loud every sample is."""
+    """Return the squares of the residuals as estimates of the local variance, and their variances."""
     e = np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP)
     square, measured = e * e, fitted.valid
     cell = cell_moments(fitted)

@@ -1,4 +1,4 @@
-"""Whether the local variance of the noise depends on anything: on a period, on the bias itself, or on nothing known.
+"""Modulation of the noise: a local variance that is periodic, depends on the bias, or changes irregularly.
 
 The mean squares of 256 blocks of residuals are made normal by the cube root of Wilson and Hilferty, with the degrees of
 freedom that the measured kurtosis allows; constant, time and temperature, which have a cause of their own
@@ -10,8 +10,8 @@ normal numbers, and::
     by bias    regression of d on the slow track s, χ²₁; s = Cβ + (E_slow/E)(a − Cβ) in the cosine domain
     irregular  Σ d², χ², less the larger of the two
 
-On a lattice of more than two white sd the second is not asked: there it is what rounding does. None of them has a cause
-in the catalogue: they are told as what they are.
+With a quantizer step of more than two white sd the second is not tested: there rounding causes it. None of them has a
+cause in the catalogue: they are reported as unexplained.
 
 References
 ----------
@@ -37,9 +37,9 @@ from tuner.diagnosis.static.variance.quantized_noise import is_coarse
 FloatArray = NDArray[np.float64]
 
 CYCLES = 0.5 * np.arange(2, LEVEL_BLOCKS // 2 + 1)
-"""Cycles in the record that are tried."""
+"""Cycles in the record that are tried, in steps of half a cycle: the resolution of a finite record."""
 MIN_BLOCK_SHARE = 0.5
-"""Share of the usual number of samples below which a block says nothing."""
+"""Share of the usual number of samples from which a block counts; chosen so that its variance is at most doubled."""
 
 
 def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:

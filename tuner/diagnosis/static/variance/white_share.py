@@ -1,6 +1,6 @@
-"""What of the residuals is the white noise of the sensor: rounding and quantization dilute what they show of its law.
+"""Share of the residuals that is white noise of the sensor: the rest dilutes what they show of its distribution.
 
-With W the spectrum of the white noise without the Δ²/12 that a lattice of step Δ adds to it, and E that of the model,
+With W the spectrum of the white noise without the Δ²/12 that a quantizer of step Δ adds to it, and E that of the model,
 the white samples w reach the residuals through the zero-phase filter of response H = √(W/E)::
 
     e = Σ_j h_j w_{k−j} + …,     variance of that part  a = Σ h² = mean W/E,     its excess kurtosis  κ_w Σ h⁴
@@ -19,9 +19,12 @@ from models.noise import White
 from tuner.diagnosis.static.model.residual import Residual, gain_of
 
 FREQUENCY_COUNT = 4096
-"""Frequencies, even up to half the rate, on which the filter is known."""
+"""Frequencies, even up to half the rate, at which the filter is computed.
+
+Chosen fine against the smooth spectra of the terms.
+"""
 MIN_WHITE_SHARE = 0.05
-"""Share of white noise below which nothing is told of its law."""
+"""Least share of white noise that is used: below, its distribution cannot be estimated from the residuals."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Dilution:
     def undiluted(self, ratio: float, share: float) -> float:
         """Return the ratio of variances of the white noise that is seen as `ratio`, over a share of the record.
 
-        `variance` is that of the whole record, part of it loud: the quiet part has a/(1 + share (r − 1)) of it.
+        `variance` is that of the whole record, part of it noisier: the quiet part has a/(1 + share (r − 1)) of it.
         """
         a, excess = self.variance, ratio - 1.0
         return max(1.0 + excess / max(a - excess * (1.0 - a) * share, MIN_WHITE_SHARE * a), 1e-3)
