@@ -3,7 +3,9 @@
 The settings of an axis that fail are replaced by a block fitted to the curve, and the notes say so with the figures;
 an axis that no block predicts is marked with the cluster times or horizons at which it fails. What stays bounded in
 the integral (quantization noise, lines, resonances) is no setting of a filter; it is kept with the comparison.
-A constant bias rate that was identified is taken out of the samples first: the filter has a state for it.
+A constant bias rate that was identified is taken out of the samples first: the filter has a state for it. Where
+nothing predicts the samples as they are and the temperature was measured, the settings are those of samples whose
+temperature is compensated, and the note gives the slope.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from tuner.identification.predictive.choose_block import choose_block
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
@@ -21,6 +24,10 @@ from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
+TEMPERATURE_MEAN = 60.0
+"""Length of the mean over which the temperature is taken, s: its own noise and codes must not enter the samples."""
+MIN_TEMPERATURE_RANGE = 1.0
+"""Range of temperature from which it is compensated, K: below, a slope says nothing about another day."""
 FITTED = "not used: the settings of this axis are fitted to its Allan curve, which the identified terms do not predict"
 """What becomes of the identified terms of an axis that fails."""
 
@@ -42,9 +49,15 @@ def hold_to_records(
     for record in records:
         for axis in [a for a in record.axes if a in channels]:
             channel = channels[axis]
-            found = choose_block(_samples(record, channel), record.interval, _block(channel))
+            samples = _samples(record, channel)
+            found = choose_block(samples, record.interval, _block(channel))
             if found is None:
                 continue
+            if not found.passes and (slope := _temperature_slope(record, samples)) is not None:
+                compensated = choose_block(_compensated(record, samples, slope), record.interval, None)
+                if compensated is not None and compensated.passes:
+                    notes.append(_about_temperature(axis, channel.unit, slope, found))
+                    found = compensated
             judged[axis] = found
             if found.source is not BlockSource.LIKELIHOOD:
                 channels[axis] = _with_block(channel, found)
@@ -67,6 +80,48 @@ def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:
     y, t = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     slope = float(np.polyfit(t - t.mean(), y, 1)[0])
     return [np.ascontiguousarray(y - slope * (t - t[0])) for y, t in pieces]
+
+
+def _temperature(record: Record) -> list[FloatArray]:
+    """Return the smoothed temperature on the stretches that are judged, or nothing where it was not measured."""
+    if "temperature" not in record.covariates:
+        return []
+    celsius = record.covariates["temperature"]
+    width = max(1, round(TEMPERATURE_MEAN / record.interval))
+    return [uniform_filter1d(celsius[a:b], width, mode="nearest") for a, b in record.segments]
+
+
+def _temperature_slope(record: Record, samples: Sequence[FloatArray]) -> float | None:
+    """Return the regression on the temperature within stretches, unit/K; None where it does not change.
+
+    Each stretch has its own mean: the unit may have been laid down in another pose.
+    """
+    celsius = _temperature(record)
+    if len(celsius) != len(samples):
+        return None
+    if not max(np.ptp(t) for t in celsius) >= MIN_TEMPERATURE_RANGE:
+        return None
+    spread = np.concatenate([t - t.mean() for t in celsius])
+    y = np.concatenate([y - y.mean() for y in samples])
+    return float(spread @ y / (spread @ spread))
+
+
+def _compensated(record: Record, samples: Sequence[FloatArray], slope: float) -> list[FloatArray]:
+    """Return the samples less what follows the temperature."""
+    return [y - slope * (t - t.mean()) for y, t in zip(samples, _temperature(record), strict=True)]
+
+
+def _about_temperature(axis: str, unit: str, slope: float, before: PredictedBlock) -> str:
+    failed = [f for f in before.forecasts if not f.passes]
+    why = (
+        f"the Allan deviation is predicted {before.curve.worst:.2f} times at {before.curve.worst_tau:.3g} s"
+        if not failed
+        else f"the error over {failed[0].horizon:g} s is {failed[0].ratio:.2f} of what is predicted"
+    )
+    return (
+        f"{axis}: the settings are for samples whose temperature is compensated, by {slope:.3g} {unit}/K in this "
+        f"record; without that no settings predict it ({why})"
+    )
 
 
 def _coefficient(terms: Sequence[TermEstimate], name: str, parameter: str) -> float:
@@ -100,7 +155,8 @@ def _notes(axis: str, found: PredictedBlock) -> list[str]:
     if found.source is not BlockSource.LIKELIHOOD and found.rejected is not None:
         failed = [f for f in found.rejected_forecasts if not f.passes]
         why = (
-            f"they give {found.rejected.worst:.2f} of the measured Allan deviation at {found.rejected.worst_tau:.3g} s"
+            f"these predict {found.rejected.worst:.2f} times the measured Allan deviation "
+            f"at {found.rejected.worst_tau:.3g} s"
             if not found.rejected.passes or not failed
             else f"the error over {failed[0].horizon:g} s is {failed[0].ratio:.2f} of what they predict"
         )

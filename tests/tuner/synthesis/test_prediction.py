@@ -13,6 +13,7 @@ import tuner
 from models.noise import GaussMarkov, NoiseModel, White
 from tuner.formats import noise_yaml
 from tuner.report.result_set import tune_json
+from tuner.segments.conditions import at_rest
 from tuner.synthesis import synthesize
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types.prediction import BlockSource
@@ -108,3 +109,33 @@ def test_measured_units_are_predicted(name):
         at_ten_seconds = int(np.argmin(np.abs(tau - 10.0)))
         assert np.sqrt(own[at_ten_seconds] / variance[at_ten_seconds]) == pytest.approx(1.0, abs=0.3)
         assert config.channels[axis].white_density == found.block.white_density
+
+
+def test_temperature_is_taken_out_where_nothing_predicts_the_samples_as_they_are():
+    """Three poses with a mean each; 2 mm/s² a kelvin over cycles of 20 K: the slope is known to 1 % at worst."""
+    rng = np.random.default_rng(8)
+    interval, n = 1.0, 36_000
+    t = interval * np.arange(n)
+    celsius = 20.0 + 10.0 * np.sin(2.0 * np.pi * t / 5400.0)
+    y = White(0.01).sample(n, interval, rng) + 2e-3 * celsius + np.repeat([0.0, 9.8, -9.8], n // 3)
+    pieces = tuple((k * n // 3, (k + 1) * n // 3) for k in range(3))
+    measured = celsius + 0.1 * rng.standard_normal(n)
+    record = Record(
+        "accel", t, y[:, None], ("accel_z",), "m/s^2", interval, pieces, {"temperature": measured}
+    )
+    config, judged = hold_to_records(synthesize(tuner.identify([record], arma=None)), [record])
+    assert judged["accel_z"].passes
+    assert config.channels["accel_z"].white_density == pytest.approx(0.01, rel=0.1)
+    (note,) = [note for note in config.notes if "temperature is compensated" in note]
+    slope = float(note.split("by ")[1].split(" ")[0])
+    assert slope == pytest.approx(2e-3, rel=0.02)
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
+def test_a_tag_in_a_refrigerator_is_predicted_once_its_temperature_is_out():
+    """Published slope of accel z: 0.0239 and 0.0244 m/s²/K in two poses."""
+    records = at_rest(tuner.read(DATA / "cats_tag_temperature.npz"))
+    config, judged = hold_to_records(synthesize(tuner.identify(records, arma=None)), records)
+    assert all(found.passes for found in judged.values())
+    (note,) = [n for n in config.notes if n.startswith("accel_z: the settings are for samples whose temp")]
+    assert 0.0235 < float(note.split("by ")[1].split(" ")[0]) < 0.0248
