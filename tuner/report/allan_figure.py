@@ -44,6 +44,8 @@ SLOPES = {
 }
 WELL_KNOWN_SHARE = 0.2
 """Share of the record up to which the empirical curve is drawn in full: beyond a fifth, few differences remain."""
+LEGEND_WIDTH = 60
+"""Characters in a line of the legend beyond which each parameter gets a line: about as many as fit into a panel."""
 
 
 def draw_allan(
@@ -131,16 +133,19 @@ def _draw_model(
             tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--", label=_label(channel, term.name)
         )
         at = int(np.argmax(np.where((tau > 2 * tau[0]) & (tau < 0.3 * tau[-1]), variance / total, 0.0)))
-        panel.annotate(
+        mark = panel.annotate(
             term.SYMBOLS[0] if term.SYMBOLS else term.name,
             (tau[at], shown(np.sqrt(variance[at : at + 1]))[0]),
-            xytext=(3, 5),
+            xytext=(3, 5) if term.SYMBOLS else (-3, -10),
             textcoords="offset points",
+            ha="left" if term.SYMBOLS else "right",
             fontweight="bold",
             color=colour,
             annotation_clip=True,
         )
-    panel.legend(fontsize=7, loc="upper right", framealpha=0.85, handlelength=1.6)
+        mark.set_in_layout(False)
+    legend = panel.legend(fontsize=7, loc="upper right", framealpha=0.85, handlelength=1.6)
+    legend.set_in_layout(False)
 
 
 def _label(channel: ChannelIdentification, name: str) -> str:
@@ -153,9 +158,10 @@ def _label(channel: ChannelIdentification, name: str) -> str:
         if coefficient.value is None:
             continue
         value = digits(in_customary(coefficient.value, quantity, channel.unit))
-        text = f"{symbol(quantity)} {value}"
+        text = f"{symbol(quantity).removeprefix(f'{name} ')} {value}"
         if coefficient.interval is not None:
             half = 0.5 * (coefficient.interval[1] - coefficient.interval[0])
             text += f" ± {digits(in_customary(half, quantity, channel.unit), 2)}"
         parts.append(f"{text} {pretty(customary_unit(quantity, channel.unit))}")
-    return f"{SLOPES.get(name, name)}: " + ", ".join(parts)
+    line = f"{SLOPES.get(name, name)}: " + ", ".join(parts)
+    return line if len(line) <= LEGEND_WIDTH else f"{SLOPES.get(name, name)}: " + ",\n".join(parts)

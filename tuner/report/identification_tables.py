@@ -102,7 +102,8 @@ def _sensor_table(channels: Sequence[ChannelIdentification]) -> Table:
         for channel in channels:
             found = dict(_coefficients(channel)).get(name)
             cells.append("–" if found is None else phrase(found, name, unit, with_unit=False))
-        head = f"{symbol(name)}  {term_title(name.split('.')[0])}, {pretty(customary_unit(name, unit))}"
+        title = term_title(name.split(".")[0])
+        head = f"{symbol(name)}{f'  {title}' if title else ''}, {pretty(customary_unit(name, unit))}"
         table.add_row(head, *cells)
     table.add_section()
     level = pretty(customary_unit("level", unit))

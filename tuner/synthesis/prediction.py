@@ -28,7 +28,10 @@ TEMPERATURE_MEAN = 60.0
 """Length of the mean over which the temperature is taken, s: its own noise and codes must not enter the samples."""
 MIN_TEMPERATURE_RANGE = 1.0
 """Range of temperature from which it is compensated, K: below, a slope says nothing about another day."""
-FITTED = "not used: the settings of this axis are fitted to its Allan curve, which the identified terms do not predict"
+FITTED = (
+    "not used: the settings of this axis are fitted to its Allan curve, which those made from the identified terms "
+    "do not predict"
+)
 """What becomes of the identified terms of an axis that fails."""
 
 
