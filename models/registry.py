@@ -40,7 +40,8 @@ class Registry(Mapping[str, T]):
     check : callable, optional
         Raises ValueError or TypeError where a declaration is not complete; called before anything is added.
     declared_by : callable, optional
-        Takes the declaration out of what an entry point names, where several registries share a group.
+        Takes the declaration out of what an entry point names, where several registries share a group; None where
+        that has none for this registry.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Registry(Mapping[str, T]):
         *,
         name_of: Callable[[T], str],
         check: Callable[[T], None] | None = None,
-        declared_by: Callable[[Any], T] | None = None,
+        declared_by: Callable[[Any], T | None] | None = None,
     ) -> None:
         self.kind = kind
         self.group = group
@@ -68,7 +69,11 @@ class Registry(Mapping[str, T]):
         RegistryError
             Where the name is taken by another declaration, or the declaration is not complete.
         """
-        name = self._name_of(declaration)
+        try:
+            name = self._name_of(declaration)
+        except AttributeError:
+            msg = f"{self.kind}: a declaration must state its name, got {declaration!r}"
+            raise RegistryError(msg) from None
         if self._declared.get(name, declaration) is not declaration:
             msg = f"{self.kind} '{name}' is declared twice; give one of the two another name"
             raise RegistryError(msg)
@@ -132,14 +137,16 @@ class Registry(Mapping[str, T]):
         if self._entry_points_loaded:
             return
         for point in entry_points(group=self.group):
-            self.add(self._loaded(point))
+            declaration = self._loaded(point)
+            if declaration is not None:
+                self.add(declaration)
         self._entry_points_loaded = True
 
-    def _loaded(self, point: EntryPoint) -> T:
+    def _loaded(self, point: EntryPoint) -> T | None:
         package = point.dist.name if point.dist is not None else "another package"
         try:
             named: Any = point.load()
-            declaration: T = named if self._declared_by is None else self._declared_by(named)
+            declaration: T | None = named if self._declared_by is None else self._declared_by(named)
         except Exception as error:
             msg = (
                 f"{self.kind} '{point.name}' of package '{package}' cannot be loaded "

@@ -11,6 +11,7 @@ sums of the same terms are equal. Units and conventions are those of `models`.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -54,6 +55,13 @@ def _complete(kind: Any) -> None:
     if not (isinstance(kind, type) and issubclass(kind, Term)):
         msg = f"expected a subclass of models.noise.Term, got {kind!r}"
         raise TypeError(msg)
+    if missing := [name for name in ("name", "PARAMETERS", "UNITS") if not hasattr(kind, name)]:
+        msg = f"the class needs {', '.join(missing)}"
+        raise TypeError(msg)
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", kind.name) or re.search(r"_[0-9]+$", kind.name):
+        msg = "expected a name of lower-case letters, digits and underscores that does not end in a number, as that of "
+        msg += "the second term of a kind does"
+        raise ValueError(msg)
     if not kind.PARAMETERS:
         msg = "PARAMETERS must name at least the amplitude"
         raise ValueError(msg)
@@ -74,7 +82,10 @@ _BY_ITSELF = ("psd", "allan_variance", "hadamard_variance", "autocovariance", "s
 """What a term without a state space gives itself."""
 
 TERMS: Registry[type[Term]] = Registry(
-    "noise term", "tuner.noise_terms", name_of=lambda kind: kind.name, check=_complete
+    "noise term",
+    "tuner.noise_terms",
+    name_of=lambda kind: str(getattr(kind, "name", getattr(kind, "__name__", kind))),
+    check=_complete,
 )
 """Classes of the noise terms by name, in the order in which results list them; open to other packages."""
 TERMS.extend(

@@ -12,10 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from matplotlib.figure import Figure
 
-from models.noise import NoiseModel, White
+from models.noise import TERMS, NoiseModel, Term, White
+from models.registry import RegistryError
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
+from tuner.identification import identify
+from tuner.readers import read
+from tuner.report.allan_figure import draw_allan
 from tuner.synthesis.bias_states import spectrum_bound
+from tuner.types.records import DataError, Record
 
 NAME = "second_order_gauss_markov"
 SD, TIME, DENSITY = 1e-3, 4.0, 2e-4
@@ -113,3 +119,55 @@ def test_without_the_package_the_term_is_refused_in_one_line(package: Path, tune
     assert "Traceback" not in done.stderr
     assert f"got '{NAME}'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"name": "gauss_markov_2"}, "expected a name of lower-case letters.* that does not end in a number"),
+        ({"name": "my term,1"}, "expected a name of lower-case letters"),
+        ({"PARAMETERS": ("sd", "period")}, "PARAMETERS must name fields of the dataclass, 'period' is none"),
+        ({"UNITS": (0.0,)}, "UNITS must hold one entry for each of PARAMETERS"),
+    ],
+)
+def test_a_contradicting_declaration_is_refused_in_one_line(
+    changes: dict[str, object], complaint: str
+) -> None:
+    with pytest.raises(RegistryError, match=rf"^noise term '[^\n]*': {complaint}[^\n]*$"):
+        TERMS.add(type("Changed", (SecondOrderGaussMarkov,), changes))
+
+
+def test_a_term_that_states_nothing_is_refused_in_one_line() -> None:
+    with pytest.raises(RegistryError, match=r"^noise term 'Empty': the class needs name, PARAMETERS, UNITS$"):
+        TERMS.add(type("Empty", (Term,), {}))
+
+
+def test_a_term_with_a_parameter_that_is_no_time_and_gives_no_trial_values_is_refused_in_one_line() -> None:
+    heated = type("Heated", (SecondOrderGaussMarkov,), {"name": "heated", "UNITS": (0.0, "K")})
+    y = np.random.default_rng(0).standard_normal((4000, 1))
+    record = Record("gyro", 0.01 * np.arange(4000), y, ("gyro_x",), "rad/s", 0.01)
+    with (
+        TERMS.added(heated),
+        pytest.raises(DataError, match=r"^noise term 'heated' cannot be fitted: [^\n]*$"),
+    ):
+        identify((record,), terms=("white", "heated"))
+
+
+def test_a_long_name_leaves_the_panels_of_the_allan_figure_their_width(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The layout must not make room for the legend beside a panel: three panels fill most of the width."""
+    widths: list[float] = []
+    save = Figure.savefig
+
+    def saved(figure: Figure, *arguments: object, **options: object) -> None:
+        save(figure, *arguments, **options)
+        widths.extend(panel.get_position().width for panel in figure.axes)
+
+    monkeypatch.setattr(Figure, "savefig", saved)
+    named = type("Named", (SecondOrderGaussMarkov,), {"name": "gauss_markov_of_second_order", "SYMBOLS": ()})
+    with TERMS.added(named):
+        found = identify(read(package / "log.csv", gyro_unit="rad/s"), terms=("white", named.name))
+        draw_allan(found, [tmp_path / "allan.png"])
+    assert len(widths) == 3
+    assert min(widths) > 0.25

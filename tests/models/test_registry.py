@@ -95,3 +95,26 @@ def test_a_package_that_cannot_be_loaded_is_named_in_one_line(tmp_path: Path) ->
     expected = r"shape 'Hexagon' of package 'other-shapes' cannot be loaded \(ModuleNotFoundError: .*\); mend"
     with pytest.raises(RegistryError, match=expected):
         list(shapes())
+
+
+def test_a_declaration_without_a_name_is_refused_in_one_line() -> None:
+    registry: Registry[type] = Registry("shape", "tuner.no_shapes", name_of=lambda kind: kind.code)
+    with pytest.raises(
+        RegistryError, match=r"^shape: a declaration must state its name, got <class '.*Square'>$"
+    ):
+        registry.add(Square)
+
+
+def test_an_entry_point_may_hold_nothing_for_one_of_the_registries_of_its_group(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "shapes_without_corners.py").write_text("class Line:\n    corners = None\n")
+    facts = tmp_path / "lines-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: lines\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text("[tuner.test_corners]\nline = shapes_without_corners:Line\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry: Registry[int] = Registry(
+        "corner", "tuner.test_corners", name_of=str, declared_by=lambda kind: kind.corners
+    )
+    assert list(registry) == []

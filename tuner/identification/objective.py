@@ -32,6 +32,7 @@ from models.noise import TERMS, Ramp, Term
 from tuner.identification.expected_periodogram import expected_power
 from tuner.identification.fisher_scoring import minimise
 from tuner.identification.periodogram import CosinePeriodogram
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 Trial = tuple[tuple[float, ...], FloatArray]
@@ -193,7 +194,11 @@ def random_terms() -> dict[str, type[Term]]:
 def _trials(kind: type[Term], data: CosinePeriodogram) -> tuple[Trial, ...]:
     """Return the trial values of a term with the expected power of its unit amplitude."""
     times = np.geomspace(3.0 * data.interval, 0.5 * data.longest, _GRID_POINTS)
-    return tuple((scale, expected_power(_unit(kind, scale), data)[0]) for scale in kind.trial_shapes(times))
+    try:
+        shapes = kind.trial_shapes(times)
+    except ValueError as error:
+        raise DataError(str(error)) from None
+    return tuple((scale, expected_power(_unit(kind, scale), data)[0]) for scale in shapes)
 
 
 def _unit(kind: type[Term], scale: Iterable[float]) -> Term:

@@ -61,9 +61,9 @@ from models.registry import Registry
 __all__ = ["EFFECTS", "Course", "DriveEffect", "DriveSamples", "course_of_fixes", "draw", "hide", "parse"]
 
 
-def _effect_of(declared: Any) -> type[DriveEffect]:
-    """Return the effect of what an entry point names: a cause, which has one, or an effect."""
-    effect: type[DriveEffect] = getattr(declared, "effect", declared)
+def _effect_of(declared: Any) -> type[DriveEffect] | None:
+    """Return the effect of what an entry point names: that of a cause, None where it has none, or an effect."""
+    effect: type[DriveEffect] | None = getattr(declared, "effect", declared)
     return effect
 
 

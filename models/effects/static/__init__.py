@@ -50,9 +50,9 @@ from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
 from models.registry import Registry
 
 
-def _effect_of(declared: Any) -> type[Effect]:
-    """Return the effect of what an entry point names: a cause, which has one, or an effect."""
-    effect: type[Effect] = getattr(declared, "effect", declared)
+def _effect_of(declared: Any) -> type[Effect] | None:
+    """Return the effect of what an entry point names: that of a cause, None where it has none, or an effect."""
+    effect: type[Effect] | None = getattr(declared, "effect", declared)
     return effect
 
 

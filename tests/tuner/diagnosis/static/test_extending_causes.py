@@ -16,6 +16,7 @@ from models.registry import RegistryError
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry
+from tuner.diagnosis.static.causes.template import Template
 from tuner.report.diagnosed_axis import signal_of
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.simulation.static import simulate
@@ -138,5 +139,14 @@ def test_an_incomplete_or_contradicting_declaration_is_refused_in_one_line() -> 
         RegistryError, match=r"^cause 'other': its effect has the code 'line'; give both the same$"
     ):
         registry.add(Other)
+
+    class Shapeless(Template):
+        cause = "shapeless"
+        meaning = consequence = "none"
+
+    with pytest.raises(
+        RegistryError, match=r"^cause 'shapeless': the class needs size, statistic, template$"
+    ):
+        registry.add(Shapeless)
     with pytest.raises(RegistryError, match=r"^unknown cause 'lin' \(did you mean 'line'\?\); known are "):
         CAUSES["lin"]

@@ -31,6 +31,7 @@ from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.temperature import Temperature
 from tuner.diagnosis.static.causes.temperature_times_time import Ageing
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import Thermal, ThermalLag
 from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.causes.vibration import Vibration
@@ -47,6 +48,9 @@ def _complete(declared: object) -> None:
         msg = f"expected a subclass of tuner.diagnosis.cause.Cause, got {cause!r}"
         raise TypeError(msg)
     missing = [name for name in WORDS if not hasattr(cause, name)]
+    if issubclass(cause, Template):
+        missing += [name for name in ("size", "statistic") if not hasattr(cause, name)]
+        missing += ["template"] * (cause.template is Template.template)
     if missing:
         msg = f"the class needs {', '.join(missing)}"
         raise TypeError(msg)
