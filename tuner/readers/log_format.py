@@ -43,6 +43,8 @@ class LogFormat:
         Tells from the first `HEAD_BYTES` bytes whether a file of another ending is of this format.
     extra : str, optional
         Extra of this package (``pip install 'ins-noise-tuner[EXTRA]'``) with the library that `read` imports.
+    any_text : bool, optional
+        Whether it reads any table in text: its endings and first bytes then leave others the first choice.
     """
 
     name: str
@@ -51,6 +53,7 @@ class LogFormat:
     read: Callable[[Path, Progress | None], Listing]
     recognizes: Callable[[bytes], bool] = lambda _: False
     extra: str | None = None
+    any_text: bool = False
 
 
 def _check(declared: object) -> None:
@@ -80,6 +83,8 @@ FORMATS: Registry[LogFormat] = Registry(
 def format_of(path: Path) -> LogFormat:
     """Return the format of a file, by the ending of its name, else by its first bytes.
 
+    An ending such as ``.txt`` says only that it is text: a format that recognizes the first bytes goes before.
+
     Raises
     ------
     DataError
@@ -87,11 +92,14 @@ def format_of(path: Path) -> LogFormat:
     """
     name = path.name.lower()
     fitting = [(len(s), one) for one in FORMATS.values() for s in one.suffixes if name.endswith(s)]
-    if fitting:
-        return max(fitting, key=lambda pair: pair[0])[1]
+    declared = max(fitting, key=lambda pair: pair[0])[1] if fitting else None
+    if declared is not None and not declared.any_text:
+        return declared
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
-    found = next((one for one in FORMATS.values() if one.recognizes(head)), None)
+    found = next((one for one in FORMATS.values() if not one.any_text and one.recognizes(head)), declared)
+    if found is None:
+        found = next((one for one in FORMATS.values() if one.any_text and one.recognizes(head)), None)
     if found is None:
         known = ", ".join(f"{one.title} ({' '.join(one.suffixes)})" for one in FORMATS.values())
         msg = f"{path}: expected a log as {known}, got none of these; convert it to one of them"

@@ -295,4 +295,5 @@ FORMAT = LogFormat(
     (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz"),
     list_text,
     is_text,
+    any_text=True,
 )

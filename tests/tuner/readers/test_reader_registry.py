@@ -72,6 +72,15 @@ def test_a_log_of_another_package_reaches_the_commands(lines: Path, tmp_path: Pa
 
 
 @pytest.mark.usefixtures("package")
+@pytest.mark.parametrize("ending", ["txt", "csv", "data"])
+def test_a_log_of_another_package_is_recognized_before_it_is_taken_for_any_text(
+    lines: Path, ending: str
+) -> None:
+    (gyro,) = read(lines.rename(lines.with_suffix(f".{ending}")))
+    np.testing.assert_array_equal(gyro.y, GYRO)
+
+
+@pytest.mark.usefixtures("package")
 def test_a_damaged_log_of_another_package_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     path.write_text('{"t": 0}\n{"u": 1}\n')
