@@ -41,7 +41,7 @@ IntArray = NDArray[np.int64]
 
 BLOCK_COUNT = 200
 """Blocks that a record is cut into: enough degrees of freedom for a t law close to the normal one."""
-LEAST_BLOCK = 100
+MIN_BLOCK_SAMPLES = 100
 """Least length of a block, samples; chosen so that a block has several lags' worth of pairs (`MAX_LAG` is 9)."""
 MIN_EQUALITIES = 400
 """Equalities below which the exact binomial test replaces the scatter over blocks: two a block of `BLOCK_COUNT`."""
@@ -126,8 +126,8 @@ def find_repeated_samples(pieces: Sequence[FloatArray], steps: Sequence[float]) 
 
 def _by_lags(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSamples:
     """Return the test of equalities at lag 1 by those at the other lags."""
-    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCK_COUNT)
-    rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > MAX_LAG + LEAST_BLOCK // 2]
+    block = max(MIN_BLOCK_SAMPLES, sum(map(len, pieces)) // BLOCK_COUNT)
+    rows = [_counts(piece, steps, block) for piece in pieces if len(piece) > MAX_LAG + MIN_BLOCK_SAMPLES // 2]
     if not rows or any(_hides(pieces, j, step) for j, step in enumerate(steps)):
         return RepeatedSamples(0.0, 1.0, 0.0, (0.0, 1.0))
     equal, ratio, pairs = (np.concatenate(part) for part in zip(*rows, strict=True))
@@ -164,7 +164,7 @@ def _fine(pieces: Sequence[FloatArray], steps: Sequence[float]) -> RepeatedSampl
         for lag in (1, 2)
     )
     spread = near / steps[0]
-    block = max(LEAST_BLOCK, sum(map(len, pieces)) // BLOCK_COUNT)
+    block = max(MIN_BLOCK_SAMPLES, sum(map(len, pieces)) // BLOCK_COUNT)
     if spread < MIN_FINE_SD:
         return None
     white = abs(far / near - 1.0) < LAG_TOLERANCE

@@ -41,7 +41,7 @@ class CauseTest:
 MIN_GAIN = 1.0
 """Gain from which a cause is named, nats: a Bayes factor of e."""
 NO_GAIN = -9.0
-"""Gain that stands for the outcome of a test that is not significant, nats."""
+"""Gain of a test that is not significant, nats: below any gain that a fit could give by chance."""
 
 
 def not_significant(
@@ -52,8 +52,10 @@ def not_significant(
 
 
 MIN_FACTOR = 0.02
-"""Least factor on a reported sd that is put into a filter: beside correlated errors the white part of smoothed fixes
-may be nothing, and a filter configured for none rejects every fix once its estimate is off.
+"""Least factor on a reported sd that is put into a filter.
+
+Beside correlated errors the white part of smoothed fixes may be nothing, and a filter configured for none rejects every
+fix once its estimate is off. Chosen far below any factor of a real receiver.
 """
 
 

@@ -39,7 +39,10 @@ BoolArray = NDArray[np.bool_]
 ADDED_NOISE_SEED = 0
 """Seed of the noise that is added: the same drive gives the same diagnosis."""
 PRIOR_RIDGE = 0.05
-"""λ: information, in units of the prior's, below which the bias of a constant is left in."""
+"""λ: information, in units of the prior's, below which the bias of a constant is not corrected.
+
+Chosen small, so that only constants that the drive hardly observes keep their bias.
+"""
 MAX_CHANGE = 7.0
 """Largest change of a whitened innovation that counts: five sds of the difference of two."""
 

@@ -40,7 +40,7 @@ OUTAGE_DURATIONS = (30.0, 60.0)
 RECOVERY_TIME = 30.0
 """Time with fixes between two outages, s: the filter has converged again."""
 MIN_ROWS = 30
-"""Rows that a gain must be measured on."""
+"""Least number of rows that a gain is measured on; chosen so that it is not that of a few fixes."""
 
 
 def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:

@@ -38,7 +38,10 @@ enough.
 
 
 NEGLIGIBLE_CHANGE = 0.05
-"""Relative difference of values that changes a filter's innovations by less than their scatter."""
+"""Relative difference of values that changes a filter's innovations by less than their scatter.
+
+It is the accuracy of an sd from two hundred fixes, 1/√400.
+"""
 
 
 @dataclass(frozen=True)

@@ -40,12 +40,16 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
 }
 """Noise settings of a filter: in words, and their SI unit."""
 MIN_VIBRATION_RATIO = 1.5
-"""Vibration, moving ÷ at rest, from which it counts."""
+"""Vibration, moving ÷ at rest, from which it can explain a factor on white noise; chosen as clearly above 1."""
 MIN_RETURNED_SHARE = 0.25
-"""Part of what a factor lost that must return when a cause is left out for it to be named."""
+"""Part of what a factor lost that must return when a cause is left out for it to be named.
+
+A quarter, as up to `MAX_CAUSES_LEFT_OUT` = 4 causes may share it.
+"""
 MAX_CAUSES_LEFT_OUT = 4
 """Findings that are left out in turn, the first accepted: each costs a run and a fit."""
 UNKNOWN_CAUSE = "unknown"
+"""Stands for the cause of a factor that no finding explains."""
 
 
 @dataclass(frozen=True)

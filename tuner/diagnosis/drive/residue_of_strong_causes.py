@@ -29,9 +29,9 @@ from tuner.diagnosis.static.outcome import TestResult
 FloatArray = NDArray[np.float64]
 
 N_PARTS = 5
-"""Parts of a drive between which a strong cause may differ."""
+"""Parts of a drive between which a strong cause may differ; chosen to follow slow changes with few parameters."""
 MAX_WEAK_GAIN = 10.0
-"""Gain up to which a cause may be a residue, nats."""
+"""Gain up to which a cause may be a residue, nats; chosen so that clear causes need no second test."""
 MIN_STATISTIC_RATIO = 100.0
 """Ratio of two z² from which one cause may leave the other as its residue: it varies by a tenth of itself."""
 

@@ -35,9 +35,12 @@ FloatArray = NDArray[np.float64]
 BLOCK_DURATION = 30.0
 """Length of the blocks whose sums are compared, s: beyond the correlation time of most receiver errors."""
 FITTED_SHARE = 0.6
-"""Part of the scored time that constants are fitted to where the rest tests them."""
+"""Part of the scored time that constants are fitted to where the rest tests them; chosen so that both are long."""
 INSEPARABLE_CORRELATION = 0.97
-"""Correlation of the effects of two causes on the innovations from which a drive cannot separate them."""
+"""Correlation of the effects of two causes on the innovations from which a drive cannot separate them.
+
+Fitted together, their sds grow by 1/√(1 − 0.97²) = 4.
+"""
 
 
 @dataclass(frozen=True)

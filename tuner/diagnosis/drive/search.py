@@ -56,17 +56,25 @@ from tuner.types import Alternative, Coefficient, Parameter
 from tuner.types.records import DataError, Drive
 
 MAX_ITERATIONS = 12
-"""Most causes that are accepted one after another."""
+"""Most causes that are accepted one after another; chosen to bound the search above the number a drive has."""
 RIVAL_NATS = 3.0
 """Nats within which a rival counts as an alternative: a Bayes factor of 20."""
 MIN_CHANGE = 0.2
-"""Change of an estimate, in sds, from which another filter run is worth its time."""
+"""Change of an estimate, in sds, from which another filter run is worth its time: below, it costs 0.02 nats."""
 MAX_STEP_LOSS, MAX_SQUARE = 3.0, 25.0
-"""Largest squared whitened innovation that counts in it: outliers do not decide on a step."""
+"""Loss of log likelihood, nats, that ends Gauss–Newton, and largest squared whitened innovation that counts in it.
+
+The loss, a likelihood ratio of 20, allows for the linearisation; squares beyond 25, five sds, are outliers, which must
+not decide on a step.
+"""
 MAX_LATE_LOSS, MIN_LATE_SHARE = 2.0, 0.05
-"""Share of a constant's gain that must be gained there, beyond `MAX_LATE_LOSS`."""
+"""Share of a constant's gain that must be gained in the last part of a drive, beyond `MAX_LATE_LOSS` nats.
+
+A true constant gains in proportion to the length of that part on average; chosen so low that only those that lose there
+are rejected.
+"""
 MAX_GAUSS_NEWTON_STEPS = 3
-"""Filter runs of Gauss–Newton after a cause is accepted."""
+"""Most filter runs of Gauss–Newton after a cause is accepted; enough where errors of linearisation are small."""
 
 
 @dataclass(frozen=True)

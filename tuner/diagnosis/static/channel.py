@@ -23,19 +23,25 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BLOCK_COUNT = 4096
-"""Blocks that a record is cut into, within 5 %, where it has that many samples."""
+"""Blocks that a record is cut into, within 5 %, where it has that many samples.
+
+Chosen so that a transform of the blocks takes milliseconds while slow effects, cycles a record, are resolved.
+"""
 MAX_LOST_SHARE = 1e-3
-"""Share of the samples, at the end, that may be left out for blocks whose transforms are fast."""
+"""Share of the samples, at the end, that may be left out for fast transforms; chosen as no loss of information."""
 SLOW_PRIME = 11
 """Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
 ARITHMETIC_SD = 1e-9
 """Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
 MIN_SAMPLES = 1024
-"""Samples below which nothing is said."""
+"""Samples below which no test is made: too few for the spectrum bins and for asymptotic null distributions."""
 GAP_NEIGHBOURS = 128
-"""Samples on either side of a gap that tell its levels."""
-LONGEST_GAP = 0.02
-"""Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken."""
+"""Samples on either side of a gap whose means are its levels: known to 0.09 white sds."""
+MAX_GAP_SHARE = 0.02
+"""Gap that is still bridged, as a share of the record; beyond, the longest stretch is taken.
+
+Chosen so that what is filled in does not count in the slow noise.
+"""
 
 
 @dataclass(frozen=True)
@@ -306,7 +312,7 @@ def _index(record: Record, piece: tuple[int, int]) -> NDArray[np.int64]:
 def _without_long_gaps(record: Record) -> list[tuple[int, int]]:
     """Return the segments of the longest stretch that no long gap interrupts."""
     pieces = [piece for piece in record.segments if piece[1] > piece[0]]
-    longest = LONGEST_GAP * (record.t[-1] - record.t[0])
+    longest = MAX_GAP_SHARE * (record.t[-1] - record.t[0])
     groups: list[list[tuple[int, int]]] = [[pieces[0]]]
     for before, piece in pairwise(pieces):
         gap = record.t[piece[0]] - record.t[before[1] - 1]

@@ -27,9 +27,12 @@ from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
-"""Share of a record that may move before only its longest still part is analysed."""
-SAME_RATE = 0.01
-"""Relative difference of two sampling intervals up to which they are one."""
+"""Share of a record that may move before only its longest stationary part is analysed.
+
+Chosen so that the stationary parts are the majority of what is analysed.
+"""
+MAX_INTERVAL_DIFFERENCE = 0.01
+"""Relative difference of two sampling intervals up to which they are one; clocks differ by far less, rates by more."""
 
 
 def diagnose(
@@ -146,7 +149,7 @@ def _comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
         )
         raise DataError(msg)
     for one, other in pairs:
-        if abs(other.interval - one.interval) > SAME_RATE * one.interval:
+        if abs(other.interval - one.interval) > MAX_INTERVAL_DIFFERENCE * one.interval:
             msg = (
                 f"second log: expected the rate of the first, {1.0 / one.interval:.6g} Hz, "
                 f"got {1.0 / other.interval:.6g} Hz"

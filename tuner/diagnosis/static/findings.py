@@ -19,7 +19,7 @@ from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
-WORTH_SAYING = 1.02
+MIN_ENLARGEMENT = 1.02
 """Factor on a density up to which nothing is enlarged: the accuracy with which most records estimate it."""
 AGREEMENT_SDS = 4.0
 """Standard deviations within which parameters of two channels agree: normal deviates exceed 4 in 6e-5."""
@@ -113,7 +113,7 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
     factor, reason = enlargement
     needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale
     factor = needed / base.white_density()
-    return Enlargement(Quantity(axis, "white_density"), factor, reason) if factor > WORTH_SAYING else None
+    return Enlargement(Quantity(axis, "white_density"), factor, reason) if factor > MIN_ENLARGEMENT else None
 
 
 def _shared(group: Sequence[_Single], single: _Single) -> bool:

@@ -39,9 +39,9 @@ from tuner.types import Gain
 FloatArray = NDArray[np.float64]
 
 FITTED_SHARE = 0.6
-"""Part of a single record that the parameters are taken from."""
+"""Part of a single record that the parameters are taken from; chosen so that both parts are long."""
 PREDICTION_HORIZON = 60.0
-"""Length of the means whose change a user has to expect, s."""
+"""Length of the means whose change a user has to expect, s; chosen as that of an outage of GNSS."""
 
 
 @dataclass(frozen=True)

@@ -40,17 +40,22 @@ from tuner.types import Coefficient, Parameter
 FloatArray = NDArray[np.float64]
 
 BIAS_JUMP = "bias_jump"
+"""Code of the cause."""
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s^2")}
 """Bias states whose impulses are scored, and their units, by sensor."""
 MAX_JUMPS = 2
 """Most jumps that are named: of more, a slow change of the bias is the likelier explanation."""
 MAX_JUMP_SIZE = {"gyro": 0.05, "accel": 1.0}
-"""Size of a jump, rad/s and m/s², from which it is not credible: no sensor in working order jumps so far."""
+"""Size of a jump, rad/s and m/s², from which it is not credible.
+
+10⁴ °/h and 0.1 g: chosen beyond what a sensor in working order does; larger ones are faults of the data.
+"""
 N_EDGE_FIXES = 5
 """Fixes at either end of the run that are left out: there a jump cannot be separated from the prior of the biases."""
 CHI2_1_QUANTILE_95 = 3.841
 """Drop of the statistic within which a time is in its 95 % interval: the 95 % quantile of χ²₁."""
 _SINGULAR_VALUE_CUTOFF = 1e-9
+"""Relative singular value of an information matrix below which a direction is unobservable; chosen near rounding."""
 
 
 @dataclass(frozen=True)

@@ -35,18 +35,22 @@ from tuner.types import Coefficient
 FloatArray = NDArray[np.float64]
 
 CORRELATED_GNSS = "correlated_gnss"
+"""Code of the cause."""
 SUMMED_LAGS = (1, 2, 4, 8, 16, 32)
-"""Numbers of lags over which correlations are summed."""
+"""Numbers of lags over which correlations are summed, in octaves: a sum is best near the correlation time."""
 EFFECTIVE_TESTS = 4.0
-"""Independent tests that so many sums over nested lags are equivalent to."""
+"""Independent tests that these sums are equivalent to: fewer than their six, as they are nested."""
 PRETEST_P_VALUE = 0.05
-"""p value of the pre-test below which states are fitted."""
+"""P-value of the pre-test below which states are fitted: it saves that time on 19 of 20 clean drives."""
 TRIAL_SHARES = (0.3, 0.6, 1.0)
 """Sds of the correlated part, relative to the white one, that a fit begins with: the second at all times, all at the
 best one.
 """
 N_TRIAL_TIMES = 7
-"""Time constants to begin the fit with, from twice the interval of the fixes to a quarter of the run."""
+"""Time constants to begin the fit with, from twice the interval of the fixes to a quarter of the run.
+
+Chosen so that one of them lies within the maximum of the likelihood.
+"""
 
 
 def correlated_gnss(noise: NoiseHypothesis, likelihood: Likelihood) -> CauseTest:

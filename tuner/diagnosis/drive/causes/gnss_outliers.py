@@ -43,13 +43,16 @@ ROWS_OF_CAUSE = {"gnss_outliers": slice(0, 3), "gnss_velocity": slice(3, 6)}
 UNITS = {"gnss_outliers": "m", "gnss_velocity": "m/s"}
 """SI unit of the error of a block."""
 EXPECTED_FALSE_OUTLIERS = 0.05
-"""Expected number of good blocks that are left out."""
+"""Expected number of good blocks that are left out; chosen so that 19 of 20 clean drives keep all."""
 TAIL_PROBABILITY = 1e-3
-"""p value of a block below which blocks are counted."""
+"""P-value of a block below which blocks are counted: of thousands of good blocks a few lie beyond."""
 NEIGHBOUR_FIXES = 5
-"""Fixes on either side among which only the worst block is left out in one round."""
+"""Fixes on either side among which only the worst block is left out in one round.
+
+An outlier enlarges the deleted residuals of its neighbours; chosen so that these are judged without it.
+"""
 MAX_ROUNDS = 12
-"""Most rounds of leaving blocks out."""
+"""Largest number of rounds of leaving blocks out; chosen to bound the time."""
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,15 @@ from tuner.types import Coefficient, Finding, Inseparable
 FloatArray = NDArray[np.float64]
 
 CAUSE_CODE = "mounting"
+"""Code of the cause."""
 CAUSE_MEANING = "the unit is turned in the vehicle against the mounting given"
 CAUSE_CONSEQUENCE = "correct the mounting before axes of the vehicle are used"
 BLOCK_DURATION = 30.0
-"""Length of the blocks whose means are compared, s."""
+"""Length of the blocks whose means are compared, s: beyond the correlation time of most receiver errors."""
 MIN_BLOCKS = 8
-"""Blocks with straight parts that the test needs."""
+"""Least number of blocks with straight parts: seven degrees of freedom for the sd of their mean."""
 DETECTABLE_SDS = 4.0
-"""Sds from which a constant can be detected."""
+"""Sds from which a constant can be detected: 6e-5 by chance, about the threshold of a test."""
 
 
 def mounting(run: FilterRun, stated: FloatArray, threshold: float) -> Finding | None:

@@ -46,20 +46,27 @@ from tuner.types import Coefficient
 FloatArray = NDArray[np.float64]
 
 MIN_SCORE_STATISTIC = 6.0
-"""Score statistic from which a fit is worth its time."""
+"""Score statistic from which a fit is worth its time: χ²₁ exceeds 6 by chance in 1.4 %."""
 ERROR_RATE_SHARE = {**dict.fromkeys(BLOCKS, 0.3), **dict.fromkeys(ROW_GROUPS, 0.1)}
-"""Share of the test's error rate that each factor of R has."""
+"""Share of the test's error rate that each factor of R has.
+
+Bonferroni over two factors of blocks and four of groups of rows: 2 · 0.3 + 4 · 0.1 = 1.
+"""
 MIN_CONVEX_CURVATURE = 10.0
-"""Curvature by a log above which the slope also shows large factors."""
+"""Curvature by a log above which the slope also shows large factors: the log is known to 0.3 there."""
 MIN_CURVATURE = 0.25
-"""Curvature by a log below which the drive has no information on a factor."""
+"""Curvature by a log below which the drive has no information on a factor: the log has an sd above 2 then."""
 TRIAL_LOGS = (1.0, 2.5)
-"""Logs of large factors on Q that are tried where ln L is flat at 1, where its slope shows little of them."""
+"""Logs of large factors on Q (2.7, 12) that are tried where ln L is flat at 1 and its slope shows little of them."""
 FINDING_NAMES = {"gyro_white": "gyro", "accel_white": "accel"}
 """Names of factors in a finding where they differ."""
 JOINT_P_VALUE = 1e-9
-"""p value of wrong R, and of wrong Q, below which both are fitted together."""
+"""P-value of wrong R, and of wrong Q, below which both are fitted together.
+
+A wrong R also shows in the test of Q and the other way round; chosen so small that both are clear.
+"""
 _LOG_STEP = 0.02
+"""Step of the log for numerical second derivatives: small against the sd of a log, large against rounding."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from tuner.diagnosis.data_quality.quantizer import quantizer_step
 from tuner.types.records import Drive
 
 SENSORS = {"gyro": (slice(0, 3), "rad/s"), "accel": (slice(3, 6), "m/s²")}
+"""Columns of the samples, and their units, by sensor."""
 CALM_QUANTILE = 0.25
-"""Quantile of the sds of seconds that stands for a calm one."""
+"""Quantile of the sds over seconds that stands for a calm one: a vehicle is calm in part of a drive only."""
 
 
 def coarse_quantizer_notes(drive: Drive) -> tuple[str, ...]:

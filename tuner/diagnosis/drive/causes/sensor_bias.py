@@ -24,6 +24,7 @@ from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import Alternative, Coefficient, Enlargement, FilterConfig, Finding, Quantity
 
 CAUSE_CODE = "sensor_bias"
+"""Code of the cause."""
 CAUSE_MEANING = "a constant bias far beyond its prior"
 CAUSE_CONSEQUENCE = "widen the prior of the turn-on constant, or calibrate"
 

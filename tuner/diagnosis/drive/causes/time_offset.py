@@ -20,11 +20,14 @@ from tuner.types.records import Drive
 MEDIAN_CHI2_1 = 0.455
 """Median of χ²₁."""
 SUSPICIOUS_SQUARE_RATIO = 3.0
-"""Ratio of the median squared innovation to its prediction from which the clocks are searched."""
+"""Ratio of the median squared innovation to its prediction from which the clocks are searched.
+
+An sd 1.7 times too large; chosen because smaller offsets are within reach of the score test.
+"""
 SUSPICIOUS_REFUSED_SHARE = 0.03
-"""Share of fixes rejected by the gate from which they are searched."""
+"""Share of fixes rejected by the gate from which the clocks are searched; chosen above that of usual outliers."""
 SEARCHED_MOTION = 300.0
-"""Length of the motion that is searched, s."""
+"""Length of the motion that is searched, s; chosen to hold several turns, which show the offset, at bounded cost."""
 OFFSET_DELAY, LAG_DELAY = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
 MIN_COARSE_DELAY = 0.1
 """Delay from which the linear model is not accurate enough, s; smaller ones are found by the score test."""

@@ -32,11 +32,13 @@ MARKOV_AXES = {"markov": slice(0, 3), "markov_horizontal": slice(0, 2), "markov_
 MARKOV_TIME = "markov_time"
 """Name of the factor on its time constant."""
 _ROW_GROUPS = ROW_GROUPS | BLOCKS
+"""All groups of rows by name."""
 EXPONENT_ENDING = "_exponent"
 """Ending of the name of the change of the exponent of a reported sd."""
 _CLASS_MARK = "_class_"
+"""Separator of block and class number in the name of a factor."""
 TIME_CONSTANT_STEP = 1e-4
-"""Width of the difference that replaces the derivative by the time constant."""
+"""Step of the log of the time constant for a numerical derivative: large against rounding, small against its sd."""
 
 
 @dataclass(frozen=True)

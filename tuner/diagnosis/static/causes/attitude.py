@@ -20,10 +20,13 @@ from tuner.diagnosis.static.model.residual import Residual
 from tuner.types import Coefficient
 
 MEANING = "the mount gives way: gravity turns in the axes of the sensor, its length kept"
+"""What the cause is, in one sentence."""
 CONSEQUENCE = (
     "fix the mount; the ramps of these channels are geometry, not drift of the sensor: leave them out"
 )
+"""What to do about it, in one sentence."""
 STANDARD_GRAVITY = 9.80665
+"""Standard gravity, m/s²."""
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,15 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 MAX_INTERVAL_WIDTH = 2.0
-"""An interval of a coefficient that is as wide as this says nothing: colour and quantization are one there."""
-LIKE_A_FILTER = 0.9
-"""Share of the gain that a low-pass filter must reach to be named for a spectrum that falls all the way."""
+"""Width of the interval of a coefficient from which it is not estimable: stationary ones lie between −1 and 1.
+
+Colour and quantization are then not separable.
+"""
+MIN_FILTER_GAIN_SHARE = 0.9
+"""Share of the gain of a colour that a low-pass filter must reach to be named, where the spectrum falls all the way.
+
+Chosen because sensors have filters: a colour must be clearly better.
+"""
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,7 @@ def test(tested: ShapeTest) -> TestResult:
     best = tested.colours[0]
     ratio = 2.0 * (tested.null.cost - best.cost)
     gain = tested.gain(best)
-    if tested.falls(best) and tested.filter_gain > LIKE_A_FILTER * gain:
+    if tested.falls(best) and tested.filter_gain > MIN_FILTER_GAIN_SHARE * gain:
         gain = min(gain, tested.filter_gain - 1e-6)
     return TestResult(
         "colour", tested.any_p_value, gain, ratio, name, lambda: (extension(tested.data, best),)

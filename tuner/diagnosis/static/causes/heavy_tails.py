@@ -33,10 +33,10 @@ from tuner.diagnosis.static.variance.white_share import dilution
 FloatArray = NDArray[np.float64]
 
 CLIPPED_KURTOSIS = -0.00125
-"""Excess kurtosis of normal numbers cut at five deviations."""
+"""Excess kurtosis of normal numbers cut at five sds, by integration."""
 CELL_WIDTH, CELL_COUNT = 0.005, 1600
-"""Width and number of the cells of a table of deviates, sd."""
-MIDDLE, REACH = np.array([0.0, 0.0, 1.0, 1.0]), np.array([10.0, 5.0, 4.0, 2.5])
+"""Width and number of the cells of a table of deviates, sds: up to eight, interpolated between."""
+SEARCH_CENTRE, SEARCH_HALF_WIDTH = np.array([0.0, 0.0, 1.0, 1.0]), np.array([10.0, 5.0, 4.0, 2.5])
 """Where two shares are sought: logit of Student's, log of the normal sd, of ν − 2, of the ratio of the two scales."""
 MAX_FINE_STEP = 1.0
 """Step ÷ sd below which the mean between two codes does not matter."""
@@ -168,7 +168,7 @@ def whole(bins: Histogram) -> Law:
     law = student(bins)
 
     def cost(x: FloatArray) -> float:
-        if np.any(np.abs(x - MIDDLE) > REACH):
+        if np.any(np.abs(x - SEARCH_CENTRE) > SEARCH_HALF_WIDTH):
             return 1e12
         share, core, nu, ratio = expit(x[0]), np.exp(x[1]), 2.0 + np.exp(x[2]), np.exp(x[3])
         heavy = np.log(share) + _log_student(bins.value, nu, core * ratio)

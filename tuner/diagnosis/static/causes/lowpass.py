@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 MIN_INTERVAL_CHANGE = 0.05
-"""Share of its length by which an interval moves before the model is fitted again."""
+"""Share of its length by which an interval must move for the model to be fitted again: 0.2 sd of the cutoff."""
 
 
 @dataclass(frozen=True)

@@ -48,10 +48,11 @@ FINE_PLACES = 13
 MIN_LEAD = 3.0
 """Nats by which a tilt must be likelier than a jump, which has one parameter less: a likelihood ratio of 20."""
 DIRECTION_SD = 0.02
-"""Deviation of the direction in which the biases of a triad let gravity appear, rad."""
+"""Sd of the direction of gravity in the axes of a triad, rad: a bias of 0.02 g moves it by that much."""
 REGION_CHI2 = 5.99
 """Square of a score that a begin and a duration may lose in their 95 % region: χ²₂."""
 NAME = "likelihood ratio of a level that moves and settles"
+"""Name of the statistic in results."""
 
 
 @dataclass(frozen=True)

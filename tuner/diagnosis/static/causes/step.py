@@ -26,7 +26,7 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 FloatArray = NDArray[np.float64]
 
 PLACES_IN_PAIRS = 96
-"""Places that are tried beside another cause: about every hundredth of a record, as wide as a step of them is known."""
+"""Places tried beside another cause: about every hundredth of a record, as wide as a step among them is known."""
 
 
 @dataclass(frozen=True)

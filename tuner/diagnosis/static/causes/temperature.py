@@ -12,6 +12,7 @@ from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 
 COVARIATE = "temperature"
+"""Name of the covariate that is the temperature of the sensor."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 UNNAMED = "unnamed"
 """Stands for the code of a cause where there is none."""
 MIN_LEAD = 3.0
-"""Nats by which it must be better than a cause with a name: those within them count as alternatives."""
+"""Nats by which it must be better than a cause with a name: those within them, a factor of 20, are alternatives."""
 
 
 @dataclass(frozen=True)

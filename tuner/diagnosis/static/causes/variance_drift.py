@@ -31,9 +31,9 @@ from tuner.diagnosis.static.variance.white_share import dilution
 FloatArray = NDArray[np.float64]
 
 SCORING_STEPS = 8
-"""Steps of Fisher's scoring from no change to the likeliest."""
+"""Steps of Fisher scoring from no change to the likeliest; enough for quadratic convergence."""
 MAX_LOG_CHANGE = 12.0
-"""Largest change of the log variance over the record."""
+"""Largest change of the log variance over the record: a factor of 400 on the sd, against overflow."""
 
 
 @dataclass(frozen=True)

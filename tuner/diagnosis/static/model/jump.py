@@ -15,7 +15,10 @@ from tuner.diagnosis.static.model.score_scan import Scan
 FloatArray = NDArray[np.float64]
 
 CLEAR_BLOCKS = 16
-"""Blocks within which a jump must lie for its place to be sought to the sample."""
+"""Blocks within which a jump must lie for its place to be estimated to the sample.
+
+Chosen so that slow noise hardly moves within them.
+"""
 
 
 def likely_time(fitted: Residual, scores: Scan, boundary: int) -> Value:

@@ -18,7 +18,11 @@ from scipy.stats import chi2
 FloatArray = NDArray[np.float64]
 
 SLOW_RATIO_FACTOR = 0.8
-"""Factor on likelihood ratios of slow templates: the noise at their frequencies is itself known from few numbers."""
+"""Factor on likelihood ratios of slow templates, for tests and intervals.
+
+The noise at their frequencies is itself estimated from few coefficients, so that ratios exceed
+the quantiles of χ² more often; chosen to allow for that.
+"""
 
 EDGE_NATS = 3.68
 """Nats within which the true place of a change lies, 95 %.

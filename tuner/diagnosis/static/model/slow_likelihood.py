@@ -31,11 +31,13 @@ FloatArray = NDArray[np.float64]
 Kinds = tuple[type[Term], ...]
 
 FLICKER: Kinds = (Quantization, White, RandomWalk, BiasInstability)
+"""Slow noise with flicker."""
 MARKOV: Kinds = (Quantization, White, RandomWalk, GaussMarkov)
+"""Slow noise with a Gauss–Markov process."""
 BASES = (FLICKER, MARKOV)
 """The two kinds of slow noise."""
-SHORTEST_MEMORY = 100.0
-"""Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the spectrum."""
+MIN_TIME_CONSTANT = 100.0
+"""Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the fast spectrum."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ class _Problem:
             BiasInstability: [(1e-3 * np.sqrt(grid.interval / span), 30.0)],
             GaussMarkov: [
                 (1e-2 * np.sqrt(grid.interval / span), 300.0),
-                (SHORTEST_MEMORY * grid.interval, 3.0 * span),
+                (MIN_TIME_CONSTANT * grid.interval, 3.0 * span),
             ],
         }
         pairs = np.array([pair for kind in self.kinds for pair in limits[kind]])
@@ -268,7 +270,7 @@ class _Problem:
         lower, upper = self.bounds
         grid = self.track.grid
         number = sum(kind is GaussMarkov for kind in self.kinds)
-        times = np.geomspace(2.0 * SHORTEST_MEMORY * grid.interval, 0.3 * grid.longest, 6)
+        times = np.geomspace(2.0 * MIN_TIME_CONSTANT * grid.interval, 0.3 * grid.longest, 6)
         choices: list[tuple[float, ...]] = [(t,) for t in times.tolist()] if number == 1 else [()]
         if number == 2:
             choices = [(a, b) for i, a in enumerate(times) for b in times[i + 1 :]]

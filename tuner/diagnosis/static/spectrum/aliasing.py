@@ -23,9 +23,9 @@ from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.model.residual import Residual, gain_of
 
 MIN_RATE_RATIO = 2.0
-"""Least rate ÷ bandwidth without folding."""
+"""Least rate ÷ bandwidth without aliasing: the sampling theorem."""
 MIN_RISE = 1.5
-"""Noise at half the rate ÷ that at a tenth of it from which it rises."""
+"""Noise at half the rate ÷ that at a tenth of it from which it rises; chosen clearly above the scatter of the bins."""
 
 
 def rises(fitted: Residual) -> bool:

@@ -30,8 +30,9 @@ from tuner.diagnosis.static.variance.local_variance import course
 FloatArray = NDArray[np.float64]
 
 BIN_COUNT = 128
+"""Bins of the fast spectrum; chosen so that each averages hundreds of ordinates of a record of 10⁵ samples."""
 MIN_RELATIVE_FREQUENCY = 0.01
-"""Lowest frequency, share of the rate."""
+"""Lowest frequency, share of the rate; below, slow noise is part of the spectrum."""
 CHI2_MEDIAN = 0.4549
 """Median of χ²₁."""
 

@@ -53,7 +53,7 @@ Chosen so that neighbouring cutoffs lie on the same maximum of the likelihood.
 """
 FOLDING_CUTOFF = 0.12
 """Cutoff × interval from which a filter with aliasing can have several likely cutoffs; below, it folds too little."""
-FREAK = "sampled1x1"
+QUANTIZATION_LIKE_FILTER = "sampled1x1"
 """Filter (a mean of two samples is one) that is white with quantization beside it: taken where it is clearly better."""
 COLOUR_STARTS = 2
 """Searches for a colour, from its likeliest starting points: the likelihood may have a maximum for either sign."""
@@ -167,7 +167,7 @@ def refit_colour(data: Bins, fitted: ShapeFit) -> tuple[FloatArray, FloatArray]:
 
 def cutoffs(data: Bins, filters: tuple[ShapeFit, ...]) -> tuple[float, float]:
     """Return the 95 % interval of the log of cutoff × interval over all filters that explain the spectrum."""
-    alike = [fitted for fitted in filters if fitted is filters[0] or fitted.name != FREAK]
+    alike = [fitted for fitted in filters if fitted is filters[0] or fitted.name != QUANTIZATION_LIKE_FILTER]
     least = min(fitted.cost for fitted in alike)
     ends = [
         _reach(data, fitted, least + REGION_NATS) for fitted in alike if fitted.cost < least + REGION_NATS
@@ -314,7 +314,12 @@ def fit_filters(data: Bins) -> tuple[ShapeFit, ...]:
     """Return the fits of all filters, the best first."""
     fits = [fit_filter(data, name) for name in FILTERS]
     return tuple(
-        sorted(fits, key=lambda fitted: fitted.least + (SIMPLER_NATS if fitted.name == FREAK else 0.0))
+        sorted(
+            fits,
+            key=lambda fitted: (
+                fitted.least + (SIMPLER_NATS if fitted.name == QUANTIZATION_LIKE_FILTER else 0.0)
+            ),
+        )
     )
 
 

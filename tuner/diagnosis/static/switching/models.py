@@ -14,6 +14,7 @@ from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
 FloatArray = NDArray[np.float64]
 
 NO_VALUES = np.empty(0)
+"""Path that the filter need not fill."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from scipy.stats import norm
 FloatArray = NDArray[np.float64]
 
 CELL_WIDTH = 0.02
+"""Width of a bin, sds: grouping adds width²/12 = 3e-5 to the variance."""
 MAX_DEVIATION = 60.0
+"""Residuals beyond are counted at this deviation, sds; chosen to bound the number of bins."""
 
 
 @dataclass(frozen=True)
