@@ -1,4 +1,4 @@
-"""What is declared of a cause: its effect, its words, its share of the false alarms, and how it is shown.
+"""Declaration of a cause: its effect, its words, its share of the false alarms, and how it is shown.
 
 A cause is one class. What any stage has to know about it is an attribute of that class, and every table of causes is
 computed from the registry `tuner.diagnosis.static.causes.registry.CAUSES`. How to write one: `docs/extending/cause.md`.

@@ -48,7 +48,7 @@ MIN_CLOCK_DRIFT = 1e-6
 
 @dataclass(frozen=True)
 class DataQualityTest:
-    """One test of one channel or sensor.
+    """Result of one data-quality test of a channel or sensor.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
 
 
 def timing(record: Record) -> DataQualityTest:
-    """Judge what the time stamps said: gaps, jitter, the rate of the clock.
+    """Test the time stamps of a record for gaps, jitter and the rate of the clock.
 
     Stamps rounded to a unit u scatter by what is f (1 − f) u²/2 ≤ u²/8 in half the variance of their steps, f the
     fraction of the interval beyond a whole number of units: that much is rounding, a note, and no jitter. The rate of

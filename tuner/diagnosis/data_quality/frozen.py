@@ -92,7 +92,7 @@ class Frozen:
     stretches : tuple of (int, int)
         First sample that has the value, and the first after that has not.
     p_value : float
-        Chance of the least remarkable of them.
+        Largest p-value of them.
     slack : int
         Samples at either end that may equal the value by chance (97.5 %).
     """
@@ -112,7 +112,7 @@ class Frozen:
         return sum(last - first - 1 for first, last in self.stretches)
 
     def alike(self, other: Frozen) -> bool:
-        """Tell whether another axis froze at the same times."""
+        """Return whether another axis froze at the same times."""
         return len(self.stretches) == len(other.stretches) and all(
             abs(a - b) <= EDGE_TOLERANCE
             for mine, its in zip(self.stretches, other.stretches, strict=True)
@@ -196,7 +196,7 @@ def _beyond_the_tail(length: IntArray) -> FloatArray:
 
 
 def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
-    """Return the largest chance that a sample repeats the one before, at each of the values; 1 where nothing tells."""
+    """Return the largest chance that a sample repeats the one before, at each of the values; 1 where it is unknown."""
     others, count = np.unique(np.concatenate(rest), return_counts=True)
     chance = np.where(_at_a_rail(values, others, count), 1.0, 0.0)
     moved = np.concatenate([np.abs(np.diff(piece)) for piece in rest])
@@ -221,7 +221,7 @@ def _in_one_code(values: FloatArray, rest: Sequence[FloatArray]) -> FloatArray:
 
 
 def _at_a_rail(values: FloatArray, others: FloatArray, count: IntArray) -> NDArray[np.bool_]:
-    """Tell which of the values are the end of all, where others pile up as well: there a sensor saturates.
+    """Return which of the values are the end of all, where others accumulate as well: there a sensor saturates.
 
     `others` are the other values, in order, and `count` says how often they come.
     """

@@ -75,7 +75,7 @@ class Codes:
     missing : int
         Codes that never come between codes that often do.
     p_value : float
-        Chance of the most remarkable hole or excess, times the codes looked at.
+        P-value of the least likely hole or excess, times the codes tested.
     """
 
     white_sd: float
@@ -172,7 +172,7 @@ def read_codes(pieces: Sequence[FloatArray], step: float) -> Codes:
 
 
 def _holes(count: NDArray[np.int64], width: float) -> tuple[NDArray[np.intp], float]:
-    """Return the empty codes between well-filled ones, and the chance of the most remarkable of them.
+    """Return the empty codes between well-filled ones, and the p-value of the least likely of them.
 
     Holes between codes closer than `width` codes do not count.
     """

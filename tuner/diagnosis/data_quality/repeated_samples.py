@@ -235,7 +235,7 @@ def _hides(pieces: Sequence[FloatArray], column: int, step: float) -> bool:
 def _counts(y: FloatArray, steps: Sequence[float], block: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return equalities at lags 1 … `MAX_LAG`, (blocks, lags), R of lags 2 …, (blocks, lags − 1), and numbers of pairs.
 
-    R is not finite where a block cannot tell.
+    R is not finite where a block has no information on it.
     """
     edges = _edges(len(y) - MAX_LAG, block)
     pairs = np.diff(edges, append=len(y) - MAX_LAG).astype(float)

@@ -75,7 +75,7 @@ Chosen so that light tails are not taken for rails.
 
 @dataclass(frozen=True)
 class Rail:
-    """One end of the range of a channel.
+    """One end of the range of a channel, with the test whether it saturates there.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ def _upper_end(pieces: Sequence[FloatArray], step: float) -> Rail:
 def _reachable(
     pieces: Sequence[FloatArray], level: float, slack: float, count: int, crossings: float, spread: float
 ) -> bool:
-    """Tell whether the noise reaches the end, or explains all samples there, or whether as many others are far off."""
+    """Whether the noise reaches the end, or explains all samples there, or as many others lie far away."""
     if crossings > 1.0 or poisson.sf(count - 1, crossings) > END_P_VALUE:
         return True
     y = np.concatenate(pieces)

@@ -47,7 +47,7 @@ NO_GAIN = -9.0
 def not_significant(
     cause: str, noise: NoiseHypothesis, p_value: float, statistic: float, name: str
 ) -> CauseTest:
-    """Return the outcome of a test that finds nothing."""
+    """Return the outcome of a test that is not significant."""
     return CauseTest(TestResult(cause, p_value, NO_GAIN, statistic, name), noise, dict)
 
 

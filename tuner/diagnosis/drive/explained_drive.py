@@ -16,7 +16,7 @@ from tuner.types.records import Drive
 def examine_and_explain(
     drive: Drive, config: FilterConfig, *, wheels: bool = False, progress: Progress
 ) -> ExaminedDrive:
-    """Diagnose a drive and explain by how much it wants each noise setting enlarged; see `examine_drive`."""
+    """Diagnose a drive and explain the factor that each noise setting needs; see `examine_drive`."""
     progress("diagnosing the drive (kernels are compiled on first use: some ten seconds)")
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")

@@ -55,7 +55,7 @@ class Jump:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What is supposed of a drive.
+    """Configuration, compensation, jumps and fixes left out under which a drive is filtered.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Noise-scale estimates of a drive: the factor on each noise setting that the innovations ask for, and its cause.
+"""Noise-scale estimates of a drive: the factor on each noise setting that the innovations need, and its cause.
 
 All factors on Q and R, true ÷ stated, are fitted together: to the run of the filter as configured, to the run with all
 findings, and to runs in which one finding is left out::
@@ -143,7 +143,7 @@ def may_be_one(factor: Coefficient) -> bool:
 
 
 def stated_value(config: FilterConfig, base: FilterRun, name: str) -> float | None:
-    """Return what is stated of a setting, root mean square over axes (and fixes), SI."""
+    """Return the stated value of a setting, root mean square over axes (and fixes), SI."""
     if name in BLOCKS:
         rows = base.linearized.counted[:, BLOCKS[name]]
         return float(np.sqrt(np.mean(base.linearized.sd[:, BLOCKS[name]][rows] ** 2))) if rows.any() else None
@@ -182,7 +182,7 @@ def _fit_factors(
 
 
 def assumed_over_stated(run: FilterRun, name: str) -> float:
-    """Return what the filter of a run assumed of a setting, relative to what was stated."""
+    """Return the value of a setting in the filter of a run ÷ the stated one."""
     if name in BLOCKS:
         linearized, rows = run.linearized, run.linearized.counted[:, BLOCKS[name]]
         now, factor_text = (sd[:, BLOCKS[name]][rows] for sd in (linearized.sd, linearized.reported_sd))
@@ -277,7 +277,7 @@ def words(one: NoiseScaleEstimate, vibration: float | None = None) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Join names as a sentence does."""
+    """Return names joined by commas and *and*."""
     return " and ".join([*filter(None, [", ".join(names[:-1])]), names[-1]])
 
 
@@ -286,7 +286,7 @@ def _times(factor: Coefficient) -> str:
 
 
 def factor_text(factor: Coefficient) -> str:
-    """Say a factor: ``1.8 (1.5 … 2.2)``, ``below 0.9``."""
+    """Return a factor as text: ``1.8 (1.5 … 2.2)``, ``below 0.9``."""
     if factor.value is None:
         return f"below {factor.upper:.3g}" if factor.upper is not None else "–"
     if factor.interval is None:

@@ -74,7 +74,7 @@ class ScoreTest:
 
 @dataclass(frozen=True)
 class ConstantsFit:
-    """Constants fitted together.
+    """Estimates of constants fitted together, with their covariance.
 
     Attributes
     ----------

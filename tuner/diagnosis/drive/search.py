@@ -94,7 +94,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of the search.
+    """Causes accepted on a drive, with the filter runs before and after.
 
     Attributes
     ----------

@@ -140,7 +140,7 @@ def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
 
 
 def _comparable(sensors: Sequence[Record], others: Sequence[Record]) -> None:
-    """Refuse a second log on which the gain of what is found in the first one cannot be measured."""
+    """Raise `DataError` for a second log that lacks what the gain of the findings is measured on."""
     pairs = [(one, other) for one in sensors for other in others if set(one.axes) & set(other.axes)]
     if not pairs:
         msg = (

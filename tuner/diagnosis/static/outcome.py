@@ -1,4 +1,4 @@
-"""What one test of a residual says: how unlikely it is, how much it would gain, and what to extend the model by."""
+"""Result of a test of residuals: p-value, gain of likelihood, and the extension that it proposes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TestResult:
     name : str
         What the statistic is.
     propose : callable or None
-        Makes the extensions (one; two for a pair); None where the family can only say that something is wrong.
+        Makes the extensions (one; two for a pair); None where the family names no cause.
     local : bool
         A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
     """
@@ -45,5 +45,5 @@ class TestResult:
 
     @property
     def without_proposal(self) -> TestResult:
-        """The result to be kept: what makes extensions refers to the whole residual."""
+        """The result without `propose`, which would keep the whole residual in memory."""
         return replace(self, propose=None)

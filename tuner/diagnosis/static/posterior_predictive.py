@@ -1,4 +1,4 @@
-"""Coverage: how well a simulation of the model looks like the data.
+"""Posterior predictive coverage: share of the measured curves inside the range of simulations of the model.
 
 Replicas of the model are simulated and fitted again, so that the band knows what fitting hides. The quantity is the log
 of an empirical curve over that of the model fitted to the same samples; the band at each point is the range of
@@ -28,7 +28,7 @@ BAND_COUNT = 96
 
 @dataclass(frozen=True)
 class Band:
-    """A measured curve and what replicas of a model make of it.
+    """A measured curve and the range of that curve in replicas of a model.
 
     Attributes
     ----------

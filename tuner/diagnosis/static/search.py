@@ -287,7 +287,7 @@ def _with_rivals(
 
 
 def _twin(result: TestResult) -> Alternative:
-    """Return telegraph noise beside a Gauss–Markov process: the path does not speak against two levels.
+    """Return telegraph noise beside a Gauss–Markov process: the path does not contradict two levels.
 
     The statistic of telegraph noise is its lead over the best Gaussian model, in nats, such a process included.
     """

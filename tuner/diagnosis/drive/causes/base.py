@@ -1,4 +1,4 @@
-"""What is declared of a cause of a drive, and the registry from which every table of causes is computed.
+"""Declaration of a cause of a drive, and the registry from which every table of causes is computed.
 
 Another package adds a cause by an entry point of the group ``tuner.drive_causes`` that names its class. Most are a
 `ConstantCause`: parameters, their sensitivities, a prior and words; tests, estimates and compensation follow.
@@ -35,7 +35,7 @@ View = Literal["distribution", "sensitivity", "positions", "velocities", "slow m
 
 @dataclass(frozen=True)
 class FixGeometry:
-    """What the sensitivity of k fixes to a constant of the receiver follows from.
+    """Motion at k fixes, from which their sensitivity to a constant of the receiver follows.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class NoiseCause(DriveCause):
 
 
 class FinalCause(DriveCause):
-    """A cause that is looked for once, after the search, in what the other causes leave."""
+    """A cause that is tested once, after the search, on the innovations that the other causes leave."""
 
 
 def _complete(declared: object) -> None:

@@ -128,7 +128,7 @@ class Misalignment(ConstantCause):
 
 
 class GSensitivity(ConstantCause):
-    """Gyros that feel specific force."""
+    """Gyros that respond to specific force (g-sensitivity)."""
 
     cause = "g_sensitivity"
     effect = imu.GSensitivity

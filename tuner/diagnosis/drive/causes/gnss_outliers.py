@@ -79,7 +79,7 @@ class Mask:
 
 
 def mask(noise: NoiseHypothesis) -> Mask:
-    """Leave outliers out, as the module describes."""
+    """Return which blocks are outliers, as the module describes."""
     linearized = noise.linearized
     tried = _testable_rows(noise)
     whole = replace(noise, rows=noise.rows | tried, linearized=_all_fixes_scored(linearized))

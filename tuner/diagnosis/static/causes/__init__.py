@@ -1,1 +1,1 @@
-"""The causes: one file each, with its statistic, its null distribution, its extension and its words."""
+"""Causes in static logs: one file each, with its statistic, null distribution, extension and words."""

@@ -1,4 +1,4 @@
-"""Attitude: the mount gives way, the measured gravity turns in the axes of the sensor.
+"""Attitude: the sensor tilts in its mount, so that gravity turns in its axes.
 
 An even tilt about a horizontal axis makes a ramp of the two channels across it, which the base noise has, and bends
 the third: the specific force keeps its length, so a change h across gravity takes h²/2g along it.
@@ -31,7 +31,7 @@ STANDARD_GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class Tilt:
-    """A tilt and what speaks for it.
+    """A tilt of a triad, with the statistic of its test.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the model of a channel may be extended by: each accepted cause is a better map to white residuals.
+"""Extensions of the model of a channel: each accepted cause makes its residuals closer to white noise.
 
 A channel passes the extensions in this order::
 
@@ -84,7 +84,7 @@ class Value:
 
     @property
     def positive(self) -> Value:
-        """The same of a size that cannot be negative: the interval ends at 0."""
+        """Value of a size that cannot be negative: the interval ends at 0."""
         return replace(self, lower=max(self.lower, 0.0))
 
     def coefficient(self, unit: str, scale: float) -> Coefficient:
@@ -128,7 +128,7 @@ class Extension(Cause):
 
     @property
     def defined(self) -> bool:
-        """Whether its defining parameters are known well enough for its name to say something."""
+        """Whether its defining parameters are known well enough for a finding to name it."""
         return all(
             name not in self.values or 0.0 < self.values[name].upper <= ratio * self.values[name].lower
             for name, ratio in self.defining.items()

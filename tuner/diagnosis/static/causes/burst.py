@@ -119,7 +119,7 @@ class _Window:
 
 
 def _largest_variance(local: LocalVariance) -> _Window:
-    """Return the most remarkable of all windows."""
+    """Return the least likely of all windows."""
     n = len(local.square)
     total, scatter = (np.concatenate(([0.0], np.cumsum(x))) for x in (local.square, local.scatter))
     best = _Window(1.0, 0, MIN_WINDOW, 1.0)
@@ -142,7 +142,7 @@ def _widths(n: int) -> list[int]:
 
 
 def _all(fitted: Residual, local: LocalVariance, window: _Window) -> tuple[float, list[tuple[int, int]]]:
-    """Return the stretches of another variance, the most remarkable first, and their gain, nats."""
+    """Return the stretches of another variance, the least likely first, and their gain, nats."""
     known = [x for x in fitted.extensions if isinstance(x, Burst)]
     allowed = REPORTED_STRETCHES if 0 < len(known) <= REPORTED_STRETCHES else MAX_STRETCHES
     stretches: list[tuple[int, int]] = []

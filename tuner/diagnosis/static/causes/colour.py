@@ -80,7 +80,7 @@ class Colour(Extension):
 
 
 def test(tested: ShapeTest) -> TestResult:
-    """Judge the colours."""
+    """Test for ARMA noise in place of white noise."""
     name = "likelihood ratio of an ARMA spectrum"
     if not tested.colours:
         return TestResult("colour", tested.any_p_value, -9.0, 0.0, name)

@@ -33,7 +33,7 @@ class CrossAxis(Cause):
 
 @dataclass(frozen=True)
 class Shared:
-    """Channels with common noise.
+    """Channels that share white noise, with its correlation.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Gauss–Markov: one correlated process more than the base noise has.
 
 Statistic: likelihood ratio of a further term against the better of flicker and one Gauss–Markov process, each with
-a random walk. Under the null the time constant is free to roam: the chance is that of χ²₂ times the number of
+a random walk. Under the null the time constant is not identified: the chance is that of χ²₂ times the number of
 decades it may lie in. Extension: the term joins the noise model and is fitted with the rest.
 """
 
@@ -34,7 +34,7 @@ class MoreMarkov(Extension):
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
-        """Fit a further process."""
+        """Test for a further Gauss–Markov process by a likelihood ratio."""
         best = max(fitted.with_markov, key=lambda fit: fit.log_likelihood)
         ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
         decades = np.log10(fitted.channel.span / (20.0 * fitted.channel.interval))

@@ -95,7 +95,7 @@ def _invertible(ma: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def test(tested: ShapeTest) -> TestResult:
-    """Judge the filters."""
+    """Test for white noise that passed a low-pass filter."""
     name = "likelihood ratio of a filtered spectrum"
     if not tested.filters:
         return TestResult("lowpass", tested.any_p_value, -9.0, 0.0, name)

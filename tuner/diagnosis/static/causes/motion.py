@@ -85,7 +85,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion(Extension):
-    """Samples first … last − 1 are not used."""
+    """Motion in samples first … last − 1, which are not used."""
 
     cause = "motion"
     effect = Effect
@@ -97,7 +97,7 @@ class Motion(Extension):
     last: int
 
     def clean_samples(self, channel: Channel) -> Channel:
-        """Take the stretch out, and the change of level over it as far as a few samples beside tell it.
+        """Take the stretch out, and the change of level over it as far as a few samples beside it show.
 
         The template is left with the rest: blocks are too coarse for a change of hundreds of deviations.
         """

@@ -8,8 +8,8 @@ f at rest then moves to f + φ √(g² − f²), and one along gravity does not 
 Statistic: likelihood ratio of the best such course, the noise refitted. Courses between the knots of a coarse grid
 are sums of the pieces between neighbouring knots: one Gram matrix of the pieces scores all of them. The chance
 is Davies' bound along the record, summed over the durations that are tried.
-One axis cannot tell a tilt from a bias that moves and settles; with three, `stretched` tests whether the length of the
-specific force is kept, as it is where it only turns.
+One axis cannot separate a tilt from a bias that moves and settles; with three, `stretched` tests whether the length of
+the specific force is kept, as it is where it only turns.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ def _placed(fitted: Residual, known: FloatArray, begin: float, end: float) -> Mo
 
 
 def stretched(finals: Mapping[str, Residual], limit: float) -> tuple[Unexplained, ...]:
-    """Return what speaks against a tilt: the specific force of a triad changes its length where an axis shows one.
+    """Test against a tilt: whether the specific force of a triad changes its length where an axis shows one.
 
     The changes d of all three axes over the clearest course, each with its deviation s, must be across the mean
     force f: f·d/|f| is normal about −d²/2|f|. The direction of f is known as well as the biases are small.

@@ -1,4 +1,4 @@
-"""Spikes: single samples far off.
+"""Spikes: single samples far from those beside them.
 
 Statistic: the number of residuals beyond five deviations against a Poisson law, and the largest one against the
 normal law; the smaller chance, doubled. Gain: likelihood of a contaminated normal law.
@@ -63,7 +63,7 @@ class Spikes(Extension):
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
-        """Count what lies beyond five deviations."""
+        """Test the number of residuals beyond five sds, and the largest one."""
         size = np.abs(fitted.good)
         n = len(size)
         count = int(np.count_nonzero(size > SPIKE_THRESHOLD))

@@ -1,6 +1,6 @@
 """Telegraph ("popcorn") noise: a bias that switches between two levels.
 
-Its spectrum is that of a Gauss–Markov process; only its path tells. Statistic: log likelihood of the block
+Its spectrum is that of a Gauss–Markov process; only its path differs. Statistic: log likelihood of the block
 means under two levels, one Gauss–Markov process (or flicker) and a random walk, less that of the best Gaussian model
 (flicker or one Gauss–Markov process, with one more and a random walk), by one and the same filter, the white noise
 of each block with its known variance; χ²₅, and
@@ -68,7 +68,7 @@ A likelihood ratio of 20.
 
 @dataclass(frozen=True)
 class Telegraph(Extension):
-    """A path on the blocks, shape (M,), in scales.
+    """Telegraph noise as a path on the blocks, shape (M,), in scales.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ class Ageing(Template):
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult | None:
-        """Judge it as a template, and without gain where a transient explains nearly as much."""
+        """Test as a template; without gain where a transient explains nearly as much."""
         result = super().test(fitted)
         if result is None or result.gain <= 0.0:
             return result

@@ -49,22 +49,22 @@ class Template(Extension):
 
     @classmethod
     def candidates(cls, channel: Channel) -> Sequence[Self]:  # noqa: ARG003
-        """Return what is tried."""
+        """Return the candidates of a scan."""
         return (cls(),)
 
     @classmethod
     def candidates_in_pairs(cls, channel: Channel) -> Sequence[Self]:
-        """Return what is tried beside the candidates of another cause."""
+        """Return the candidates for pairs with another cause."""
         return cls.candidates(channel)
 
     @classmethod
     def applies(cls, channel: Channel) -> bool:
-        """Return whether what it is a function of was measured."""
+        """Return whether the channel has the covariate that it is a function of."""
         return cls.covariate is None or cls.covariate in channel.covariates
 
     @classmethod
     def test(cls, fitted: Residual) -> TestResult | None:
-        """Scan the candidates and judge the best one by a likelihood ratio."""
+        """Scan the candidates and test the best one by a likelihood ratio."""
         channel = fitted.channel
         if not cls.applies(channel):
             return None

@@ -106,7 +106,7 @@ class VarianceDrift(Extension):
 
 @dataclass(frozen=True)
 class VarianceByHeat(VarianceDrift):
-    """The same, in proportion to the temperature."""
+    """Variance drift in proportion to the temperature."""
 
     meaning = "the log of the variance of the white noise follows the measured temperature"
     consequence = "one white density does not serve all temperatures: take the larger end, or make it follow"

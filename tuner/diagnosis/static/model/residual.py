@@ -163,7 +163,7 @@ class Residual:
 
     @cached_property
     def path(self) -> FloatArray:
-        """What the templates as fitted make of the block means, shape (M,): straight where nothing was measured."""
+        """Templates as fitted, on the block means, shape (M,): linear where nothing was measured."""
         return np.asarray(self.cleaned.bridged(_columns(self.channel, self.extensions)) @ self.fit.beta)
 
     @property
@@ -351,6 +351,6 @@ def extended(fitted: Residual, extension: Extension) -> Residual:
 
 
 def relabelled(fitted: Residual, extensions: tuple[Extension, ...]) -> Residual:
-    """Return the same residual whose extensions carry other values."""
+    """Return the residual with other values in its extensions."""
     same = {extension: fitted.shapes[extension] for extension in extensions if extension in fitted.shapes}
     return replace(fitted, extensions=extensions, shapes=same)

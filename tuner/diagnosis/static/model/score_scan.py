@@ -49,7 +49,7 @@ class Scan:
 
     @property
     def best(self) -> int:
-        """Number of the most promising template."""
+        """Number of the template of largest score."""
         return int(np.argmax(np.abs(self.score)))
 
     @property
@@ -60,7 +60,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A template judged by refits: likelihood ratio (shrunk), chance of it with the scan paid for, gain in nats."""
+    """Test of a template by refits: likelihood ratio (shrunk), chance of it with the scan paid for, gain in nats."""
 
     ratio: float
     p_value: float
@@ -73,7 +73,7 @@ def weights(fitted: Residual) -> FloatArray:
 
 
 def rest(fitted: Residual) -> FloatArray:
-    """Return what the templates of the model leave, a − N β, shape (K,)."""
+    """Return the residual coefficients, a − N β, shape (K,)."""
     return fitted.track.grid.amplitude[: fitted.track.singles] - fitted.track.columns @ fitted.fit.beta
 
 
@@ -145,7 +145,7 @@ def step_column(fitted: Residual, boundary: int) -> FloatArray:
 
 
 def judge(fitted: Residual, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
-    """Judge a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
+    """Test a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
     ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
     gain = 0.5 * ratio - price - 0.25 * float(np.log(fitted.channel.blocks))
     return Judgement(ratio, davies(SLOW_RATIO_FACTOR * ratio, correlation), gain)

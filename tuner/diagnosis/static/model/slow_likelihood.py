@@ -78,7 +78,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Track:
-    """What is fitted: cells of coefficients and templates.
+    """Data of a fit: cells of cosine coefficients, and templates.
 
     Attributes
     ----------
@@ -266,7 +266,7 @@ class _Problem:
         return Fit(self.kinds, theta, spread, -0.5 * value, expected, beta, covariance)
 
     def starts(self) -> list[FloatArray]:
-        """Return the most promising starts on a grid of time constants."""
+        """Return the likeliest starts on a grid of time constants."""
         lower, upper = self.bounds
         grid = self.track.grid
         number = sum(kind is GaussMarkov for kind in self.kinds)

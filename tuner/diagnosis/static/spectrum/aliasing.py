@@ -2,9 +2,9 @@
 
 The equivalent noise bandwidth of a sensor is B = ∫ S(f) df / S(0) over the positive frequencies: that of an ideal
 filter which passes as much noise. A rate below 2 B folds noise and vibration into the band. Noise that is flat up to
-half the rate has B of half the rate at least; what lies beyond, samples alone cannot tell. A filter found in the
+half the rate has B of half the rate at least; what lies beyond, samples alone do not show. A filter found in the
 spectrum has B = π/(2n sin(π/2n)) cutoff for order n (Butterworth), wherever its cutoff is. Noise that rises towards
-half the rate, as quantization and differences do, tells no B, and is no sign of folding.
+half the rate, as quantization and differences do, determines no B, and is no sign of aliasing.
 
 References
 ----------
@@ -29,7 +29,7 @@ MIN_RISE = 1.5
 
 
 def rises(fitted: Residual) -> bool:
-    """Tell whether the noise at half the rate is more than `MIN_RISE` times that at a tenth of it, peaks apart."""
+    """Return whether the noise at half the rate is more than `MIN_RISE` times that at a tenth of it, peaks apart."""
     dt = fitted.channel.interval
     f = np.array([0.1, 0.499]) / dt
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White))

@@ -39,7 +39,7 @@ CHI2_MEDIAN = 0.4549
 
 @dataclass(frozen=True)
 class Bins:
-    """Mean powers in even bins.
+    """Fast spectrum: mean powers in bins of equal width.
 
     Attributes
     ----------

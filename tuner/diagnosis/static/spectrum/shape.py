@@ -65,7 +65,7 @@ SHAPES_P_VALUE = 1e-3
 
 @dataclass(frozen=True)
 class ShapeFit:
-    """A fitted shape.
+    """A fitted shape of the fast spectrum.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def fit_white(data: Bins) -> ShapeFit:
 
 
 def fit_filter(data: Bins, name: str) -> ShapeFit:
-    """Fit a filter by name: what it folds can make two cutoffs likely, the lesser of which is no less a maximum."""
+    """Fit a filter by name, from its two likeliest cutoffs: with aliasing the likelihood can have two maxima."""
     cost = _filter_cost(data, name)
     low, high = FILTERS[name]
     above = np.linspace(FOLDING_CUTOFF, high, HIGH_CUTOFFS)
@@ -194,7 +194,7 @@ def _reach(data: Bins, fitted: ShapeFit, goal: float) -> tuple[float, float]:
 
 
 def misfit(data: Bins, fitted: ShapeFit) -> float:
-    """Return the chance that the bins scatter about the fit as much as they do."""
+    """Return the p-value of the scatter of the bins about the fit."""
     square = 0.5 * data.count * (data.power / fitted.expected - 1.0) ** 2
     return float(chi2.sf(square.sum(), len(square) - 3 - len(fitted.x)))
 
@@ -232,12 +232,12 @@ class ShapeTest:
 
     @property
     def any_p_value(self) -> float:
-        """Chance of the most remarkable of the three statistics."""
+        """P-value of the least likely of the three statistics."""
         return min(1.0, 3.0 * min(self.p_value, self.misfit, self.resonance_p_value))
 
     @property
     def worst(self) -> str:
-        """Where the null leaves most, in words."""
+        """Frequency and size of the largest misfit of the null, in words."""
         deviation = self.data.power / self.null.expected
         at = int(np.argmax(self.data.count * (deviation - 1.0 - np.log(deviation))))
         frequency = self.data.cycles[at] / self.data.interval
@@ -252,7 +252,7 @@ class ShapeTest:
 
     @property
     def filter_gain(self) -> float:
-        """Greatest gain of a filter: how much it folds decides nothing here."""
+        """Greatest gain of a filter, whatever its aliasing."""
         return max(self.gain(fitted) for fitted in self.filters)
 
     def falls(self, fitted: ShapeFit) -> bool:

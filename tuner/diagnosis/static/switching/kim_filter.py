@@ -1,4 +1,4 @@
-"""Filter for a bias that switches between levels while other slow noise runs on.
+"""Likelihood of a bias that switches between levels beside slow noise, by a bank of Kalman filters.
 
 Model of block means y_t, states s_i,t (first-order Gauss–Markov or random walk) and level m_t of a few::
 
@@ -156,7 +156,7 @@ def paired(
     r: FloatArray,
     path: FloatArray,
 ) -> float:
-    """Do as `switching` does, for two slow states: means s and covariances p are written out."""
+    """Return the result of `switching` for two slow states: means s and covariances p are written out."""
     modes = levels.size
     s0, s1, p00, p10, p11 = (
         np.zeros(modes),

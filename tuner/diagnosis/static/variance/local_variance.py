@@ -30,7 +30,7 @@ The place in a quantizer cell is not known well enough for less.
 
 @dataclass(frozen=True)
 class LocalVariance:
-    """Squares of the residuals.
+    """Squares of the residuals, as estimates of the local variance.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class LocalVariance:
     rounded: bool
 
     def outside(self, stretches: Sequence[tuple[int, int]]) -> LocalVariance:
-        """Return what is left without stretches of samples, its mean 1 again."""
+        """Return the squares without stretches of samples, their mean 1 again."""
         square, scatter = self.square.copy(), self.scatter.copy()
         for first, last in stretches:
             scatter[first:last] = 0.0
@@ -99,7 +99,7 @@ def local_variance(fitted: Residual) -> LocalVariance:
 
 @once
 def course(fitted: Residual) -> FloatArray:
-    """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions know it."""
+    """Return the variance of each sample's noise ÷ its mean, shape (n,), as the extensions model it."""
     deviate = np.ones(len(fitted.e))
     for extension in fitted.extensions:
         if extension.cause in ("burst", "variance_drift"):

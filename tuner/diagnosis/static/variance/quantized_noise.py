@@ -91,7 +91,7 @@ def _between(
 
 
 def moments(sd: float, deadband: float = 0.0, unsure: float = 0.0) -> Moments:
-    """Return the moments of the codes of normal numbers, averaged over what is not known of their mean.
+    """Return the moments of the codes of normal numbers, averaged over the uncertainty of their mean.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
 
 
 def is_coarse(fitted: Residual) -> bool:
-    """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell is felt."""
+    """Return whether a step exceeds `MIN_COARSE_STEP` sd of the white noise: the place in a cell matters."""
     white = sum(t.density**2 for t in fitted.fit.terms() if isinstance(t, White)) / fitted.channel.interval
     step = fitted.channel.quantizer_step
     return step**2 > MIN_COARSE_STEP**2 * max(fitted.spread**2 * white - step**2 / 12.0, 0.0) and step > 0.0

@@ -55,7 +55,7 @@ class Dilution:
 
 
 def dilution(fitted: Residual) -> Dilution:
-    """Return what of the residuals is white noise."""
+    """Return the shares of white noise in the residuals."""
     dt = fitted.channel.interval
     f = np.linspace(0.0, 0.5 / dt, FREQUENCY_COUNT + 1)
     order = next(i for i, term in enumerate(fitted.fit.terms()) if isinstance(term, White))
