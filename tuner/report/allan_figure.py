@@ -125,7 +125,7 @@ def _draw_model(
     if not channel.model.terms:
         return
     total = channel.model.allan_variance(tau)
-    panel.plot(tau, shown(np.sqrt(total)), color=MODEL_COLOUR, lw=1.3, label="fitted sum")
+    panel.plot(tau, shown(np.sqrt(total)), color=MODEL_COLOUR, lw=1.3, label="identified terms")
     for term in channel.model.terms:
         variance = term.allan_variance(tau)
         colour = TERM_COLOURS.get(term.name, "0.4")
