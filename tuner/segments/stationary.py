@@ -112,7 +112,7 @@ def find_motion(
     ratios, sizes = [], []
     for record in together:
         mean, variance = _moments(record, bounds)
-        usual = np.maximum(np.quantile(variance, 0.25, axis=0), _lattice(record))
+        usual = np.maximum(np.quantile(variance, 0.25, axis=0), _rounding_variance(record))
         ratio = np.sqrt(np.maximum(variance, usual * 1e-6) / usual)
         large = (np.sqrt(variance) > _CERTAIN_MOTION.get(record.unit, np.inf)) & (ratio > 10.0)
         if record.unit == "rad/s":
@@ -188,7 +188,7 @@ def _moments(record: Record, bounds: IntArray) -> tuple[FloatArray, FloatArray]:
     return mean, variance
 
 
-def _lattice(record: Record) -> FloatArray:
+def _rounding_variance(record: Record) -> FloatArray:
     """Return the variance of rounding to the step of each channel, shape (k,)."""
     step = []
     for column in record.y[:100_000].T:

@@ -44,7 +44,7 @@ DEMO_GRADE, DEMO_RATE, DEMO_DURATION = "mpu9250", 100.0, 3600.0
 THERMOMETER_STEP = 0.125
 THERMOMETER_REFRESH = 1.28
 THERMOMETER_SD = 0.02
-"""Lattice (K), time between readings (s) and noise (K) of the thermometer, as in a Bosch BMI088."""
+"""Quantizer step (K), time between readings (s) and noise (K) of the thermometer, as in a Bosch BMI088."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ from models.effects.static.attitude import Attitude
 from models.effects.static.base import STAMP, Effect, Samples, Scale, require_positive
 from models.effects.static.distribution import Burst, CrossAxis, HeavyTails, VarianceDrift
 from models.effects.static.events import Motion, Spikes, Step, Telegraph
-from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
 from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
 from models.registry import Registry
@@ -70,7 +70,7 @@ EFFECTS: Registry[type[Effect]] = Registry(
 EFFECTS.extend(
     (
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
-        CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Lattice,
+        CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
         CrossAxis, Attitude, Motion,
     )
 )  # fmt: skip

@@ -19,7 +19,7 @@ import numpy as np
 
 from models.effects.static.base import (
     HOLD,
-    LATTICE,
+    QUANTIZER,
     RAIL,
     STAMP,
     Effect,
@@ -73,7 +73,7 @@ class Clipping(Effect):
 
 
 @dataclass(frozen=True)
-class Lattice(Effect):
+class Quantizer(Effect):
     """Digital codes: multiples of a step, with an optional dead band around zero.
 
     Attributes
@@ -85,7 +85,7 @@ class Lattice(Effect):
     """
 
     name: ClassVar[str] = "lattice"
-    stage: ClassVar[int] = LATTICE
+    stage: ClassVar[int] = QUANTIZER
     step: float
     deadband: float = 0.0
 

@@ -131,7 +131,7 @@ def thermometer(
     t, celsius : ndarray, shape (n,)
         Time, s, and true temperature, °C.
     step : float
-        Lattice of the readings, K; 0 for none.
+        Quantizer step of the readings, K; 0 for none.
     refresh : float
         Time between new readings, s, the last one being repeated; 0 for a new one every sample.
     sd : float

@@ -10,7 +10,7 @@ from models.effects import Samples
 from models.effects.static.attitude import Attitude
 from models.effects.static.distribution import Burst, CrossAxis, HeavyTails, VarianceDrift
 from models.effects.static.events import Motion, Spikes, Step, Telegraph
-from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
 from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
 
@@ -313,7 +313,7 @@ def test_quantizer_gives_multiples_and_adds_step_squared_over_12():
     """Sheppard: variance 1 + step²/12 for step ≤ 2 sd (to 1e-2·step², 5 sd of a variance of 4e5 samples)."""
     n = 400_000
     for step in (0.1, 1.0, 2.0):
-        y = Lattice(step).apply(noisy(n), rng()).y
+        y = Quantizer(step).apply(noisy(n), rng()).y
         codes = y / step
         np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
         expected = 1.0 + step**2 / 12.0
@@ -322,7 +322,7 @@ def test_quantizer_gives_multiples_and_adds_step_squared_over_12():
 
 def test_quantizer_dead_band_reads_zero():
     clean = noisy(5000)
-    y = Lattice(0.1, 0.35).apply(clean, rng()).y
+    y = Quantizer(0.1, 0.35).apply(clean, rng()).y
     np.testing.assert_array_equal(y == 0.0, np.abs(clean.y) < 0.35)
 
 

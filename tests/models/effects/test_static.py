@@ -8,7 +8,7 @@ import pytest
 from models.effects import EFFECTS, Samples, draw, hide, parse
 from models.effects.static.distribution import HeavyTails
 from models.effects.static.events import Spikes, Step
-from models.effects.static.sampling import Clipping, Duplicates, Lattice, Timing
+from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
 from models.effects.static.spectral import Line
 
 INTERVAL = 0.01
@@ -192,7 +192,7 @@ def test_hidden_effects_stay_in_their_channels():
 def test_order_of_mention_does_not_matter_across_stages():
     """The lattice is the last thing a spike meets, however they are named."""
     clean = block()
-    chain = [(Lattice(0.5), [0, 1, 2]), (Clipping(-3.0, 3.0), [0, 1, 2]), (Spikes(20.0, 7.3), [0, 1, 2])]
+    chain = [(Quantizer(0.5), [0, 1, 2]), (Clipping(-3.0, 3.0), [0, 1, 2]), (Spikes(20.0, 7.3), [0, 1, 2])]
     dirty = hide(clean, chain, np.random.default_rng(0))
     np.testing.assert_array_equal(dirty.y, 0.5 * np.round(2.0 * dirty.y))
     assert dirty.y.max() <= 3.0

@@ -57,7 +57,7 @@ class Quantizer(Cause):
     """A quantizer that is coarse beside the noise."""
 
     cause = "lattice"
-    effect = sampling.Lattice
+    effect = sampling.Quantizer
     group = "samples"
     meaning = "the codes are too coarse for the noise to blur them, or some never come"
     consequence = "add step²/12 to the variance of a sample; the mean between two codes is not to be trusted"

@@ -11,7 +11,7 @@ from scipy import integrate, stats
 from scipy.signal import lfilter
 
 from models.effects import Samples, hide
-from models.effects.static.sampling import Clipping, Duplicates, Lattice
+from models.effects.static.sampling import Clipping, Duplicates, Quantizer
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
@@ -73,7 +73,7 @@ def rejected(tests: tuple[DataQualityTest, ...]) -> list[str]:
 def test_clean_data_have_no_finding_for_any_noise_and_quantizer(kind):
     for seed, step in enumerate((0.0, 0.003, 0.05, 0.3, 0.7, 1.0, 1.4, 1.8)):
         tests = data_quality_tests(
-            hidden(*([Lattice(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000)
+            hidden(*([Quantizer(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000)
         )
         assert rejected(tests) == []
         assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")
@@ -112,7 +112,7 @@ def test_chance_equality_is_the_integral():
 @pytest.mark.parametrize("step", [0.0, 0.03, 0.3, 1.0])
 @pytest.mark.parametrize("fraction", [0.03, 0.3, 0.9])
 def test_repeated_samples_are_found_and_counted(step, fraction):
-    effects = [Duplicates(fraction)] + ([Lattice(step)] if step else [])
+    effects = [Duplicates(fraction)] + ([Quantizer(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=200_000, seed=int(100 * fraction)))
     assert rejected(tests) == ["duplicates"]
     (held,) = [t for t in tests if t.cause == "duplicates"]
@@ -182,13 +182,13 @@ def test_p_values_of_repeated_samples_are_uniform_on_a_fine_quantizer(pole, free
 
 
 def test_axes_that_repeat_together_make_one_finding_and_one_axis_alone_is_named():
-    together = data_quality_tests(hidden(Duplicates(0.002), Lattice(0.3), k=3, n=300_000))
+    together = data_quality_tests(hidden(Duplicates(0.002), Quantizer(0.3), k=3, n=300_000))
     (only,) = [t for t in together if t.cause == "duplicates"]
     assert only.channels == ("gyro_x", "gyro_y", "gyro_z")
     assert only.parameters["fraction"].value == pytest.approx(0.002, abs=0.001)
     rng = np.random.default_rng(2)
     block = Samples(INTERVAL * np.arange(100_000), noise("white", 100_000, 3, rng), INTERVAL)
-    y = hide(block, [(Duplicates(0.05), [1]), (Lattice(0.1), [0, 1, 2])], rng).y
+    y = hide(block, [(Duplicates(0.05), [1]), (Quantizer(0.1), [0, 1, 2])], rng).y
     assert [t.channels for t in data_quality_tests(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
 
 
@@ -208,7 +208,7 @@ def test_a_low_pass_on_a_coarse_quantizer_is_no_repetition():
 def test_rails_are_found_where_they_are(step, kind):
     """A rail that one sample in a thousand would cross."""
     clip = Clipping(high=float(np.quantile(hidden(n=300_000, kind=kind, seed=4).y, 0.999)))
-    effects = [clip] + ([Lattice(step)] if step else [])
+    effects = [clip] + ([Quantizer(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=300_000, kind=kind, seed=4))
     assert rejected(tests) == ["clipping"]
     (found,) = [t for t in tests if t.p_value < ALARM]
@@ -309,7 +309,7 @@ def test_continuous_and_constant_data_have_no_step():
 
 @pytest.mark.parametrize(("step", "note"), [(0.5, True), (1.9, True), (2.15, False), (4.0, False)])
 def test_only_a_step_above_two_sd_is_a_finding(step, note):
-    (test,) = [t for t in data_quality_tests(hidden(Lattice(step), seed=8)) if t.cause == "lattice"]
+    (test,) = [t for t in data_quality_tests(hidden(Quantizer(step), seed=8)) if t.cause == "lattice"]
     assert test.note is note
     assert (test.p_value < ALARM) is not note
     assert test.parameters["step"].value == pytest.approx(step)
@@ -322,7 +322,7 @@ def test_only_a_step_above_two_sd_is_a_finding(step, note):
 def test_dead_bands_are_found_with_their_width(step, width):
     rng = np.random.default_rng(9)
     block = Samples(np.arange(200_000.0), 0.1 + rng.standard_normal((200_000, 1)), 1.0)
-    y = Lattice(step, width * step).apply(block, rng).y[:, 0]
+    y = Quantizer(step, width * step).apply(block, rng).y[:, 0]
     codes = read_codes([y], quantizer_step([y]))
     assert codes.p_value < ALARM
     assert codes.deadband == pytest.approx(width * step, abs=0.5 * step)
@@ -348,7 +348,7 @@ def test_holes_that_are_narrow_against_the_noise_do_no_harm():
 
 def test_repeated_samples_do_not_make_other_findings():
     for seed in range(5):
-        assert rejected(data_quality_tests(hidden(Duplicates(0.9), Lattice(0.01), seed=seed))) == [
+        assert rejected(data_quality_tests(hidden(Duplicates(0.9), Quantizer(0.01), seed=seed))) == [
             "duplicates"
         ]
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from models.effects import Samples, hide
-from models.effects.static.sampling import Duplicates, Lattice
+from models.effects.static.sampling import Duplicates, Quantizer
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.data_quality import data_quality_tests
 from tuner.diagnosis.data_quality.frozen import cut, frozen
@@ -160,7 +160,7 @@ def test_many_stretches_are_counted_and_repeated_samples_reported_besides():
 def test_what_is_hidden_is_what_is_found():
     effect = Duplicates(0.0, start=500.0, duration=60.0)
     block = Samples(INTERVAL * np.arange(N), noise("white", 3, 25), INTERVAL)
-    y = hide(block, [(Lattice(0.2), [0, 1, 2]), (effect, [1])], np.random.default_rng(26)).y
+    y = hide(block, [(Quantizer(0.2), [0, 1, 2]), (effect, [1])], np.random.default_rng(26)).y
     (found,) = diagnose(record(y)).findings
     assert found.channels == ("gyro_y",)
     for name, truth in effect.parameters().items():

@@ -109,8 +109,8 @@ def _sd_from_constants(run: FilterRun, shifts: tuple[str, ...]) -> NDArray[np.fl
     now = fit_constants(run.whitened, names, shifts, np.zeros(len(names)))
     size = float(gravity(np.sin(start.llh[0, 0]), start.llh[0, 2]))
     force = -size * rotation.mat_from_quat(start.quat_nb[0])[2]
-    felt = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]
-    return np.asarray(np.sqrt(np.einsum("ia,ij,ja->a", felt, now.covariance, felt)))
+    sensor_errors = (columns(names).mix @ np.concatenate([np.zeros(3), force]))[list(now.columns)]
+    return np.asarray(np.sqrt(np.einsum("ia,ij,ja->a", sensor_errors, now.covariance, sensor_errors)))
 
 
 class SensorBias(FinalCause):

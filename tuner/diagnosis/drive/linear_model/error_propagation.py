@@ -22,11 +22,11 @@ from models.vector3 import add, scale, transform
 from tuner.diagnosis.drive.linear_model import propagation_kernels as propagation
 from tuner.diagnosis.drive.linear_model.propagation_kernels import (
     Columns,
-    Way,
+    PropagationState,
     advance,
     begin,
     compiled,
-    new_way,
+    new_state,
     set_matrices,
 )
 from tuner.navigation.engine import tracing as straight
@@ -87,9 +87,9 @@ def _calibrate(lay: Layout, x: FloatArray, bias: FloatArray, inverse: FloatArray
 
 
 @compiled
-def _leave(lay: Layout, way: Way, out: Trace, i: int) -> None:
+def _leave(lay: Layout, state: PropagationState, out: Trace, i: int) -> None:
     """Store what has accumulated until fix i."""
-    n, W = lay.size, way.wide
+    n, W = lay.size, state.wide
     noise = 2 * n - 9
     out.phi[i] = 0.0
     out.slow[:, i] = 0.0
@@ -101,11 +101,11 @@ def _leave(lay: Layout, way: Way, out: Trace, i: int) -> None:
                 out.white[g, i, r, c] = W[r, noise + 9 * g + c]
                 out.slow[g, i, r, c] = W[r, noise + 18 + 9 * g + c]
     for j in range(9, n):
-        out.phi[i, j, j] = way.own[j]
+        out.phi[i, j, j] = state.own[j]
         if lay.slope[j] >= 0:
-            out.phi[i, j, lay.slope[j]] = way.tie[j]
+            out.phi[i, j, lay.slope[j]] = state.tie[j]
         g = lay.row[j] // 3 if lay.row[j] >= 0 else 2
-        out.slow[g, i, j, j] = way.variance[j]
+        out.slow[g, i, j, j] = state.variance[j]
         for r in range(9):
             out.slow[g, i, r, j] = out.slow[g, i, j, r] = W[r, n - 9 + j]
 
@@ -134,8 +134,8 @@ def trace(
     sum_angle, sum_force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     before_angle, before_velocity = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     true, sample, force_n = np.zeros(6), np.zeros(6), (0.0, 0.0, 0.0)
-    way = new_way(lay.size, columns)
-    begin(way)
+    state = new_state(lay.size, columns)
+    begin(state)
     for s in range(len(dt) + 1):
         if s > 0:
             d = dt[s - 1]
@@ -172,20 +172,20 @@ def trace(
                     out.force[i - 1, 1, c] = force_n[c]
             fresh = False
             middle_pos, middle_vel = scale(0.5, add(start_pos, pos)), scale(0.5, add(start_vel, vel))
-            set_matrices(middle_pos, middle_vel, mat, force_n, elapsed, inverse, way.A, way.G)
-            advance(lay, columns, way, true, elapsed, x)
+            set_matrices(middle_pos, middle_vel, mat, force_n, elapsed, inverse, state.A, state.G)
+            advance(lay, columns, state, true, elapsed, x)
             _calibrate(lay, x, bias, inverse)
             start_pos, start_vel, start_quat = pos, vel, quat
             elapsed, sum_angle, sum_force = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         while i < k and after[i] == s:
-            _leave(lay, way, out, i)
+            _leave(lay, state, out, i)
             for c in range(3):
                 out.prior[i, c], out.prior[i, 3 + c] = pos[c], vel[c]
                 out.force[i, 0, c] = out.force[i, 1, c] = force_n[c]
             for c in range(4):
                 out.prior[i, 6 + c] = quat[c]
             out.x[i], out.rates[i] = x, true
-            begin(way)
+            begin(state)
             pos, vel = (states[i, 0], states[i, 1], states[i, 2]), (states[i, 3], states[i, 4], states[i, 5])
             quat = (states[i, 6], states[i, 7], states[i, 8], states[i, 9])
             x[:] = xs[i]

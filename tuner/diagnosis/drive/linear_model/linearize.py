@@ -191,11 +191,11 @@ def _start(settings: FilterSettings, stretch: Stretch, own: Columns) -> FloatArr
     mat = rotation.mat_from_quat(stretch.start.quat_nb)
     size = float(gravity(np.sin(stretch.start.llh[0]), stretch.start.llh[2]))
     u = -mat[2]
-    felt = own.mix @ np.concatenate([np.zeros(3), size * u])
-    v[at["gyro_bias"]] = -felt[:, :3].T
-    along = felt[:, 3:] @ u + own.down
+    sensor_error = own.mix @ np.concatenate([np.zeros(3), size * u])
+    v[at["gyro_bias"]] = -sensor_error[:, :3].T
+    along = sensor_error[:, 3:] @ u + own.down
     v[at["accel_bias"]] = -np.outer(u, along)
-    across = (felt[:, 3:] - np.outer(felt[:, 3:] @ u, u)) @ mat.T / size
+    across = (sensor_error[:, 3:] - np.outer(sensor_error[:, 3:] @ u, u)) @ mat.T / size
     v[6], v[7] = across[:, 1], -across[:, 0]
     return v
 

@@ -1,4 +1,4 @@
-"""What covariance steps do to the errors, in compiled code: Φ, process noise and the effect of unknown constants.
+"""Propagation of errors over a covariance step, in compiled code: Φ, process noise and effects of unknown constants.
 
 Nine navigation states x and six sensors s, with the matrices of `models.error_state`::
 
@@ -36,7 +36,7 @@ def compiled(function: Function) -> Function:
 
 
 class Columns(NamedTuple):
-    """Candidate constants that act on what is felt.
+    """Effect of candidate constants on measured rates and forces.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Columns(NamedTuple):
     down: FloatArray
 
 
-class Way(NamedTuple):
-    """What has come of errors since the fix before, n states.
+class PropagationState(NamedTuple):
+    """Errors propagated since the fix before, n states: Φ, noise and effects of constants, with scratch arrays.
 
     Attributes
     ----------
@@ -67,8 +67,8 @@ class Way(NamedTuple):
         A of the last step.
     G : ndarray, shape (9, 6)
         Γ of the last step.
-    felt : ndarray, shape (9, 6)
-        For each sensor, what the states that it feels share with navigation.
+    sensor_cross : ndarray, shape (9, 6)
+        Covariance of navigation and the states that disturb each sensor.
     step : ndarray, shape (1,)
         Length of a step, s, that `decay` and `added` are for.
     decay, added : ndarray, shape (n,)
@@ -88,7 +88,7 @@ class Way(NamedTuple):
     done: FloatArray
     A: FloatArray
     G: FloatArray
-    felt: FloatArray
+    sensor_cross: FloatArray
     step: FloatArray
     decay: FloatArray
     added: FloatArray
@@ -97,8 +97,8 @@ class Way(NamedTuple):
 
 
 @compiled
-def new_way(n: int, columns: Columns) -> Way:
-    """Return room for the way of n states."""
+def new_state(n: int, columns: Columns) -> PropagationState:
+    """Return the arrays of a propagation of n states."""
     width, count = 2 * n + 27 + len(columns.down), 0
     acts, size = np.zeros((columns.mix.size, 3), dtype=np.int64), np.zeros(columns.mix.size)
     for q in range(len(columns.down)):
@@ -108,7 +108,7 @@ def new_way(n: int, columns: Columns) -> Way:
                     acts[count, 0], acts[count, 1], acts[count, 2] = q, r, c
                     size[count] = columns.mix[q, r, c]
                     count += 1
-    return Way(
+    return PropagationState(
         np.zeros((9, width)),
         np.zeros((9, width)),
         np.zeros(n),
@@ -128,14 +128,14 @@ def new_way(n: int, columns: Columns) -> Way:
 
 
 @compiled
-def begin(way: Way) -> None:
-    """Begin anew at a fix."""
-    way.wide[:] = 0.0
-    way.own[:] = 1.0
-    way.tie[:] = 0.0
-    way.variance[:] = 0.0
+def begin(state: PropagationState) -> None:
+    """Reset the propagation at a fix."""
+    state.wide[:] = 0.0
+    state.own[:] = 1.0
+    state.tie[:] = 0.0
+    state.variance[:] = 0.0
     for i in range(9):
-        way.wide[i, i] = 1.0
+        state.wide[i, i] = 1.0
 
 
 @compiled
@@ -212,32 +212,34 @@ def _added_variance(drive: float, rate: float, dt: float) -> float:
 
 
 @compiled
-def advance(lay: Layout, columns: Columns, way: Way, true: FloatArray, dt: float, x: FloatArray) -> None:
+def advance(
+    lay: Layout, columns: Columns, state: PropagationState, true: FloatArray, dt: float, x: FloatArray
+) -> None:
     """Advance Φ, the noise, B and the other estimates by a covariance step."""
-    n, A, G, W = lay.size, way.A, way.G, way.wide
+    n, A, G, W = lay.size, state.A, state.G, state.wide
     cross, noise, pull = n - 9, 2 * n - 9, 2 * n + 27
-    _product(A, W, way.other)
-    W[:] = way.other
+    _product(A, W, state.other)
+    W[:] = state.other
     for i in range(9):
         for g in range(4):
             for j in range(9):
-                way.half[j, 9 * g + i] = W[i, noise + 9 * g + j]
-    _product(A, way.half, way.done)
+                state.half[j, 9 * g + i] = W[i, noise + 9 * g + j]
+    _product(A, state.half, state.done)
     for i in range(9):
         for j in range(36):
-            W[i, noise + j] = way.done[i, j]
+            W[i, noise + j] = state.done[i, j]
     for s in range(6):
         _disturb(W, noise + 9 * (s // 3), G, s, lay.white[s] / dt)
-    way.felt[:] = 0.0
+    state.sensor_cross[:] = 0.0
     for j in range(9, n):
         r = lay.row[j]
         if r < 0:
             continue
         c = 1.0 if lay.source[j] < 0 else true[lay.source[j]]
-        own, tied, share = c * way.own[j], c * way.tie[j], c * way.variance[j]
+        own, tied, share = c * state.own[j], c * state.tie[j], c * state.variance[j]
         slope = lay.slope[j]
         for i in range(9):
-            way.felt[i, r] += c * W[i, cross + j] + 0.5 * c * share * G[i, r]
+            state.sensor_cross[i, r] += c * W[i, cross + j] + 0.5 * c * share * G[i, r]
             W[i, j] += own * G[i, r]
             W[i, cross + j] += share * G[i, r]
             if slope >= 0:
@@ -246,36 +248,36 @@ def advance(lay: Layout, columns: Columns, way: Way, true: FloatArray, dt: float
         at = noise + 18 + 9 * (r // 3)
         for i in range(9):
             for j in range(9):
-                W[i, at + j] += way.felt[i, r] * G[j, r] + way.felt[j, r] * G[i, r]
-    for e in range(len(way.size)):
-        q, s = way.acts[e, 0], way.acts[e, 1]
-        felt = way.size[e] * true[way.acts[e, 2]]
+                W[i, at + j] += state.sensor_cross[i, r] * G[j, r] + state.sensor_cross[j, r] * G[i, r]
+    for e in range(len(state.size)):
+        q, s = state.acts[e, 0], state.acts[e, 1]
+        error = state.size[e] * true[state.acts[e, 2]]
         for i in range(9):
-            W[i, pull + q] += felt * G[i, s]
+            W[i, pull + q] += error * G[i, s]
     for q in range(len(columns.down)):
         W[5, pull + q] += dt * columns.down[q]
         W[2, pull + q] += 0.5 * dt * dt * columns.down[q]
     if lay.gravity >= 0:
         W[5, lay.gravity] += dt
         W[2, lay.gravity] += 0.5 * dt * dt
-    if dt != way.step[0]:
-        way.step[0] = dt
+    if dt != state.step[0]:
+        state.step[0] = dt
         for j in range(9, n):
-            way.decay[j] = np.exp(-lay.rate[j] * dt)
-            way.added[j] = _added_variance(lay.drive[j], lay.rate[j], dt)
+            state.decay[j] = np.exp(-lay.rate[j] * dt)
+            state.added[j] = _added_variance(lay.drive[j], lay.rate[j], dt)
     for j in range(9, n):
-        decay = way.decay[j]
+        decay = state.decay[j]
         if lay.drive[j] > 0.0:
             for i in range(9):
                 W[i, cross + j] *= decay
-            way.variance[j] = decay * decay * way.variance[j] + way.added[j]
+            state.variance[j] = decay * decay * state.variance[j] + state.added[j]
         slope = lay.slope[j]
         if slope >= 0:
-            way.tie[j] = decay * way.tie[j] + dt * way.own[slope]
+            state.tie[j] = decay * state.tie[j] + dt * state.own[slope]
             x[j] = decay * x[j] + dt * x[slope]
         else:
             x[j] *= decay
-        way.own[j] *= decay
+        state.own[j] *= decay
 
 
 @compiled
