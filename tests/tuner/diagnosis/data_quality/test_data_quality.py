@@ -21,7 +21,7 @@ from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 
 INTERVAL = 0.01
-ALARM = 1e-4
+REJECTION_P_VALUE = 1e-4
 
 FILTERS = {
     "white": ([1.0], [1.0]),
@@ -63,7 +63,7 @@ def hidden(*effects, n=100_000, k=1, seed=0, kind="white") -> Record:
 
 
 def rejected(tests: tuple[DataQualityTest, ...]) -> list[str]:
-    return [t.cause for t in tests if t.p_value < ALARM]
+    return [t.cause for t in tests if t.p_value < REJECTION_P_VALUE]
 
 
 # ---- clean data
@@ -115,8 +115,8 @@ def test_repeated_samples_are_found_and_counted(step, fraction):
     effects = [Duplicates(fraction)] + ([Quantizer(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=200_000, seed=int(100 * fraction)))
     assert rejected(tests) == ["duplicates"]
-    (held,) = [t for t in tests if t.cause == "duplicates"]
-    share = held.parameters["fraction"]
+    (repeated,) = [t for t in tests if t.cause == "duplicates"]
+    share = repeated.parameters["fraction"]
     # A share p of equal neighbours, fraction + (1 − fraction) g with g = step/(2 √π) by chance, has the sd √(p(1−p)/n):
     # one that needs g from the record, too, knows the fraction at most half as well. Six of the latter.
     by_chance = step / (2.0 * np.sqrt(np.pi))
@@ -140,11 +140,11 @@ def test_intervals_of_the_fraction_cover_it():
 
 
 def test_samples_repeated_by_a_slow_register_are_found():
-    """Every reading four times over: three quarters are held, though lag 2 is equal half of the time."""
+    """Every reading four times over: three quarters are repetitions, though lag 2 is equal half of the time."""
     y = np.repeat(noise("low-pass", 30_000, 1, np.random.default_rng(1)), 4, axis=0)
-    held = find_repeated_samples([y], [0.0])
-    assert held.p_value < 1e-20
-    assert held.fraction == pytest.approx(0.75, abs=0.01)
+    repeated = find_repeated_samples([y], [0.0])
+    assert repeated.p_value < 1e-20
+    assert repeated.fraction == pytest.approx(0.75, abs=0.01)
 
 
 def test_a_few_repeated_samples_are_found_where_chance_makes_none():
@@ -157,7 +157,7 @@ def test_a_few_repeated_samples_are_found_where_chance_makes_none():
 def test_half_a_percent_of_repeats_on_a_quantizer_of_half_a_sd_is_beyond_chance():
     """f n (1 − g) over the sd √(g n) of what chance does, and little more: 7.4 less the cost of not knowing g.
 
-    Over five records the mean deviate is known to 0.5; 4.6 asks for four fifths of 7.4 within three of these.
+    Over five records the mean deviate is known to 0.5; 4.6 requires four fifths of 7.4 within three of these.
     """
     deviates = []
     for seed in range(5):
@@ -189,7 +189,9 @@ def test_axes_that_repeat_together_make_one_finding_and_one_axis_alone_is_named(
     rng = np.random.default_rng(2)
     block = Samples(INTERVAL * np.arange(100_000), noise("white", 100_000, 3, rng), INTERVAL)
     y = hide(block, [(Duplicates(0.05), [1]), (Quantizer(0.1), [0, 1, 2])], rng).y
-    assert [t.channels for t in data_quality_tests(record(y)) if t.p_value < ALARM] == [("gyro_y",)]
+    assert [t.channels for t in data_quality_tests(record(y)) if t.p_value < REJECTION_P_VALUE] == [
+        ("gyro_y",)
+    ]
 
 
 def test_a_low_pass_on_a_coarse_quantizer_is_no_repetition():
@@ -211,7 +213,7 @@ def test_rails_are_found_where_they_are(step, kind):
     effects = [clip] + ([Quantizer(step)] if step else [])
     tests = data_quality_tests(hidden(*effects, n=300_000, kind=kind, seed=4))
     assert rejected(tests) == ["clipping"]
-    (found,) = [t for t in tests if t.p_value < ALARM]
+    (found,) = [t for t in tests if t.p_value < REJECTION_P_VALUE]
     assert set(found.parameters) == {"high"}
     assert found.parameters["high"].value == pytest.approx(
         clip.high, abs=0.5 * step + 1e-12
@@ -311,7 +313,7 @@ def test_continuous_and_constant_data_have_no_step():
 def test_only_a_step_above_two_sd_is_a_finding(step, note):
     (test,) = [t for t in data_quality_tests(hidden(Quantizer(step), seed=8)) if t.cause == "lattice"]
     assert test.note is note
-    assert (test.p_value < ALARM) is not note
+    assert (test.p_value < REJECTION_P_VALUE) is not note
     assert test.parameters["step"].value == pytest.approx(step)
     if note:
         assert test.statistic == pytest.approx(step, rel=0.05)
@@ -324,7 +326,7 @@ def test_dead_bands_are_found_with_their_width(step, width):
     block = Samples(np.arange(200_000.0), 0.1 + rng.standard_normal((200_000, 1)), 1.0)
     y = Quantizer(step, width * step).apply(block, rng).y[:, 0]
     codes = read_codes([y], quantizer_step([y]))
-    assert codes.p_value < ALARM
+    assert codes.p_value < REJECTION_P_VALUE
     assert codes.deadband == pytest.approx(width * step, abs=0.5 * step)
 
 
@@ -333,7 +335,7 @@ def test_a_code_that_never_comes_is_missed():
     y[y == 7] = 8.0
     codes = read_codes([y], 1.0)
     assert codes.missing == 1
-    assert codes.p_value < ALARM
+    assert codes.p_value < REJECTION_P_VALUE
     assert codes.deadband == 0.0
 
 

@@ -142,7 +142,7 @@ def test_axes_that_freeze_together_are_reported_once_and_others_apart():
 
 
 def test_many_stretches_are_counted_and_repeated_samples_reported_besides():
-    """A hundred stretches of half a second, and 5 % of the others held: two findings."""
+    """A hundred stretches of half a second, and 5 % of the others repeated: two findings."""
     rng = np.random.default_rng(23)
     block = Samples(INTERVAL * np.arange(N), noise("white", 1, 24), INTERVAL)
     y = hide(block, [(Duplicates(0.05), [0])], rng).y
@@ -151,10 +151,10 @@ def test_many_stretches_are_counted_and_repeated_samples_reported_besides():
     found = diagnose(record(y)).findings
     assert [f.cause for f in found] == ["duplicates", "duplicates"]
     (stuck,) = [f for f in found if "count" in f.parameters]
-    (held,) = [f for f in found if "count" not in f.parameters]
+    (repeated,) = [f for f in found if "count" not in f.parameters]
     assert stuck.parameters["count"].value == 100.0
     assert stuck.parameters["fraction"].value == pytest.approx(100 * 50 / N, rel=0.03)
-    assert held.parameters["fraction"].value == pytest.approx(0.05, rel=0.1)
+    assert repeated.parameters["fraction"].value == pytest.approx(0.05, rel=0.1)
 
 
 def test_what_is_hidden_is_what_is_found():

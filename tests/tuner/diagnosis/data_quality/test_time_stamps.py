@@ -53,7 +53,7 @@ def test_rounded_stamps_are_reported_with_their_unit_and_are_no_jitter(rate):
 @pytest.mark.parametrize("start", [0.0, 86_400.0, 1.7e9])
 @pytest.mark.parametrize("decimals", [None, 6, 9])
 def test_scatter_below_the_resolution_of_the_stamps_is_not_reported(start, decimals):
-    """Beside gaps, which are told: the last places of a number, or a decimal of the text, are no jitter."""
+    """Beside gaps, which are reported: the last places of a number, or a decimal of the text, are no jitter."""
     grid = np.delete(np.arange(20_000), [5000, 5001, 5002, 9000, 9001, 9002, 9003])
     stamps = start + grid / 130.0
     stamps = stamps if decimals is None else np.round(stamps, decimals)

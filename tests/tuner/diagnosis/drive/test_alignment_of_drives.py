@@ -31,10 +31,10 @@ def configuration():
 @pytest.fixture(scope="module")
 def drive():
     motion = TRAJECTORIES["city"](400.0)
-    driven, _ = simulate_drive(
+    simulated, _ = simulate_drive(
         load_grade("stim300"), motion, load_gnss("rtk"), rate=50.0, seed=4, lever_arm=ARM
     )
-    return replace(driven, lever_arm=None)
+    return replace(simulated, lever_arm=None)
 
 
 def _from(drive, begin, end=np.inf):
@@ -84,15 +84,15 @@ def test_after_a_gap_the_start_knows_the_clock(drive, configuration):
 def test_fixes_some_seconds_apart_tell_the_heading(interval):
     """Windows follow the interval of the fixes; error of the heading within 5 of its sds, of 2° at least."""
     receiver = replace(load_gnss("rtk"), interval=interval)
-    driven, _ = simulate_drive(
+    simulated, _ = simulate_drive(
         load_grade("stim300"), TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=6, lever_arm=ARM
     )
-    t = driven.imu_t
-    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
-    alignment = align(steps, driven.gnss, offset=0.0)
+    t = simulated.imu_t
+    steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
+    alignment = align(steps, simulated.gnss, offset=0.0)
     heading = rotation.rpy_from_quat(alignment.quat_nb)[2]
-    at = int(np.argmin(np.abs(driven.reference.t - alignment.t)))
-    off = (heading - driven.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
+    off = (heading - simulated.reference.rpy[at, 2] + np.pi) % (2.0 * np.pi) - np.pi
     assert abs(off) < 5.0 * max(alignment.heading_sd, np.radians(2.0))
 
 
@@ -106,14 +106,14 @@ def coarse():
 def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
     """Within 5 sds where alignment alone, turned by biases of degrees a second, was off by tens of degrees."""
     grade, receiver, config = coarse
-    driven, key = simulate_drive(grade, TRAJECTORIES[trajectory](120.0), receiver, rate=50.0, seed=7)
-    t = driven.imu_t
-    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
+    simulated, key = simulate_drive(grade, TRAJECTORIES[trajectory](120.0), receiver, rate=50.0, seed=7)
+    t = simulated.imu_t
+    steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
     channels = [config.channels[axis] for axis in AXES]
-    alignment = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
+    alignment = align(steps, simulated.gnss, offset=0.0, bias_sd=np.array([c.constant_sd for c in channels]))
     true = np.array([key["channels"][axis]["constant"] for axis in AXES])
-    at = int(np.argmin(np.abs(driven.reference.t - alignment.t)))
-    off = rotation.rpy_from_quat(alignment.quat_nb) - driven.reference.rpy[at]
+    at = int(np.argmin(np.abs(simulated.reference.t - alignment.t)))
+    off = rotation.rpy_from_quat(alignment.quat_nb) - simulated.reference.rpy[at]
     off = (off + np.pi) % (2.0 * np.pi) - np.pi
     assert np.abs(off[:2]).max() < 5.0 * alignment.tilt_sd
     assert abs(off[2]) < 5.0 * max(alignment.heading_sd, np.radians(1.0))
@@ -124,18 +124,18 @@ def test_biases_of_gyros_that_hardly_stood_come_from_motion(coarse, trajectory):
 def test_a_clean_drive_that_stood_three_seconds_has_no_finding(coarse):
     """Where the start was 40° off, a jump of a bias was found with a chance of 1e-33."""
     grade, receiver, config = coarse
-    driven, _ = simulate_drive(grade, TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=5)
-    assert diagnose_drive(driven, config).quiet
+    simulated, _ = simulate_drive(grade, TRAJECTORIES["city"](400.0), receiver, rate=50.0, seed=5)
+    assert diagnose_drive(simulated, config).quiet
 
 
 def test_gyros_better_than_the_rate_of_the_earth_are_accepted():
     """Begun in motion, what they feel of the Earth is no bias."""
-    driven, _ = simulate_drive(
+    simulated, _ = simulate_drive(
         load_grade("kvh1750"), TRAJECTORIES["s_turns"](120.0), load_gnss("rtk"), rate=50.0, seed=3
     )
-    t = driven.imu_t
-    steps = Steps(float(t[0]), np.diff(t), driven.rates[1:] * np.diff(t)[:, None])
-    alignment = align(steps, driven.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
+    t = simulated.imu_t
+    steps = Steps(float(t[0]), np.diff(t), simulated.rates[1:] * np.diff(t)[:, None])
+    alignment = align(steps, simulated.gnss, offset=0.0, bias_sd=np.array([5e-6] * 3 + [0.02] * 3))
     assert not alignment.gyro_bias.any()
 
 
@@ -157,10 +157,10 @@ def test_clean_simulated_drives_have_no_finding(grade):
         ]
     ):
         receiver_noise = load_gnss(receiver)
-        driven, _ = simulate_drive(
+        simulated, _ = simulate_drive(
             load_grade(grade), TRAJECTORIES[trajectory](duration), receiver_noise, rate=50.0, seed=50 + seed
         )
-        causes += [f.cause for f in diagnose_drive(driven, load_config(grade, gnss=receiver_noise)).findings][
-            :1
-        ]
+        causes += [
+            f.cause for f in diagnose_drive(simulated, load_config(grade, gnss=receiver_noise)).findings
+        ][:1]
     assert len(causes) <= 2, causes

@@ -30,7 +30,7 @@ def hour():
 
 
 def test_errors_in_variables_bias_of_constants_is_reported(hour):
-    """Gravity leans by sds on a clean drive; taken out, its score is one of mean 0 (5 sds)."""
+    """Gravity is biased by sds on a clean drive; without that bias its score is one of mean 0 (5 sds)."""
     drive, _, run = hour
     bias, names = errors_in_variables_bias(drive, run), run.linearized.parameters
     w = run.whitened

@@ -30,7 +30,7 @@ def test_a_wrong_mounting_is_named_where_wheels_do_not_slip(turned, drive_config
     for name, truth in (("pitch", PITCH), ("yaw", YAW)):
         angle = finding.parameters[name]
         # At 12 m/s 0.1 m/s downwards and 0.06 m/s across are 8 and 5 mrad a fix: of 300 half a mrad. Constraints
-        # are held for less sure, since wheels may slip: a degree.
+        # have a larger sd, since wheels may slip: a degree.
         assert angle.value == pytest.approx(truth, abs=np.radians(1.0))
         assert 4e-4 < (angle.interval[1] - angle.interval[0]) / 3.92 < np.radians(1.0) / 4.0
     mended = compensate(turned, diagnosis.compensation).mounting

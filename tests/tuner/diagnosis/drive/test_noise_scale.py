@@ -23,7 +23,7 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import ROW_GROUPS, nois
 from tuner.diagnosis.drive.linear_model.whitened_innovations import whiten
 from tuner.types import Parameter
 
-ALARM = 7e-4
+REJECTION_P_VALUE = 7e-4
 
 
 def seldom(p_values: np.ndarray, level: float) -> bool:
@@ -104,7 +104,7 @@ def test_a_prior_is_kept_until_the_drive_contradicts(city_drive: LinearizedRun) 
         imu_noise(noise, scores),
         imu_noise(noise, scores, prior_sd=dict.fromkeys(NOISE_GROUPS, 1.0)),
     )
-    assert exact.result.p_value < ALARM < vague.result.p_value
+    assert exact.result.p_value < REJECTION_P_VALUE < vague.result.p_value
     assert {"gyro", "accel"} <= set(exact.describe())
 
 
@@ -118,7 +118,7 @@ def test_a_jump_is_found_and_named(city_drive: LinearizedRun) -> None:
     )
     noise = as_configured(replace(drawn, B=city_drive.B, D=city_drive.D))
     test = bias_jump(noise)
-    assert test.result.p_value < ALARM
+    assert test.result.p_value < REJECTION_P_VALUE
     assert jump_sensor(test.noise) == "accel"
     gained = evaluate(test.noise).value - evaluate(noise).value
     assert gained == pytest.approx(0.5 * test.result.statistic, rel=1e-6)
@@ -159,7 +159,7 @@ def test_outliers_are_masked_and_named(city_drive: LinearizedRun, cause: str) ->
     tests = {kind: outliers(noise, masked, kind) for kind in ROWS_OF_CAUSE}
     assert tests[cause].result.p_value < 1e-9
     other = next(kind for kind in ROWS_OF_CAUSE if kind != cause)
-    assert tests[other].result.p_value > ALARM
+    assert tests[other].result.p_value > REJECTION_P_VALUE
     out = np.flatnonzero(~tests[cause].noise.rows[:, rows.start])
     assert set(which) <= set(out)
     assert len(out) <= 10
@@ -182,7 +182,7 @@ def test_velocities_of_half_a_drive_are_wrong(city_drive: LinearizedRun) -> None
     assert np.count_nonzero(masked.out[300:750, 1]) > 420
     assert np.count_nonzero(masked.out[:, 0]) < 3
     assert test.result.gain > gnss_noise(noise, noise_scores(noise)).result.gain
-    assert outliers(noise, masked, "gnss_outliers").result.p_value > ALARM
+    assert outliers(noise, masked, "gnss_outliers").result.p_value > REJECTION_P_VALUE
 
 
 def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
@@ -192,7 +192,7 @@ def test_outliers_are_not_a_wrong_noise(city_drive: LinearizedRun) -> None:
     )
     noise = as_configured(source.draw(np.random.default_rng(0)))
     masked = mask(noise)
-    assert min(outliers(noise, masked, cause).result.p_value for cause in ROWS_OF_CAUSE) > ALARM
+    assert min(outliers(noise, masked, cause).result.p_value for cause in ROWS_OF_CAUSE) > REJECTION_P_VALUE
     test = gnss_noise(noise, noise_scores(noise))
     assert test.result.p_value < 1e-9
     for name, c in test.describe().items():
@@ -228,10 +228,10 @@ def test_correlated_positions_are_found_and_named(city_drive: LinearizedRun) -> 
         low, high = np.log(estimates[name].interval)
         assert high - low > 0.9 * 2.0 * 1.96 * sd, name
     again = noise_scores(test.noise)
-    assert gnss_noise(test.noise, again).result.p_value > ALARM
+    assert gnss_noise(test.noise, again).result.p_value > REJECTION_P_VALUE
 
 
 def test_wrong_noise_is_not_correlation(city_drive: LinearizedRun) -> None:
     source = Source.of(noise_parameters(("position",)).change(as_configured(city_drive), np.log([1.5])))
     noise = as_configured(source.draw(np.random.default_rng(0)))
-    assert correlated_gnss(noise, evaluate(noise)).result.p_value > ALARM
+    assert correlated_gnss(noise, evaluate(noise)).result.p_value > REJECTION_P_VALUE

@@ -65,7 +65,7 @@ def test_a_gyro_has_no_tilt():
 
 @pytest.mark.parametrize("walk", [0.0, 2e-5])
 def test_chance_of_a_tilt_in_clean_records(walk):
-    # 24 records at p < 1e-3: four alarms have a chance of 1e-8
+    # 24 records at p < 1e-3: four rejections have a chance of 1e-8
     noise = NoiseModel((White(1e-3), BiasInstability(1e-4), *((RandomWalk(walk),) if walk else ())))
     low = 0
     for seed in range(24):

@@ -32,8 +32,8 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
     diagnosis = diagnosed(variance, seed=number)
     assert [f.cause for f in diagnosis.findings] == ["burst"] * number
     assert diagnosis.unexplained == ()
-    told = sorted(diagnosis.findings, key=lambda finding: finding.parameters["start"].value)
-    for first, finding in zip(starts, told, strict=True):
+    reported = sorted(diagnosis.findings, key=lambda finding: finding.parameters["start"].value)
+    for first, finding in zip(starts, reported, strict=True):
         # An edge misplaced by k samples is as likely as exp(−k ¼ ln((1 + r)²/(4 r))) (Bhattacharyya): 1e-6 for each.
         edge = INTERVAL * 14.0 / (0.25 * np.log((1.0 + ratio) ** 2 / (4.0 * ratio)))
         # A variance of m samples has the relative sd √(2/m): five of them, and what misplaced edges take away.
@@ -48,7 +48,7 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
 
 
 def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():
-    """A hundredfold variance in 1 %: cut at fifteen deviations of the rest it would be told as 73."""
+    """A hundredfold variance in 1 %: cut at fifteen deviations of the rest it would be estimated as 73."""
     variance = np.ones(N)
     variance[50_000:51_200] = 100.0
     bursts = [f for f in diagnosed(variance, seed=7).findings if f.cause == "burst"]
@@ -65,11 +65,11 @@ def test_a_variance_that_drifts_or_tails_that_are_heavy_are_no_bursts():
 
 
 def test_a_variance_that_always_changes_is_reported_as_such_and_not_as_many_bursts():
-    """Loud and calm by turns, sixty times: three stretches at most, and that it swells and ebbs."""
+    """Large and small variance by turns, sixty times: three bursts at most, and a periodic variance."""
     variance = np.exp(0.7 * np.sign(np.sin(2.0 * np.pi * np.arange(N) / 2000.0)))
     diagnosis = diagnosed(variance, seed=11)
     assert sum(f.cause == "burst" for f in diagnosis.findings) <= 3
-    assert any("period" in told.statistic for told in diagnosis.unexplained)
+    assert any("period" in reported.statistic for reported in diagnosis.unexplained)
 
 
 def test_a_burst_beside_an_identification_without_white_noise_enlarges_nothing():

@@ -31,8 +31,10 @@ def test_local_variance_is_computed_once_for_a_residual():
 def test_moments_between_places_are_on_straight_lines():
     law = moments(0.3)
     mean = np.random.default_rng(2).uniform(-0.4, 0.4, 1000)
-    for told, known in zip(law.at(mean), (law.variance, law.scatter), strict=True):
-        np.testing.assert_allclose(told, np.interp(np.interp(mean, law.mean, law.place), law.place, known))
+    for interpolated, known in zip(law.at(mean), (law.variance, law.scatter), strict=True):
+        np.testing.assert_allclose(
+            interpolated, np.interp(np.interp(mean, law.mean, law.place), law.place, known)
+        )
 
 
 def test_tails_are_mapped_evenly_and_in_order():

@@ -30,8 +30,8 @@ def test_a_sweep_is_reported_with_its_first_and_last_frequency(ends):
     y = np.random.default_rng(1).standard_normal(N) + tone(*ends, 400.0)
     diagnosis = diagnose(record(y))
     assert not diagnosis.findings
-    (told,) = diagnosis.unexplained
-    words = told.statistic.split()
+    (unexplained_result,) = diagnosis.unexplained
+    words = unexplained_result.statistic.split()
     assert words[:4] == ["a", "tone", "that", "sweeps"]
     assert np.allclose([float(words[5]), float(words[7])], np.array(ends) * RATE, atol=0.01 * RATE)
 

@@ -135,21 +135,21 @@ def test_clear_effect_is_named_and_measured(hidden):
 
 
 def test_quantization_that_hides_beside_a_colour_is_in_its_interval():
-    """Quantization a tenth as loud is not worth its price, but moves the coefficient by three sds.
+    """Quantization of a tenth of the sd is not worth its price, but moves the coefficient by three sds.
 
     95 % of intervals hold the truth: fewer than three of five do with a chance of 1e-3. Without the three sds 15 % do,
     and three of five with a chance of 3e-2.
     """
-    held = 0
+    covered = 0
     for seed in range(5):
         sensor = {"gyro_x": Channel(NOISE)}
         (record,) = simulate(sensor, duration=7200.0, rate=RATE, seed=seed, effects=("colour:ar=-0.2",))[0]
         rounding = np.diff(np.random.default_rng(seed).standard_normal(len(record) + 1))
-        louder = replace(record, y=record.y + 0.1e-3 * np.sqrt(RATE) * rounding[:, None])
-        (finding,) = diagnose((louder,)).findings
+        rounded = replace(record, y=record.y + 0.1e-3 * np.sqrt(RATE) * rounding[:, None])
+        (finding,) = diagnose((rounded,)).findings
         low, high = finding.parameters["ar"].interval
-        held += low <= -0.2 <= high
-    assert held >= 3
+        covered += low <= -0.2 <= high
+    assert covered >= 3
 
 
 def test_temperature_is_named_or_shortlisted():

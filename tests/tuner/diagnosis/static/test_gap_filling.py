@@ -39,7 +39,7 @@ def test_a_transient_that_starts_in_a_motion_leaves_nothing_there():
 
 
 def test_a_change_of_pose_leaves_no_trace_beside_it():
-    # 300 sd of level over a motion: noise that is as loud beside it as elsewhere, 4 sd of a variance of 900 samples
+    # 300 sd of level over a motion: noise of one variance beside it and elsewhere, 4 sd of a variance of 900 samples
     n, first, last = 45 * BLOCKS, 60007, 61130
     y = noise(n, 6) + 300.0 * (np.arange(n) > 60500)
     y[first:last] += 40.0 * noise(last - first, 7)

@@ -23,7 +23,7 @@ def record(seed: int = 1) -> Record:
     return simulate({"gyro_x": Channel(NOISE)}, duration=SPAN, rate=RATE, seed=seed)[0][0]
 
 
-def louder(by: np.ndarray, seed: int = 1, slow: float = 0.0) -> Record:
+def with_log_variance(by: np.ndarray, seed: int = 1, slow: float = 0.0) -> Record:
     """Return white noise whose log variance is `by`, shape (n,), on a bias that runs `slow` sd along with it."""
     rng = np.random.default_rng(seed)
     base = record(seed)
@@ -38,16 +38,18 @@ def without_temperature(made: Record) -> Record:
 
 def test_variance_with_a_period_is_reported_with_its_period():
     swell = 0.15 * np.sin(2.0 * np.pi * np.arange(60_000) / 3000.0)  # 170 nats
-    diagnosis = diagnose(without_temperature(louder(swell)))
+    diagnosis = diagnose(without_temperature(with_log_variance(swell)))
     assert diagnosis.findings == ()
-    (told,) = diagnosis.unexplained
-    assert "period of 60" in told.statistic
+    (result,) = diagnosis.unexplained
+    assert "period of 60" in result.statistic
 
 
 def test_variance_along_the_bias_is_reported():
     wander = np.cumsum(np.random.default_rng(5).standard_normal(60_000))
     wander = 0.3 * (wander - wander.mean()) / wander.std()
-    _, by_bias, _ = modulation(residual(channel(without_temperature(louder(wander, slow=2.0)), "gyro_x")))
+    _, by_bias, _ = modulation(
+        residual(channel(without_temperature(with_log_variance(wander, slow=2.0)), "gyro_x"))
+    )
     assert by_bias.p_value < 1e-12
 
 
@@ -65,7 +67,7 @@ def test_the_track_of_the_bias_is_that_of_the_walk_behind_it():
 
 def test_variance_by_temperature_is_named():
     hot = 0.3 * np.sin(2.0 * np.pi * np.arange(60_000) / 40_000.0 + 1.0)
-    (finding,) = diagnose(louder(hot)).findings
+    (finding,) = diagnose(with_log_variance(hot)).findings
     assert finding.cause == "variance_drift"
     slope = finding.parameters["slope"]
     assert slope.unit == "1/K"
@@ -76,7 +78,7 @@ def test_variance_by_temperature_is_named():
 
 
 @pytest.mark.parametrize("family", range(3), ids=NAMES)
-def test_clean_noise_alarms_as_often_as_it_says(family):
+def test_clean_noise_is_rejected_as_often_as_stated(family):
     """Twelve records; a study of 200 gave shares of 0.06, 0.03 and 0.02 below 0.05."""
     values = [modulation(residual(channel(record(50 + k), "gyro_x")))[family].p_value for k in range(12)]
     assert min(values) > 1e-5  # chance 1.2e-4 were the p-values even; the scan is paid for more than once
@@ -87,7 +89,7 @@ def test_clean_noise_alarms_as_often_as_it_says(family):
 def test_a_variance_that_drifts_on_gains_what_it_foretells(with_heat):
     """½ Σ (r − 1 − ln r) over the last 40 %, r the variance over that of the first 60 %; ± 4 sd of the sum."""
     drift = 0.4 * (np.arange(60_000) / 60_000 - 0.5)
-    made = louder(drift)
+    made = with_log_variance(drift)
     diagnosis = diagnose(made if with_heat else without_temperature(made))
     gain = next(f for f in diagnosis.findings if f.cause == "variance_drift").gain
     assert gain is not None

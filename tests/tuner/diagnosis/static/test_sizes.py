@@ -34,16 +34,16 @@ def coefficient(value: float, relative: float) -> Coefficient:
 def test_pooling_positive_numbers_is_that_of_their_logarithms(relative):
     """Scale does not matter, nor whether a time or its inverse is pooled; narrow intervals pool as they always did."""
     both = [coefficient(2.0, relative), coefficient(2.0 * (1.0 + 0.5 * relative), 2.0 * relative)]
-    told = pooled(both)
-    assert 0.0 < told.interval[0] < told.value < told.interval[1]
+    mean = pooled(both)
+    assert 0.0 < mean.interval[0] < mean.value < mean.interval[1]
     inverse = pooled(
         [coefficient(1.0 / c.value, k * relative) for c, k in zip(both, (1.0, 2.0), strict=True)]
     )
-    assert told.value * inverse.value == pytest.approx(1.0)
-    assert told.interval[0] * inverse.interval[1] == pytest.approx(1.0)
+    assert mean.value * inverse.value == pytest.approx(1.0)
+    assert mean.interval[0] * inverse.interval[1] == pytest.approx(1.0)
     if relative < 0.1:
         weight = np.array([1.0 / (c.interval[1] - c.interval[0]) ** 2 for c in both])
-        assert told.value == pytest.approx(weight @ [c.value for c in both] / weight.sum(), rel=relative**2)
+        assert mean.value == pytest.approx(weight @ [c.value for c in both] / weight.sum(), rel=relative**2)
 
 
 def test_numbers_of_either_sign_are_pooled_as_they_are_and_bounds_at_zero_are_kept():
@@ -80,7 +80,7 @@ def test_sizes_of_weak_findings_are_not_negative():
 
 
 @pytest.mark.parametrize(
-    ("signal", "told"),
+    ("signal", "message"),
     [
         (lambda t: np.sin(2.0 * np.pi * 1.3 * t), "sinusoid of 1.3 Hz"),
         (lambda t: 9.8 + 1e-3 * np.sin(2.0 * np.pi * 0.02 * t + 1.0), "sinusoid of 0.02 Hz"),
@@ -88,10 +88,10 @@ def test_sizes_of_weak_findings_are_not_negative():
         (lambda t: 1.0 - 1e-3 * t, "straight line"),
     ],
 )
-def test_a_signal_without_noise_is_refused_with_what_it_is(signal, told):
+def test_a_signal_without_noise_is_refused_with_what_it_is(signal, message):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(DataError, match=told):
+        with pytest.raises(DataError, match=message):
             diagnose(record(signal(INTERVAL * np.arange(N))[:, None]))
 
 

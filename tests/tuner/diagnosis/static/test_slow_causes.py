@@ -79,13 +79,13 @@ def test_slow_sway_is_motion():
     assert 545.0 < start + duration < 580.0
 
 
-@pytest.mark.parametrize(("held", "share"), [(1, 0.3), (8, 0.5)])
-def test_a_thermometer_is_smoothed_where_its_noise_allows(held, share):
-    """Curved at the start, noisy and held: a share of the noise is left, at the start as well."""
+@pytest.mark.parametrize(("repeats", "share"), [(1, 0.3), (8, 0.5)])
+def test_a_thermometer_is_smoothed_where_its_noise_allows(repeats, share):
+    """Curved at the start, noisy and repeated: a share of the noise is left, at the start as well."""
     t = np.linspace(0.0, 1.0, 4096)
     truth = 20.0 - 3.0 * np.exp(-t / 0.1)
     noisy = truth + 0.05 * np.random.default_rng(2).standard_normal(4096)
-    readings = 0.01 * np.round(noisy / 0.01)[np.arange(4096) // held * held]
+    readings = 0.01 * np.round(noisy / 0.01)[np.arange(4096) // repeats * repeats]
     curve = smoothed(readings, 0.01, typical_repeats(readings))
     assert np.std(curve - truth) < share * 0.05
     assert abs(curve[0] - truth[0]) < 0.1

@@ -129,7 +129,7 @@ def test_rounding_after_the_filter_does_not_move_the_cutoff():
 
 
 def test_wide_and_narrow_resonances_are_found():
-    """Humps of 40 … 60 nats at both ends of the range of qualities: the chance to miss one is below 1e-4."""
+    """Resonances of 40 … 60 nats at both ends of the range of qualities: the chance to miss one is below 1e-4."""
     for frequency, quality, sd in ((11.4, 24.0, 0.12), (30.0, 90.0, 0.11), (8.0, 8.0, 0.15)):
         rng = np.random.default_rng(int(frequency))
         y = rng.standard_normal(N) + Vibration(frequency, quality, sd).signal(N, 1.0 / RATE, rng)
@@ -159,16 +159,16 @@ def test_white_noise_has_no_resonance_and_no_burst():
 
 
 def test_repeated_samples_on_a_fine_quantizer_do_not_depend_on_the_colour():
-    """A filtered sensor with 0.5 % held readings, and without: 10 sd apart."""
+    """A filtered sensor with 0.5 % repeated readings, and without: 10 sd apart."""
     rng = np.random.default_rng(2)
     codes = np.round(8.0 * filtered(1, 25.0, rng))
     assert find_repeated_samples([codes[:, None]], [1.0]).p_value > 1e-4
-    held = rng.random(N) < 0.01
-    place = np.maximum.accumulate(np.where(held, 0, np.arange(N)))
+    repeated = rng.random(N) < 0.01
+    place = np.maximum.accumulate(np.where(repeated, 0, np.arange(N)))
     test = find_repeated_samples([codes[place][:, None]], [1.0])
     assert test.p_value < 1e-6
     # Chance alone makes neighbours equal with g = 1/(16 √π) on a step of an eighth of a sd, more after a filter.
-    assert test.fraction == pytest.approx(held.mean(), abs=6.0 * np.sqrt(0.15 / N))
+    assert test.fraction == pytest.approx(repeated.mean(), abs=6.0 * np.sqrt(0.15 / N))
 
 
 def test_bandwidth_of_a_filter_is_that_of_its_order():

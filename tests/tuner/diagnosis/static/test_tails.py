@@ -42,12 +42,12 @@ def test_normal_noise_with_student_noise_added_or_mixed_in_has_one_cause(seed):
         assert causes(np.where(rng.random(N) < share, heavy, normal)) == ["heavy_tails"]
 
 
-@pytest.mark.parametrize(("nu", "told"), [(np.inf, ["spikes"]), (20.0, ["heavy_tails", "spikes"])])
-def test_spikes_of_one_size_are_spikes_beside_any_law(nu, told):
+@pytest.mark.parametrize(("nu", "named"), [(np.inf, ["spikes"]), (20.0, ["heavy_tails", "spikes"])])
+def test_spikes_of_one_size_are_spikes_beside_any_law(nu, named):
     rng = np.random.default_rng(3)
     y = rng.standard_normal(N) if np.isinf(nu) else rng.standard_t(nu, N)
     y[rng.choice(N, 30, replace=False)] += 10.0 * np.sign(rng.standard_normal(30))
-    assert causes(y) == told
+    assert causes(y) == named
 
 
 def test_student_noise_alone_keeps_its_law():
@@ -70,10 +70,10 @@ def test_spikes_are_likelier_than_one_law_where_there_are_some():
 
 
 def test_the_kurtosis_of_rounded_noise_grows_without_bound_and_without_a_warning():
-    told = [rounded_kurtosis(step) for step in (0.5, 2.0, 3.0, 6.0, 30.0, 100.0)]
-    assert told == sorted(told)
-    assert told[0] < 0.0 < told[2]
-    assert told[-1] == np.inf
+    named = [rounded_kurtosis(step) for step in (0.5, 2.0, 3.0, 6.0, 30.0, 100.0)]
+    assert named == sorted(named)
+    assert named[0] < 0.0 < named[2]
+    assert named[-1] == np.inf
 
 
 @pytest.mark.parametrize("law", [NORMAL, PURE, MIXED])

@@ -18,12 +18,12 @@ NOISE = NoiseModel((White(1e-3), BiasInstability(2e-4), RandomWalk(5e-6)))
 
 
 def record(levels: tuple[float, ...], seed: int) -> Record:
-    """Half an hour at 25 Hz; a bias hops every 40 s on average to another of these levels."""
+    """Half an hour at 25 Hz; a bias switches every 40 s on average to another of these levels."""
     clean = simulate({"gyro_x": Channel(NOISE)}, duration=1800.0, rate=25.0, seed=seed)[0][0]
     rng = np.random.default_rng((seed, 1))
-    hops = np.cumsum(rng.exponential(40.0, 200))
+    switches = np.cumsum(rng.exponential(40.0, 200))
     ways = np.cumsum(rng.integers(1, len(levels), 201)) % len(levels)
-    path = np.array(levels)[ways[np.searchsorted(hops, clean.t - clean.t[0])]]
+    path = np.array(levels)[ways[np.searchsorted(switches, clean.t - clean.t[0])]]
     return replace(clean, y=clean.y + path[:, None])
 
 
@@ -32,7 +32,7 @@ def test_three_levels_are_reported_without_a_name(seed):
     # hundreds of nats between the two hypotheses
     diagnosis = diagnose(record((-3e-3, 0.0, 3e-3), seed))
     assert not diagnosis.findings
-    assert any("more than two levels" in told.statistic for told in diagnosis.unexplained)
+    assert any("more than two levels" in result.statistic for result in diagnosis.unexplained)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
