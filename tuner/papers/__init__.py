@@ -30,11 +30,11 @@ ITEMS: Mapping[str, str] = MappingProxyType(
         "method-table": "methods",
         "kf-parameters": "outage",
         "test-design": "segments",
-        "fog-edf": "freedom",
+        "fog-edf": "degrees_of_freedom",
         "fog-sim": "theo",
         "fog-bias": "biases",
         "fog-record": "mixture",
-        "mems-allan": "groupings",
+        "mems-allan": "two_group_allan",
         "mems-arma": "timeseries",
     }
 )

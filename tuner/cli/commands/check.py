@@ -57,6 +57,7 @@ def command(
     """
     from tuner import check
     from tuner.catalogue.grades import DEFAULT_RECEIVER
+    from tuner.catalogue.trajectories import load_trajectory
     from tuner.report.consistency_tables import check_tables
     from tuner.report.json.consistency import check_json
     from tuner.report.terminal import show
@@ -65,12 +66,12 @@ def command(
 
     configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
     sensor, receiver = (None, None) if truth is None else load_sensor(truth)
+    motion = load_trajectory(trajectory, duration)
     messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: some ten seconds)")
     with messages.bar("simulating") as advance:
         found = check(
             configured,
-            trajectory,
-            duration=duration,
+            motion,
             truth=sensor,
             receiver=receiver,
             runs=runs,
