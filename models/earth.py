@@ -22,8 +22,6 @@ References
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -52,26 +50,6 @@ GRAVITY_RATIO = EARTH_RATE**2 * SEMI_MAJOR_AXIS**2 * SEMI_MINOR_AXIS / GRAVITATI
 """m: centrifugal ÷ gravitational acceleration at the equator."""
 SOMIGLIANA = SEMI_MINOR_AXIS * POLE_GRAVITY / (SEMI_MAJOR_AXIS * EQUATOR_GRAVITY) - 1.0
 """k."""
-
-
-COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(11))
-SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(11))
-"""Taylor's coefficients of cos x and (sin x)/x in x²."""
-
-
-def series(s: Scalar, c: tuple[float, ...]) -> Scalar:
-    """Return Σ c_k s^k of eleven terms, four of them at a time (Estrin): few operations wait for others."""
-    q = s * s
-    r = q * q
-    low = c[0] + c[1] * s + (c[2] + c[3] * s) * q
-    middle = c[4] + c[5] * s + (c[6] + c[7] * s) * q
-    return low + (middle + (c[8] + c[9] * s + c[10] * q) * r) * r
-
-
-def sine_cosine(lat: Scalar) -> tuple[Scalar, Scalar]:
-    """Return sin L and cos L by Taylor's series: exact to rounding for |L| ≤ π/2, as latitudes are."""
-    s = lat * lat
-    return lat * series(s, SINE), series(s, COSINE)
 
 
 def inverse_w(sin_lat: Scalar) -> Scalar:
@@ -128,9 +106,7 @@ def transport_rate(sin_lat: Scalar, cos_lat: Scalar, height: Scalar, vel_n: Vec)
     return (east, -vel_n[0] / (meridian + height), -east * sin_lat / cos_lat)
 
 
-KERNELS = (
-    series, sine_cosine, inverse_w, radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate,
-)  # fmt: skip
+KERNELS = (inverse_w, radii, radii_gradient, gravity, gravity_gradient, earth_rate, transport_rate)
 
 
 def ecef_from_llh(llh: ArrayLike) -> FloatArray:

@@ -58,12 +58,12 @@ from models.earth import (
     ned_between,
     radii,
     radii_gradient,
-    sine_cosine,
     transport_rate,
 )
 from models.imu_errors import IDEAL_SENSORS, Calibration, sensor_jacobian
 from models.state_layout import ErrorModel
 from models.strapdown import NavigationState, mean_attitude
+from models.taylor import sine_cosine
 from models.vector3 import Mat, Vec, add
 
 FloatArray = NDArray[np.float64]

@@ -38,7 +38,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models import rotation
-from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, sine_cosine, transport_rate
+from models.earth import SEMI_MAJOR_AXIS, earth_rate, gravity, radii, transport_rate
+from models.taylor import exponential, sine_cosine
 from models.vector3 import (
     Mat,
     Quat,
@@ -46,7 +47,6 @@ from models.vector3 import (
     Vec,
     add,
     cross,
-    exponential,
     matrix,
     product,
     scale,

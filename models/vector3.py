@@ -10,7 +10,6 @@ them callable from compiled code with ``numba.extending.register_jitable(functio
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeAlias
 
 Scalar: TypeAlias = Any  # float or ndarray: the arithmetic is the same
@@ -75,21 +74,4 @@ def turned(q: Quat, a: Vec) -> Vec:
     return add(a, scale(s, add(scale(q[0], c), cross(u, c))))
 
 
-def exponential(a: tuple[float, float, float]) -> tuple[float, float, float, float]:
-    """Return the quaternion of a rotation vector (floats, or what else has one truth value), rad.
-
-    Below half a radian the Taylor series is exact to rounding: with x = |a|/2 ≤ 1/4 the first omitted terms
-    are x¹²/12! < 2e-16 and x¹²/13!.
-    """
-    s = 0.25 * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    if s < 0.0625:
-        w = 1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0))))
-        k = 0.5 - s / 12.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0))))
-    else:
-        x = math.sqrt(s + 1e-300)
-        w = math.cos(x)
-        k = 0.5 * math.sin(x) / x
-    return (w, k * a[0], k * a[1], k * a[2])
-
-
-KERNELS = (add, scale, dot, cross, transform, product, matrix, turned, exponential)
+KERNELS = (add, scale, dot, cross, transform, product, matrix, turned)

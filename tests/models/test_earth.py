@@ -13,13 +13,6 @@ HEIGHTS = (-100.0, 0.0, 1000.0, 20000.0)
 latitude = st.floats(-1.57, 1.57)
 
 
-def test_series_are_sine_and_cosine_of_latitudes():
-    lat = np.linspace(-np.pi / 2, np.pi / 2, 10001)
-    sine, cosine = earth.sine_cosine(lat)
-    np.testing.assert_allclose(sine, np.sin(lat), rtol=0, atol=1e-15)
-    np.testing.assert_allclose(cosine, np.cos(lat), rtol=0, atol=1e-15)
-
-
 @given(latitude, st.floats(-3.14, 3.14), st.floats(-1e4, 1e7))
 def test_earth_fixed_round_trip(lat, lon, height):
     back = earth.llh_from_ecef(earth.ecef_from_llh([lat, lon, height]))

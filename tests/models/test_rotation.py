@@ -10,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from scipy.linalg import expm
 
 from models import rotation
-from models import vector3 as triples
 
 finite = st.floats(-10.0, 10.0, allow_nan=False)
 vectors = arrays(float, (4, 3), elements=finite)
@@ -92,13 +91,6 @@ def test_product_of_quaternions_is_product_of_matrices(a, b):
     np.testing.assert_allclose(product, rotation.mat_from_quat(p) @ rotation.mat_from_quat(q), atol=1e-14)
     np.testing.assert_allclose(
         rotation.quat_multiply(p, rotation.quat_conjugate(p)), np.tile([1.0, 0, 0, 0], (4, 1)), atol=1e-15
-    )
-
-
-@given(arrays(float, 3, elements=st.floats(-2.0, 2.0)), small)
-def test_scalar_exponential_is_the_array_one(a, size):
-    np.testing.assert_allclose(
-        triples.exponential(tuple(size * a)), rotation.quat_from_rotvec(size * a), atol=3e-16
     )
 
 

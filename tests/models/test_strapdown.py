@@ -9,13 +9,13 @@ import pytest
 from numba import njit
 from numba.extending import register_jitable
 
-from models import earth, rotation, strapdown
+from models import earth, rotation, strapdown, taylor
 from models import vector3 as triples
 from models.strapdown import NavigationState, correct_increments, increments_from_samples, mechanize, step
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
 
-for kernel in (*triples.KERNELS, *earth.KERNELS, *strapdown.KERNELS):
+for kernel in (*triples.KERNELS, *taylor.KERNELS, *earth.KERNELS, *strapdown.KERNELS):
     register_jitable(kernel)
 
 

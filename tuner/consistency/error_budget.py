@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
-from tuner.navigation.engine import layout
+from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
 from tuner.simulation.monte_carlo import Scenario, assumed_fix_sd, scenario_fixes
@@ -178,18 +178,9 @@ def trace(
         Sensor axis, 0 … 5, to whose error each further state adds.
     """
     more = len(rows)
-    size = settings.size + more
     initial, drive, rate = (np.pad(values, (0, more)) for values in (own.initial, own.drive, own.rate))
     all_of_it = Source(own.name, initial, drive, rate, own.white, own.fix_sd)
-    lay = layout(settings)
-    lay = lay._replace(
-        size=size,
-        rate=np.pad(lay.rate, (0, more)),
-        drive=np.pad(lay.drive, (0, more)),
-        row=np.concatenate([lay.row, rows]),
-        source=np.pad(lay.source, (0, more), constant_values=-1),
-        slope=np.pad(lay.slope, (0, more), constant_values=-1),
-    )
+    lay = with_sensor_states(layout_of(settings), rows)
     aided = scored_epochs(plan.times, plan.outages)
     after: dict[float, NDArray[np.intp]] = {}
     for horizon in OUTAGE_LENGTHS:

@@ -23,7 +23,7 @@ from models.strapdown import NavigationState
 from models.trajectory.motion import Motion, imu_increments
 from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
-from tuner.navigation.engine.simd import WIDTH
+from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
@@ -172,7 +172,7 @@ def simulate(
     streams = np.random.default_rng(seed).spawn(runs)
     fixes = scenario_fixes(settings, plan)
     done: list[tuple[FloatArray, Solution]] = []
-    blocks = [streams[first : first + WIDTH] for first in range(0, runs, WIDTH)]
+    blocks = [streams[first : first + BATCH_SIZE] for first in range(0, runs, BATCH_SIZE)]
     with ThreadPoolExecutor(max_workers=min(len(blocks), os.cpu_count() or 1)) as pool:
         for block in pool.map(lambda own: _together(settings, sensor, plan, fixes, own), blocks):
             done.extend(block)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import logging
-from types import SimpleNamespace
+import time
 
 import pytest
 
 from tuner.cli.progress import Messages
-from tuner.navigation.engine.numba_pipeline import _Announcer
+from tuner.navigation.engine import compilation
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_compilation_is_announced_unless_quiet(quiet, caplog):
-    announcer, kernel, level = _Announcer(), object(), logging.getLogger("tuner").level
-    announcer.kernels.add(kernel)
-    event = SimpleNamespace(data={"dispatcher": kernel})
-    with Messages(quiet).kept():
-        announcer.on_start(event)
-        announcer.on_end(event)
+def test_compilation_is_reported_unless_quiet(quiet, caplog, monkeypatch):
+    level = logging.getLogger("tuner").level
+    monkeypatch.setattr(compilation, "COMPILING_AFTER", 0.0)
+    with Messages(quiet).kept(), compilation.compiling():
+        time.sleep(0.2)
     assert ("compiling the filter" in caplog.text) is not quiet
     assert logging.getLogger("tuner").level == level

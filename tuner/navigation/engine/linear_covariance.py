@@ -6,7 +6,7 @@ gains::
     P_g ← Φ P_g Φᵀ + Q_g              P_g ← (I − KH) P_g (I − KH)ᵀ + K R_g Kᵀ              Σ P_g = P
 
 A source that the filter does not know, as a bias of another time constant, has states of its own at the end
-of x: with neither prior nor drive in P, they get no gain, and what they do to the filter's errors is exact.
+of x: with neither prior nor process noise in P, they get no gain, and what they do to the filter's errors is exact.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.engine.run import Flight, Given, fly, kept
-from tuner.navigation.engine.simd import WIDTH
-from tuner.navigation.engine.types import Layout, own_of, sensed_states, total_rows
-from tuner.navigation.engine.workspace import memory
+from tuner.navigation.engine.filter_steps import SensorInput, run_filters
+from tuner.navigation.engine.fixes import AFTER, AVAILABLE, SLOT, WITHHELD, FixBatch, new_output
+from tuner.navigation.engine.layout import BATCH_SIZE, Layout
+from tuner.navigation.engine.state import DRIVING_DENSITY, RATE, WHITE_ROW, new_state
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
 class Nominal(NamedTuple):
-    """A noise-free flight and its fixes; k of them, e kept."""
+    """A noise-free run and its fixes; k of them, e kept."""
 
     state: FloatArray  # (10,), true start
     dt: FloatArray  # (m,), s
@@ -44,22 +44,22 @@ def trace_sources(
     initial: FloatArray,
     rate: FloatArray,
     white: FloatArray,
-    drive: FloatArray,
+    process_noise: FloatArray,
     fix_sd: FloatArray,
     nominal: Nominal,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Carry the covariance of every source along a noise-free flight.
+    """Propagate the covariance of every source along a noise-free run.
 
     Source 0 is all of them: the filter's own P, from which the gains come.
 
     Parameters
     ----------
     lay : Layout
-        The filter; sensors ideal along the nominal flight.
-    initial, rate, white, drive, fix_sd : ndarray, shapes (g, n), (g, n), (g, 6), (g, n), (g, 6)
+        The filter; its sensors are ideal along the nominal run.
+    initial, rate, white, process_noise, fix_sd : ndarray, shapes (g, n), (g, n), (g, 6), (g, n), (g, 6)
         Variances at the start, inverse time constants, 1/s, squared densities and sds of fixes of every source.
     nominal : Nominal
-        The flight.
+        The noise-free run and its fixes.
 
     Returns
     -------
@@ -70,36 +70,26 @@ def trace_sources(
     aided : ndarray, shape (n, n)
         The filter's own P after the last fix that was used.
     """
-    feed, first = sensed_states(lay.row)
-    lay = lay._replace(feed=feed, first=first, total=total_rows(lay.row, lay.source))
     n, e, g = lay.size, int(nominal.slot.max()) + 1, len(initial)
     out, out_s, aided = np.zeros((e, g, 15, 15)), np.zeros((e, g, 6, 6)), np.zeros((n, n))
-    shown = np.repeat(nominal.fixes[None], WIDTH, axis=0)
-    trusted = np.zeros(len(nominal.after), dtype=bool)
-    flight = Flight(nominal.dt, nominal.increments, False, len(nominal.dt), float(rate.max()))
-    # Eight at a time, the filter itself among each.
-    for begin in range(1, max(g, 2), WIDTH - 1):
-        among = [0, *range(begin, min(begin + WIDTH - 1, g))]
+    values = np.repeat(nominal.fixes[None], BATCH_SIZE, axis=0)
+    flags = np.zeros((len(nominal.after), 5), dtype=np.int64)
+    flags[:, AFTER], flags[:, AVAILABLE] = nominal.after, nominal.available
+    flags[:, WITHHELD], flags[:, SLOT] = nominal.withheld, nominal.slot
+    sensed = SensorInput(nominal.dt, nominal.increments, False, np.zeros((1, 6, BATCH_SIZE)), len(nominal.dt))
+    # So many at a time, the filter itself first among them.
+    for begin in range(1, max(g, 2), BATCH_SIZE - 1):
+        among = [0, *range(begin, min(begin + BATCH_SIZE - 1, g))]
         w = len(among)
-        m = memory(lay, WIDTH)
-        m.state[:] = nominal.state[:, None]
+        m = new_state(lay, BATCH_SIZE)
+        m.rows[:10] = nominal.state[:, None]
         m.P[range(n), range(n), :w] = initial[among].T
-        m.rate[:, :w], m.white[:, :w], m.drive[:, :w] = rate[among].T, white[among].T, drive[among].T
-        sds = np.repeat(fix_sd[among, None], len(trusted), axis=1)
-        fixes = Given(
-            nominal.after,
-            nominal.t,
-            shown,
-            sds,
-            nominal.available,
-            nominal.withheld,
-            trusted,
-            nominal.slot,
-            True,
-        )
-        room = kept(w, e, n)
-        room.S[:] = 0.0
-        fly(lay, m, own_of(n), flight, fixes, room)
-        out[:, among], out_s[:, among] = room.P.swapaxes(0, 1), room.S.swapaxes(0, 1)
-        aided = room.aided[..., 0]
+        m.states[RATE, :n, :w], m.states[DRIVING_DENSITY, :n, :w] = rate[among].T, process_noise[among].T
+        m.rows[WHITE_ROW : WHITE_ROW + 6, :w] = white[among].T
+        sds = np.repeat(fix_sd[among + [0] * (BATCH_SIZE - w), None], len(flags), axis=1)
+        fixes = FixBatch(nominal.t, values, sds, flags)
+        output = new_output(BATCH_SIZE, e, n)
+        run_filters(lay, m, sensed, fixes, output, shared=True)
+        out[:, among], out_s[:, among] = output.P[:w].swapaxes(0, 1), output.S[:w].swapaxes(0, 1)
+        aided = output.aided
     return out, out_s, aided

@@ -1,9 +1,9 @@
 """Fixes and constraints in compiled code: innovations and their Jacobians, as in `tuner.navigation.reference_filter`.
 
-A constraint is a row like that of a fix, `CONSTRAINT` as what it offers, and longer: behind the six numbers of a
-fix stand its kind (`KIND`), measured rates (`RATES`), the point that does not slip (`SLIP`), the mounting
-(`MOUNTING`), the first of its states (`STATE`, −1: none) and the gate (`LIMIT`). What becomes of it is left in
-z[3] (`inputs.USED` or `GATED`) and z[4] (its squared distance).
+A constraint is a row like that of a fix, marked by `CONSTRAINT_CODE`, and longer: behind the six numbers of a fix stand
+its kind (`KIND_COLUMN`), measured rates (`RATE_COLUMNS`), the point that does not slip (`SLIP_COLUMNS`), the mounting
+(`MOUNTING_COLUMNS`), the first of its states (`STATE_COLUMN`, −1: none) and the gate (`LIMIT_COLUMN`). Its use is
+stored in z[3] (`USED` or `GATED` of `tuner.navigation.data`), its squared distance in z[4].
 """
 
 from __future__ import annotations
@@ -16,21 +16,37 @@ from numpy.typing import NDArray
 from models.earth import earth_rate, radii
 from models.error_state import coupling
 from models.strapdown import rates
-from models.vector3 import add, cross, exponential, matrix, product, scale, transform
-from tuner.navigation.engine.numba_pipeline import called, compiled
-from tuner.navigation.engine.tracing import straight
-from tuner.navigation.engine.types import Layout, Own, unmix
+from models.taylor import exponential
+from models.vector3 import add, cross, matrix, product, scale, transform
+from tuner.navigation.engine.compilation import block, inlined
+from tuner.navigation.engine.layout import (
+    KIND_COLUMN,
+    LIMIT_COLUMN,
+    MOUNTING_COLUMNS,
+    RATE_COLUMNS,
+    ROW,
+    SLIP_COLUMNS,
+    SOURCE,
+    STATE_COLUMN,
+)
+from tuner.navigation.engine.state import (
+    CALIBRATED,
+    CORRECTION,
+    ESTIMATES,
+    INNOVATION,
+    INNOVATION_ROWS,
+    JACOBIAN_ROWS,
+    MEASURED,
+    SENSOR_INVERSE_ROWS,
+    SENSOR_ROWS,
+)
 
 FloatArray = NDArray[np.float64]
 
-CONSTRAINT = 3
-KIND, RATES, SLIP, MOUNTING, STATE, LIMIT = 6, 7, 13, 16, 25, 26
-LENGTH = 27
 
-
-@straight
+@inlined
 def _skew_into(H: FloatArray, row: int, column: int, a: Any, sign: float) -> None:
-    """Add sign [a ×] to a block of H."""
+    """Add sign [a ×] to a block of an array."""
     H[row, column + 1] -= sign * a[2]
     H[row, column + 2] += sign * a[1]
     H[row + 1, column] += sign * a[2]
@@ -39,143 +55,149 @@ def _skew_into(H: FloatArray, row: int, column: int, a: Any, sign: float) -> Non
     H[row + 2, column + 1] += sign * a[0]
 
 
-@compiled
-def _sensor_rows(lay: Layout, true: FloatArray, mat: Any, inverse: FloatArray, out: FloatArray) -> None:
-    """Set rows 0–2 to C δω and rows 3–5 to C δf of the states: −C A⁻¹ S; shape (6, n)."""
-    out[:] = 0.0
-    for s in range(9, lay.size):
-        r = lay.row[s]
-        if r >= 0:
-            out[r, s] = -1.0 if lay.source[s] < 0 else -true[lay.source[s]]
-    for s in range(9, lay.size):
-        if lay.row[s] >= 0:
-            if not lay.ideal:
-                unmix(inverse, out, s)
-            turn = transform(mat, (out[0, s], out[1, s], out[2, s]))
-            push = transform(mat, (out[3, s], out[4, s], out[5, s]))
-            for i in range(3):
-                out[i, s] = turn[i]
-                out[3 + i, s] = push[i]
+@block
+def _sensor_rows(m: Any, mat: Any) -> None:
+    """Set `SENSOR_ROWS` to C δω and C δf of the states: −C A⁻¹ S."""
+    T, mixed = m.scratch, m.ideal == 0
+    for i in range(6):
+        for j in range(m.size):
+            T[SENSOR_ROWS + i, j] = 0.0
+    for s in range(9, m.size):
+        r, source = m.table[ROW, s], m.table[SOURCE, s]
+        if r < 0:
+            continue
+        y = -1.0 if source < 0 else -T[CALIBRATED, source]
+        if mixed:
+            for i in range(6):
+                T[SENSOR_ROWS + i, s] = T[SENSOR_INVERSE_ROWS + i, r] * y
+        else:
+            T[SENSOR_ROWS + r, s] = y
+        turn = transform(mat, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
+        push = transform(mat, (T[SENSOR_ROWS + 3, s], T[SENSOR_ROWS + 4, s], T[SENSOR_ROWS + 5, s]))
+        for i in range(3):
+            T[SENSOR_ROWS + i, s] = turn[i]
+            T[SENSOR_ROWS + 3 + i, s] = push[i]
 
 
-@straight
+@inlined
 def _metres(pos: Any) -> Any:
     """Return d(north, east, down)/d(latitude, longitude, height)."""
     meridian, normal = radii(np.sin(pos[0]))
     return (meridian + pos[2], (normal + pos[2]) * np.cos(pos[0]), -1.0)
 
 
-@called
-def _delay_rows(lay: Layout, pos: Any, vel: Any, force: Any, delay: float, own: Own) -> None:
-    """Add what a delayed receiver sees of velocity and acceleration errors."""
+@block
+def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
+    """Add the effect of velocity and acceleration errors on the fixes of a delayed receiver."""
     _, f_vr, f_vv, _, _, _ = coupling(pos, vel)
-    F, H = own.rows, own.H
+    T, H, F = m.scratch, JACOBIAN_ROWS, INNOVATION_ROWS
     for i in range(3):
         for j in range(3):
-            F[i, j] = f_vr[i][j]
-            F[i, 3 + j] = f_vv[i][j]
-        for s in range(9, lay.size):
-            F[i, s] = own.sensors[3 + i, s]
+            T[F + i, j] = f_vr[i][j]
+            T[F + i, 3 + j] = f_vv[i][j]
+        for s in range(9, m.size):
+            T[F + i, s] = T[SENSOR_ROWS + 3 + i, s]
         for j in range(6, 9):
-            F[i, j] = 0.0
-    _skew_into(F, 0, 6, force, -1.0)
-    if lay.gravity >= 0:
-        F[2, lay.gravity] = 1.0
+            T[F + i, j] = 0.0
+    _skew_into(T, F, 6, force, -1.0)
+    if m.gravity >= 0:
+        T[F + 2, m.gravity] = 1.0
     for i in range(3):
-        for j in range(lay.size):
-            H[i, j] += -delay * H[3 + i, j] + 0.5 * delay * delay * F[i, j]
-            H[3 + i, j] -= delay * F[i, j]
+        for j in range(m.size):
+            T[H + i, j] += -delay * T[H + 3 + i, j] + 0.5 * delay * delay * T[F + i, j]
+            T[H + 3 + i, j] -= delay * T[F + i, j]
 
 
-@straight
+@inlined
 def _turned(m: Any, row: int, a: Any) -> Any:
     """Return component `row` of mᵀ a."""
     return m[0][row] * a[0] + m[1][row] * a[1] + m[2][row] * a[2]
 
 
-@straight
+@inlined
 def _to_body(m: Any, a: Any) -> Any:
     """Return mᵀ a."""
     return (_turned(m, 0, a), _turned(m, 1, a), _turned(m, 2, a))
 
 
-@called
-def constraint_model(
-    lay: Layout,
-    pos: Any,
-    vel: Any,
-    quat: Any,
-    row: FloatArray,
-    own: Own,
-) -> None:
+@block
+def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     """Set z (6,) and H (6, n) of a constraint: `non_holonomic`, `zero_velocity`, `zero_rate` of `models.measurements`.
 
-    The third component of the first is nothing measured: z = 0, H = 0.
+    The first has two components only: z = 0 and H = 0 in the third. Arguments as of `fix_model`, `row` being the
+    constraint.
     """
-    n, kind = lay.size, int(row[KIND])
-    z, H, x, sensors, felt, true = own.z, own.H, own.x, own.sensors, own.felt, own.true
-    z[:] = 0.0
-    H[:] = 0.0
-    z[5] = row[LIMIT]
+    T, row, n, kind = m.scratch, m.fix, m.size, int(m.fix[KIND_COLUMN])
+    for i in range(6):
+        T[INNOVATION, i] = 0.0
+        for j in range(n):
+            T[JACOBIAN_ROWS + i, j] = 0.0
+    T[INNOVATION, 5] = row[LIMIT_COLUMN]
     if kind == 2:
         for i in range(3):
-            H[i, 3 + i] = 1.0
-            z[i] = -vel[i]
+            T[JACOBIAN_ROWS + i, 3 + i] = 1.0
+            T[INNOVATION, i] = -vel[i]
         return
     for c in range(6):
-        felt[c] = row[RATES + c]
+        T[MEASURED, c] = row[RATE_COLUMNS + c]
     for s in range(9, n):
-        if lay.row[s] >= 0 and lay.source[s] < 0:
-            felt[lay.row[s]] -= x[s]
+        if m.table[ROW, s] >= 0 and m.table[SOURCE, s] < 0:
+            T[MEASURED, m.table[ROW, s]] -= T[ESTIMATES, s]
     for c in range(6):
-        true[c] = felt[c]
-        if not lay.ideal:
-            true[c] = 0.0
+        T[CALIBRATED, c] = T[MEASURED, c]
+        if m.ideal == 0:
+            T[CALIBRATED, c] = 0.0
             for s in range(6):
-                true[c] += own.inverse[c, s] * felt[s]
+                T[CALIBRATED, c] += T[SENSOR_INVERSE_ROWS + c, s] * T[MEASURED, s]
     mat = matrix(quat)
     of_earth = earth_rate(np.sin(pos[0]), np.cos(pos[0]))
     of_earth_b = _to_body(mat, of_earth)
-    _sensor_rows(lay, true, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), own.inverse, sensors)
+    _sensor_rows(m, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     if kind == 3:
         for i in range(3):
-            z[i] = true[i] - of_earth_b[i]
+            T[INNOVATION, i] = T[CALIBRATED, i] - of_earth_b[i]
             for s in range(9, n):
-                H[i, s] = -sensors[i, s]
+                T[JACOBIAN_ROWS + i, s] = -T[SENSOR_ROWS + i, s]
         for j in range(3):
             axis = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
             column = _to_body(mat, cross(of_earth, axis))
             for i in range(3):
-                H[i, 6 + j] = column[i]
+                T[JACOBIAN_ROWS + i, 6 + j] = column[i]
         return
-    slip = (row[SLIP], row[SLIP + 1], row[SLIP + 2])
-    turning = add((true[0], true[1], true[2]), scale(-1.0, of_earth_b))
+    slip = (row[SLIP_COLUMNS], row[SLIP_COLUMNS + 1], row[SLIP_COLUMNS + 2])
+    turning = add((T[CALIBRATED, 0], T[CALIBRATED, 1], T[CALIBRATED, 2]), scale(-1.0, of_earth_b))
     moving = add(_to_body(mat, vel), cross(turning, slip))
-    k = int(row[STATE])
-    m = (x[k], x[k + 1], x[k + 2]) if k >= 0 else (0.0, 0.0, 0.0)
-    turn = matrix(exponential(m))
+    k = int(row[STATE_COLUMN])
+    mounting = (T[ESTIMATES, k], T[ESTIMATES, k + 1], T[ESTIMATES, k + 2]) if k >= 0 else (0.0, 0.0, 0.0)
+    turn = matrix(exponential(mounting))
     for i in range(2):
         # Row i + 1 of (exp([m ×]) R₀)ᵀ: that column of the product.
-        axis = (row[MOUNTING + 1 + i], row[MOUNTING + 4 + i], row[MOUNTING + 7 + i])
+        axis = (row[MOUNTING_COLUMNS + 1 + i], row[MOUNTING_COLUMNS + 4 + i], row[MOUNTING_COLUMNS + 7 + i])
         sideways = transform(turn, axis)
-        z[i] = -(sideways[0] * moving[0] + sideways[1] * moving[1] + sideways[2] * moving[2])
+        T[INNOVATION, i] = -(sideways[0] * moving[0] + sideways[1] * moving[1] + sideways[2] * moving[2])
         for j in range(3):
             axis = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
             faster = _to_body(mat, axis)
             tilted = _to_body(mat, cross(vel, axis))
             tilted = add(tilted, cross(slip, _to_body(mat, cross(of_earth, axis))))
-            H[i, 3 + j] = sideways[0] * faster[0] + sideways[1] * faster[1] + sideways[2] * faster[2]
-            H[i, 6 + j] = sideways[0] * tilted[0] + sideways[1] * tilted[1] + sideways[2] * tilted[2]
+            T[JACOBIAN_ROWS + i, 3 + j] = (
+                sideways[0] * faster[0] + sideways[1] * faster[1] + sideways[2] * faster[2]
+            )
+            T[JACOBIAN_ROWS + i, 6 + j] = (
+                sideways[0] * tilted[0] + sideways[1] * tilted[1] + sideways[2] * tilted[2]
+            )
             if k >= 0:
-                mounted = cross(moving, _left_jacobian(m, axis))
-                H[i, k + j] = sideways[0] * mounted[0] + sideways[1] * mounted[1] + sideways[2] * mounted[2]
+                mounted = cross(moving, _left_jacobian(mounting, axis))
+                T[JACOBIAN_ROWS + i, k + j] = (
+                    sideways[0] * mounted[0] + sideways[1] * mounted[1] + sideways[2] * mounted[2]
+                )
         for s in range(9, n):
-            if lay.row[s] >= 0:
-                w = cross(slip, (sensors[0, s], sensors[1, s], sensors[2, s]))
-                H[i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
+            if m.table[ROW, s] >= 0:
+                w = cross(slip, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
+                T[JACOBIAN_ROWS + i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
 
 
-@straight
+@inlined
 def _left_jacobian(m: Any, a: Any) -> Any:
     """Return J a with exp([(m + δ) ×]) = exp([J δ ×]) exp([m ×]), by series: m is a small angle."""
     s = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
@@ -185,76 +207,94 @@ def _left_jacobian(m: Any, a: Any) -> Any:
     return add(a, add(scale(half, once), scale(sixth, cross(m, once))))
 
 
-@called
-def fix_model(lay: Layout, pos: Any, vel: Any, quat: Any, fix: FloatArray, own: Own) -> None:
-    """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.measurements.position_fix` and `velocity_fix`."""
-    if len(fix) > 6 and fix[KIND] > 0.0:
-        constraint_model(lay, pos, vel, quat, fix, own)
-        return
-    n, x, true, z, H, sensors = lay.size, own.x, own.true, own.z, own.H, own.sensors
+@block
+def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
+    """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.measurements.position_fix` and `velocity_fix`.
+
+    Parameters
+    ----------
+    numbers, table, constants : ndarray
+        Of the layout.
+    pos, vel, quat : tuple of floats
+        State of the filter: latitude, longitude, height; velocity; attitude.
+    fix : ndarray, shape (6,) or (CONSTRAINT_LENGTH,)
+        Row of `FixBatch.values`.
+    scratch : ndarray
+        `State.scratch` with estimates, calibrated rates and forces and A⁻¹; z and H are set in it.
+    """
+    T, n = m.scratch, m.size
     mat = matrix(quat)
-    _sensor_rows(lay, true, mat, own.inverse, sensors)
-    arm = (lay.arm[0], lay.arm[1], lay.arm[2])
-    if lay.lever >= 0:
-        arm = add(arm, (x[lay.lever], x[lay.lever + 1], x[lay.lever + 2]))
+    _sensor_rows(m, mat)
+    arm = (m.constants[0], m.constants[1], m.constants[2])
+    if m.lever >= 0:
+        arm = add(arm, (T[ESTIMATES, m.lever], T[ESTIMATES, m.lever + 1], T[ESTIMATES, m.lever + 2]))
     u = transform(mat, arm)
-    omega_b, force_b = (true[0], true[1], true[2]), (true[3], true[4], true[5])
+    omega_b, force_b = (
+        (T[CALIBRATED, 0], T[CALIBRATED, 1], T[CALIBRATED, 2]),
+        (T[CALIBRATED, 3], T[CALIBRATED, 4], T[CALIBRATED, 5]),
+    )
     of_earth = earth_rate(np.sin(pos[0]), np.cos(pos[0]))
     omega = transform(mat, omega_b)
     relative = add(omega, scale(-1.0, of_earth))
     antenna = add(vel, cross(relative, u))
-    H[:] = 0.0
+    for i in range(6):
+        for j in range(n):
+            T[JACOBIAN_ROWS + i, j] = 0.0
     for i in range(3):
-        H[i, i] = 1.0
-        H[3 + i, 3 + i] = 1.0
-    _skew_into(H, 0, 6, u, -1.0)
+        T[JACOBIAN_ROWS + i, i] = 1.0
+        T[JACOBIAN_ROWS + 3 + i, 3 + i] = 1.0
+    _skew_into(T, JACOBIAN_ROWS, 6, u, -1.0)
     # Velocity rows: −[u ×] C δω + v + ([ω_ie ×][u ×] − [(ω × u) ×]) φ + [ω_eb ×] C δl.
     for s in range(9, n):
-        w = cross(u, (sensors[0, s], sensors[1, s], sensors[2, s]))
+        w = cross(u, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
         for i in range(3):
-            H[3 + i, s] = -w[i]
-    _skew_into(H, 3, 6, cross(omega, u), -1.0)
+            T[JACOBIAN_ROWS + 3 + i, s] = -w[i]
+    _skew_into(T, JACOBIAN_ROWS + 3, 6, cross(omega, u), -1.0)
     # [a ×][b ×] = b aᵀ − (a · b) I
     inner = of_earth[0] * u[0] + of_earth[1] * u[1] + of_earth[2] * u[2]
     for i in range(3):
         for j in range(3):
-            H[3 + i, 6 + j] += u[i] * of_earth[j]
-        H[3 + i, 6 + i] -= inner
-    if lay.lever >= 0:
+            T[JACOBIAN_ROWS + 3 + i, 6 + j] += u[i] * of_earth[j]
+        T[JACOBIAN_ROWS + 3 + i, 6 + i] -= inner
+    if m.lever >= 0:
         for j in range(3):
             column = (mat[0][j], mat[1][j], mat[2][j])
             turned = cross(relative, column)
             for i in range(3):
-                H[i, lay.lever + j] = column[i]
-                H[3 + i, lay.lever + j] = turned[i]
+                T[JACOBIAN_ROWS + i, m.lever + j] = column[i]
+                T[JACOBIAN_ROWS + 3 + i, m.lever + j] = turned[i]
     shift = (0.0, 0.0, 0.0)
     delay = 0.0
     acc = (0.0, 0.0, 0.0)
-    if lay.delay >= 0:
-        delay = x[lay.delay]
+    if m.delay >= 0:
+        delay = T[ESTIMATES, m.delay]
         _, acc, _ = rates(pos, vel, mat, omega_b, force_b)
-        if lay.gravity >= 0:
-            acc = (acc[0], acc[1], acc[2] + x[lay.gravity])
+        if m.gravity >= 0:
+            acc = (acc[0], acc[1], acc[2] + T[ESTIMATES, m.gravity])
         shift = add(scale(-delay, antenna), scale(0.5 * delay * delay, acc))
-        _delay_rows(lay, pos, vel, transform(mat, force_b), delay, own)
+        _delay_rows(m, pos, vel, transform(mat, force_b), delay)
         for i in range(3):
-            H[i, lay.delay] = delay * acc[i] - antenna[i]
-            H[3 + i, lay.delay] = -acc[i]
-    for k in range(lay.processes):
-        j = lay.gnss + 3 * k
-        shift = add(shift, (x[j], x[j + 1], x[j + 2]))
+            T[JACOBIAN_ROWS + i, m.delay] = delay * acc[i] - antenna[i]
+            T[JACOBIAN_ROWS + 3 + i, m.delay] = -acc[i]
+    for k in range(m.processes):
+        j = m.gnss + 3 * k
+        shift = add(shift, (T[ESTIMATES, j], T[ESTIMATES, j + 1], T[ESTIMATES, j + 2]))
         for i in range(3):
-            H[i, j + i] = 1.0
+            T[JACOBIAN_ROWS + i, j + i] = 1.0
     metres = _metres(pos)
     for i in range(3):
-        z[i] = (fix[i] - pos[i]) * metres[i] - u[i] - shift[i]
-        z[3 + i] = fix[3 + i] - (antenna[i] - delay * acc[i])
+        T[INNOVATION, i] = (m.fix[i] - pos[i]) * metres[i] - u[i] - shift[i]
+        T[INNOVATION, 3 + i] = m.fix[3 + i] - (antenna[i] - delay * acc[i])
 
 
-@straight
-def correct(pos: Any, vel: Any, quat: Any, dx: FloatArray) -> Any:
-    """Return the state with nine errors added: `models.error_state.corrected`."""
+@inlined
+def correct(pos: Any, vel: Any, quat: Any, T: FloatArray) -> Any:
+    """Return the state with the nine errors in the scratch added: `models.error_state.corrected`."""
     metres = _metres(pos)
-    new = (pos[0] + dx[0] / metres[0], pos[1] + dx[1] / metres[1], pos[2] + dx[2] / metres[2])
-    turned = product(exponential((dx[6], dx[7], dx[8])), quat)
-    return new, (vel[0] + dx[3], vel[1] + dx[4], vel[2] + dx[5]), turned
+    new = (
+        pos[0] + T[CORRECTION, 0] / metres[0],
+        pos[1] + T[CORRECTION, 1] / metres[1],
+        pos[2] + T[CORRECTION, 2] / metres[2],
+    )
+    turned = product(exponential((T[CORRECTION, 6], T[CORRECTION, 7], T[CORRECTION, 8])), quat)
+    return new, (vel[0] + T[CORRECTION, 3], vel[1] + T[CORRECTION, 4], vel[2] + T[CORRECTION, 5]), turned

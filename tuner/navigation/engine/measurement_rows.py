@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from models.strapdown import NavigationState
 from tuner.navigation.data import Constrained, Constraints, Fixes, Solution
-from tuner.navigation.engine.measurement_models import (
-    CONSTRAINT,
-    KIND,
-    LENGTH,
-    LIMIT,
-    MOUNTING,
-    RATES,
-    SLIP,
-    STATE,
+from tuner.navigation.engine.layout import (
+    CONSTRAINT_CODE,
+    CONSTRAINT_LENGTH,
+    KIND_COLUMN,
+    LIMIT_COLUMN,
+    MOUNTING_COLUMNS,
+    RATE_COLUMNS,
+    SLIP_COLUMNS,
+    STATE_COLUMN,
 )
 from tuner.navigation.settings import FilterSettings, chi2_gate
 
@@ -28,11 +28,11 @@ Scalar = TypeVar("Scalar", np.float64, np.int64, np.bool_)
 
 
 class Measurements(NamedTuple):
-    """Rows of the compiled filter; see `flight.fly`."""
+    """Fixes and constraints in the order in which the filter takes them, k rows; see `fixes.FixBatch`."""
 
     t: FloatArray  # (k,), s
     after: IntArray  # (k,)
-    values: FloatArray  # (k, 6), or as long as those of `updates` where there are constraints
+    values: FloatArray  # (k, 6), or (k, CONSTRAINT_LENGTH) where there are constraints
     sd: FloatArray  # (k, 6)
     available: IntArray  # (k,)
     withheld: NDArray[np.bool_]  # (k,)
@@ -49,13 +49,13 @@ def measurements(settings: FilterSettings, fixes: Fixes, constraints: Constraint
     if constraints is None:
         return Measurements(t, fixes.after, values, sd, available, fixes.withheld, fixes.trusted)
     count = len(constraints)
-    rows, none = np.zeros((count, LENGTH)), np.zeros(count, dtype=bool)
-    rows[:, KIND] = constraints.kind
-    rows[:, RATES:SLIP] = constraints.rates
-    rows[:, SLIP:MOUNTING] = constraints.slip
-    rows[:, MOUNTING:STATE] = constraints.mat_bv.ravel()
-    rows[:, STATE] = settings.model.layout.start("mounting")
-    rows[:, LIMIT] = chi2_gate(settings.gate, 3)
+    rows, none = np.zeros((count, CONSTRAINT_LENGTH)), np.zeros(count, dtype=bool)
+    rows[:, KIND_COLUMN] = constraints.kind
+    rows[:, RATE_COLUMNS:SLIP_COLUMNS] = constraints.rates
+    rows[:, SLIP_COLUMNS:MOUNTING_COLUMNS] = constraints.slip
+    rows[:, MOUNTING_COLUMNS:STATE_COLUMN] = constraints.mat_bv.ravel()
+    rows[:, STATE_COLUMN] = settings.model.layout.start("mounting")
+    rows[:, LIMIT_COLUMN] = chi2_gate(settings.gate, 3)
     order = np.argsort(np.concatenate([fixes.after, constraints.after]), kind="stable")
 
     def merged(first: NDArray[Scalar], second: NDArray[Scalar]) -> NDArray[Scalar]:
@@ -64,16 +64,16 @@ def measurements(settings: FilterSettings, fixes: Fixes, constraints: Constraint
     return Measurements(
         merged(t, constraints.t),
         merged(fixes.after, constraints.after),
-        merged(np.pad(values, ((0, 0), (0, LENGTH - 6))), rows),
+        merged(np.pad(values, ((0, 0), (0, CONSTRAINT_LENGTH - 6))), rows),
         merged(sd, np.tile(constraints.sd[:, None], (1, 6))),
-        merged(available, np.full(count, CONSTRAINT, dtype=np.int64)),
+        merged(available, np.full(count, CONSTRAINT_CODE, dtype=np.int64)),
         merged(fixes.withheld, none),
         merged(fixes.trusted, none),
     )
 
 
 def parted(solution: Solution, fixes: Fixes, constraints: Constraints | None) -> Solution:
-    """Return the solution at the fixes alone, with what became of the constraints beside it."""
+    """Return the solution at the fixes alone, with the use of the constraints beside it."""
     if constraints is None:
         return solution
     k = len(fixes)

@@ -1,4 +1,4 @@
-"""What fixes do to a covariance, in compiled code: gates, the update of a filter, the same gain for others."""
+"""Update of one filter by a fix, in compiled code: gates, gain and covariance, also with the gain of another filter."""
 
 from __future__ import annotations
 
@@ -7,166 +7,182 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.engine.measurement_models import CONSTRAINT
-from tuner.navigation.engine.numba_pipeline import called, compiled
-from tuner.navigation.engine.simd import as_rows
-from tuner.navigation.engine.types import Own
+from tuner.navigation.engine.compilation import block, inlined
+from tuner.navigation.engine.layout import CONSTRAINT_CODE
+from tuner.navigation.engine.state import (
+    BLOCK_ROWS,
+    CORRECTION,
+    COVARIANCE_ROWS,
+    INNOVATION,
+    INNOVATION_ROWS,
+    JACOBIAN_ROWS,
+    LIMITS,
+    ROOT_ROWS,
+    SENSOR_ROWS,
+    WHITENED,
+)
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
-@compiled
-def whiten(L: FloatArray, m: int, B: Any) -> None:
-    """Replace the first m rows of B, of numbers or lanes, by L⁻¹ B."""
-    for a in range(m):
-        inverse = 1.0 / L[a, a]
-        for j in range(B.shape[1]):
-            y = B[a, j]
-            for b in range(a):
-                y -= L[a, b] * B[b, j]
-            B[a, j] = y * inverse
-
-
-@compiled
-def factor(S: FloatArray, m: int, L: FloatArray) -> None:
-    """Set L with S = L Lᵀ, the upper left (m, m); what is above the diagonal is nothing."""
-    for a in range(m):
+@block
+def factor(m: Any, S: int, size: int) -> None:
+    """Set `ROOT_ROWS` to L of S = L Lᵀ; S is the upper left of the scratch from row S on, its lower triangle used."""
+    T = m.scratch
+    for a in range(size):
         for b in range(a + 1):
-            y = S[a, b]
+            y = T[S + a, b]
             for c in range(b):
-                y -= L[a, c] * L[b, c]
-            L[a, b] = np.sqrt(y) if a == b else y / L[b, b]
+                y -= T[ROOT_ROWS + a, c] * T[ROOT_ROWS + b, c]
+            T[ROOT_ROWS + a, b] = np.sqrt(y) if a == b else y / T[ROOT_ROWS + b, b]
 
 
-@called
-def spread(P: FloatArray, H: FloatArray, sd: FloatArray, m: int, HP: FloatArray, out: FloatArray) -> None:
-    """Set the covariance of the first m innovations, H P Hᵀ + R, and H P (m, n) on the way."""
-    P_l, HP_l = as_rows(P), as_rows(HP)
-    for a in range(m):
-        for c in range(HP_l.shape[1]):
-            HP_l[a, c] = 0.0
-        for k in range(len(P)):
-            h = H[a, k]
+@block
+def whiten(m: Any, size: int, B: int) -> None:
+    """Replace the rows of the scratch from B by L⁻¹ times them."""
+    T, n = m.scratch, m.size
+    for a in range(size):
+        for b in range(a):
+            factor_ab = T[ROOT_ROWS + a, b]
+            for j in range(n):
+                T[B + a, j] -= factor_ab * T[B + b, j]
+        inverse = 1.0 / T[ROOT_ROWS + a, a]
+        for j in range(n):
+            T[B + a, j] *= inverse
+
+
+@inlined
+def whiten_vector(T: FloatArray, size: int) -> None:
+    """Replace the first elements of `WHITENED` by L⁻¹ times them."""
+    for a in range(size):
+        for b in range(a):
+            T[WHITENED, a] -= T[ROOT_ROWS + a, b] * T[WHITENED, b]
+        T[WHITENED, a] /= T[ROOT_ROWS + a, a]
+
+
+@block
+def predict_innovation(m: Any, e: Any, w: int, size: int, HP: int) -> None:
+    """Set `COVARIANCE_ROWS`, S = H P Hᵀ + R of filter w, and on the way the rows of the scratch from HP to H P."""
+    P, T, n = e.P_each, m.scratch, m.size
+    for a in range(size):
+        for j in range(n):
+            T[HP + a, j] = 0.0
+        for k in range(n):
+            h = T[JACOBIAN_ROWS + a, k]
             if h != 0.0:
-                for c in range(HP_l.shape[1]):
-                    HP_l[a, c] += h * P_l[k, c]
-    for b in range(m):
-        for a in range(m):
-            out[a, b] = sd[a] * sd[a] if a == b else 0.0
-        for k in range(len(P)):
-            h = H[b, k]
-            if h != 0.0:
-                for a in range(m):
-                    out[a, b] += HP[a, k] * h
+                for j in range(n):
+                    T[HP + a, j] += h * P[w, k, j]
+    for b in range(size):
+        for a in range(size):
+            y = m.sd[w, a] * m.sd[w, a] if a == b else 0.0
+            for k in range(n):
+                y += T[HP + a, k] * T[JACOBIAN_ROWS + b, k]
+            T[COVARIANCE_ROWS + a, b] = y
 
 
-@called
-def update(own: Own, sd: FloatArray, available: int, withheld: bool, S: FloatArray, use: IntArray) -> bool:
-    """Gate a fix and use it: sets dx, S (6, 6) and `use` (2,), changes P; returns whether dx is to be added.
+@block
+def subtract_products(m: Any, e: Any, w: int, left: int, right: int, size: int) -> None:
+    """Replace P of filter w by P − leftᵀ right, of rows of the scratch; three or six."""
+    P, T, n = e.P_each, m.scratch, m.size
+    for i in range(n):
+        for first in range(0, size, 3):
+            p, q = left + first, right + first
+            a, b, c = T[p, i], T[p + 1, i], T[p + 2, i]
+            for j in range(n):
+                P[w, i, j] -= a * T[q, j] + b * T[q + 1, j] + c * T[q + 2, j]
 
-    With the whitened rows W = L⁻¹ H P of S = L Lᵀ:  P ← P − Wᵀ W,  dx = Wᵀ L⁻¹ z.
+
+@block
+def update(m: Any, e: Any, w: int, available: int, withheld: bool) -> bool:
+    """Gate a fix and use it: sets dx, `COVARIANCE_ROWS` (6, 6), `use`, changes P; returns whether dx is to be added.
+
+    With the whitened rows V = L⁻¹ H P of S = L Lᵀ:  P ← P − Vᵀ V,  dx = Vᵀ L⁻¹ z.
 
     Parameters
     ----------
-    own : Own
-        P, the limits, and the fix made linear: z, H.
-    sd : ndarray, shape (6,)
-        Of the fix.
+    m : record
+        See `state`; the scratch contains the limits, and z and H of the fix.
+    w : int
+        The filter.
     available : int
-        1 position only, 2 with velocity; `CONSTRAINT`.
+        1 position only, 2 with velocity; `CONSTRAINT_CODE`.
     withheld : bool
         Whether it is only compared.
     """
-    P, z, rows, chosen, L, part, dx = own.P, own.z, own.rows, own.block, own.root, own.part, own.dx
-    constrained = available == CONSTRAINT
+    T, use, n = m.scratch, m.use, m.size
+    constrained = available == CONSTRAINT_CODE
     groups = 1 if constrained else available
-    n = P.shape[0]
-    S[:] = 0.0
-    spread(P, own.H, sd, 3 * groups, rows, S)
-    for a in range(3 * groups):
-        rows[a, n] = z[a]
-    count = 0
+    count, first = 0, 3
+    for a in range(6):
+        for b in range(6):
+            T[COVARIANCE_ROWS + a, b] = 0.0
+    predict_innovation(m, e, w, 3 * groups, INNOVATION_ROWS)
     for g in range(2):
         use[g] = 0
         if g < groups:
             for a in range(3):
-                part[a, 0] = z[3 * g + a]
+                T[WHITENED, a] = T[INNOVATION, 3 * g + a]
                 for b in range(3):
-                    chosen[a, b] = S[3 * g + a, 3 * g + b]
-            factor(chosen, 3, L)
-            whiten(L, 3, part)
-            distance = part[0, 0] * part[0, 0] + part[1, 0] * part[1, 0] + part[2, 0] * part[2, 0]
-            limit = z[5] if constrained else own.limits[g]
+                    T[BLOCK_ROWS + a, b] = T[COVARIANCE_ROWS + 3 * g + a, 3 * g + b]
+            factor(m, BLOCK_ROWS, 3)
+            whiten_vector(T, 3)
+            distance = T[WHITENED, 0] * T[WHITENED, 0] + T[WHITENED, 1] * T[WHITENED, 1]
+            distance += T[WHITENED, 2] * T[WHITENED, 2]
+            limit = T[INNOVATION, 5] if constrained else T[LIMITS, g]
             use[g] = 3 if withheld else 1 if distance <= limit else 2
             if constrained:
-                z[3], z[4] = use[g], distance
+                T[INNOVATION, 3], T[INNOVATION, 4] = use[g], distance
             if use[g] == 1:
-                for a in range(3):
-                    for j in range(n + 1):
-                        rows[count + a, j] = rows[3 * g + a, j]
+                first = min(first, 3 * g)
                 count += 3
-    first = 0 if use[0] == 1 else 3
     if constrained:
         use[0] = 0
     if count == 0:
         return False
+    rows = INNOVATION_ROWS + first
     for a in range(count):
+        T[WHITENED, a] = T[INNOVATION, first + a]
         for b in range(count):
-            chosen[a, b] = S[first + a, first + b]
-    factor(chosen, count, L)
-    rows_l, P_l = as_rows(rows), as_rows(P)
-    whiten(L, count, rows_l)
-    for i in range(n):
-        y = 0.0
-        for a in range(count):
-            y += rows[a, i] * rows[a, n]
-        dx[i] = y
-        for c in range(P_l.shape[1]):
-            left = P_l[i, c]
-            for a in range(count):
-                left -= rows[a, i] * rows_l[a, c]
-            P_l[i, c] = left
+            T[BLOCK_ROWS + a, b] = T[COVARIANCE_ROWS + first + a, first + b]
+    factor(m, BLOCK_ROWS, count)
+    whiten_vector(T, count)
+    whiten(m, count, rows)
+    for j in range(n):
+        T[CORRECTION, j] = 0.0
+    for a in range(count):
+        share = T[WHITENED, a]
+        for j in range(n):
+            T[CORRECTION, j] += T[rows + a, j] * share
+    subtract_products(m, e, w, rows, rows, count)
     return True
 
 
-@called
-def gain(own: Own, sd: FloatArray, m: int, K: FloatArray) -> None:
-    """Set Kᵀ = S⁻¹ H P of the first m rows of a fix, shape (m, n)."""
-    spread(own.P, own.H, sd, m, K, own.block)
-    factor(own.block, m, own.root)
-    K_l = as_rows(K)
-    whiten(own.root, m, K_l)
-    for a in range(m - 1, -1, -1):
-        inverse = 1.0 / own.root[a, a]
-        for j in range(K_l.shape[1]):
-            y = K_l[a, j]
-            for b in range(a + 1, m):
-                y -= own.root[b, a] * K_l[b, j]
-            K_l[a, j] = y * inverse
+@block
+def gain(m: Any, e: Any, size: int) -> None:
+    """Set `SENSOR_ROWS` of the scratch to Kᵀ = S⁻¹ H P of the first rows of a fix of the first filter."""
+    T, n = m.scratch, m.size
+    predict_innovation(m, e, 0, size, SENSOR_ROWS)
+    factor(m, COVARIANCE_ROWS, size)
+    whiten(m, size, SENSOR_ROWS)
+    for a in range(size - 1, -1, -1):
+        for b in range(a + 1, size):
+            for j in range(n):
+                T[SENSOR_ROWS + a, j] -= T[ROOT_ROWS + b, a] * T[SENSOR_ROWS + b, j]
+        inverse = 1.0 / T[ROOT_ROWS + a, a]
+        for j in range(n):
+            T[SENSOR_ROWS + a, j] *= inverse
 
 
-@called
-def joseph(P: FloatArray, H: FloatArray, K: FloatArray, sd: FloatArray, m: int, HP: FloatArray) -> None:
-    """Replace P by (I − KH) P (I − KH)ᵀ + K R Kᵀ of m rows; K is given as Kᵀ (m, n), H P as `spread` sets it."""
-    P_l, K_l, HP_l = as_rows(P), as_rows(K), as_rows(HP)
-    n = len(P)
-    for i in range(n):
-        for c in range(P_l.shape[1]):
-            left = P_l[i, c]
-            for a in range(m):
-                left -= K[a, i] * HP_l[a, c]
-            P_l[i, c] = left
-    for i in range(n):
-        for a in range(m):
-            y = sd[a] * sd[a] * K[a, i]
+@block
+def apply_gain(m: Any, e: Any, w: int, size: int) -> None:
+    """Replace P by (I − KH) P (I − KH)ᵀ + K R Kᵀ; `SENSOR_ROWS` is Kᵀ, `INNOVATION_ROWS` H P."""
+    P, T, n = e.P_each, m.scratch, m.size
+    subtract_products(m, e, w, SENSOR_ROWS, INNOVATION_ROWS, size)
+    for a in range(size):
+        for i in range(n):
+            y = -m.sd[w, a] * m.sd[w, a] * T[SENSOR_ROWS + a, i]
             for k in range(n):
-                if H[a, k] != 0.0:
-                    y -= P[i, k] * H[a, k]
-            HP[a, i] = y
-    for i in range(n):
-        for c in range(P_l.shape[1]):
-            grown = P_l[i, c]
-            for a in range(m):
-                grown += HP[a, i] * K_l[a, c]
-            P_l[i, c] = grown
+                if T[JACOBIAN_ROWS + a, k] != 0.0:
+                    y += P[w, i, k] * T[JACOBIAN_ROWS + a, k]
+            T[INNOVATION_ROWS + a, i] = y
+    subtract_products(m, e, w, INNOVATION_ROWS, SENSOR_ROWS, size)

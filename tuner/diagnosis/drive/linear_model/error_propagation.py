@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from models import earth, strapdown
+from models import earth, strapdown, taylor
 from models import error_state as errorstate
 from models import vector3 as triples
 from models.strapdown import correct_increments, mean_attitude, step
@@ -29,9 +29,9 @@ from tuner.diagnosis.drive.linear_model.propagation_kernels import (
     new_state,
     set_matrices,
 )
-from tuner.navigation.engine import tracing as straight
-from tuner.navigation.engine import types as compiled_module
-from tuner.navigation.engine.types import Layout, checksum
+from tuner.navigation.engine import compilation, layout
+from tuner.navigation.engine.compilation import checksum
+from tuner.navigation.engine.layout import Layout
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -209,6 +209,6 @@ def _kept(number: int) -> Callable[..., None]:
 
 kept_trace = _kept(
     checksum(
-        triples, earth, strapdown, errorstate, straight, compiled_module, propagation, sys.modules[__name__]
+        triples, taylor, earth, strapdown, errorstate, compilation, layout, propagation, sys.modules[__name__]
     )
 )

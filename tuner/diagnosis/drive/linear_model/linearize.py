@@ -29,9 +29,9 @@ from tuner.diagnosis.drive.causes.base import (
 from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
-from tuner.navigation import engine
 from tuner.navigation.data import ABSENT, USED, Solution
 from tuner.navigation.drive.run import Stretch
+from tuner.navigation.engine.layout import layout_of
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Parameter
 
@@ -129,7 +129,7 @@ def _part(
     states = np.hstack([solution.state.llh, solution.state.vel_n, solution.state.quat_nb])
     start = np.concatenate([stretch.start.llh, stretch.start.vel_n, stretch.start.quat_nb])
     kept_trace(
-        engine.layout(settings),
+        layout_of(settings),
         own,
         np.ascontiguousarray(stretch.steps.dt, dtype=float),
         np.ascontiguousarray(stretch.steps.increments, dtype=float),

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.error_state import coupling
-from tuner.navigation.engine.types import Layout
+from tuner.navigation.engine.layout import Layout
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -264,10 +264,10 @@ def advance(
         state.step[0] = dt
         for j in range(9, n):
             state.decay[j] = np.exp(-lay.rate[j] * dt)
-            state.added[j] = _added_variance(lay.drive[j], lay.rate[j], dt)
+            state.added[j] = _added_variance(lay.process_noise[j], lay.rate[j], dt)
     for j in range(9, n):
         decay = state.decay[j]
-        if lay.drive[j] > 0.0:
+        if lay.process_noise[j] > 0.0:
             for i in range(9):
                 W[i, cross + j] *= decay
             state.variance[j] = decay * decay * state.variance[j] + state.added[j]

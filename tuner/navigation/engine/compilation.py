@@ -1,0 +1,123 @@
+"""How the filter is compiled: numba's options, the functions of `models` it may call.
+
+LLVM turns an innermost loop into packed instructions where it knows how far the rows of arrays are apart and nothing
+is called. So the arrays of the filter are fields of one record (`state`), whose sizes are constants of compilation,
+and a function with such a loop (`block`) calls nothing that is not inlined (`inlined`). References to a record are
+not counted, and it is one argument.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import threading
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import njit
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from models import earth, error_state, strapdown, taylor, vector3
+
+FloatArray = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+COMPILING_AFTER = 1.0
+"""Time after which a first call is reported to compile, s: twice what loading the compiled code from disk takes."""
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True}
+_INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function that LLVM is to inline wherever it is called."""
+    return cast(Function, njit(forceinline=True, **_INNER)(function))
+
+
+def block(function: Function) -> Function:
+    """Compile a part of the filter that only compiled code calls."""
+    return cast(Function, njit(**_INNER)(function))
+
+
+def entry(function: Function) -> Function:
+    """Compile a function that Python calls; it is kept on disk."""
+    return cast(Function, njit(cache=True, nogil=True, **_OPTIONS)(function))
+
+
+for _function in (
+    *vector3.KERNELS, *taylor.KERNELS, *earth.KERNELS, *strapdown.KERNELS, *error_state.KERNELS,
+):  # fmt: skip
+    register_jitable(forceinline=True, **_INNER)(_function)
+
+
+def checksum(*sources: ModuleType) -> int:
+    """Return a number that changes with the code of modules."""
+    total = 1
+    for source in sources:
+        total = zlib.crc32(Path(str(source.__file__)).read_bytes(), total)
+    return total
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Around a first call: say that it compiles where it takes longer than loading from disk.
+
+    Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
+    """
+    notice = threading.Timer(
+        COMPILING_AFTER,
+        lambda: logging.getLogger("tuner").warning(
+            "tuner: compiling the filter for this machine, once; it takes some ten seconds"
+        ),
+    )
+    notice.daemon = True
+    collects = gc.isenabled()
+    gc.disable()
+    notice.start()
+    try:
+        yield
+    finally:
+        notice.cancel()
+        if collects:
+            gc.enable()
+
+
+@inlined
+def count(m: Any) -> int:
+    """Return how many filters there are, for short loops: LLVM unrolls one of known length instead of packing it."""
+    return 1 if m.rows.shape[1] == 1 else m.filters
+
+
+@inlined
+def vector(array: Any, row: int, w: int) -> Any:
+    """Return three rows of filter w."""
+    return array[row, w], array[row + 1, w], array[row + 2, w]
+
+
+@inlined
+def quaternion(array: Any, row: int, w: int) -> Any:
+    """Return four rows of filter w."""
+    return array[row, w], array[row + 1, w], array[row + 2, w], array[row + 3, w]
+
+
+@inlined
+def put_quaternion(array: Any, row: int, w: int, q: Any) -> None:
+    """Set four rows of filter w."""
+    array[row, w] = q[0]
+    array[row + 1, w] = q[1]
+    array[row + 2, w] = q[2]
+    array[row + 3, w] = q[3]
+
+
+@inlined
+def put(array: Any, row: int, w: int, a: Any) -> None:
+    """Set three rows of filter w."""
+    array[row, w] = a[0]
+    array[row + 1, w] = a[1]
+    array[row + 2, w] = a[2]

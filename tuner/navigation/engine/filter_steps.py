@@ -1,0 +1,190 @@
+# mypy: disable-error-code="no-untyped-call, untyped-decorator"
+"""A whole run of the compiled filter: mechanisation, simulated sensor errors, covariance, fixes.
+
+One filter, or `BATCH_SIZE` that see the same steps and have their fixes at the same times. Between fixes all of them go
+through every loop side by side; at a fix each is updated by itself, or all with the gain of the first.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import earth, error_state, strapdown, taylor, vector3
+from tuner.navigation.engine import (
+    compilation,
+    layout,
+    measurement_models,
+    mechanisation,
+    propagation,
+    random_normal,
+    sensor_inputs,
+    transition,
+    update,
+)
+from tuner.navigation.engine import (
+    fixes as fix_module,
+)
+from tuner.navigation.engine import (
+    state as state_module,
+)
+from tuner.navigation.engine.compilation import checksum, compiling, entry
+from tuner.navigation.engine.fixes import AFTER, FixBatch, Output, use_fixes
+from tuner.navigation.engine.layout import Layout
+from tuner.navigation.engine.mechanisation import (
+    calibrate_sample,
+    disturb_sample,
+    invert_calibration,
+    mechanise,
+    set_biases,
+    start_step,
+    take_sample,
+)
+from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, set_decay, unscale_covariance
+from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, State
+
+FloatArray = NDArray[np.float64]
+
+
+def _cached(number: int) -> Callable[..., None]:
+    """Return the compiled run, kept on disk for as long as no source of it changes.
+
+    Numba looks at the file of one function only, and at the closure of that function: so the checksum of all
+    files goes there.
+    """
+
+    def filter_steps(
+        memory: NDArray[np.void],
+        covariance: NDArray[np.void],
+        inputs: NDArray[np.void],
+        each: NDArray[np.void],
+        filters: tuple[int, ...],
+        longest: float,
+        dt: FloatArray,
+        increments: FloatArray,
+        slow: FloatArray,
+        drawn: bool,
+        every: int,
+        fastest: float,
+        fixes: FixBatch,
+        shared: bool,
+        output: Output,
+    ) -> None:
+        """Run as many filters as the records contain over the steps; arguments are those of `run_filters` in parts."""
+        if number == 0:
+            return
+        m, p, a, e = memory[0], covariance[0], inputs[0], each[0]
+        after = fixes.flags[:, AFTER]
+        steps, mixed = len(dt), m.ideal == 0
+        elapsed, decay_dt, last_dt, aged, i = 0.0, -1.0, 0.0, 0.0, 0 * len(dt)
+        due = after[0] if len(after) > 0 else -1
+        changed = True
+        for k in range(steps + 1):
+            if k > 0:
+                d = dt[k - 1]
+                take_sample(m, increments, k - 1, d)
+                if drawn:
+                    disturb_sample(m, slow, (k - 1) // every, d)
+                if mixed:
+                    calibrate_sample(m)
+                stretch = 2.0 * d * d / (last_dt + d) / last_dt if last_dt > 0.0 else 0.0
+                mechanise(m, d, stretch)
+                last_dt = d
+                elapsed += d
+            fixed = due == k
+            if elapsed > 0.0 and (k == steps or fixed or elapsed + 0.5 * dt[k] > longest):
+                if elapsed != decay_dt:
+                    set_decay(m, elapsed)
+                    decay_dt = elapsed
+                advance(m, p, a, elapsed)
+                aged += elapsed * fastest
+                if k == steps or aged > LONGEST_DECAY:
+                    unscale_covariance(m, p)
+                    aged = 0.0
+                elapsed = 0.0
+                changed = True
+            if fixed:
+                inverse = 1.0 / last_dt if last_dt > 0.0 else 1.0
+                for r in range(6):
+                    for w in range(m.rows.shape[1]):
+                        m.rows[CALIBRATED_ROW + r, w] = inverse * m.rows[SAMPLE_ROW + r, w]
+                i = use_fixes(m, p, e, fixes, i, shared, output, filters)
+                due = after[i] if i < len(after) else -1
+                aged = 0.0
+                changed = True
+            if changed:
+                set_biases(m)
+                if mixed:
+                    invert_calibration(m)
+                start_step(m)
+                changed = False
+
+    compiled: Callable[..., None] = entry(filter_steps)
+    return compiled
+
+
+_filter_steps = _cached(
+    checksum(
+        vector3, taylor, earth, strapdown, error_state, compilation, layout, state_module, random_normal,
+        mechanisation, transition, sensor_inputs, propagation, measurement_models, update, fix_module,
+        sys.modules[__name__],
+    )
+)  # fmt: skip
+
+
+_loaded: set[np.dtype[np.void]] = set()
+"""Records for which the compiled run is in memory: it need not say that it compiles."""
+
+
+@dataclass(frozen=True)
+class SensorInput:
+    """Increments of the inertial units of w filters.
+
+    Attributes
+    ----------
+    dt, increments : ndarray, shapes (m,), (m, 6)
+        Steps, s, and increments.
+    drawn : bool
+        Increments are those of perfect sensors, and errors are added to them: `slow` ones, and white noise of
+        density `TRUE_DENSITY_ROW` from `State.stream`.
+    slow : ndarray, shape (s, 6, w)
+        Errors of rates and forces other than white noise.
+    every : int
+        Steps over which each row of slow errors is constant.
+    """
+
+    dt: FloatArray
+    increments: FloatArray
+    drawn: bool
+    slow: FloatArray
+    every: int
+
+
+def run_filters(
+    lay: Layout, m: State, sensed: SensorInput, fixes: FixBatch, output: Output, *, shared: bool
+) -> None:
+    """Run as many filters as the arrays contain over a stretch of data; changes `m` and `output`.
+
+    Parameters
+    ----------
+    lay, m
+        States and records of the filters.
+    sensed, fixes
+        Increments and fixes.
+    output : Output
+        Results at the fixes.
+    shared : bool
+        Whether all use the gain of the first at a fix, for their covariances alone.
+    """
+    arguments = (
+        m.memory, m.covariance, m.inputs, m.each, (0,) * min(m.rows.shape[1], 2), lay.covariance_step, sensed.dt,
+        sensed.increments, sensed.slow, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
+    )  # fmt: skip
+    with nullcontext() if m.memory.dtype in _loaded else compiling():
+        _filter_steps(*arguments)
+    _loaded.add(m.memory.dtype)

@@ -1,0 +1,148 @@
+"""The covariance in compiled code, advanced block by block: P ← Φ P Φᵀ + Q.
+
+With x = (navigation errors n, other states b), D diagonal (slopes of ramps apart) and S the errors of the six sensors
+(and of the acceleration down) by the states b::
+
+    Φ = ( Φ_nn   Γ S )        T = (Φ_nn  Γ S) P                              columns of P_nn and P_nb
+        ( 0      D   )        P_nn ← T_nn Φ_nnᵀ + (T_nb Sᵀ + Γ W/dt) Γᵀ      rows of P_nn
+                              P_nb ← T_nb Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
+
+Between fixes P is that of states b/c with c ← D c, so P_nb and P_bb keep their values, S ← S D and Q_bb ← Q_bb/c².
+P_bn is left as it was; `unscale_covariance` returns to b and makes both sides of P equal.
+
+Φ and Q are those of `models.error_state`. Innermost loops go over filters, or over columns where there is one filter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tuner.navigation.engine.compilation import block, count
+from tuner.navigation.engine.layout import NAVIGATION_STATES, SLOPE
+from tuner.navigation.engine.sensor_inputs import (
+    add_mixed_white,
+    add_white,
+    calibrate_inputs,
+    inputs_by_columns,
+    inputs_by_rows,
+    set_coupling,
+)
+from tuner.navigation.engine.state import (
+    COLUMN_MULTIPLE,
+    DECAY,
+    DRIVING_DENSITY,
+    ESTIMATE,
+    PROCESS_VARIANCE,
+    RATE,
+    SCALED_VARIANCE,
+    SENSITIVITY,
+    UNIT,
+)
+from tuner.navigation.engine.transition import (
+    columns_through_step,
+    linearise,
+    rows_through_step,
+    set_sensitivity,
+)
+
+LONGEST_DECAY = 100.0
+"""Time constants of the fastest state after which P returns to b: c stays within the range of numbers, e^±100."""
+
+
+@block
+def set_decay(m: Any, dt: float) -> None:
+    """Set decay and process noise of every state for a step dt."""
+    states = m.states
+    for j in range(NAVIGATION_STATES, m.size):
+        for w in range(states.shape[2]):
+            u = states[RATE, j, w] * dt
+            states[DECAY, j, w] = np.exp(-u)
+            grown = 1.0 if u == 0.0 else -np.expm1(-2.0 * u) / (2.0 * u)
+            states[PROCESS_VARIANCE, j, w] = states[DRIVING_DENSITY, j, w] * dt * grown
+
+
+@block
+def add_process_noise(m: Any, p: Any) -> None:
+    """Advance the units of b and the estimates by exp(−dt/T); add the process noise of b."""
+    P, S, size, filters = p.P, m.states, m.size, count(m)
+    for j in range(NAVIGATION_STATES, size):
+        for w in range(filters):
+            c = S[UNIT, j, w] * S[DECAY, j, w]
+            S[UNIT, j, w] = c
+            S[SENSITIVITY, j, w] = c
+            S[ESTIMATE, j, w] *= S[DECAY, j, w]
+            S[SCALED_VARIANCE, j, w] = S[PROCESS_VARIANCE, j, w] / (c * c)
+    for j in range(NAVIGATION_STATES, size):
+        for w in range(filters):
+            P[j, j, w] += S[SCALED_VARIANCE, j, w]
+
+
+@block
+def add_slopes(m: Any, p: Any, dt: float) -> None:
+    """Add dt times its slope to every state that has one."""
+    P, S, size, filters = p.P, m.states, m.size, m.rows.shape[1]
+    for j in range(NAVIGATION_STATES, size):
+        k = m.table[SLOPE, j]
+        if k < 0:
+            continue
+        for i in range(size):
+            for w in range(filters):
+                P[i, j, w] += dt / S[UNIT, j, w] * S[UNIT, k, w] * P[i, k, w]
+        for i in range(size):
+            for w in range(filters):
+                P[j, i, w] += dt / S[UNIT, j, w] * S[UNIT, k, w] * P[k, i, w]
+        for w in range(filters):
+            S[ESTIMATE, j, w] += dt * S[ESTIMATE, k, w]
+
+
+@block
+def unscale_covariance(m: Any, p: Any) -> None:
+    """Convert P from the scaled states b/c to the states b themselves, and make it symmetric."""
+    P, S, size, filters = p.P, m.states, m.size, count(m)
+    for i in range(NAVIGATION_STATES, size):
+        for j in range(NAVIGATION_STATES, size):
+            for w in range(filters):
+                P[i, j, w] *= S[UNIT, i, w] * S[UNIT, j, w]
+    for i in range(NAVIGATION_STATES):
+        for j in range(NAVIGATION_STATES, size):
+            for w in range(filters):
+                P[i, j, w] *= S[UNIT, j, w]
+        for j in range(i):
+            for w in range(filters):
+                mean = 0.5 * (P[i, j, w] + P[j, i, w])
+                P[i, j, w] = P[j, i, w] = mean
+    for j in range(NAVIGATION_STATES, size):
+        for i in range(NAVIGATION_STATES):
+            for w in range(filters):
+                P[j, i, w] = P[i, j, w]
+        for w in range(filters):
+            S[UNIT, j, w] = 1.0
+            S[SENSITIVITY, j, w] = 1.0
+
+
+@block
+def advance(m: Any, p: Any, a: Any, dt: float) -> None:
+    """Advance the covariance and the estimates of b by one covariance step, with the sums in `State.rows`."""
+    size, mixed = m.size, m.ideal == 0
+    end = (size + COLUMN_MULTIPLE - 1) // COLUMN_MULTIPLE * COLUMN_MULTIPLE if m.filters == 1 else size
+    linearise(m, dt)
+    if mixed:
+        set_sensitivity(m, dt)
+    set_coupling(m)
+    inputs_by_rows(m, p, a)
+    inputs_by_columns(m, p, a, NAVIGATION_STATES, end)
+    if mixed:
+        calibrate_inputs(m, a, 0, end)
+    columns_through_step(m, p, a, 0, end, dt)
+    inputs_by_rows(m, p, a)
+    if mixed:
+        add_mixed_white(m, a, dt)
+        calibrate_inputs(m, a, 0, NAVIGATION_STATES)
+    else:
+        add_white(m, a, dt)
+    rows_through_step(m, p, a, dt)
+    add_process_noise(m, p)
+    if m.ramps > 0:
+        add_slopes(m, p, dt)
