@@ -26,12 +26,14 @@ from tuner.diagnosis.drive.causes.base import (
     constant_parameters,
     sensor_errors,
 )
-from tuner.diagnosis.drive.linear_model.error_propagation import Trace, kept_trace
+from tuner.diagnosis.drive.linear_model.error_propagation import PropagatedErrors, propagate
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.propagation_kernels import Columns
 from tuner.navigation.data import ABSENT, USED, Solution
 from tuner.navigation.drive.run import Stretch
+from tuner.navigation.engine.compilation import compiling
 from tuner.navigation.engine.layout import layout_of
+from tuner.navigation.engine.state import ESTIMATE, new_state
 from tuner.navigation.settings import FilterSettings
 from tuner.types import Parameter
 
@@ -116,7 +118,7 @@ def _part(
     parameters = constant_parameters()
     k, n, p = len(solution.t), settings.size, len(parameters)
     own = columns(parameters)
-    out = Trace(
+    out = PropagatedErrors(
         np.empty((k, n, n)),
         np.empty((2, k, 9, 9)),
         np.empty((3, k, n, n)),
@@ -128,18 +130,23 @@ def _part(
     )
     states = np.hstack([solution.state.llh, solution.state.vel_n, solution.state.quat_nb])
     start = np.concatenate([stretch.start.llh, stretch.start.vel_n, stretch.start.quat_nb])
-    kept_trace(
-        layout_of(settings),
-        own,
-        np.ascontiguousarray(stretch.steps.dt, dtype=float),
-        np.ascontiguousarray(stretch.steps.increments, dtype=float),
-        start,
-        x_start.astype(float),
-        stretch.fixes.after,
-        states,
-        np.ascontiguousarray(solution.parameters),
-        out,
-    )
+    lay = layout_of(settings)
+    m = new_state(lay, 1)
+    m.rows[:10, 0], m.states[ESTIMATE, :n, 0] = start, x_start
+    with compiling():
+        propagate(
+            lay,
+            own,
+            m.memory,
+            m.covariance,
+            m.inputs,
+            np.ascontiguousarray(stretch.steps.dt, dtype=float),
+            np.ascontiguousarray(stretch.steps.increments, dtype=float),
+            stretch.fixes.after,
+            states,
+            np.ascontiguousarray(solution.parameters),
+            out,
+        )
     white = np.zeros((2, k, n, n))
     white[:, :, :9, :9] = out.white
     noise = {
@@ -151,7 +158,7 @@ def _part(
     if "gnss_position" in settings.model.layout:
         noise["gnss_position"] = out.slow[2]
     b = np.zeros((k, n, p))
-    b[:, :9] = out.pull
+    b[:, :9] = out.constants
     if first:
         b[0] += out.phi[0] @ _start(settings, stretch, own)
     before = NavigationState(out.prior[:, :3], out.prior[:, 3:6], out.prior[:, 6:])
@@ -200,7 +207,7 @@ def _start(settings: FilterSettings, stretch: Stretch, own: Columns) -> FloatArr
     return v
 
 
-def _jacobians(settings: FilterSettings, out: Trace) -> tuple[FloatArray, FloatArray]:
+def _jacobians(settings: FilterSettings, out: PropagatedErrors) -> tuple[FloatArray, FloatArray]:
     """Return H (k, 6, n) and D (k, 6, p)."""
     at, k, n = settings.model.layout, len(out.x), settings.size
     llh, vel = out.prior[:, :3], out.prior[:, 3:6]

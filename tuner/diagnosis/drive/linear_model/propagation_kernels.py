@@ -1,11 +1,12 @@
-"""Propagation of errors over a covariance step, in compiled code: Φ, process noise and effects of unknown constants.
+"""Accumulation of Φ, process noise and the effect of constants over covariance steps, in compiled code.
 
-Nine navigation states x and six sensors s, with the matrices of `models.error_state`::
+Nine navigation states x and six sensors s, with Φ_nn and Γ of the engine's step
+(`tuner.navigation.engine.transition`)::
 
-    x⁺ = A x + Γ (S b + w)        b⁺ = D b + noise        Γ: answer to a constant sensor error, with −C A⁻¹ in it
+    x⁺ = A x + Γ (S b + w)        b⁺ = D b + noise        Γ: effect of a constant sensor error, with −C A⁻¹ in it
 
 S says which sensor measures which state b, D is diagonal but for slopes. So of Φ, and of every noise Q, only nine rows
-are full: they are the rows of one matrix W, with the columns
+are full; they are the rows of one matrix W with the columns
 
     Φ (n)  |  Q between navigation and other states (n − 9)  |  Q of navigation, four groups (4 × 9)  |  B (p)
 
@@ -14,25 +15,19 @@ and one product A W does most of a step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from models.error_state import coupling
+from tuner.navigation.engine.compilation import block
 from tuner.navigation.engine.layout import Layout
+from tuner.navigation.engine.sensor_inputs import calibrate_inputs
+from tuner.navigation.engine.state import CALIBRATED_ROW, DECAY, ESTIMATE, PROCESS_VARIANCE, WHITE_ROW
+from tuner.navigation.engine.transition import columns_through_step
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Function = TypeVar("Function", bound=Callable[..., object])
-
-
-def compiled(function: Function) -> Function:
-    """Compile a kernel when it is first called; nothing is inlined by force, which keeps that short."""
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return cast(Function, numba.njit(**options)(function))
 
 
 class Columns(NamedTuple):
@@ -50,7 +45,7 @@ class Columns(NamedTuple):
     down: FloatArray
 
 
-class PropagationState(NamedTuple):
+class AccumulatedErrors(NamedTuple):
     """Errors propagated since the fix before, n states: Φ, noise and effects of constants, with scratch arrays.
 
     Attributes
@@ -60,23 +55,21 @@ class PropagationState(NamedTuple):
     own, tie : ndarray, shape (n,)
         Φ of a state by itself, and by its slope.
     variance : ndarray, shape (n,)
-        Noise of a state beyond the first nine.
+        Process noise of a state beyond the first nine.
     half, done : ndarray, shape (9, 36)
         Room for half a product with the noise of navigation, and all of it.
     A : ndarray, shape (9, 9)
-        A of the last step.
+        Φ_nn of the last step.
     G : ndarray, shape (9, 6)
         Γ of the last step.
     sensor_cross : ndarray, shape (9, 6)
         Covariance of navigation and the states that disturb each sensor.
     step : ndarray, shape (1,)
-        Length of a step, s, that `decay` and `added` are for.
-    decay, added : ndarray, shape (n,)
-        Factor of a state over it, and the variance that it adds.
+        Length of a step, s, for which decay and process noise of the states are set.
     acts : ndarray of int, shape (m, 3)
-        Constant, sensor that it disturbs and what it multiplies, of every place of `Columns.mix` that is not 0.
+        Constant, sensor that it disturbs and what it multiplies, of every element of `Columns.mix` that is not 0.
     size : ndarray, shape (m,)
-        What stands there.
+        These elements.
     """
 
     wide: FloatArray
@@ -90,14 +83,12 @@ class PropagationState(NamedTuple):
     G: FloatArray
     sensor_cross: FloatArray
     step: FloatArray
-    decay: FloatArray
-    added: FloatArray
     acts: IntArray
     size: FloatArray
 
 
-@compiled
-def new_state(n: int, columns: Columns) -> PropagationState:
+@block
+def new_errors(n: int, columns: Columns) -> AccumulatedErrors:
     """Return the arrays of a propagation of n states."""
     width, count = 2 * n + 27 + len(columns.down), 0
     acts, size = np.zeros((columns.mix.size, 3), dtype=np.int64), np.zeros(columns.mix.size)
@@ -108,7 +99,7 @@ def new_state(n: int, columns: Columns) -> PropagationState:
                     acts[count, 0], acts[count, 1], acts[count, 2] = q, r, c
                     size[count] = columns.mix[q, r, c]
                     count += 1
-    return PropagationState(
+    errors = AccumulatedErrors(
         np.zeros((9, width)),
         np.zeros((9, width)),
         np.zeros(n),
@@ -120,78 +111,56 @@ def new_state(n: int, columns: Columns) -> PropagationState:
         np.zeros((9, 6)),
         np.zeros((9, 6)),
         np.zeros(1),
-        np.ones(n),
-        np.zeros(n),
         acts[:count].copy(),
         size[:count].copy(),
     )
+    restart(errors)
+    return errors
 
 
-@compiled
-def begin(state: PropagationState) -> None:
+@block
+def restart(errors: AccumulatedErrors) -> None:
     """Reset the propagation at a fix."""
-    state.wide[:] = 0.0
-    state.own[:] = 1.0
-    state.tie[:] = 0.0
-    state.variance[:] = 0.0
+    errors.wide[:] = 0.0
+    errors.own[:] = 1.0
+    errors.tie[:] = 0.0
+    errors.variance[:] = 0.0
     for i in range(9):
-        state.wide[i, i] = 1.0
+        errors.wide[i, i] = 1.0
 
 
-@compiled
-def set_matrices(
-    pos: Any, vel: Any, mat: Any, force: Any, dt: float, inverse: FloatArray, A: FloatArray, G: FloatArray
+@block
+def set_step(
+    m: Any,
+    p: Any,
+    a: Any,
+    dt: float,
+    errors: AccumulatedErrors,
 ) -> None:
-    """Set A (9, 9) and Γ (9, 6) of one covariance step."""
-    f_rr, f_vr, f_vv, f_ar, f_av, omega = coupling(pos, vel)
-    E = np.zeros((9, 6))
-    A[:] = 0.0
+    """Set Φ_nn and Γ of a step: what the engine's step makes of a unit matrix, and of unit errors of the sensors.
+
+    `m`, `p` and `a` are the records of `State`; the last two are overwritten.
+    """
+    matrix, inputs = p.P, a.inputs
+    matrix[:9, :16] = 0.0
+    inputs[:, :16] = 0.0
     for i in range(9):
-        A[i, i] = 1.0
-    turn = ((0.0, -omega[2], omega[1]), (omega[2], 0.0, -omega[0]), (-omega[1], omega[0], 0.0))
-    push = ((0.0, -force[2], force[1]), (force[2], 0.0, -force[0]), (-force[1], force[0], 0.0))
-    for i in range(3):
-        for j in range(3):
-            A[6 + i, j] += dt * f_ar[i][j]
-            A[6 + i, 3 + j] += dt * f_av[i][j]
-            A[6 + i, 6 + j] -= dt * turn[i][j]
-            E[6 + i, j] = dt * mat[i][j]
-    for i in range(3):
-        for j in range(9):
-            y = 0.0
-            for m in range(3):
-                tilt = A[6 + m, j] + (1.0 if j == 6 + m else 0.0)
-                y -= 0.5 * push[i][m] * tilt
-            if j < 3:
-                y += f_vr[i][j]
-            elif j < 6:
-                y += f_vv[i][j - 3]
-            A[3 + i, j] += dt * y
-        for j in range(3):
-            y = 0.0
-            for m in range(3):
-                y -= 0.5 * push[i][m] * E[6 + m, j]
-            E[3 + i, j] = dt * y
-            E[3 + i, 3 + j] = dt * mat[i][j]
-    for i in range(3):
-        for j in range(9):
-            y = 0.5 * (A[3 + i, j] + (1.0 if j == 3 + i else 0.0))
-            if j < 3:
-                y += f_rr[i][j]
-            A[i, j] += dt * y
-        for j in range(6):
-            E[i, j] = 0.5 * dt * E[3 + i, j]
+        matrix[i, i, 0] = 1.0
+    for r in range(6):
+        inputs[r, 9 + r, 0] = 1.0
+    if m.ideal == 0:
+        calibrate_inputs(m, a, 0, 16)
+    columns_through_step(m, p, a, 0, 16, dt)
     for i in range(9):
-        for j in range(6):
-            y = 0.0
-            for m in range(6):
-                y -= E[i, m] * inverse[m, j]
-            G[i, j] = y
+        for j in range(9):
+            errors.A[i, j] = matrix[i, j, 0]
+        for r in range(6):
+            errors.G[i, r] = matrix[i, 9 + r, 0]
 
 
-@compiled
+@block
 def _product(A: FloatArray, W: FloatArray, out: FloatArray) -> None:
-    """Set out to A W, both (9, w); in two parts, since loops over more arrays are not made of vectors."""
+    """Set out to A W, both (9, w); in two parts, since loops over more arrays are not vectorised."""
     for i in range(9):
         a, b, c, d, e = A[i, 0], A[i, 1], A[i, 2], A[i, 3], A[i, 4]
         to = out[i]
@@ -204,42 +173,37 @@ def _product(A: FloatArray, W: FloatArray, out: FloatArray) -> None:
             to[j] += a * w5[j] + b * w6[j] + c * w7[j] + d * w8[j]
 
 
-@compiled
-def _added_variance(drive: float, rate: float, dt: float) -> float:
-    """Return the variance that a step adds to a state."""
-    u = 2.0 * rate * dt
-    return float(drive * dt * (1.0 if u == 0.0 else -np.expm1(-u) / u))
+@block
+def accumulate(lay: Layout, columns: Columns, errors: AccumulatedErrors, m: Any, dt: float) -> None:
+    """Add a covariance step to Φ, the process noise and B, and let the estimates of the other states decay.
 
-
-@compiled
-def advance(
-    lay: Layout, columns: Columns, state: PropagationState, true: FloatArray, dt: float, x: FloatArray
-) -> None:
-    """Advance Φ, the noise, B and the other estimates by a covariance step."""
-    n, A, G, W = lay.size, state.A, state.G, state.wide
-    cross, noise, pull = n - 9, 2 * n - 9, 2 * n + 27
-    _product(A, W, state.other)
-    W[:] = state.other
+    `m` is the first record of `State`, with the step linearised and its decay set.
+    """
+    array, states = m.rows, m.states
+    n, A, G, W = lay.size, errors.A, errors.G, errors.wide
+    cross, noise, constants = n - 9, 2 * n - 9, 2 * n + 27
+    _product(A, W, errors.other)
+    W[:] = errors.other
     for i in range(9):
         for g in range(4):
             for j in range(9):
-                state.half[j, 9 * g + i] = W[i, noise + 9 * g + j]
-    _product(A, state.half, state.done)
+                errors.half[j, 9 * g + i] = W[i, noise + 9 * g + j]
+    _product(A, errors.half, errors.done)
     for i in range(9):
         for j in range(36):
-            W[i, noise + j] = state.done[i, j]
+            W[i, noise + j] = errors.done[i, j]
     for s in range(6):
-        _disturb(W, noise + 9 * (s // 3), G, s, lay.white[s] / dt)
-    state.sensor_cross[:] = 0.0
+        _add_white(W, noise + 9 * (s // 3), G, s, array[WHITE_ROW + s, 0] / dt)
+    errors.sensor_cross[:] = 0.0
     for j in range(9, n):
         r = lay.row[j]
         if r < 0:
             continue
-        c = 1.0 if lay.source[j] < 0 else true[lay.source[j]]
-        own, tied, share = c * state.own[j], c * state.tie[j], c * state.variance[j]
+        c = 1.0 if lay.source[j] < 0 else array[CALIBRATED_ROW + lay.source[j], 0]
+        own, tied, share = c * errors.own[j], c * errors.tie[j], c * errors.variance[j]
         slope = lay.slope[j]
         for i in range(9):
-            state.sensor_cross[i, r] += c * W[i, cross + j] + 0.5 * c * share * G[i, r]
+            errors.sensor_cross[i, r] += c * W[i, cross + j] + 0.5 * c * share * G[i, r]
             W[i, j] += own * G[i, r]
             W[i, cross + j] += share * G[i, r]
             if slope >= 0:
@@ -248,40 +212,35 @@ def advance(
         at = noise + 18 + 9 * (r // 3)
         for i in range(9):
             for j in range(9):
-                W[i, at + j] += state.sensor_cross[i, r] * G[j, r] + state.sensor_cross[j, r] * G[i, r]
-    for e in range(len(state.size)):
-        q, s = state.acts[e, 0], state.acts[e, 1]
-        error = state.size[e] * true[state.acts[e, 2]]
+                W[i, at + j] += errors.sensor_cross[i, r] * G[j, r] + errors.sensor_cross[j, r] * G[i, r]
+    for e in range(len(errors.size)):
+        q, s = errors.acts[e, 0], errors.acts[e, 1]
+        error = errors.size[e] * array[CALIBRATED_ROW + errors.acts[e, 2], 0]
         for i in range(9):
-            W[i, pull + q] += error * G[i, s]
+            W[i, constants + q] += error * G[i, s]
     for q in range(len(columns.down)):
-        W[5, pull + q] += dt * columns.down[q]
-        W[2, pull + q] += 0.5 * dt * dt * columns.down[q]
+        W[5, constants + q] += dt * columns.down[q]
+        W[2, constants + q] += 0.5 * dt * dt * columns.down[q]
     if lay.gravity >= 0:
         W[5, lay.gravity] += dt
         W[2, lay.gravity] += 0.5 * dt * dt
-    if dt != state.step[0]:
-        state.step[0] = dt
-        for j in range(9, n):
-            state.decay[j] = np.exp(-lay.rate[j] * dt)
-            state.added[j] = _added_variance(lay.process_noise[j], lay.rate[j], dt)
     for j in range(9, n):
-        decay = state.decay[j]
+        decay = states[DECAY, j, 0]
         if lay.process_noise[j] > 0.0:
             for i in range(9):
                 W[i, cross + j] *= decay
-            state.variance[j] = decay * decay * state.variance[j] + state.added[j]
+            errors.variance[j] = decay * decay * errors.variance[j] + states[PROCESS_VARIANCE, j, 0]
         slope = lay.slope[j]
         if slope >= 0:
-            state.tie[j] = decay * state.tie[j] + dt * state.own[slope]
-            x[j] = decay * x[j] + dt * x[slope]
+            errors.tie[j] = decay * errors.tie[j] + dt * errors.own[slope]
+            states[ESTIMATE, j, 0] = decay * states[ESTIMATE, j, 0] + dt * states[ESTIMATE, slope, 0]
         else:
-            x[j] *= decay
-        state.own[j] *= decay
+            states[ESTIMATE, j, 0] *= decay
+        errors.own[j] *= decay
 
 
-@compiled
-def _disturb(W: FloatArray, at: int, G: FloatArray, s: int, density: float) -> None:
+@block
+def _add_white(W: FloatArray, at: int, G: FloatArray, s: int, density: float) -> None:
     """Add the white noise of sensor s to a block of W."""
     for i in range(9):
         for j in range(9):
