@@ -82,6 +82,10 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(error.format_message())
     except (DataError, RegistryError, OSError) as error:
         return _refuse(str(error))
+    except ImportError as error:
+        return _refuse(
+            f"a package that 'tuner {arguments[0]}' needs cannot be loaded ({error}); install it anew"
+        )
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
