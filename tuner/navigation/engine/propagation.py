@@ -47,6 +47,8 @@ from tuner.navigation.engine.transition import (
     set_sensitivity,
 )
 
+COLUMNS_AT_ONCE = 8
+"""Columns of `BATCH_SIZE` filters that are advanced at a time: their inputs stay in the fastest cache."""
 LONGEST_DECAY = 100.0
 """Time constants of the fastest state after which P returns to b: c stays within the range of numbers, e^±100."""
 
@@ -132,10 +134,14 @@ def advance(m: Any, p: Any, a: Any, dt: float) -> None:
         set_sensitivity(m, dt)
     set_coupling(m)
     inputs_by_rows(m, p, a)
-    inputs_by_columns(m, p, a, NAVIGATION_STATES, end)
-    if mixed:
-        calibrate_inputs(m, a, 0, end)
-    columns_through_step(m, p, a, 0, end, dt)
+    begin, first = 0, NAVIGATION_STATES
+    while begin < end:
+        last = end if m.filters == 1 else min(first + COLUMNS_AT_ONCE, end)
+        inputs_by_columns(m, p, a, first, last)
+        if mixed:
+            calibrate_inputs(m, a, begin, last)
+        columns_through_step(m, p, a, begin, last, dt)
+        begin, first = last, last
     inputs_by_rows(m, p, a)
     if mixed:
         add_mixed_white(m, a, dt)

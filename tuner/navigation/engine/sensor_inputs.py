@@ -56,7 +56,8 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
             S[SENSITIVITY, NAVIGATION_STATES + 4, 0],
             S[SENSITIVITY, NAVIGATION_STATES + 5, 0],
         )
-        for j in range(first, end):
+        for column in range(first, end):
+            j = np.uint64(column)
             A[0, j, 0] = s0 * P[NAVIGATION_STATES, j, 0]
             A[1, j, 0] = s1 * P[NAVIGATION_STATES + 1, j, 0]
             A[2, j, 0] = s2 * P[NAVIGATION_STATES + 2, j, 0]
@@ -65,7 +66,8 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
             A[5, j, 0] = s5 * P[NAVIGATION_STATES + 5, j, 0]
             A[DOWN_INPUT, j, 0] = 0.0
     else:
-        for j in range(first, end):
+        for column in range(first, end):
+            j = np.uint64(column)
             for w in range(filters):
                 A[0, j, w] = S[SENSITIVITY, NAVIGATION_STATES, w] * P[NAVIGATION_STATES, j, w]
                 A[1, j, w] = S[SENSITIVITY, NAVIGATION_STATES + 1, w] * P[NAVIGATION_STATES + 1, j, w]
@@ -78,15 +80,22 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
         sensor, s, k = np.uint64(groups[g, 0]), np.uint64(groups[g, 1]), np.uint64(GROUP_SIZE * g)
         if filters == 1:
             c0, c1, c2, c3 = C[k, 0], C[k + UINT_1, 0], C[k + UINT_2, 0], C[k + UINT_3, 0]
-            for j in range(first, end):
+            for column in range(first, end):
+                j = np.uint64(column)
                 A[sensor, j, 0] += (c0 * P[s, j, 0] + c1 * P[s + UINT_1, j, 0]) + (
                     c2 * P[s + UINT_2, j, 0] + c3 * P[s + UINT_3, j, 0]
                 )
         else:
-            for j in range(first, end):
+            for column in range(first, end, 2):  # what is behind the states is 0
+                j = np.uint64(column)
+                i = j + UINT_1
                 for w in range(filters):
-                    A[sensor, j, w] += (C[k, w] * P[s, j, w] + C[k + UINT_1, w] * P[s + UINT_1, j, w]) + (
-                        C[k + UINT_2, w] * P[s + UINT_2, j, w] + C[k + UINT_3, w] * P[s + UINT_3, j, w]
+                    c0, c1, c2, c3 = C[k, w], C[k + UINT_1, w], C[k + UINT_2, w], C[k + UINT_3, w]
+                    A[sensor, j, w] += (c0 * P[s, j, w] + c1 * P[s + UINT_1, j, w]) + (
+                        c2 * P[s + UINT_2, j, w] + c3 * P[s + UINT_3, j, w]
+                    )
+                    A[sensor, i, w] += (c0 * P[s, i, w] + c1 * P[s + UINT_1, i, w]) + (
+                        c2 * P[s + UINT_2, i, w] + c3 * P[s + UINT_3, i, w]
                     )
 
 

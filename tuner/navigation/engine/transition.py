@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from models.error_state import coupling
 from models.strapdown import mean_attitude
 from models.vector3 import add, cross, scale, transform
@@ -114,13 +116,13 @@ def position_rows(K: Any, w: int, r: Any, v: Any, after: Any, half: float) -> An
 
 
 @inlined
-def triple(P: Any, row: int, j: int, w: int) -> Any:
+def triple(P: Any, row: int, j: Any, w: int) -> Any:
     """Return three rows of column j."""
     return P[row, j, w], P[row + 1, j, w], P[row + 2, j, w]
 
 
 @inlined
-def put_triple(P: Any, row: int, j: int, w: int, a: Any) -> None:
+def put_triple(P: Any, row: int, j: Any, w: int, a: Any) -> None:
     """Set three rows of column j."""
     P[row, j, w] = a[0]
     P[row + 1, j, w] = a[1]
@@ -131,7 +133,8 @@ def put_triple(P: Any, row: int, j: int, w: int, a: Any) -> None:
 def columns_through_step(m: Any, p: Any, a: Any, first: int, end: int, dt: float) -> None:
     """Replace nine rows of the columns first … end − 1 of P by Φ_nn · + Γ times their inputs."""
     K, P, A, half = m.rows, p.P, a.inputs, 0.5 * dt
-    for j in range(first, end):
+    for column in range(first, end):
+        j = np.uint64(column)
         for w in range(m.rows.shape[1]):
             r, v, a = triple(P, 0, j, w), triple(P, 3, j, w), triple(P, 6, j, w)
             a_after = attitude_rows(K, w, r, v, a, triple(A, 0, j, w))
