@@ -152,7 +152,7 @@ def test_what_a_declaration_lacks_is_said_in_one_line() -> None:
         ValueError, match=r"^noise term 'damped' cannot be fitted: it gives no trial_shapes for 'damping'$"
     ):
         Damped.trial_shapes(np.ones(3))
-    empty = type("Empty", (Term,), {"name": "empty", "PARAMETERS": ()})
+    empty = type("Empty", (Term,), {"name": "empty", "PARAMETERS": (), "UNITS": ()})
     with pytest.raises(
         RegistryError, match="noise term 'empty': PARAMETERS must name at least the amplitude"
     ):

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
 import platform
 import re
+import subprocess
+import sys
 
 import pytest
 from numba import njit
@@ -40,12 +44,29 @@ def packed(function, state):
     return len(PACKED.findall(list(function.inspect_asm().values())[-1]))
 
 
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names of x86 instructions")
-@pytest.mark.parametrize("filters", [1, BATCH_SIZE])
-def test_loops_are_packed(filters):
+def counts(filters):
     settings = filter_settings(synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp")))
     state = new_state(layout_of(settings), filters)
-    assert packed(_stepped, state) >= 60
-    assert packed(_summed, state) >= 4
+    return [packed(function, state) for function in (_stepped, _summed, _mechanised)]
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names of x86 instructions")
+@pytest.mark.parametrize("filters", [1, BATCH_SIZE])
+def test_loops_are_packed(filters, tmp_path):
+    """In a process and a cache of its own: a function read from the cache is called, and its code is not seen."""
+    finished = subprocess.run(
+        [sys.executable, __file__, str(filters)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    stepped, summed, mechanised = json.loads(finished.stdout)
+    assert stepped >= 60
+    assert summed >= 4
     if filters > 1:
-        assert packed(_mechanised, state) >= 150
+        assert mechanised >= 150
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(counts(int(sys.argv[1]))))
