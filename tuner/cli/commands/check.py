@@ -67,7 +67,9 @@ def command(
     configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
     sensor, receiver = (None, None) if truth is None else load_sensor(truth)
     motion = load_trajectory(trajectory, duration)
-    messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: some ten seconds)")
+    messages.say(
+        f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about half a minute)"
+    )
     with messages.bar("simulating") as advance:
         found = check(
             configured,

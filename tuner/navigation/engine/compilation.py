@@ -73,7 +73,7 @@ def compiling() -> Iterator[None]:
     notice = threading.Timer(
         COMPILING_AFTER,
         lambda: logging.getLogger("tuner").warning(
-            "tuner: compiling the filter for this machine, once; it takes some ten seconds"
+            "tuner: compiling the filter for this machine, once; it takes about half a minute"
         ),
     )
     notice.daemon = True
