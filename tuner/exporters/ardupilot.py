@@ -29,10 +29,10 @@ def write(config: FilterConfig, target: Target) -> str:
     factor = 1.0 / math.sqrt(target.step)
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
-        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", factor=factor)
+        figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
         figures["EK3_GBIAS_P_NSE"] = walk(gyro, "rad/s²; K/√dt", target, factor=factor)
     if accel := triad(config, "accel"):
-        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", factor=factor)
+        figures["EK3_ACC_P_NSE"] = white(accel, "m/s²; N/√dt", factor=factor, memory=target.memory)
         figures["EK3_ABIAS_P_NSE"] = walk(accel, "m/s³; K/√dt", target, factor=factor)
     lines = [
         *provenance(config, "ArduPilot EKF3 parameters", walk_memory=target.memory),

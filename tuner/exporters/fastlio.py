@@ -12,7 +12,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.triad_values import mean, triad
 from tuner.formats.yaml_text import yaml_text
-from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -20,7 +20,7 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return the mapping entries of FAST-LIO."""
 
     def white(channel: ChannelNoise) -> float:
-        return channel.white_density**2 / target.interval
+        return equivalent_white_density(channel, memory=target.memory) ** 2 / target.interval
 
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory) ** 2 / target.interval

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import provenance
+from tuner.exporters.header import STATES_IN_WHITE, provenance
 from tuner.exporters.triad_values import longest_time, triad
 from tuner.formats.digits import rounded
-from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -24,6 +24,7 @@ def write(config: FilterConfig, target: Target) -> str:
         "stddev = N/√dt; dynamic_bias_stddev = σ√(2/T), a driving density; bias_stddev: turn-on sd",
         f"dt = {target.interval:g} s; one T = {time:g} s",
         f"σ lets the bias wander as far in {target.memory:g} s as the modelled one",
+        STATES_IN_WHITE,
     )
     body = "".join(
         f"  <{element}>\n{''.join(_axis(c, time, target) for c in triad(config, sensor))}  </{element}>\n"
@@ -36,10 +37,11 @@ def write(config: FilterConfig, target: Target) -> str:
 
 def _axis(channel: ChannelNoise, time: float, target: Target) -> str:
     letter = channel.axis.rpartition("_")[2]
+    density = equivalent_white_density(channel, memory=target.memory)
     sd = equivalent_markov_sd(channel, time, memory=target.memory)
     entries = {
         "mean": 0.0,
-        "stddev": channel.white_density / math.sqrt(target.interval),
+        "stddev": density / math.sqrt(target.interval),
         "bias_mean": 0.0,
         "bias_stddev": channel.constant_sd,
         "dynamic_bias_stddev": sd * math.sqrt(2.0 / time),

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import provenance
+from tuner.exporters.header import STATES_IN_WHITE, provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import longest_time, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a Python module with ``imu_err``."""
     time = longest_time(config)
+
+    def density(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory)
 
     def sd(channel: ChannelNoise) -> float:
         return equivalent_markov_sd(channel, time, memory=target.memory)
@@ -33,7 +36,7 @@ def write(config: FilterConfig, target: Target) -> str:
             continue
         entries = (
             (f"{sensor}_b", lambda c, u=level: from_si(c.constant_sd, u), f"{level}; one turn-on sd"),
-            (f"{sensor}_{key}", lambda c, u=walk: from_si(c.white_density, u), f"{walk}; N"),
+            (f"{sensor}_{key}", lambda c, u=walk: from_si(density(c), u), f"{walk}; N"),
             (f"{sensor}_b_stability", lambda c, u=level: from_si(sd(c), u), f"{level}; σ"),
             (f"{sensor}_b_corr", lambda _: time, "s; T"),
         )
@@ -43,6 +46,7 @@ def write(config: FilterConfig, target: Target) -> str:
     header = (
         *provenance(config, "gnss-ins-sim IMU errors"),
         f"one T = {time:g} s; σ lets the bias wander as far in {target.memory:g} s as the modelled one",
+        STATES_IN_WHITE,
     )
     return commented(header, "#") + "import numpy as np\n\nimu_err = {\n" + "".join(lines) + "}\n"
 

@@ -12,7 +12,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import triad, triple
-from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -21,6 +21,9 @@ def write(config: FilterConfig, target: Target) -> str:
 
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory) ** 2
+
+    def white_variance(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory) ** 2
 
     lines = []
     priors = []
@@ -31,7 +34,7 @@ def write(config: FilterConfig, target: Target) -> str:
         channels = triad(config, sensor)
         if not channels:
             continue
-        white, _ = triple(channels, lambda c: c.white_density**2, "")
+        white, _ = triple(channels, white_variance, "")
         drive, _ = triple(channels, walk, "")
         prior, _ = triple(channels, lambda c: c.constant_sd**2, "")
         priors += prior

@@ -6,11 +6,17 @@ from collections.abc import Iterator
 
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
-from tuner.synthesis.equivalent_models import structure_function
-from tuner.types import FilterConfig
+from tuner.synthesis.equivalent_models import equivalent_noise, structure_function
+from tuner.types import ChannelNoise, FilterConfig
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
+
+
+STATES_IN_WHITE = (
+    "states that the filter forgets within a thirtieth of its memory are in N, as 2σ²T each in N²"
+)
+"""What becomes of fast states where one state stands for all."""
 
 
 def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = None) -> tuple[str, ...]:
@@ -23,7 +29,7 @@ def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = 
     title : str
         What the file is.
     walk_memory : float, optional
-        Memory, s, where the target's random walk stands for Gauss–Markov states.
+        Memory, s, where white noise and a random walk of the target stand for Gauss–Markov states.
     """
     return tuple(_provenance(config, title, walk_memory))
 
@@ -40,9 +46,12 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz; identified: {known or 'nothing'}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
-            f"random walk: K² = D/τ with τ = {walk_memory:g} s (assumed memory of the filter) "
-            "and D the growth of the modelled bias, Σ 2σ²(1 − e^(−τ/T)) + K²τ"
+            f"Gauss–Markov states in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): T ≤ τ/30 "
+            "adds 2σ²T to N², T ≥ τ adds 2σ²(1 − e^(−τ/T))/τ to K², between by the nearest Allan deviation"
         )
+        for axis, channel in config.channels.items():
+            if channel.markov:
+                yield _equivalence(axis, channel, walk_memory)
     if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
         yield (
             f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise "
@@ -52,6 +61,16 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         if not triad(config, sensor):
             yield f"{name} are left out: the configuration has none (--complete GRADE fills them in)"
     yield from _inflations(config)
+
+
+def _equivalence(axis: str, channel: ChannelNoise, memory: float) -> str:
+    """Say what stands for the states of an axis, and how well."""
+    found = equivalent_noise(channel, memory=memory)
+    low, high = found.mismatch
+    return (
+        f"{axis}: N = {found.white_density:.4g}, K = {found.random_walk_density:.4g} have {low:.2f} … {high:.2f} "
+        f"of the Allan deviation of the configuration, τ {found.shortest:g} … {found.longest:g} s"
+    )
 
 
 def _inflations(config: FilterConfig) -> Iterator[str]:

@@ -17,11 +17,11 @@ from typing import Any
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import provenance
+from tuner.exporters.header import STATES_IN_WHITE, provenance
 from tuner.exporters.triad_values import longest_time, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 SCALE_FACTOR_SD = 300.0
@@ -39,6 +39,7 @@ def header(config: FilterConfig, target: Target) -> tuple[str, ...]:
         *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
         f"one T = {longest_time(config):g} s for all states (the longest in the configuration, or 1 h); each σ lets "
         f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled one",
+        STATES_IN_WHITE,
     )
 
 
@@ -47,20 +48,23 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
 
+    def density(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory)
+
     def sd(channel: ChannelNoise) -> float:
         return equivalent_markov_sd(channel, time_constant, memory=target.memory)
 
     noise: dict[str, Any] = {}
     start: dict[str, Any] = {}
     if gyro:
-        noise["arw"] = _axes(gyro, lambda c: from_si(c.white_density, "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
+        noise["arw"] = _axes(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N·(180/π)·60")
         noise["gbstd"] = _axes(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ·(180/π)·3600")
         noise["gsstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
             gyro, lambda c: from_si(_turn_on(c), "deg/h"), "deg/h; constant and states together"
         )
     if accel:
-        noise["vrw"] = _axes(accel, lambda c: from_si(c.white_density, "m/s/sqrt(h)"), "m/s/√h; N·60")
+        noise["vrw"] = _axes(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
         noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ/1e-5")
         noise["asstd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(

@@ -19,10 +19,10 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return the IMU entries of LIO-SAM."""
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
-        entries["imuAccNoise"] = white(accel, "m/s²/√Hz; N").noted()
+        entries["imuAccNoise"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
         entries["imuAccBiasN"] = walk(accel, "m/s³/√Hz; K", target).noted()
     if gyro := triad(config, "gyro"):
-        entries["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N").noted()
+        entries["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
         entries["imuGyrBiasN"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
     entries["imuGravity"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = provenance(config, "LIO-SAM: IMU entries of params.yaml", walk_memory=target.memory)

@@ -11,10 +11,14 @@ import math
 from collections.abc import Callable
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import provenance
+from tuner.exporters.header import STATES_IN_WHITE, provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import longest_time, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk
+from tuner.synthesis.equivalent_models import (
+    equivalent_markov_sd,
+    equivalent_random_walk,
+    equivalent_white_density,
+)
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -22,13 +26,16 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return a script that defines ``imu``."""
     time = longest_time(config)
 
+    def density(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory)
+
     def sd(channel: ChannelNoise) -> float:
         return equivalent_markov_sd(channel, time, memory=target.memory)
 
     quantities: tuple[tuple[str, Callable[[ChannelNoise], float], str], ...] = (
-        ("{0}rw", lambda c: c.white_density, "{1}/√Hz; N"),
+        ("{0}rw", density, "{1}/√Hz; N"),
         ("{0}rrw", lambda c: equivalent_random_walk(c, memory=target.memory), "{1}/√s; K"),
-        ("{2}_std", lambda c: c.white_density / math.sqrt(target.interval), "{1}; N/√dt, sd of a sample"),
+        ("{2}_std", lambda c: density(c) / math.sqrt(target.interval), "{1}; N/√dt, sd of a sample"),
         ("{2}b_sta", lambda c: c.constant_sd, "{1}; turn-on sd"),
         ("{2}b_dyn", sd, "{1}; σ"),
         ("{2}b_corr", lambda _: time, "s; T"),
@@ -44,6 +51,7 @@ def write(config: FilterConfig, target: Target) -> str:
     header = (
         *provenance(config, "NaveGo IMU structure", walk_memory=target.memory),
         f"one T = {time:g} s; σ lets the bias wander as far in {target.memory:g} s as the modelled one",
+        STATES_IN_WHITE,
     )
     return commented(header, "%") + "".join(lines)
 

@@ -19,10 +19,10 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return the IMU entries of an ORB-SLAM3 settings file."""
     entries: dict[str, Any] = {}
     if gyro := triad(config, "gyro"):
-        entries["IMU.NoiseGyro"] = white(gyro, "rad/s/√Hz; N").noted()
+        entries["IMU.NoiseGyro"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
         entries["IMU.GyroWalk"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
     if accel := triad(config, "accel"):
-        entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N").noted()
+        entries["IMU.NoiseAcc"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
         entries["IMU.AccWalk"] = walk(accel, "m/s³/√Hz; K", target).noted()
     entries["IMU.Frequency"] = Noted(target.rate, "Hz")
     header = provenance(config, "ORB-SLAM3: IMU entries of the settings file", walk_memory=target.memory)

@@ -6,12 +6,15 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import triad, triple
-from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a Python module with ``gyro_model`` and ``accel_model``."""
+
+    def density(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory)
 
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory)
@@ -22,7 +25,7 @@ def write(config: FilterConfig, target: Target) -> str:
         if not channels:
             continue
         constant, constant_note = triple(channels, lambda c: c.constant_sd, f"{unit}; turn-on sd")
-        white, white_note = triple(channels, lambda c: c.white_density, f"{unit}/√Hz; N")
+        white, white_note = triple(channels, density, f"{unit}/√Hz; N")
         drive, drive_note = triple(channels, walk, f"{unit}/√s; K")
         text += (
             f"\n{sensor}_model = EstimationModel(\n"

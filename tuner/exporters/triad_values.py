@@ -1,7 +1,7 @@
 """Numbers of a dialect: the axes of a triad combined to one figure, with its unit, formula and spread in words.
 
 One value for three axes is their rms: the noise power of the triad is then right, and the spread stands in
-the comment. Random-walk-only targets get the walk that wanders as far as the modelled bias over the memory
+the comment. Random-walk-only targets get the white noise and the walk that stand for the modelled bias over the memory
 of the filter (`tuner.synthesis.equivalent_models`). Figures follow from several numbers and have no interval of their
 own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from tuner.exporters.dialect import Target
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted
-from tuner.synthesis.equivalent_models import equivalent_random_walk
+from tuner.synthesis.equivalent_models import FILTER_MEMORY, equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 DEFAULT_TIME_CONSTANT = 3600.0
@@ -95,9 +95,11 @@ def limited(figure: Figure, limits: Limits) -> Figure:
     return Figure(value, f"{figure.note}; {moved}")
 
 
-def white(channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0) -> Figure:
-    """Return the white density times a factor, rms of the axes."""
-    return rms(channels, lambda channel: factor * channel.white_density, note)
+def white(
+    channels: tuple[ChannelNoise, ...], note: str, *, factor: float = 1.0, memory: float = FILTER_MEMORY
+) -> Figure:
+    """Return the equivalent white density of a filter with some memory, s, times a factor; rms of the axes."""
+    return rms(channels, lambda channel: factor * equivalent_white_density(channel, memory=memory), note)
 
 
 def walk(channels: tuple[ChannelNoise, ...], note: str, target: Target, *, factor: float = 1.0) -> Figure:

@@ -24,10 +24,10 @@ def write(config: FilterConfig, target: Target) -> str:
     density, drive = math.sqrt(2.0 / target.interval), 1.0 / math.sqrt(target.interval)
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
-        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", factor=density).noted()
+        entries["acc_n"] = white(accel, "m/s²; N·√(2/dt)", factor=density, memory=target.memory).noted()
         entries["acc_w"] = walk(accel, "m/s³; K/√dt", target, factor=drive).noted()
     if gyro := triad(config, "gyro"):
-        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", factor=density).noted()
+        entries["gyr_n"] = white(gyro, "rad/s; N·√(2/dt)", factor=density, memory=target.memory).noted()
         entries["gyr_w"] = walk(gyro, "rad/s²; K/√dt", target, factor=drive).noted()
     entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = (

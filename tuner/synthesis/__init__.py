@@ -8,7 +8,12 @@
 from __future__ import annotations
 
 from tuner.synthesis.bias_states import BOUND, RULES, bounding_state
-from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_random_walk, structure_function
+from tuner.synthesis.equivalent_models import (
+    equivalent_markov_sd,
+    equivalent_noise,
+    equivalent_random_walk,
+    structure_function,
+)
 from tuner.synthesis.initial_covariance import turn_on_spread
 from tuner.synthesis.process_noise import axis_states, axis_system, shaping_states, step_noise
 from tuner.synthesis.synthesize import inflate, synthesize
@@ -20,6 +25,7 @@ __all__ = [
     "axis_system",
     "bounding_state",
     "equivalent_markov_sd",
+    "equivalent_noise",
     "equivalent_random_walk",
     "inflate",
     "shaping_states",

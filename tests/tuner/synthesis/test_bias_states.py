@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from models.noise import BiasInstability, GaussMarkov
+from models.noise import BiasInstability, GaussMarkov, NoiseModel, RandomWalk, White
 from tuner.synthesis import (
     RULES,
     axis_states,
     axis_system,
     bounding_state,
     equivalent_markov_sd,
+    equivalent_noise,
     equivalent_random_walk,
     step_noise,
     structure_function,
@@ -151,14 +152,55 @@ def test_bounding_state_of_a_point_is_the_point() -> None:
         bounding_state((1.0, 2.0), (0.0, 50.0))
 
 
-def test_equivalents_wander_as_far_over_the_memory() -> None:
-    rich = channel(markov=(GaussMarkov(2e-5, 10.0), GaussMarkov(1e-5, 1000.0)), random_walk_density=1e-7)
-    for memory in (10.0, 100.0, 1000.0):
+def test_equivalents_of_slow_states_wander_as_far_over_the_memory() -> None:
+    rich = channel(markov=(GaussMarkov(2e-5, 300.0), GaussMarkov(1e-5, 1000.0)), random_walk_density=1e-7)
+    for memory in (1.0, 10.0, 100.0, 300.0):
         wander = structure_function(rich, memory)
         walk = channel(random_walk_density=equivalent_random_walk(rich, memory=memory))
         single = channel(markov=(GaussMarkov(equivalent_markov_sd(rich, 300.0, memory=memory), 300.0),))
         assert structure_function(walk, memory) == pytest.approx(wander, rel=1e-12)
         assert structure_function(single, memory) == pytest.approx(wander, rel=1e-12)
+        assert equivalent_noise(rich, memory=memory).white_density == rich.white_density
+
+
+@pytest.mark.parametrize("time", [0.1, 1.0, 2.0, 3.0])
+def test_a_state_of_seconds_is_white_noise_and_no_walk(time: float) -> None:
+    """White noise of a Gauss–Markov process at long times: S(0) = 2σ²T (IEEE Std 952, Annex C)."""
+    fast = channel(markov=(GaussMarkov(2e-3, time),), random_walk_density=1e-7)
+    found = equivalent_noise(fast)
+    assert found.white_density**2 == pytest.approx(fast.white_density**2 + 2.0 * 4e-6 * time, rel=1e-12)
+    assert found.random_walk_density == pytest.approx(1e-7, rel=1e-12)
+    half = np.array([50.0])
+    truth = NoiseModel((White(fast.white_density), *fast.markov, RandomWalk(1e-7))).allan_variance(half)
+    exported = NoiseModel((White(found.white_density), RandomWalk(1e-7))).allan_variance(half)
+    assert np.sqrt(exported / truth) == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    "states",
+    [
+        ((1e-5, 10.0),),
+        ((3e-5, 30.0),),
+        ((1e-5, 10.0), (1e-5, 100.0), (1e-5, 1000.0)),
+        ((5e-5, 5.0), (1e-5, 60.0)),
+    ],
+)
+def test_no_other_white_noise_and_walk_follow_the_allan_deviation_better(states) -> None:
+    """Against a search over all N and K; slow states enter K by their wander, up to 20 % from that optimum."""
+    rich = channel(markov=tuple(GaussMarkov(sd, time) for sd, time in states), white_density=5e-5)
+    found = equivalent_noise(rich)
+    tau = np.geomspace(1.0, 100.0, 41)
+    truth = NoiseModel((White(rich.white_density), *rich.markov)).allan_variance(tau)
+
+    def misfit(white: float, walk: float) -> float:
+        return float(np.sqrt(np.mean(np.log((white / tau + walk * tau / 3.0) / truth) ** 2)))
+
+    white, walk = found.white_density**2, found.random_walk_density**2
+    factors = np.geomspace(0.1, 10.0, 61)
+    best = min(misfit(a * white, b * walk) for a in factors for b in factors)
+    assert misfit(white, walk) <= best + 0.1
+    ratio = np.sqrt((white / tau + walk * tau / 3.0) / truth)
+    assert found.mismatch == pytest.approx((ratio.min(), ratio.max()), rel=1e-9)
 
 
 def test_equivalents_keep_what_needs_no_conversion() -> None:
