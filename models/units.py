@@ -64,6 +64,7 @@ _UNITS: Final[dict[str, float]] = {
     "arcsec": ARCSEC,
     # angular rate
     "rad/s": 1.0,
+    "mrad/s": 1e-3,
     "deg/s": DEG_PER_SECOND,
     "mdeg/s": 1e-3 * DEG_PER_SECOND,
     "deg/h": DEG_PER_HOUR,
@@ -105,6 +106,8 @@ _UNITS: Final[dict[str, float]] = {
     "mph": MILE_PER_HOUR,
     # acceleration
     "m/s^2": 1.0,
+    "cm/s^2": GAL,
+    "ft/s^2": FOOT,
     "g": G,
     "mg": MILLI_G,
     "ug": MICRO_G,

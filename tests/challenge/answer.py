@@ -39,9 +39,11 @@ def answer(path: Path) -> dict[str, Any]:
             for finding in out["findings"]:
                 finding["channels"], finding["by_channel"] = ["drive"], {}
         else:
-            records, other = read(path), path.with_suffix(".b.npz")
+            records, other = read(path, assume="si"), path.with_suffix(".b.npz")
             began, cpu = time.perf_counter(), time.process_time()
-            found = diagnose(records, holdout=read(other)) if other.exists() else diagnose(records)
+            found = (
+                diagnose(records, holdout=read(other, assume="si")) if other.exists() else diagnose(records)
+            )
             out = diagnosis_json(found)
         out["error"] = None
     except Exception:  # whatever breaks is a result: the scorer counts it

@@ -44,7 +44,7 @@ def ready(item: Item, folder) -> Channel:
     """Return the axis as the diagnosis sees it."""
     path = folder / "log.npz"
     np.savez(path, **log(item))
-    (record,) = read(path)
+    (record,) = read(path, assume="si")
     steps = [
         t.parameters["step"].value
         for t in data_quality_tests(record)

@@ -51,7 +51,7 @@ def write_csv(records: Sequence[Record], path: Path) -> None:
 
 
 def write_npz(records: Sequence[Record], path: Path) -> None:
-    """Write records that share one clock as arrays: ``t``, ``gyro`` (n, 3), ``accel`` (n, 3), covariates.
+    """Write records that share one clock as arrays: ``t``, ``gyro`` (n, 3), ``accel`` (n, 3), units, covariates.
 
     A sensor that has not exactly three axes is written as one array an axis.
     """
@@ -61,6 +61,8 @@ def write_npz(records: Sequence[Record], path: Path) -> None:
             arrays[record.name] = record.y
         else:
             arrays |= {axis: record.column(axis) for axis in record.axes}
+        if record.name in TRIADS:
+            arrays[f"{record.name}_unit"] = np.array(record.unit)
     arrays |= _covariates(records)
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]

@@ -34,6 +34,7 @@ def read(
     accel_scale: float | None = None,
     columns: Mapping[str, str] | None = None,
     constant_axes: bool = False,
+    assume: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
     """Read a log of a gyroscope, an accelerometer or both.
@@ -45,8 +46,8 @@ def read(
     rate : float, optional
         Sampling rate, Hz: needed where the file has neither stamps nor a stated rate; checked against stamps.
     gyro_unit, accel_unit : str, optional
-        ``rad/s deg/s deg/h rad deg arcsec`` and ``m/s^2 g mg m/s``, instead of what the file says. Units
-        without time (and m/s) are increments: they are divided by the interval.
+        ``rad/s deg/s deg/h mrad/s mdeg/s rad deg arcsec`` and ``m/s^2 g mg cm/s^2 ft/s^2 m/s cm/s ft/s``, instead
+        of what the file says. Units without time (and lengths by s) are increments: they are divided by the interval.
     gyro_scale, accel_scale : float, optional
         Units in one count.
     columns : mapping of str to str, optional
@@ -54,6 +55,8 @@ def read(
         `parse_columns`.
     constant_axes : bool
         Whether an axis that never changes is kept beside others that do.
+    assume : str, optional
+        ``si``: units that neither the file nor an option states are SI, whatever the samples look like.
     progress : callable, optional
         Called with (bytes done, bytes in total) while a text file is parsed.
 
@@ -73,6 +76,9 @@ def read(
         if value is not None and not 0.0 < value < float("inf"):
             msg = f"{name}: expected a positive number, got {value}"
             raise DataError(msg)
+    if assume not in (None, "si"):
+        msg = f"--assume: expected si, got {assume}"
+        raise DataError(msg)
     if not path.exists():
         msg = f"{path}: no such file"
         raise DataError(msg)
@@ -86,5 +92,6 @@ def read(
         scale={"gyro": gyro_scale, "accel": accel_scale},
         columns=columns,
         constant_axes=constant_axes,
+        assume_si=assume == "si",
     )
     return assemble_records(listing, digest(path), options)

@@ -70,9 +70,10 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     }
     records = []
     for sensor, block in zip(layout.sensors, blocks, strict=True):
-        unit, offset, scale = units[sensor.name]
-        factor = unit_value(unit) * scale / (base.interval if unit in names.INCREMENT_UNITS else 1.0)
-        y = _regridded(base, block, offset, factor)
+        choice = units[sensor.name]
+        unit = choice.unit
+        factor = unit_value(unit) * choice.scale / (base.interval if unit in names.INCREMENT_UNITS else 1.0)
+        y = _regridded(base, block, choice.offset, factor)
         if unit in names.INCREMENT_UNITS:
             notes.append(
                 f"{sensor.name}: increments in {unit} were divided by the interval {base.interval:.9g} s"
@@ -92,18 +93,17 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 timing=MappingProxyType(timing),
             )
         )
-    stated = frozenset(s for s in _SI_UNITS if options.unit.get(s) is not None)
-    notes += check_units(
-        str(listing.path), records, {name: unit for name, (unit, _, _) in units.items()}, stated=stated
-    )
-    live = _without_constant_axes(records, notes, keep=options.constant_axes)
-    if not live:
+    if not any(np.ptp(record.y[:, j]) > 0.0 for record in records for j in range(len(record.axes))):
         msg = (
             f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
             "choose others with --columns"
         )
         raise DataError(msg)
-    return tuple(replace(record, notes=tuple(notes)) for record in live)
+    doubts, assumed = check_units(str(listing.path), records, units, assume_si=options.assume_si)
+    notes += doubts
+    live = _without_constant_axes(records, notes, keep=options.constant_axes)
+    assumptions = tuple(assumed[record.name] for record in live if record.name in assumed)
+    return tuple(replace(record, notes=(*assumptions, *notes), assumptions=assumptions) for record in live)
 
 
 def _load(

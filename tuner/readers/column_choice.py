@@ -18,6 +18,9 @@ from tuner.types.records import DataError
 Parsed = Mapping[str, names.ColumnName]
 Candidates = Mapping[str, list[tuple[int, str]]]
 
+MAX_NAMED = 12
+"""Columns named in a note, at most: the rest is counted."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -77,6 +80,11 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         for role in dict.fromkeys(["t", "temperature", *others])
         if (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
     }
+    used = {part.array for sensor in sensors for part in sensor.parts}
+    used |= {channel.part.array for channel in channels.values()}
+    if unused := [array for array in listing.shapes if array not in used]:
+        more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
+        notes.append(f"columns not used: {', '.join(unused[:MAX_NAMED])}{more}")
     return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes))
 
 

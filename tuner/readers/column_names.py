@@ -63,18 +63,20 @@ TIME_UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
 """Seconds in one unit."""
 
 UNITS: Mapping[str, tuple[str, ...]] = {
-    "gyro": ("rad/s", "deg/s", "deg/h", "rad", "deg", "arcsec"),
-    "accel": ("m/s^2", "g", "mg", "m/s"),
+    "gyro": ("rad/s", "deg/s", "deg/h", "mrad/s", "mdeg/s", "rad", "deg", "arcsec"),
+    "accel": ("m/s^2", "g", "mg", "cm/s^2", "ft/s^2", "m/s", "cm/s", "ft/s"),
 }
-"""Units a sensor may have; the last ones (no time in the gyro's, m/s of the accel) are increments."""
+"""Units a sensor may have, SI first; the last ones (no time in the gyro's, /s of the accel) are increments."""
 
-INCREMENT_UNITS = frozenset(("rad", "deg", "arcsec", "m/s"))
+INCREMENT_UNITS = frozenset(("rad", "deg", "arcsec", "m/s", "cm/s", "ft/s"))
 
 _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad/sec", "rads/s", "rad s^-1", "rad*s^-1", "rad.s^-1", "radps", "rad_s", "rads",
               "rps", "radians/s"),
     "deg/s": ("deg/s", "deg/sec", "°/s", "°/sec", "deg s^-1", "dps", "deg_s", "degps", "degs", "degrees/s"),
     "deg/h": ("deg/h", "deg/hr", "deg/hour", "°/h", "°/hr", "dph", "deg_h", "deg h^-1"),
+    "mrad/s": ("mrad/s", "mrad/sec", "mrads", "mrad_s"),
+    "mdeg/s": ("mdeg/s", "mdps", "mdeg_s", "milli-deg/s"),
     "rad": ("rad", "radian", "radians"),
     "deg": ("deg", "°", "degree", "degrees"),
     "arcsec": ("arcsec", "as", "arcseconds", '"'),
@@ -82,7 +84,11 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
               "mpss", "ms2", "ms^-2", "m/s**2"),
     "g": ("g", "gn", "g0"),
     "mg": ("mg", "milli-g", "millig"),
+    "cm/s^2": ("cm/s^2", "cm/s2", "cm/s²", "gal", "cm_s2"),
+    "ft/s^2": ("ft/s^2", "ft/s2", "ft/s²", "ft_s2", "fps2"),
     "m/s": ("m/s", "m s^-1", "mps", "m_s", "m/sec"),
+    "cm/s": ("cm/s", "cm_s"),
+    "ft/s": ("ft/s", "fps", "ft_s"),
     "s": ("s", "sec", "secs", "second", "seconds"),
     "ms": ("ms", "msec", "millis", "milliseconds"),
     "us": ("us", "usec", "µs", "μs", "micros", "microseconds"),
@@ -98,6 +104,10 @@ _SUFFIXES = {s: u for s, u in _UNIT_OF.items() if re.fullmatch(r"[a-z][a-z0-9_]+
     "g": "g",
     "s": "s",
 }
+_INDEX = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<index>\d+)[\])]\s*$")
+"""A bracket that holds a whole number is an index: ``gyro_rad[0]`` of PX4 is its x axis."""
+_RATE_OF = {"rad": "rad/s", "deg": "deg/s"}
+"""What ``gyro_rad`` means: a gyroscope gives rates, unless its name is that of an increment."""
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
 _AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
 
@@ -133,15 +143,23 @@ def is_count(text: str) -> bool:
 
 def parse_name(written: str) -> ColumnName:
     """Take a column name apart: ``Gyro X [deg/s]`` is plain ``gyro_x`` in ``deg/s``."""
+    if (index := _INDEX.match(written)) is not None:
+        inner, number = parse_name(index["name"]), int(index["index"])
+        last = "xyz"[number] if number < 3 else str(number)
+        return ColumnName(written, f"{inner.plain}_{last}", inner.unit)
     match = _BRACKET.match(written)
     name, unit = (match["name"], match["unit"].strip() or None) if match else (written, None)
+    if match and _INDEX.match(name) is not None:
+        return ColumnName(written, parse_name(name).plain, unit)
     plain = re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()).strip("_")
     if unit is None:
         for tail in (2, 1):
             parts = plain.rsplit("_", tail)
             suffix = "_".join(parts[1:])
             if len(parts) == tail + 1 and suffix in _SUFFIXES and not _is_axis_name(plain):
-                return ColumnName(written, parts[0], _SUFFIXES[suffix])
+                found = _SUFFIXES[suffix]
+                rate = not increments(parts[0]) and (_role_of(parts[0]) or ("",))[0].startswith("gyro")
+                return ColumnName(written, parts[0], _RATE_OF.get(found, found) if rate else found)
     return ColumnName(written, plain, unit)
 
 

@@ -53,6 +53,8 @@ class Listing:
         What the file says about itself: ``rate_hz``, ``gyro_lsb_dps`` and the like.
     notes : tuple of str
         How the file was understood.
+    guessed : frozenset of str
+        Arrays whose unit the format assumes, because nothing in the file names their content.
     """
 
     path: Path
@@ -63,6 +65,7 @@ class Listing:
     unsigned: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     meta: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
+    guessed: frozenset[str] = frozenset()
 
 
 def listing_of_arrays(

@@ -176,7 +176,7 @@ def _npz(path: Path) -> Drive:
 
 
 def _folder(path: Path) -> Drive:
-    records = {r.name: r for r in read(_existing(path / "imu.csv"), constant_axes=True)}
+    records = {r.name: r for r in read(_existing(path / "imu.csv"), constant_axes=True, assume="si")}
     found = [axis for record in records.values() for axis in record.axes]
     if len(found) != 6:
         msg = (

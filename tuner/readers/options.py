@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from tuner.readers import column_names as names
 from tuner.readers.column_choice import Sensor
@@ -24,12 +24,31 @@ class Options:
     scale: Mapping[str, float | None]
     columns: Mapping[str, str] | None
     constant_axes: bool = False
+    assume_si: bool = False
 
 
-def sensor_unit(
-    listing: Listing, sensor: Sensor, options: Options, notes: list[str]
-) -> tuple[str, float, float]:
-    """Return a sensor's unit, the offset of its counts, and its scale, unit a count."""
+@dataclass(frozen=True)
+class UnitChoice:
+    """In which unit a sensor is read.
+
+    Attributes
+    ----------
+    unit : str
+        One of `column_names.UNITS`.
+    offset, scale : float
+        Count taken as zero, and units in one count.
+    basis : str
+        Who says so: the ``user``, the ``file``, or nobody (``assumed``).
+    """
+
+    unit: str
+    offset: float = 0.0
+    scale: float = 1.0
+    basis: Literal["user", "file", "assumed"] = "assumed"
+
+
+def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[str]) -> UnitChoice:
+    """Return the unit a sensor is read in: as the user states, else the file; else SI, as an assumption."""
     name = sensor.name
     allowed = names.UNITS[name]
     option, scale = options.unit.get(name), options.scale.get(name)
@@ -46,7 +65,7 @@ def sensor_unit(
         if unit is None:
             unit = allowed[0] if counts or stated is None else names.unit_of(stated, allowed, what=what)
         notes.append(f"{name}: counts times {scale:.9g} {unit}")
-        return unit, offset, scale
+        return UnitChoice(unit, offset, scale, "user")
     if counts or (stated is None and array in listing.integer and _lsb(listing.meta, name) is not None):
         lsb = _lsb(listing.meta, name)
         if lsb is None:
@@ -55,12 +74,25 @@ def sensor_unit(
             )
             raise DataError(msg)
         notes.append(f"{name}: counts times {lsb[0]:.9g} {lsb[1]} (as the file states)")
-        return lsb[1], offset, lsb[0]
+        return UnitChoice(lsb[1], offset, lsb[0], "file")
     if unit is not None:
-        return unit, offset, 1.0
+        return UnitChoice(unit, offset, 1.0, "user")
     if stated is not None:
-        return names.unit_of(stated, allowed, what=what), offset, 1.0
-    return _unit_in_meta(listing.meta, name, notes) or allowed[0], offset, 1.0
+        basis: Literal["file", "assumed"] = "assumed" if _only_named(listing, array) else "file"
+        return UnitChoice(names.unit_of(stated, allowed, what=what), offset, 1.0, basis)
+    found = _unit_in_meta(listing.meta, name, notes)
+    return UnitChoice(allowed[0], offset) if found is None else UnitChoice(found, offset, 1.0, "file")
+
+
+def _only_named(listing: Listing, array: str) -> bool:
+    """Return whether the unit of a column is a guess: the format's, or from a name of increments alone."""
+    parsed = names.parse_name(array)
+    named = (
+        parsed.unit or names.unit_in_words(parsed.plain, "gyro") or names.unit_in_words(parsed.plain, "accel")
+    )
+    return array in listing.guessed or (
+        names.increments(parsed.plain) and named is None and array not in listing.units
+    )
 
 
 def _lsb(meta: Mapping[str, Any], sensor: str) -> tuple[float, str] | None:

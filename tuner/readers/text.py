@@ -62,8 +62,10 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
     dialect = find_dialect(path)
     names = dialect.names
     notes: tuple[str, ...] = ()
+    guessed: frozenset[str] = frozenset()
     if not dialect.header and path.name.lower().removesuffix(".gz").endswith(".txt") and len(names) == 7:
         names = _KF_GINS_COLUMNS
+        guessed = frozenset(names)
         notes = (
             "no header and seven columns in a .txt: read as t [s], 3 angle increments [rad], 3 velocity "
             "increments [m/s]",
@@ -81,7 +83,7 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
             msg = f"{path}: cannot be read to the end: {error}"
             raise DataError(msg) from None
 
-    return Listing(path=path, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes)
+    return Listing(path=path, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes, guessed=guessed)
 
 
 def open_bytes(path: Path) -> IO[bytes]:

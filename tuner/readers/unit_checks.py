@@ -1,62 +1,96 @@
-"""Are the units of a log possible? A reading of an inertial sensor at rest has a known size.
+"""Are the units of a log those it is read in? What nobody states must be shown by the samples, or is refused.
 
-An accelerometer triad at rest reads g = 9.80665 m/s² whatever its attitude; a mean reading off by more than
-100× has another unit than the one it was read in. A mean reading far below g is not refused where it drowns in the
-noise: then gravity was taken out, or the log is simulated noise. A gyroscope that reads more than 35 rad/s
-(2000 deg/s) in the median, or turns evenly at more than 5 rad/s, reads another unit. A single reading beyond
+=============  ===================================================================================================
+stated by      what happens where the samples of a sensor at rest speak against the unit
+=============  ===================================================================================================
+nobody         refused, unless gravity confirms the accelerometers; a gyroscope whose unit its noise, bias and step
+               leave open is read in SI, and the result says by how much another unit would be off
+file           refused where another unit gives gravity, or where it is off by more than `MAX_UNIT_FACTOR`
+user           refused where it is off by more than `MAX_UNIT_FACTOR`
+=============  ===================================================================================================
+
+``--assume si`` takes what is not stated as SI. The evidence: `tuner.readers.unit_evidence`. A single reading beyond
 `MAX_READING` is a broken row of the file, no spike of a sensor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from models.units import STANDARD_GRAVITY, unit_value
+from models.earth import EARTH_RATE
+from models.units import STANDARD_GRAVITY
 from tuner.readers.column_names import INCREMENT_UNITS, UNITS
+from tuner.readers.options import UnitChoice
+from tuner.readers.unit_evidence import (
+    CHECKED_SAMPLES,
+    GRAVITY_TOLERANCE,
+    USUAL_RATES,
+    Sizes,
+    possible_rate,
+    si_value,
+    sizes_of,
+    step_of,
+    unit_of_step,
+    units_with_gravity,
+    whole_numbers,
+)
 from tuner.types.records import DataError, Record
 
 MAX_UNIT_FACTOR = 100.0
-"""Factor by which a unit may be wrong before it is refused: nearer ones, such as g for m/s², get a note."""
+"""Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
 MAX_READING: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
 """Readings that no sensor has, rad/s and m/s²."""
-_MAX_MEDIAN_RATE = 35.0
+MAX_MEDIAN_RATE = 35.0
 """rad/s, 2000 deg/s: the range of consumer gyroscopes, which no log exceeds in the median."""
-_MAX_STEADY_RATE = 5.0
+MAX_STEADY_RATE = 5.0
 """rad/s: nothing that is navigated turns as fast all the time; rate tables are slower."""
-_CHECKED_SAMPLES = 200_000
-"""Samples from which sizes are taken: medians are then known to 0.3 %."""
+EARTH_TOLERANCE = 0.02
+"""Relative distance of a mean rate from the Earth's up to which it is taken for it."""
+ANSWER = "--assume si"
 
 
 def check_units(
-    source: str, records: Sequence[Record], units: Mapping[str, str], *, stated: Iterable[str] = ()
-) -> list[str]:
-    """Return notes on units that may be wrong.
-
-    `units` are those the records were read in; `stated` names the sensors whose unit the user gave as an
-    option.
+    source: str, records: Sequence[Record], choices: Mapping[str, UnitChoice], *, assume_si: bool = False
+) -> tuple[list[str], dict[str, str]]:
+    """Return notes on units that may be wrong, and by sensor what was assumed where nobody states the unit.
 
     Raises
     ------
     DataError
-        A unit off by more than 100×, with the probable one; a reading that no sensor has.
+        A unit that the samples contradict, with the option that states the right one; a reading no sensor has.
     """
-    notes = []
+    notes: list[str] = []
+    assumed: dict[str, str] = {}
     for record in records:
-        if record.y.shape[1] == 3 and record.name == "accel":
-            notes += _check_accel(source, record, units["accel"], stated="accel" in stated)
-        elif record.y.shape[1] == 3:
-            _check_gyro(source, record, units["gyro"])
+        choice = choices[record.name]
         _check_range(source, record)
-    return notes
+        found = sizes_of(record)
+        open_question = choice.basis == "assumed" and not assume_si
+        if open_question and whole_numbers(record.y, si_value(choice.unit, record.interval)):
+            raise DataError(f"{source}: {_counts(record, found, choice)}")  # noqa: EM102
+        if record.name == "accel":
+            if open_question:
+                assumed["accel"] = _confirmed_by_gravity(source, record, found, choice)
+            elif not assume_si:
+                notes += _not_against_gravity(source, record, found, choice)
+        else:
+            if open_question:
+                assumed["gyro"] = _open_rate(source, record, found, choice, choices.get("accel"))
+            if not assume_si:
+                _check_rate(source, record, found, choice)
+        if choice.basis == "assumed" and assume_si:
+            assumed[record.name] = f"{record.name}: {choice.unit} assumed, as {ANSWER} says"
+    return notes, assumed
 
 
 def _check_range(source: str, record: Record) -> None:
     """Refuse a record with single readings that no sensor has; where all are, they are counts."""
     limit = MAX_READING.get(record.name, np.inf)
-    if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:_CHECKED_SAMPLES])):
+    if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
         first = int(np.argmax(np.abs(record.y).max(axis=1)))
         msg = (
             f"{source}: {record.name} reads {np.abs(record.y[first]).max():.3g} {record.unit} in sample {first + 1}, "
@@ -65,52 +99,135 @@ def _check_range(source: str, record: Record) -> None:
         raise DataError(msg)
 
 
-def _sizes(record: Record) -> tuple[float, float, float]:
-    """Return the median norm, the norm of the mean, and the norm of the robust sample-to-sample noise."""
-    y = record.y[:: max(1, len(record) // _CHECKED_SAMPLES)]
-    noise = np.median(np.abs(np.diff(y, axis=0)), axis=0) * 1.4826 / np.sqrt(2.0)
-    norm = np.sqrt(np.einsum("ij,ij->i", y, y))
-    return float(np.median(norm)), float(np.linalg.norm(y.mean(axis=0))), float(np.linalg.norm(noise))
+def _counts(record: Record, found: Sizes, choice: UnitChoice) -> str:
+    """Return what to do about whole numbers without a unit."""
+    begin = f"{record.name} holds whole numbers, as counts do, and nothing states their size: pass "
+    if record.name == "gyro":
+        return (
+            f"{begin}--gyro-unit deg/s --gyro-scale X with the deg/s in one count of its data sheet, "
+            f"such as 0.0076294 (250 / 2^15), or {ANSWER} if these are {choice.unit}"
+        )
+    raw = found.norm / si_value(choice.unit, record.interval)
+    if units := [u for u in units_with_gravity(raw, record.interval) if u not in INCREMENT_UNITS]:
+        return f"{begin}--accel-unit {units[0]}, in which the mean is gravity, or {ANSWER} if these are {choice.unit}"
+    power = round(math.log2(raw)) if raw > 1.0 else 0
+    scale = 2.0**-power if abs(raw / 2.0**power - 1.0) < GRAVITY_TOLERANCE else 1.0 / raw
+    whence = (
+        f"1 / {2**power}"
+        if scale == 2.0**-power
+        else "gravity divided by the mean; the data sheet knows better"
+    )
+    return (
+        f"{begin}--accel-unit g --accel-scale {scale:.6g} ({whence}), or {ANSWER} if these are {choice.unit}"
+    )
 
 
-def _check_accel(source: str, record: Record, unit: str, *, stated: bool) -> list[str]:
-    size, mean, noise = _sizes(record)
-    tiny = size < STANDARD_GRAVITY / MAX_UNIT_FACTOR
-    if size > MAX_UNIT_FACTOR * STANDARD_GRAVITY or (tiny and not stated and mean > 20.0 * noise):
+def _confirmed_by_gravity(source: str, record: Record, found: Sizes, choice: UnitChoice) -> str:
+    """Return the assumption that gravity confirms, or refuse it."""
+    if abs(found.norm / STANDARD_GRAVITY - 1.0) < GRAVITY_TOLERANCE:
+        return f"accel: {choice.unit} assumed, as its mean is gravity ({found.norm:.4g} m/s^2)"
+    raw = found.norm / si_value(choice.unit, record.interval)
+    units = units_with_gravity(raw, record.interval)
+    axes = "" if len(record.axes) == 3 else f" on {len(record.axes)} axes"
+    option = f"--accel-unit {units[0]}" if units else f"--accel-unit UNIT ({' '.join(UNITS['accel'])})"
+    msg = (
+        f"{source}: accel reads {found.norm:.4g} m/s^2{axes} where gravity is 9.81, and nothing states its unit: "
+        f"pass {option}, or {ANSWER} if these are {choice.unit}"
+    )
+    raise DataError(msg)
+
+
+def _not_against_gravity(source: str, record: Record, found: Sizes, choice: UnitChoice) -> list[str]:
+    """Return a note on a stated unit that could not be checked, or refuse it where it cannot be."""
+    if len(record.axes) != 3:
+        return []
+    tiny = found.norm < STANDARD_GRAVITY / MAX_UNIT_FACTOR
+    steady = found.mean > 20.0 * found.noise
+    units = units_with_gravity(found.norm / si_value(choice.unit, record.interval), record.interval)
+    absurd = found.norm > MAX_UNIT_FACTOR * STANDARD_GRAVITY or (tiny and steady and choice.basis != "user")
+    if absurd or (units and choice.unit not in units and steady and choice.basis == "file"):
+        off = max(found.norm / STANDARD_GRAVITY, STANDARD_GRAVITY / found.norm) if found.norm else math.inf
         msg = (
-            f"{source}: accel reads {size:.3g} m/s^2 where gravity alone is 9.8: the unit is wrong by "
-            f"{max(size / STANDARD_GRAVITY, STANDARD_GRAVITY / size):.3g}x; pass --accel-unit"
-            f"{_probable(size / _si(unit, record), record)}"
+            f"{source}: accel reads {found.norm:.4g} m/s^2 where gravity is 9.81: the unit {choice.unit} is wrong by "
+            f"{off:.3g}x; pass --accel-unit {units[0] if units else 'UNIT'}, or --accel-unit {choice.unit} {ANSWER} "
+            "if it is right"
         )
         raise DataError(msg)
     if tiny:
         return ["accel: no gravity in the log, so its unit could not be checked"]
-    if abs(size - 1.0) < 0.1 and noise < 0.1:
-        return [f"accel reads {size:.4g} m/s^2 at rest, as if in g: if so pass --accel-unit g"]
+    if units and choice.unit not in units and steady:
+        return [
+            f"accel reads {found.norm:.4g} m/s^2 at rest, as if in {units[0]}: if so pass --accel-unit {units[0]}"
+        ]
     return []
 
 
-def _check_gyro(source: str, record: Record, unit: str) -> None:
-    size, _, noise = _sizes(record)
-    even = float(np.linalg.norm(np.median(record.y[:: max(1, len(record) // _CHECKED_SAMPLES)], axis=0)))
-    if size > _MAX_MEDIAN_RATE or (even > _MAX_STEADY_RATE and noise < even):
-        raw = size / _si(unit, record)
-        rates = [u for u in UNITS["gyro"] if u not in INCREMENT_UNITS and u != unit]
-        fitting = [u for u in rates if raw * unit_value(u) < 1.0]
+def _open_rate(
+    source: str, record: Record, found: Sizes, choice: UnitChoice, accel: UnitChoice | None
+) -> str:
+    """Return what is assumed of a gyroscope whose unit nobody states, or refuse what noise and bias speak against."""
+    interval, read_in = record.interval, choice.unit
+    factor = si_value(read_in, interval)
+    rates = [u for u in USUAL_RATES if u != read_in]
+    if accel is not None and accel.basis != "assumed":
+        matching = accel.unit in INCREMENT_UNITS
+        rates = [u for u in rates if (u in INCREMENT_UNITS) == matching]
+        if (read_in in INCREMENT_UNITS) != matching:
+            msg = (
+                f"{source}: accel is in {accel.unit}, {'an increment' if matching else 'a rate'}, and nothing states "
+                f"the unit of gyro: pass --gyro-unit {'rad' if matching else 'rad/s'} or "
+                f"{'deg' if matching else 'deg/s'}"
+            )
+            raise DataError(msg)
+    possible = [u for u in rates if possible_rate(u, found, interval, read_in)]
+    told = {unit_of_step(step_of(y, factor)) for y in record.y.T} - {None}
+    shown = f"{found.mean / factor:.3g} ± {found.noise / factor:.2g}"
+    why = ""
+    stepped = [u for u in possible if told == {u}]
+    if stepped:
+        why, possible = f"has samples at multiples of a step that gyroscopes have in {stepped[0]}", stepped
+    elif not possible_rate(read_in, found, interval, read_in):
+        why = f"reads {shown}, which bias and noise at rest cannot be in {read_in}"
+    elif (turning := _as_the_earth(record, found, possible, read_in)) is not None:
+        why, possible = f"turns as the Earth does in {turning}", [turning]
+    if why:
+        option = f"--gyro-unit {possible[0]}" if possible else f"--gyro-unit UNIT ({' '.join(UNITS['gyro'])})"
+        msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
+        raise DataError(msg)
+    if told == {read_in}:
+        return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
+    others = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in possible[:3])
+    if not others:
+        return f"gyro: {read_in} assumed, as no other unit fits its noise and bias"
+    return (
+        f"gyro: {read_in} assumed, as nothing states the unit ({shown}); every gyro number is, if the samples are "
+        f"{others}: --gyro-unit {possible[0]} states another"
+    )
+
+
+def _as_the_earth(record: Record, found: Sizes, possible: Sequence[str], read_in: str) -> str | None:
+    """Return the unit in which a triad turns as fast as the Earth, where its noise lets that be seen."""
+    if len(record.axes) != 3:
+        return None
+    for unit in possible:
+        factor = si_value(unit, record.interval) / si_value(read_in, record.interval)
+        seen = found.white * factor / math.sqrt(record.span) < 0.5 * EARTH_TOLERANCE * EARTH_RATE
+        if seen and abs(found.mean * factor / EARTH_RATE - 1.0) < EARTH_TOLERANCE:
+            return unit
+    return None
+
+
+def _check_rate(source: str, record: Record, found: Sizes, choice: UnitChoice) -> None:
+    """Refuse a gyroscope that turns as nothing does."""
+    if len(record.axes) != 3:
+        return
+    if found.norm > MAX_MEDIAN_RATE or (found.mean > MAX_STEADY_RATE and found.noise < found.mean):
+        factor = si_value(choice.unit, record.interval)
+        slower = [u for u in UNITS["gyro"] if u not in INCREMENT_UNITS and u != choice.unit]
+        fitting = [u for u in slower if found.norm / factor * si_value(u, record.interval) < 1.0]
         msg = (
-            f"{source}: gyro reads {size:.3g} rad/s ({np.rad2deg(size):.3g} deg/s) in the median: the unit "
-            "is wrong; "
-            "pass --gyro-unit" + (f" {fitting[0]} (probably)" if fitting else "")
+            f"{source}: gyro reads {found.norm:.3g} rad/s ({np.rad2deg(found.norm):.3g} deg/s) in the median: the "
+            f"unit {choice.unit} is wrong; pass --gyro-unit {fitting[0] if fitting else 'UNIT'}"
+            f"{' (probably)' if fitting else ''}, or --gyro-unit {choice.unit} {ANSWER} if it is right"
         )
         raise DataError(msg)
-
-
-def _si(unit: str, record: Record) -> float:
-    """Return the SI value of one unit; of an increment, as a rate."""
-    return unit_value(unit) / (record.interval if unit in INCREMENT_UNITS else 1.0)
-
-
-def _probable(raw: float, record: Record) -> str:
-    """Return the unit in which a raw reading is g, as words to follow ``--accel-unit``."""
-    best = min(UNITS["accel"], key=lambda u: abs(np.log(raw * _si(u, record) / STANDARD_GRAVITY)))
-    return f" {best} (probably)" if abs(raw * _si(best, record) / STANDARD_GRAVITY - 1.0) < 0.2 else ""

@@ -58,6 +58,8 @@ class Record:
         What the stamps said: ``gap_count``, ``missing``, ``bridged``, ``duplicates``, ``disordered``
         (counts), ``jitter_sd`` (s) and
         ``clock_ratio`` (stated ÷ measured rate); empty where there were no stamps.
+    assumptions : tuple of str
+        What nobody stated and was assumed of the log, such as the unit of a sensor; among the notes, too.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Record:
     digest: str = ""
     notes: tuple[str, ...] = ()
     timing: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    assumptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)

@@ -44,7 +44,7 @@ def test_npz_has_triads_and_single_axes(tmp_path):
     gyro, accel, celsius = records()
     write_log((gyro, accel), tmp_path / "log.npz")
     with np.load(tmp_path / "log.npz") as arrays:
-        assert set(arrays) == {"t", "gyro", "accel_x", "accel_z", "temperature"}
+        assert set(arrays) == {"t", "gyro", "gyro_unit", "accel_x", "accel_z", "accel_unit", "temperature"}
         np.testing.assert_array_equal(arrays["gyro"], gyro.y)
         np.testing.assert_array_equal(arrays["accel_z"], accel.y[:, 1])
         np.testing.assert_array_equal(arrays["temperature"], celsius)

@@ -122,7 +122,8 @@ def test_round_trip(tmp_path: Path, name: str) -> None:
     assert (gyro.name, gyro.unit, accel.name, accel.unit) == ("gyro", "rad/s", "accel", "m/s^2")
     assert gyro.axes == ("gyro_x", "gyro_y", "gyro_z")
     assert gyro.segments == ((0, COUNT),)
-    assert gyro.notes == ()
+    assert gyro.notes == gyro.assumptions
+    assert [text.split(" assumed")[0] for text in gyro.notes] == ["gyro: rad/s", "accel: m/s^2"]
     assert gyro.source == name
     assert gyro.digest == hashlib.sha256(path.read_bytes()).hexdigest()
 

@@ -25,6 +25,7 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
             gyro_scale=reading.gyro_scale,
             accel_scale=reading.accel_scale,
             columns=reading.columns,
+            assume=reading.assume,
             progress=advance,
         )
     for note in dict.fromkeys(note for record in records for note in record.notes):

@@ -44,6 +44,7 @@ class Reading:
     gyro_scale: float | None = None
     accel_scale: float | None = None
     columns: Mapping[str, str] | None = None
+    assume: str | None = None
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,12 @@ def reading(command: Command) -> Command:
     @click.option(
         "--gyro-unit",
         metavar="UNIT",
-        help="Unit of the gyros: rad/s deg/s deg/h, or increments rad deg arcsec.",
+        help="Unit of the gyros: rad/s deg/s deg/h mrad/s mdeg/s, or increments rad deg arcsec.",
     )
     @click.option(
-        "--accel-unit", metavar="UNIT", help="Unit of the accelerometers: m/s^2 g mg, or increments m/s."
+        "--accel-unit",
+        metavar="UNIT",
+        help="Unit of the accelerometers: m/s^2 g mg cm/s^2 ft/s^2, or increments m/s cm/s ft/s.",
     )
     @click.option("--gyro-scale", type=float, metavar="X", help="Size of one gyro count in that unit.")
     @click.option(
@@ -171,6 +174,9 @@ def reading(command: Command) -> Command:
         metavar="NAME=COLUMN,…",
         help="Columns of the log, or arrays of an NPZ, such as gyro_x=wx,t=stamp.",
     )
+    @click.option(
+        "--assume", type=click.Choice(["si"]), help="Take units that nothing states as rad/s and m/s^2."
+    )
     @functools.wraps(command)
     def wrapped(
         *args: Any,
@@ -180,12 +186,13 @@ def reading(command: Command) -> Command:
         gyro_scale: float | None,
         accel_scale: float | None,
         columns: str | None,
+        assume: str | None,
         **options: Any,
     ) -> Any:
         from tuner.readers import parse_columns
 
         chosen = None if columns is None else parse_columns(columns)
-        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen)
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume)
         return command(*args, reading=how, **options)
 
     return wrapped

@@ -1,0 +1,146 @@
+"""What the samples of a sensor at rest say about their unit, whatever the file calls it.
+
+An accelerometer triad at rest reads 9.81 m/s² whatever its attitude. A gyroscope at rest reads its bias and the
+Earth's rate, and noise: both lie in the range that sensors are made in. Counts are whole numbers, and rates made from
+counts are multiples of a step that belongs to one unit: 1/131 deg/s is 250 deg/s over 2¹⁵ counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.units import DEG, STANDARD_GRAVITY, unit_value
+from tuner.readers.column_names import INCREMENT_UNITS, UNITS
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+
+GRAVITY_TOLERANCE = 0.1
+"""Relative distance of the mean specific force from gravity: consumer accelerometers are within 60 mg and 3 %."""
+MAX_BIAS = 0.35
+"""Bias of a gyroscope, rad/s: 20 deg/s, the zero-rate tolerance of the cheapest data sheets."""
+MAX_WHITE = 2e-3
+"""White density of a gyroscope, rad/s/√Hz: three times that of the noisiest built-in sensor (ADIS16405)."""
+MIN_WHITE = 4e-8
+"""White density of a gyroscope, rad/s/√Hz: a tenth of that of the built-in ring laser gyro."""
+USUAL_RATES = ("deg/s", "rad/s", "deg/h", "rad", "deg")
+"""Units that gyroscopes are written in without saying so, most frequent first."""
+FULL_SCALES = (125.0, 245.0, 250.0, 300.0, 350.0, 400.0, 450.0, 500.0, 1000.0, 2000.0, 4000.0)
+"""Ranges of gyroscopes with 16-bit counts, deg/s."""
+DATASHEET_STEPS = (
+    0.00381, 0.004375, 0.00625, 0.00875, 0.0175, 0.02, 0.025, 0.035, 0.04, 0.05, 0.06, 0.07, 0.07326, 0.14,
+    1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 262.4, 1 / 14.375,
+)  # fmt: skip
+"""Steps of gyroscopes as their data sheets state them, deg/s in one count."""
+STEP_TOLERANCE = 1e-3
+"""Relative error of a step that was found: steps of the lists are further apart from one another in either unit."""
+DECIMAL_TOLERANCE = 1e-6
+"""Relative distance of a step from a power of ten that comes from the digits of a text, not from the sensor."""
+CHECKED_SAMPLES = 20_000
+"""Samples from which sizes are taken: medians are then known to 1 %."""
+STEP_SAMPLES = 4096
+"""Samples from which the step of a quantizer is found: it is the same in all of them."""
+MAX_LEVELS = 2048
+"""Different values among them up to which a common step is looked for."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large the readings of a sensor are, in the unit they were read in.
+
+    Attributes
+    ----------
+    norm : float
+        Median norm of the samples.
+    mean : float
+        Norm of the median of each axis.
+    noise : float
+        Norm of the robust sd of each axis, from differences of neighbours.
+    white : float
+        White density of the noisiest axis, unit/√Hz: an upper bound where the noise is not white.
+    """
+
+    norm: float
+    mean: float
+    noise: float
+    white: float
+
+
+def sizes_of(record: Record) -> Sizes:
+    """Return the sizes of a record of one to three axes."""
+    stride = max(1, len(record) // CHECKED_SAMPLES)
+    y = record.y[::stride]
+    step = record.y[1::stride] - record.y[:-1:stride]
+    robust = np.median(np.abs(step), axis=0) * 1.4826 / math.sqrt(2.0)
+    quantized = np.where(robust > 0.0, robust, step.std(axis=0) / math.sqrt(2.0))
+    norm = np.sqrt(np.einsum("ij,ij->i", y, y))
+    return Sizes(
+        float(np.median(norm)),
+        float(np.linalg.norm(np.median(y, axis=0))),
+        float(np.linalg.norm(robust)),
+        float(quantized.max()) * math.sqrt(record.interval),
+    )
+
+
+def si_value(unit: str, interval: float) -> float:
+    """Return the SI value of one unit; of an increment, as a rate over the interval."""
+    return unit_value(unit) / (interval if unit in INCREMENT_UNITS else 1.0)
+
+
+def units_with_gravity(raw: float, interval: float) -> list[str]:
+    """Return the units in which a raw mean specific force is gravity, best first; increments last."""
+    fitting = [
+        (unit in INCREMENT_UNITS, off, unit)
+        for unit in UNITS["accel"]
+        if (off := abs(raw * si_value(unit, interval) / STANDARD_GRAVITY - 1.0)) < GRAVITY_TOLERANCE
+    ]
+    return [unit for _, _, unit in sorted(fitting)]
+
+
+def possible_rate(unit: str, found: Sizes, interval: float, read_in: str) -> bool:
+    """Return whether a gyroscope at rest can have these sizes, had they been written in `unit`."""
+    factor = si_value(unit, interval) / si_value(read_in, interval)
+    return found.mean * factor <= MAX_BIAS and MIN_WHITE <= found.white * factor <= MAX_WHITE
+
+
+def whole_numbers(y: FloatArray, factor: float) -> bool:
+    """Return whether all samples are whole multiples of a unit, and vary, as counts do."""
+    some = np.round(y[:STEP_SAMPLES] / factor, 6)
+    return bool(np.all(some == np.rint(some)) and np.ptp(some, axis=0).max() >= 1.0)
+
+
+def step_of(y: FloatArray, factor: float) -> float:
+    """Return the step, in units of `factor`, that samples of an axis are multiples of apart; 0 where none is seen."""
+    levels = np.unique(y[:STEP_SAMPLES] / factor)
+    if not 3 <= len(levels) <= MAX_LEVELS:
+        return 0.0
+    gaps = np.diff(levels)
+    fuzz = 4.0 * float(np.abs(levels).max()) * float(np.finfo(np.float32).eps)
+    gaps = gaps[gaps > fuzz]
+    if len(gaps) < 2:
+        return 0.0
+    step = float(gaps.min())
+    for _ in range(3):
+        step = float(gaps.sum() / np.rint(gaps / step).sum())
+    off = np.abs(gaps - step * np.rint(gaps / step))
+    return step if float(off.max()) <= max(0.02 * step, 2.0 * fuzz) and step > 4.0 * fuzz else 0.0
+
+
+def unit_of_step(step: float) -> str | None:
+    """Return ``deg/s`` or ``rad/s`` where a step, in that unit, is that of a known sensor; None where it tells none."""
+    if step <= 0.0:
+        return None
+    power = 10.0 ** round(math.log10(step))
+    if any(abs(step / (m * power) - 1.0) < DECIMAL_TOLERANCE for m in (0.1, 1.0, 10.0)):
+        return None
+    known = (*DATASHEET_STEPS, *(scale / 2**15 for scale in FULL_SCALES))
+
+    def fits(size: float) -> bool:
+        return any(abs(size / one - 1.0) < STEP_TOLERANCE for one in known)
+
+    degrees, radians = fits(step), fits(step / DEG)
+    return None if degrees == radians else "deg/s" if degrees else "rad/s"
