@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from tuner.cli.commands.options import POSITIVE, Output, common, state, strict, three_numbers
+from tuner.cli.commands.options import DIRECTORY, POSITIVE, Output, common, state, strict, three_numbers
 from tuner.cli.progress import Messages
 
 
@@ -54,6 +56,14 @@ from tuner.cli.progress import Messages
     metavar="[SD]",
     help="Zero-velocity updates where the unit is as quiet as at the start: within SD m/s (0.05), no turn.",
 )
+@click.option(
+    "-o",
+    "--output",
+    "directory",
+    type=DIRECTORY,
+    metavar="DIR",
+    help="Write solution.csv, track.kml, track.gpx and figures of track, innovations and errors there.",
+)
 @strict("the filter is not consistent")
 @common
 def command(
@@ -66,6 +76,7 @@ def command(
     states: dict[str, float],
     non_holonomic: float | None,
     zero_velocity: float | None,
+    directory: Path | None,
     strict: bool,
     seed: int,
     output: Output,
@@ -81,16 +92,20 @@ def command(
     from tuner.readers.drive import read_drive, with_mounting
     from tuner.report.consistency_tables import consistency_tables
     from tuner.report.json.consistency import navigation_json
+    from tuner.report.solution_set import write_solution
     from tuner.report.terminal import show
 
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
     messages.say("navigating (kernels are compiled on first use: about half a minute)")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
+    if directory is not None:
+        write_solution(found, measured, directory)
     notes = found.notes
     if not found.consistency.consistent:
         notes = (*notes, f"`tuner diagnose {drive} --config {config}` looks for the causes")
     if output.tables:
-        show(consistency_tables(found.consistency, notes))
+        written = () if directory is None else (f"  solution, tracks and figures: {directory}",)
+        show([*consistency_tables(found.consistency, notes), *written])
     output.write(navigation_json(found, measured, notes=notes, seed=seed))
     return 1 if strict and not found.consistency.consistent else 0
