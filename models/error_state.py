@@ -189,6 +189,12 @@ def middle(
     return Linearization(llh, vel_n, mat_nb, np.asarray(omega_b), mat_nb.T @ np.asarray(force_n), calibration)
 
 
+def down_acceleration(model: ErrorModel, parameters: ArrayLike) -> float:
+    """Return the acceleration down in a vector of states (n,) that gravity and force do not account for, m/s²."""
+    own = model.down_couplings
+    return float(own.factor @ np.asarray(parameters, dtype=float)[own.state])
+
+
 def dynamics(model: ErrorModel, at: Linearization) -> FloatArray:
     """Return the continuous F with x' = F x + noise; shape (n, n)."""
     f_rr, f_vr, f_vv, f_ar, f_av, omega_in = at.coupling()
@@ -201,11 +207,9 @@ def dynamics(model: ErrorModel, at: Linearization) -> FloatArray:
     f[r, r], f[r, v] = f_rr, np.eye(3)
     f[v, r], f[v, v], f[v, a] = f_vr, f_vv, -rotation.skew(at.mat_nb @ at.force_b)
     f[a, r], f[a, v], f[a, a] = f_ar, f_av, -rotation.skew(omega_in)
-    if "gravity" in layout:
-        f[v.stop - 1, layout["gravity"]] = 1.0
-    for sensor in ("gyro", "accel"):
-        if f"{sensor}_ramp" in layout:
-            f[layout[f"{sensor}_bias"], layout[f"{sensor}_ramp"]] = np.eye(3)
+    down, sloping = model.down_couplings, np.flatnonzero(model.slopes >= 0)
+    np.add.at(f[v.stop - 1], down.state, down.factor)
+    f[sloping, model.slopes[sloping]] = 1.0
     return f
 
 
@@ -233,12 +237,10 @@ def transition(model: ErrorModel, at: Linearization, dt: float) -> FloatArray:
     tilt = 0.5 * (eye[a] + phi[a])
     force = rotation.skew(at.mat_nb @ at.force_b)
     phi[v] = eye[v] + dt * (f_vr @ eye[r] + f_vv @ eye[v] - force @ tilt + push @ s)
-    if "gravity" in layout:
-        phi[v.stop - 1, layout["gravity"]] += dt
+    down, sloping = model.down_couplings, np.flatnonzero(model.slopes >= 0)
+    np.add.at(phi[v.stop - 1], down.state, dt * down.factor)
     phi[r] = eye[r] + dt * (f_rr @ eye[r] + 0.5 * (eye[v] + phi[v]))
-    for sensor in ("gyro", "accel"):
-        if f"{sensor}_ramp" in layout:
-            phi[layout[f"{sensor}_bias"], layout[f"{sensor}_ramp"]] = dt * np.eye(3)
+    phi[sloping, model.slopes[sloping]] = dt
     return phi
 
 

@@ -6,7 +6,8 @@ An inertial unit measures, with ω and f the true rate and specific force in b::
                                                   ( 0         I + K_a )
 
 K holds scale factors on its diagonal and misalignments beside it, G is the g-sensitivity of the gyros, b the
-sum of all biases (turn-on constant, random walk, Gauss–Markov ladder) and w white noise.
+sum of all biases (turn-on constant, random walk, Gauss–Markov ladder) and w white noise. Which states A and b are made
+of is declared in `models.filter_states`.
 """
 
 from __future__ import annotations
@@ -19,9 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 from models.state_layout import ErrorModel
 
 FloatArray = NDArray[np.float64]
-
-OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
-"""Elements of K that the six misalignments are."""
 
 
 @dataclass(frozen=True)
@@ -62,19 +60,11 @@ def calibration(model: ErrorModel, parameters: ArrayLike) -> Calibration:
     parameters : array_like, shape (n,)
         Estimates of all states; those of position, velocity and attitude are not used.
     """
-    x, at = np.asarray(parameters, dtype=float), model.layout
-    bias, matrix = np.zeros(6), np.eye(6)
-    for first, sensor, axes in _sensors(model):
-        bias[first : first + 3] = x[at[f"{sensor}_bias"]]
-        if axes:
-            np.add.at(bias, first + np.array(axes), x[at[f"{sensor}_markov"]])
-        if f"{sensor}_scale" in at:
-            matrix[range(first, first + 3), range(first, first + 3)] += x[at[f"{sensor}_scale"]]
-        if f"{sensor}_misalignment" in at:
-            for value, (i, j) in zip(x[at[f"{sensor}_misalignment"]], OFF_DIAGONAL, strict=True):
-                matrix[first + i, first + j] = value
-    if "g_sensitivity" in at:
-        matrix[:3, 3:] = x[at["g_sensitivity"]].reshape(3, 3)
+    x, bias, matrix = np.asarray(parameters, dtype=float), np.zeros(6), np.eye(6)
+    state, sensor, source, factor = model.sensor_couplings
+    value, alone = factor * x[state], source < 0
+    np.add.at(bias, sensor[alone], value[alone])
+    np.add.at(matrix, (sensor[~alone], source[~alone]), value[~alone])
     return Calibration(bias, matrix)
 
 
@@ -88,23 +78,8 @@ def sensor_jacobian(model: ErrorModel, omega_b: ArrayLike, force_b: ArrayLike) -
     omega_b, force_b : array_like, shape (3,)
         Calibrated angular rate, rad/s, and specific force, m/s².
     """
-    at = model.layout
-    true = np.concatenate([np.asarray(omega_b, dtype=float), np.asarray(force_b, dtype=float)])
-    s = np.zeros((6, at.size))
-    for first, sensor, axes in _sensors(model):
-        rows = np.arange(first, first + 3)
-        s[rows, at[f"{sensor}_bias"]] = np.eye(3)
-        for k, axis in enumerate(axes):
-            s[first + axis, at[f"{sensor}_markov"].start + k] = 1.0
-        if f"{sensor}_scale" in at:
-            s[rows, at[f"{sensor}_scale"]] = np.diag(true[rows])
-        if f"{sensor}_misalignment" in at:
-            for k, (i, j) in enumerate(OFF_DIAGONAL):
-                s[first + i, at[f"{sensor}_misalignment"].start + k] = true[first + j]
-    if "g_sensitivity" in at:
-        s[:3, at["g_sensitivity"]] = np.kron(np.eye(3), true[3:])
+    true = np.concatenate([np.asarray(omega_b, dtype=float), np.asarray(force_b, dtype=float), [1.0]])
+    state, sensor, source, factor = model.sensor_couplings
+    s = np.zeros((6, model.layout.size))
+    np.add.at(s, (sensor, state), factor * true[source])
     return s
-
-
-def _sensors(model: ErrorModel) -> tuple[tuple[int, str, tuple[int, ...]], ...]:
-    return (0, "gyro", model.gyro_markov_axes), (3, "accel", model.accel_markov_axes)

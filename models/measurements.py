@@ -7,10 +7,11 @@ Each function returns z and H of ::
 With the antenna at l in b, u = C l, ω_eb = C ω_ib − ω_ie in n, a = v' and the receiver's delay d::
 
     v_antenna = v + ω_eb × u
-    position = llh ⊕ (u − v_antenna d + ½ a d²) + correlated error        velocity = v_antenna − a d
+    position = llh ⊕ (u − v_antenna d + ½ a d²) + its error        velocity = v_antenna − a d + its error
     non-holonomic: lateral and vertical parts of Rᵀ (Cᵀ v + Cᵀ ω_eb × l) vanish        R = exp([m ×]) R₀
     zero velocity: v = 0                           zero rate: ω_ib = Cᵀ ω_ie
 
+The errors of a fix are the states that add to it (`models.filter_states`), such as a correlated error of the receiver.
 The angular acceleration of the lever arm is left out of a, and the change of ω_ie over a position error
 (1e-11 l) out of H. R₀ is the mounting (`mat_bv` rotates vehicle axes into b), m its error state.
 
@@ -29,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from models import rotation
 from models.earth import earth_rate, llh_displaced, ned_between
-from models.error_state import Linearization, dynamics
+from models.error_state import Linearization, down_acceleration, dynamics
 from models.imu_errors import sensor_jacobian
 from models.state_layout import ErrorModel
 from models.strapdown import rates
@@ -100,12 +101,8 @@ def position_fix(
         shift = -delay * vel + 0.5 * delay**2 * acc
         h += -delay * h_vel + 0.5 * delay**2 * dynamics(model, at)[layout["velocity"]]
         h[:, layout["time_offset"]] = (delay * acc - vel)[:, None]
-    if "gnss_position" in layout:
-        errors = layout["gnss_position"]
-        processes = (errors.stop - errors.start) // 3
-        h[:, errors] = np.tile(np.eye(3), processes)
-        shift = shift + x[errors].reshape(processes, 3).sum(axis=0)
-    return Measurement(ned_between(llh, at.llh) - u - shift, h)
+    of_receiver, h_receiver = _receiver_errors(model, x)
+    return Measurement(ned_between(llh, at.llh) - u - (shift + of_receiver[:3]), h + h_receiver[:3])
 
 
 def velocity_fix(
@@ -119,7 +116,8 @@ def velocity_fix(
         vel = vel - delay * acc
         h -= delay * dynamics(model, at)[layout["velocity"]]
         h[:, layout["time_offset"]] = -acc[:, None]
-    return Measurement(np.asarray(vel_n, dtype=float) - vel, h)
+    of_receiver, h_receiver = _receiver_errors(model, x)
+    return Measurement(np.asarray(vel_n, dtype=float) - (vel + of_receiver[3:]), h + h_receiver[3:])
 
 
 def non_holonomic(
@@ -188,9 +186,17 @@ def _acceleration(model: ErrorModel, at: Linearization, x: FloatArray) -> FloatA
     acc = np.array(
         rates(tuple(at.llh), tuple(at.vel_n), tuple(at.mat_nb), tuple(at.omega_b), tuple(at.force_b))[1]
     )
-    if "gravity" in model.layout:
-        acc[2] += x[model.layout["gravity"]][0]
+    acc[2] += down_acceleration(model, x)
     return acc
+
+
+def _receiver_errors(model: ErrorModel, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the errors of a fix in the states, m and m/s, (6,), and their derivative by the states, (6, n)."""
+    state, row, _, factor = model.fix_couplings
+    errors, h = np.zeros(6), np.zeros((6, model.layout.size))
+    np.add.at(errors, row, factor * x[state])
+    np.add.at(h, (row, state), factor)
+    return errors, h
 
 
 def _antenna_velocity(model: ErrorModel, at: Linearization, arm: FloatArray) -> tuple[FloatArray, FloatArray]:

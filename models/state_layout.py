@@ -1,61 +1,34 @@
 """The error state of a navigation filter: blocks of states, their order, and the noise that drives them.
 
-`StateLayout` is the one place that knows the order of the states; `ErrorModel` adds the numbers. Both come
-from the description of each sensor axis by `error_model`.
-
-================== ====== ============================================================= ==============
-block              states meaning                                                       behaviour
-================== ====== ============================================================= ==============
-position           3      north, east, down, m                                          dynamics
-velocity           3      north, east, down, m/s                                        dynamics
-attitude           3      rotation vector in n, rad                                     dynamics
-gyro_bias          3      turn-on constant, with its random walk, rad/s                 walk or GM
-accel_bias         3      the same, m/s²                                                walk or GM
-gyro_markov        ≥ 0    Gauss–Markov biases, axis by axis (a ladder for flicker)      GM
-accel_markov       ≥ 0    the same                                                      GM
-gyro_ramp          0, 3   slope of the bias, rad/s²                                     constant
-accel_ramp         0, 3   the same, m/s³                                                constant
-gyro_scale         0, 3   scale factor errors, diagonal of K                            constant
-accel_scale        0, 3   the same                                                      constant
-gyro_misalignment  0, 6   K: xy, xz, yx, yz, zx, zy                                     constant
-accel_misalignment 0, 6   the same                                                      constant
-g_sensitivity      0, 9   gyro error by specific force, rows, rad/s per m/s²            constant
-lever_arm          0, 3   from the inertial unit to the antenna, in b, m                constant
-time_offset        0, 1   delay of the receiver, s                                      constant
-mounting           0, 3   rotation vector of the unit in the vehicle, in b, rad         constant
-gravity            0, 1   excess of gravity, m/s²                                       constant
-gnss_position      ≥ 0    correlated position error, n-e-d for each process, m          GM
-================== ====== ============================================================= ==============
+`StateLayout` is the one place that knows the order of the states; `ErrorModel` adds the numbers. Position, velocity
+and attitude come first, each along north, east and down (m, m/s, rad as a rotation vector in n), then the blocks of
+`models.filter_states.FILTER_STATES` that the filter has, in the order in which they are declared.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.filter_states import FILTER_STATES, Process, named_state
+from models.filter_states.built_in import BUILT_IN
+from models.filter_states.declaration import DOWN_TARGET, FIX_TARGET, RATES, TARGETS
 from models.noise.gauss_markov import GaussMarkov
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
-OPTIONAL_BLOCKS = {
-    "gyro_ramp": 3,
-    "accel_ramp": 3,
-    "gyro_scale": 3,
-    "accel_scale": 3,
-    "gyro_misalignment": 6,
-    "accel_misalignment": 6,
-    "g_sensitivity": 9,
-    "lever_arm": 3,
-    "time_offset": 1,
-    "mounting": 3,
-    "gravity": 1,
-}
-"""Blocks of constants that a model may ask for by name, and their sizes."""
+NAVIGATION_BLOCKS = ("position", "velocity", "attitude")
+"""Blocks of three that come first, and whose dynamics are those of `models.error_state`."""
+NO_PROCESSES: Mapping[str, Process] = MappingProxyType({})
+"""States asked for by name that change by themselves, where none does."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +96,28 @@ class StateLayout:
         return self.slices[name].start if name in self.slices else -1
 
 
+class Couplings(NamedTuple):
+    """What the states of a filter add to, c terms: element `state` times `factor`, and times a rate where `source` ≥ 0.
+
+    Attributes
+    ----------
+    state, target, source : ndarray of int, shape (c,)
+        Index of the state, of `TARGETS`, and of `RATES` or −1.
+    factor : ndarray, shape (c,)
+        Factor.
+    """
+
+    state: IntArray
+    target: IntArray
+    source: IntArray
+    factor: FloatArray
+
+    def into(self, first: int, end: int) -> Couplings:
+        """Return the terms that add to the targets first … end − 1, counted from the first."""
+        own = (self.target >= first) & (self.target < end)
+        return Couplings(self.state[own], self.target[own] - first, self.source[own], self.factor[own])
+
+
 @dataclass(frozen=True)
 class ErrorModel:
     """States of a filter with their time constants and driving noise (SI).
@@ -137,8 +132,8 @@ class ErrorModel:
         Time constant of each state, s; infinite for all that does not decay.
     driving_density : ndarray, shape (n,)
         White drive of each state, unit/√s; 0 for constants and for position, velocity and attitude.
-    gyro_markov_axes, accel_markov_axes : tuple of int
-        Axis 0, 1, 2 to which each Gauss–Markov bias belongs.
+    components : mapping of str to tuple of int
+        Which component of its declaration each state of a block is, for all blocks but position, velocity and attitude.
     """
 
     layout: StateLayout
@@ -146,8 +141,58 @@ class ErrorModel:
     accel_density: FloatArray
     time_constant: FloatArray
     driving_density: FloatArray
-    gyro_markov_axes: tuple[int, ...]
-    accel_markov_axes: tuple[int, ...]
+    components: Mapping[str, tuple[int, ...]]
+
+    @property
+    def gyro_markov_axes(self) -> tuple[int, ...]:
+        """Axis 0, 1, 2 to which each Gauss–Markov bias of the gyros belongs."""
+        return self.components.get("gyro_markov", ())
+
+    @property
+    def accel_markov_axes(self) -> tuple[int, ...]:
+        """Axis 0, 1, 2 to which each Gauss–Markov bias of the accelerometers belongs."""
+        return self.components.get("accel_markov", ())
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """What every state adds to, in the order of the states."""
+        rows: list[tuple[int, int, int]] = []
+        factors: list[float] = []
+        for name, components in self.components.items():
+            declared = FILTER_STATES[name]
+            for j, component in enumerate(components):
+                for one in declared.couplings:
+                    if one.component == declared.components[component]:
+                        felt = RATES.index(one.times) if one.times else -1
+                        rows.append((self.layout[name].start + j, TARGETS.index(one.into), felt))
+                        factors.append(one.factor)
+        state, target, source = np.array(rows, dtype=np.int64).reshape(-1, 3).T
+        return Couplings(state, target, source, np.array(factors))
+
+    @cached_property
+    def sensor_couplings(self) -> Couplings:
+        """Those that add to the error of a sensor, 0 … 5."""
+        return self.couplings.into(0, DOWN_TARGET)
+
+    @cached_property
+    def down_couplings(self) -> Couplings:
+        """Those that add to the acceleration down."""
+        return self.couplings.into(DOWN_TARGET, FIX_TARGET)
+
+    @cached_property
+    def fix_couplings(self) -> Couplings:
+        """Those that add to a component of a fix, 0 … 5."""
+        return self.couplings.into(FIX_TARGET, len(TARGETS))
+
+    @cached_property
+    def slopes(self) -> IntArray:
+        """Index of the state that is the slope of each, −1 for none; shape (n,)."""
+        slope = np.full(self.layout.size, -1)
+        for name in self.components:
+            of = FILTER_STATES[name].slope_of
+            if of in self.layout:
+                slope[self.layout[of]] = range(self.layout[name].start, self.layout[name].stop)
+        return slope
 
 
 def error_model(
@@ -156,6 +201,7 @@ def error_model(
     *,
     gnss_markov: Sequence[GaussMarkov] = (),
     constants: Sequence[str] = (),
+    processes: Mapping[str, Process] = NO_PROCESSES,
 ) -> ErrorModel:
     """Return the error model of a filter: layout, time constants and driving noise.
 
@@ -166,40 +212,63 @@ def error_model(
     gnss_markov : sequence of GaussMarkov
         Correlated errors of the position fixes, each along north, east and down.
     constants : sequence of str
-        Names of `OPTIONAL_BLOCKS` blocks.
+        Names of further states that do not change by themselves.
+    processes : mapping of str to Process
+        Names of further states, and how they change.
+
+    Raises
+    ------
+    ValueError
+        Not three axes; a name that is not declared, or not to be asked for (`RegistryError`); the slope of a state
+        that has another number of components, or that the filter does not have.
     """
     if len(gyro) != 3 or len(accel) != 3:
         msg = f"'gyro' and 'accel' must have 3 axes, got {len(gyro)} and {len(accel)}"
         raise ValueError(msg)
-    unknown = set(constants) - set(OPTIONAL_BLOCKS)
-    if unknown:
-        msg = f"'constants' must be among {', '.join(OPTIONAL_BLOCKS)}, got {', '.join(sorted(unknown))}"
-        raise ValueError(msg)
-    ladders = {
-        "gyro_markov": [(axis, m) for axis, noise in enumerate(gyro) for m in noise.markov],
-        "accel_markov": [(axis, m) for axis, noise in enumerate(accel) for m in noise.markov],
-        "gnss_position": [(axis, m) for m in gnss_markov for axis in range(3)],
-    }
-    sizes = {"position": 3, "velocity": 3, "attitude": 3, "gyro_bias": 3, "accel_bias": 3}
-    sizes |= {name: len(ladders[name]) for name in ("gyro_markov", "accel_markov")}
-    sizes |= {name: size for name, size in OPTIONAL_BLOCKS.items() if name in constants}
-    sizes["gnss_position"] = len(ladders["gnss_position"])
-    layout = StateLayout(tuple((name, size) for name, size in sizes.items() if size))
-
-    time_constant, driving_noise = np.full(layout.size, np.inf), np.zeros(layout.size)
+    further = {named_state(name).name: processes.get(name, Process()) for name in (*constants, *processes)}
+    groups: dict[str, list[tuple[int, Process]]] = {}
     for name, axes in (("gyro_bias", gyro), ("accel_bias", accel)):
-        time_constant[layout[name]] = [a.bias_time_constant for a in axes]
-        driving_noise[layout[name]] = [a.walk_density for a in axes]
-    for name, ladder in ladders.items():
-        if ladder:
-            time_constant[layout[name]] = [m.time_constant for _, m in ladder]
-            driving_noise[layout[name]] = [m.driving_density for _, m in ladder]
+        groups[name] = [(i, Process(a.bias_time_constant, a.walk_density)) for i, a in enumerate(axes)]
+    for name, axes in (("gyro_markov", gyro), ("accel_markov", accel)):
+        groups[name] = [(i, _markov(m)) for i, a in enumerate(axes) for m in a.markov]
+    for name, change in further.items():
+        groups[name] = [(i, change) for i in range(FILTER_STATES[name].size)]
+    groups["gnss_position"] = [(i, _markov(m)) for m in gnss_markov for i in range(3)]
+    order = [name for name in (*_BUILT_IN_NAMES, *further) if groups.get(name)]
+    groups = {name: groups[name] for name in dict.fromkeys(order)}
+    layout = StateLayout(
+        (*((name, 3) for name in NAVIGATION_BLOCKS), *((name, len(own)) for name, own in groups.items()))
+    )
+    _check_slopes(groups)
+    time_constant, driving_noise = np.full(layout.size, np.inf), np.zeros(layout.size)
+    for name, own in groups.items():
+        time_constant[layout[name]] = [p.time_constant for _, p in own]
+        driving_noise[layout[name]] = [p.driving_density for _, p in own]
     return ErrorModel(
         layout,
         np.array([a.white_density for a in gyro]),
         np.array([a.white_density for a in accel]),
         time_constant,
         driving_noise,
-        tuple(axis for axis, _ in ladders["gyro_markov"]),
-        tuple(axis for axis, _ in ladders["accel_markov"]),
+        {name: tuple(i for i, _ in own) for name, own in groups.items()},
     )
+
+
+_BUILT_IN_NAMES = tuple(state.name for state in BUILT_IN)
+"""In their order in a filter; states of other packages follow in the order in which they are asked for."""
+
+
+def _markov(state: GaussMarkov) -> Process:
+    return Process(state.time_constant, state.driving_density)
+
+
+def _check_slopes(groups: Mapping[str, Sequence[object]]) -> None:
+    """Refuse a slope without the state that it is the slope of."""
+    for name, own in groups.items():
+        of = FILTER_STATES[name].slope_of
+        if of and len(groups.get(of, ())) != len(own):
+            msg = (
+                f"filter state '{name}' is the slope of '{of}': expected {len(own)} of these in the filter, "
+                f"found {len(groups.get(of, ()))}"
+            )
+            raise ValueError(msg)

@@ -20,9 +20,10 @@ from models.error_state import (
     process_noise_variance,
     transition,
 )
+from models.filter_states import named_states
 from models.imu_errors import calibration, sensor_jacobian
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, StateLayout, error_model
+from models.state_layout import AxisNoise, StateLayout, error_model
 from models.statespace import StateSpace, discretize
 from models.strapdown import NavigationState, correct_increments, mean_attitude, step
 from models.trajectory.catalogue import TRAJECTORIES
@@ -39,7 +40,7 @@ ACCEL = (
     AxisNoise(2e-3, walk_density=1e-5, bias_time_constant=100.0, markov=LADDER),
     AxisNoise(1.5e-3, walk_density=2e-5, markov=LADDER[:1]),
 )
-FULL = error_model(GYRO, ACCEL, gnss_markov=(GaussMarkov(1.0, 60.0),), constants=tuple(OPTIONAL_BLOCKS))
+FULL = error_model(GYRO, ACCEL, gnss_markov=(GaussMarkov(1.0, 60.0),), constants=named_states())
 BASE = error_model([AxisNoise(3e-5, 1e-6)] * 3, [AxisNoise(1e-3, 1e-5)] * 3)
 
 

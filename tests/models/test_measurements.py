@@ -7,6 +7,7 @@ import pytest
 
 from models import earth, rotation
 from models.error_state import Linearization, corrected
+from models.filter_states import named_states
 from models.imu_errors import calibration
 from models.measurements import (
     antenna,
@@ -18,7 +19,7 @@ from models.measurements import (
     zero_velocity,
 )
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, error_model
+from models.state_layout import AxisNoise, error_model
 from models.strapdown import NavigationState
 from models.trajectory.catalogue import TRAJECTORIES
 
@@ -28,7 +29,7 @@ FULL = error_model(
     [AxisNoise(3e-5, markov=LADDER)] * 3,
     [AxisNoise(1e-3, markov=LADDER)] * 3,
     gnss_markov=(GaussMarkov(1.0, 60.0), GaussMarkov(0.3, 600.0)),
-    constants=tuple(OPTIONAL_BLOCKS),
+    constants=named_states(),
 )
 BASE = error_model([AxisNoise(3e-5)] * 3, [AxisNoise(1e-3)] * 3)
 MOUNTING = rotation.mat_from_rpy([0.1, -0.05, 0.2])

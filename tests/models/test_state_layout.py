@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from models.filter_states import FILTER_STATES, named_states
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, error_model
+from models.state_layout import AxisNoise, error_model
 
 WHITE = AxisNoise(3e-5)
 
@@ -44,11 +45,15 @@ def test_a_gauss_markov_state_has_the_drive_of_its_stationary_variance():
 
 def test_blocks_follow_one_another_without_gaps():
     model = error_model(
-        [WHITE] * 3, [WHITE] * 3, constants=tuple(OPTIONAL_BLOCKS), gnss_markov=(GaussMarkov(1.0, 9.0),)
+        [WHITE] * 3, [WHITE] * 3, constants=named_states(), gnss_markov=(GaussMarkov(1.0, 9.0),)
     )
     ends = [model.layout[name] for name, _ in model.layout.blocks]
     assert [s.start for s in ends] == [0, *(s.stop for s in ends[:-1])]
-    assert ends[-1].stop == model.layout.size == 15 + sum(OPTIONAL_BLOCKS.values()) + 3
+    assert (
+        ends[-1].stop
+        == model.layout.size
+        == 15 + sum(FILTER_STATES[name].size for name in named_states()) + 3
+    )
     assert model.layout.start("position") == 0
     assert error_model([WHITE] * 3, [WHITE] * 3).layout.start("gravity") == -1
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
+from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.drive_scores import (
     against_reference,
     against_smoother,
@@ -142,7 +143,7 @@ def navigate_drive(
     gnss : GnssNoise or str, optional
         Receiver, or the name of a built-in one, in place of that of the configuration.
     states : mapping of str to float, optional
-        Further states, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sd of their prior.
+        Further states, names of `models.filter_states.named_states`, with the sd of their prior.
     vehicle : Vehicle
         What may be assumed of the vehicle: that it does not slip, and is stationary where it seems so.
 
@@ -305,6 +306,6 @@ def _estimates(settings: FilterSettings, last: Solution) -> dict[str, tuple[tupl
     layout = settings.model.layout
     return {
         name: tuple(zip(last.final_parameters[layout[name]].tolist(), sd[layout[name]].tolist(), strict=True))
-        for name, _ in layout.blocks[3:]
-        if not name.endswith("_markov") and name != "gnss_position"
+        for name in settings.model.components
+        if FILTER_STATES[name].origin not in (Origin.AXIS_PROCESSES, Origin.FIX_PROCESSES)
     }

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
 from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
@@ -146,13 +147,10 @@ def known_sources(settings: FilterSettings, plan: Scenario) -> tuple[Source, lis
     parts.append(part("start", started=[slice(0, 9)]))
     parts.append(part("position fixes", fixes=[slice(0, 3)]))
     parts.append(part("velocity fixes", fixes=[slice(3, 6)]))
-    if "gnss_position" in at:
-        errors = [at["gnss_position"]]
-        parts.append(part("correlated fixes", started=errors, driving_noise=errors))
-    known = {"position", "velocity", "attitude", "gyro_bias", "accel_bias", "gyro_markov", "accel_markov"}
-    for name, _ in at.blocks:
-        if name not in known | {"gnss_position"}:
-            parts.append(part(name.replace("_", " "), started=[at[name]], driving_noise=[at[name]]))
+    for name, components in settings.model.components.items():
+        state = FILTER_STATES[name]
+        if state.origin not in (Origin.AXIS_CONSTANT, Origin.AXIS_PROCESSES) and components:
+            parts.append(part(state.meaning, started=[at[name]], driving_noise=[at[name]]))
     return own, parts
 
 

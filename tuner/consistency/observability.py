@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.settings import FilterSettings, total_bias
+from models.filter_states import FILTER_STATES
+from tuner.navigation.settings import FilterSettings, further_states, total_bias
 from tuner.types.consistency import Observability, WeakDirection
 
 FloatArray = NDArray[np.float64]
@@ -73,10 +74,7 @@ def _view(settings: FilterSettings) -> tuple[list[str], FloatArray]:
     """Return names of the physical states and the matrix from the filter's states to them."""
     model = settings.model
     names, rows = list(NAMES), [total_bias(model)]
-    for name, size in model.layout.blocks[5:]:
-        if name not in ("gyro_markov", "accel_markov", "gnss_position"):
-            rows.append(np.eye(settings.size)[model.layout[name]])
-            label = name.replace("_", " ").replace("accel ", "accelerometer ")
-            own = "xyz" if size == 3 else [str(i + 1) for i in range(size)]
-            names += [label] if size == 1 else [f"{label} {axis}" for axis in own]
+    for name in further_states(model):
+        rows.append(np.eye(settings.size)[model.layout[name]])
+        names += FILTER_STATES[name].labels
     return names, np.vstack(rows)

@@ -4,7 +4,7 @@ Layout::
 
     sensors: SENSOR: AXIS: {unit, identified: [terms], filter: {white_density, markov, …}, fates}
     initial: P0 with reasons      gnss: R and gate      findings: […]
-    compensation: {NAME: value}   constants: {STATE: sd of its prior}
+    compensation: {NAME: value}   constants: {STATE: sd of its prior}   time_constants: {STATE: s}
     inflations, worst_case: [{quantity, kind, factor, reason, …}]   provenance: {…}       notes: […]
 """
 
@@ -14,8 +14,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
+from models.filter_states import named_state
 from models.noise import GaussMarkov
+from models.registry import RegistryError
 from tuner.formats.codec import dump, load, stored_form
+from tuner.formats.document_errors import refuse
 from tuner.types import (
     ChannelNoise,
     Compensation,
@@ -26,7 +29,7 @@ from tuner.types import (
     InitialUncertainty,
     TermEstimate,
 )
-from tuner.types.numbers import Finite, NonNegative, Positive
+from tuner.types.numbers import NonNegative, Positive
 
 FORMAT: Literal["tuner-noise/1"] = "tuner-noise/1"
 
@@ -81,7 +84,8 @@ class _ConfigForm:
     initial: InitialUncertainty
     gnss: GnssNoise | None
     compensation: Compensation = field(default_factory=Compensation)
-    constants: Mapping[str, Finite] = field(default_factory=dict)
+    constants: Mapping[str, NonNegative] = field(default_factory=dict)
+    time_constants: Mapping[str, Positive] = field(default_factory=dict)
     findings: tuple[Mapping[str, Any], ...] = ()
     inflations: tuple[Inflation, ...] = ()
     worst_case: tuple[Enlargement, ...] = ()
@@ -110,6 +114,15 @@ class _ConfigForm:
 
     def restored(self) -> FilterConfig:
         """Return the configuration."""
+        for key, states in (("constants", self.constants), ("time_constants", self.time_constants)):
+            for name in states:
+                try:
+                    named_state(name)
+                except RegistryError as error:
+                    refuse("a declared filter state", str(error), key)
+        for name in self.time_constants:
+            if name not in self.constants:
+                refuse("a state that is among 'constants' too", repr(name), "time_constants")
         channels = {
             axis: ChannelNoise(
                 axis, form.unit, **vars(form.filter), identified=form.identified, handling=form.fates

@@ -10,7 +10,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+from models.filter_states import FILTER_STATES
 from models.noise import GaussMarkov
+from models.units import from_si
 from tuner.formats import codec
 from tuner.formats.configuration import FORMAT, config_json, load_config
 from tuner.formats.customary_units import customary_unit, digits, in_customary, phrase, pretty
@@ -61,7 +63,8 @@ def dumps(config: FilterConfig) -> str:
         "initial": _initial(config.initial),
         "gnss": None if config.gnss is None else _gnss(config.gnss),
         **({"compensation": config.compensation.as_text()} if config.compensation else {}),
-        **({"constants": dict(config.constants)} if config.constants else {}),
+        **({"constants": _constants(config)} if config.constants else {}),
+        **({"time_constants": dict(config.time_constants)} if config.time_constants else {}),
         "findings": [dict(finding) for finding in config.findings],
         "inflations": [_inflation(inflation) for inflation in config.inflations],
         **({"worst_case": [_inflation(one) for one in config.worst_case]} if config.worst_case else {}),
@@ -168,6 +171,21 @@ def _gnss(gnss: GnssNoise) -> dict[str, Any]:
         **({"correlated_down": gnss.correlated_down} if gnss.correlated_down != 1.0 else {}),
         "reference": gnss.reference,
     }
+
+
+def _constants(config: FilterConfig) -> dict[str, Noted]:
+    """Return the further states with the sds of their priors, in their customary units too."""
+    answer = {}
+    for name, sd in config.constants.items():
+        state = FILTER_STATES[name]
+        unit = pretty(state.unit) if state.unit != "1" else "sd"
+        shown = (
+            f"; {digits(from_si(sd, state.customary_unit))} {state.customary_unit}"
+            if state.customary_unit
+            else ""
+        )
+        answer[name] = Noted(sd, f"{unit}{shown}")
+    return answer
 
 
 def _inflation(inflation: Inflation) -> dict[str, Any]:

@@ -112,6 +112,8 @@ class Solution:
         At the end of the steps.
     final_parameters, final_covariance : ndarray, shapes (n,), (n, n)
         At the end of the steps.
+    further_covariance : ndarray, shape (k, r, r)
+        Of the further states (`settings.further_states`).
     constrained : Constrained or None
         What became of the constraints, where there were any.
     """
@@ -126,6 +128,7 @@ class Solution:
     final: NavigationState
     final_parameters: FloatArray
     final_covariance: FloatArray
+    further_covariance: FloatArray
     constrained: Constrained | None = None
 
 

@@ -53,7 +53,7 @@ from tuner.navigation.data import (
     Solution,
     Steps,
 )
-from tuner.navigation.settings import FilterSettings, chi2_gate, total_bias
+from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows, total_bias
 
 FloatArray = NDArray[np.float64]
 
@@ -216,7 +216,7 @@ def _run(
             sensor = calibration(model, x)
             now = replace(now, start=state)
             outcome.append((use, distance))
-    solution = _solution(fixes, rows, state, x, kf.P)
+    solution = _solution(fixes, rows, state, x, kf.P, int(np.count_nonzero(error_rows(model) >= 15)))
     if constraints is None:
         return solution
     uses = np.array([use for use, _ in outcome], dtype=np.int64)
@@ -301,14 +301,17 @@ def _update(
         x[9:] += correction[9:]
     innovation, spread = np.zeros(6), np.zeros((6, 6))
     innovation[: len(z)], spread[: len(z), : len(z)] = z, s
-    m = total_bias(model)
-    row = (state, x.copy(), m @ kf.P @ m.T, innovation, spread, use)
+    m, further = total_bias(model), np.flatnonzero(error_rows(model) >= 15)
+    own_covariance = kf.P[np.ix_(further, further)]
+    row = (state, x.copy(), m @ kf.P @ m.T, innovation, spread, own_covariance, use)
     return state, row, (h, gain, correction)
 
 
 def _solution(
-    fixes: Fixes, rows: list[Any], state: NavigationState, x: FloatArray, p: FloatArray
+    fixes: Fixes, rows: list[Any], state: NavigationState, x: FloatArray, p: FloatArray, further: int
 ) -> Solution:
+    """Return the solution of rows as of `_update`; `further` is the number of further states."""
+
     def column(j: int, *shape: int) -> FloatArray:
         return np.array([row[j] for row in rows]).reshape(len(rows), *shape)
 
@@ -324,8 +327,9 @@ def _solution(
         column(2, 15, 15),
         column(3, 6),
         column(4, 6, 6),
-        column(5, 2).astype(np.int64),
+        column(6, 2).astype(np.int64),
         state,
         x,
         p,
+        column(5, further, further),
     )

@@ -2,7 +2,7 @@
 
 Each axis has a bias state, the turn-on constant with its random walk, and one Gauss–Markov state for every
 rung of its ladder; a ramp gives the slope of the bias a state; correlated GNSS error has its own. Further
-constants (scale factors, lever arm, …) are asked for by name with the sd of their prior.
+states (scale factors, lever arm, …, those of other packages) are asked for by name with the sd of their prior.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from models.state_layout import OPTIONAL_BLOCKS, AxisNoise, ErrorModel, error_model
+from models.filter_states import FILTER_STATES, Origin, named_state, process
+from models.state_layout import AxisNoise, ErrorModel, error_model
 from tuner.navigation.fix_sd_model import FixSdModel
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
@@ -93,7 +94,8 @@ def filter_settings(
     config : FilterConfig
         All six axes.
     constants : mapping of str to float
-        Further states, names of `models.state_layout.OPTIONAL_BLOCKS`, with the sd of their prior, SI.
+        Further states, names of `models.filter_states.named_states`, with the sd of their prior, SI; those of the
+        configuration itself are left to the caller.
     lever_arm : tuple of 3 floats
         From the inertial unit to the antenna, in b, m.
     covariance_step : float
@@ -103,6 +105,8 @@ def filter_settings(
     ------
     DataError
         Where an axis is missing.
+    RegistryError
+        Where a state is not declared.
     """
     missing = [axis for axis in GYROS + ACCELS if axis not in config.channels]
     if missing:
@@ -110,16 +114,19 @@ def filter_settings(
             f"{config.name}: expected six axes, {', '.join(missing)} missing; complete it (--complete GRADE)"
         )
         raise DataError(msg)
-    wanted = dict(constants)
+    wanted = {named_state(name).name: sd for name, sd in constants.items()}
     for sensor, axes in (("gyro", GYROS), ("accel", ACCELS)):
         if any(config.channels[axis].ramp_sd > 0.0 for axis in axes):
-            wanted[f"{sensor}_ramp"] = 0.0  # each axis has its own prior
+            wanted.setdefault(f"{sensor}_ramp", 0.0)  # each axis has its own prior
     correlated = config.gnss.correlated if config.gnss is not None else ()
     model = error_model(
         [_axis(config, axis) for axis in GYROS],
         [_axis(config, axis) for axis in ACCELS],
         gnss_markov=correlated,
-        constants=[name for name in OPTIONAL_BLOCKS if name in wanted],
+        processes={
+            name: process(FILTER_STATES[name], value, config.time_constants.get(name))
+            for name, value in wanted.items()
+        },
     )
     at, sd = model.layout, np.zeros(model.layout.size)
     first = config.initial
@@ -133,7 +140,8 @@ def filter_settings(
         if f"{sensor}_markov" in at:
             sd[at[f"{sensor}_markov"]] = [state.sd for channel in noise for state in channel.markov]
         if f"{sensor}_ramp" in at:
-            sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd for channel in noise]
+            asked = wanted[f"{sensor}_ramp"]
+            sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd or asked for channel in noise]
     if "gnss_position" in at:
         own = at["gnss_position"]
         down = config.gnss.correlated_down if config.gnss is not None else 1.0
@@ -155,13 +163,39 @@ def total_bias(model: ErrorModel) -> FloatArray:
     The bias of an axis is the sum of its constant and its Gauss–Markov states: what a truth can be compared
     with, whatever states stand for it.
     """
-    at, m = model.layout, np.zeros((15, model.layout.size))
-    m[:9, :9] = np.eye(9)
-    for first, sensor, axes in ((9, "gyro", model.gyro_markov_axes), (12, "accel", model.accel_markov_axes)):
-        m[first : first + 3, at[f"{sensor}_bias"]] = np.eye(3)
-        for k, axis in enumerate(axes):
-            m[first + axis, at[f"{sensor}_markov"].start + k] = 1.0
+    m = np.zeros((15, model.layout.size))
+    rows = error_rows(model)
+    own = np.flatnonzero((rows >= 0) & (rows < 15))
+    m[rows[own], own] = 1.0
     return m
+
+
+def error_rows(model: ErrorModel) -> NDArray[np.int64]:
+    """Return the error that each state is a part of, shape (n,).
+
+    Errors 0 … 8 are those of navigation, 9 … 14 the total biases, those from 15 on the further states one by one; −1 is
+    the error of a fix, which nothing else can be compared with.
+    """
+    at, rows, count = model.layout, np.full(model.layout.size, -1), 15
+    rows[:9] = range(9)
+    for name, components in model.components.items():
+        origin = FILTER_STATES[name].origin
+        if origin in (Origin.AXIS_CONSTANT, Origin.AXIS_PROCESSES):
+            rows[at[name]] = np.array(components) + (9 if name.startswith("gyro") else 12)
+        elif origin is not Origin.FIX_PROCESSES:
+            rows[at[name]] = range(count, count + len(components))
+            count += len(components)
+    return rows
+
+
+def further_states(model: ErrorModel) -> dict[str, slice]:
+    """Return the further states of a filter by name, and their places among them (the errors from 15 on)."""
+    rows = error_rows(model)
+    return {
+        name: slice(int(own[0]) - 15, int(own[-1]) - 14)
+        for name in model.components
+        if (own := rows[model.layout[name]])[0] >= 15
+    }
 
 
 def chi2_gate(sigmas: float, dof: int) -> float:

@@ -84,7 +84,8 @@ class FilterConfig:
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.
     `findings` are what `diagnose` found, with their extensions, as plain values. `compensation` is what is taken out of
     a drive before it is filtered, `constants` further states of the filter, names of
-    `models.state_layout.OPTIONAL_BLOCKS`, with the sds of their priors; SI. `worst_case` says by how much the noise is
+    `models.filter_states.named_states`, with the sds of their priors, `time_constants` those of them that are
+    first-order processes with another time constant than declared; SI. `worst_case` says by how much the noise is
     larger while a stretch of the record lasts that the settings count by its share of the time.
     """
 
@@ -99,4 +100,5 @@ class FilterConfig:
     findings: tuple[Mapping[str, Any], ...] = ()
     compensation: Compensation = field(default_factory=Compensation)
     constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    time_constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     worst_case: tuple[Enlargement, ...] = ()

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from models.filter_states import named_states
 from models.noise import TERMS, GaussMarkov, NoiseModel, Term
 from tuner.formats import noise_yaml
 from tuner.formats.configuration import config_json, load_config
@@ -244,7 +245,15 @@ configs = st.builds(
     st.dictionaries(
         st.sampled_from(["time_offset.delay", "lever_arm.x", "lever_arm.z"]), numbers, max_size=2
     ).map(Compensation.parse),
-    named_numbers,
+    st.dictionaries(st.sampled_from(named_states()), sizes, max_size=2),
+).flatmap(
+    lambda config: st.builds(
+        dataclasses.replace,
+        st.just(config),
+        time_constants=st.dictionaries(
+            st.sampled_from(sorted(config.constants) or ["gravity"]), positive
+        ).map(lambda known: {name: value for name, value in known.items() if name in config.constants}),
+    )
 )
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from models import rotation
 from models.error_state import corrected, navigation_error
+from models.filter_states import named_states
 from models.measurements import perfect_fixes
 from models.noise import GaussMarkov
-from models.state_layout import OPTIONAL_BLOCKS
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
@@ -25,7 +25,13 @@ from tuner.synthesis import synthesize
 from tuner.types.records import DataError
 
 LEVER = (0.3, -0.2, -1.0)
-PRIORS = dict.fromkeys(OPTIONAL_BLOCKS, 0.01) | {"lever_arm": 0.5, "gravity": 1e-3, "g_sensitivity": 1e-4}
+PRIORS = dict.fromkeys(named_states(), 0.01) | {
+    "lever_arm": 0.5,
+    "gravity": 1e-3,
+    "g_sensitivity": 1e-4,
+    "gyro_ramp": 1e-6,
+    "accel_ramp": 1e-4,
+}
 INTERVAL = 0.01
 
 

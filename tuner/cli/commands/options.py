@@ -232,7 +232,7 @@ def three_numbers(
 
 def state(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, float]:
     """Turn ``NAME=SD`` texts into prior sds of optional states of the filter (a callback of click)."""
-    from models.state_layout import OPTIONAL_BLOCKS
+    from models.filter_states import named_states
 
     states = {}
     for text in values:
@@ -241,8 +241,8 @@ def state(_context: click.Context, _parameter: click.Parameter, values: tuple[st
             sd = float(value)
         except ValueError:
             sd = -1.0
-        if name not in OPTIONAL_BLOCKS or not 0.0 < sd < math.inf:
-            msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(OPTIONAL_BLOCKS)} and a positive SD"
+        if name not in named_states() or not 0.0 < sd < math.inf:
+            msg = f"--state {text}: expected NAME=SD with NAME one of {' '.join(named_states())} and a positive SD"
             raise click.UsageError(msg)
         states[name] = sd
     return states

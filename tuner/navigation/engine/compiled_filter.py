@@ -56,7 +56,7 @@ def filter_together(
         np.int64
     )
     fixes = FixBatch(first.t, values, sds, flags)
-    output = new_output(w, k, n)
+    output = new_output(w, k, lay)
     sensed = SensorInput(
         np.ascontiguousarray(steps.dt, dtype=float),
         np.ascontiguousarray(steps.increments, dtype=float),
@@ -71,13 +71,14 @@ def filter_together(
             first.t,
             NavigationState(output.values[j, :, :3], output.values[j, :, 3:6], output.values[j, :, 6:10]),
             output.values[j, :, 16:],
-            output.P[j],
+            output.P[j, :, :15, :15],
             output.values[j, :, 10:16],
             output.S[j],
             output.use[j],
             NavigationState(state[:3, j], state[3:6, j], state[6:10, j]),
             m.states[ESTIMATE, :n, j],
             m.P[:n, :n, j],
+            further_covariance=output.P[j, :, 15:, 15:],
         )
         for j in range(w)
     )

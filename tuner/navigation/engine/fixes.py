@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.navigation.engine.compilation import block, count, put, put_quaternion, quaternion, vector
-from tuner.navigation.engine.layout import GATE_INDEX, KIND_COLUMN, NAVIGATION_STATES, PATIENCE_INDEX, TOTAL
+from tuner.navigation.engine.layout import (
+    GATE_INDEX,
+    KIND_COLUMN,
+    NAVIGATION_STATES,
+    PATIENCE_INDEX,
+    TOTAL,
+    Layout,
+)
 from tuner.navigation.engine.measurement_models import constraint_model, correct, fix_model
 from tuner.navigation.engine.mechanisation import invert_calibration
 from tuner.navigation.engine.propagation import unscale_covariance
@@ -55,17 +62,18 @@ class Output(NamedTuple):
     """Results at e fixes of w filters; where gains are shared P and S alone."""
 
     values: FloatArray  # (w, e, 16 + n), position, velocity, quaternion; innovation; other states
-    P: FloatArray  # (w, e, 15, 15)
+    P: FloatArray  # (w, e, d, d), of the errors of `Layout.total`
     S: FloatArray  # (w, e, 6, 6)
     use: IntArray  # (w, e, 2)
     aided: FloatArray  # (n, n), of the first filter after the last fix used, where gains are shared
 
 
-def new_output(w: int, e: int, n: int) -> Output:
-    """Return empty results at e fixes of w filters of n states."""
+def new_output(w: int, e: int, lay: Layout) -> Output:
+    """Return empty results at e fixes of w filters."""
+    n, d = lay.size, int(lay.total.max()) + 1
     return Output(
         np.zeros((w, e, 16 + n)),
-        np.zeros((w, e, 15, 15)),
+        np.zeros((w, e, d, d)),
         np.zeros((w, e, 6, 6)),
         np.zeros((w, e, 2), dtype=np.int64),
         np.zeros((n, n)),
@@ -122,10 +130,10 @@ def model_fix(m: Any, w: int) -> None:
 
 @block
 def summarise(m: Any, e: Any, w: int, out: FloatArray, row: int) -> None:
-    """Set the covariance (15, 15) of navigation errors and total biases of filter w."""
-    P, total = e.P_each, m.table
-    for i in range(15):
-        for j in range(15):
+    """Set the covariance of the errors of filter w: navigation, total biases, further states."""
+    P, total, d = e.P_each, m.table, out.shape[2]
+    for i in range(d):
+        for j in range(d):
             out[w, row, i, j] = 0.0
     for s in range(m.size):
         i = total[TOTAL, s]

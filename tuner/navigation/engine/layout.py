@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imu_errors import OFF_DIAGONAL
-from models.state_layout import ErrorModel
-from tuner.navigation.settings import FilterSettings, chi2_gate
+from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -68,7 +66,7 @@ class Layout(NamedTuple):
     processes : int
         Gauss–Markov processes in the GNSS position.
     total : ndarray of int, shape (n,)
-        Which of nine navigation errors and six total biases a state is a part of, −1 for none.
+        Which error a state is a part of: `settings.error_rows`.
     ideal : bool
         No scale factors, misalignments or g-sensitivity.
     groups : ndarray of int, shape (g, 4)
@@ -123,22 +121,10 @@ def layout_of(settings: FilterSettings) -> Layout:
     """Return a filter as plain numbers."""
     model = settings.model
     at, n = model.layout, model.layout.size
-    row, source, slope = (np.full(n, -1) for _ in range(3))
-    for first, sensor, axes in _sensors(model):
-        row[at[f"{sensor}_bias"]] = range(first, first + 3)
-        if axes:
-            row[at[f"{sensor}_markov"]] = first + np.array(axes)
-        if f"{sensor}_scale" in at:
-            row[at[f"{sensor}_scale"]] = source[at[f"{sensor}_scale"]] = range(first, first + 3)
-        if f"{sensor}_misalignment" in at:
-            row[at[f"{sensor}_misalignment"]] = [first + i for i, _ in OFF_DIAGONAL]
-            source[at[f"{sensor}_misalignment"]] = [first + j for _, j in OFF_DIAGONAL]
-        if f"{sensor}_ramp" in at:
-            ramp = at[f"{sensor}_ramp"]
-            slope[at[f"{sensor}_bias"]] = range(ramp.start, ramp.stop)
-    if "g_sensitivity" in at:
-        row[at["g_sensitivity"]] = np.repeat(range(3), 3)
-        source[at["g_sensitivity"]] = np.tile(range(3, 6), 3)
+    row, source = np.full(n, -1), np.full(n, -1)
+    own = model.sensor_couplings
+    row[own.state], source[own.state] = own.target, own.source
+    slope = model.slopes
     gnss = at["gnss_position"] if "gnss_position" in at else slice(0, 0)
     gravity = at.start("gravity")
     return Layout(
@@ -155,7 +141,7 @@ def layout_of(settings: FilterSettings) -> Layout:
         at.start("time_offset"),
         at.start("gnss_position"),
         (gnss.stop - gnss.start) // 3,
-        total_rows(row, source),
+        error_rows(model),
         not (source >= 0).any(),
         grouped(row, source, gravity),
         np.array(settings.lever_arm, dtype=float),
@@ -177,7 +163,7 @@ def with_sensor_states(lay: Layout, rows: IntArray) -> Layout:
         row=row,
         source=source,
         slope=np.pad(lay.slope, (0, more), constant_values=-1),
-        total=total_rows(row, source),
+        total=np.concatenate([lay.total, NAVIGATION_STATES + rows]),
         groups=grouped(row, source, lay.gravity),
     )
 
@@ -197,15 +183,3 @@ def grouped(row: IntArray, source: IntArray, gravity: int) -> IntArray:
             groups[-1][2] -= 1
         groups.append([own, s, 1, part])
     return np.array(groups, dtype=np.int64).reshape(-1, 4)
-
-
-def total_rows(row: IntArray, source: IntArray) -> IntArray:
-    """Return `total` of a layout."""
-    state = np.arange(len(row))
-    return np.where(
-        state < NAVIGATION_STATES, state, np.where((row >= 0) & (source < 0), NAVIGATION_STATES + row, -1)
-    )
-
-
-def _sensors(model: ErrorModel) -> tuple[tuple[int, str, tuple[int, ...]], ...]:
-    return (0, "gyro", model.gyro_markov_axes), (3, "accel", model.accel_markov_axes)

@@ -88,8 +88,9 @@ def trace_sources(
         m.rows[WHITE_ROW : WHITE_ROW + 6, :w] = white[among].T
         sds = np.repeat(fix_sd[among + [0] * (BATCH_SIZE - w), None], len(flags), axis=1)
         fixes = FixBatch(nominal.t, values, sds, flags)
-        output = new_output(BATCH_SIZE, e, n)
+        output = new_output(BATCH_SIZE, e, lay)
         run_filters(lay, m, sensed, fixes, output, shared=True)
-        out[:, among], out_s[:, among] = output.P[:w].swapaxes(0, 1), output.S[:w].swapaxes(0, 1)
+        out[:, among] = output.P[:w, :, :15, :15].swapaxes(0, 1)
+        out_s[:, among] = output.S[:w].swapaxes(0, 1)
         aided = output.aided
     return out, out_s, aided

@@ -88,6 +88,7 @@ def parted(solution: Solution, fixes: Fixes, constraints: Constraints | None) ->
         state=NavigationState(state.llh[own], state.vel_n[own], state.quat_nb[own]),
         parameters=solution.parameters[own],
         covariance=solution.covariance[own],
+        further_covariance=solution.further_covariance[own],
         innovation=solution.innovation[own],
         innovation_covariance=solution.innovation_covariance[own],
         use=solution.use[own],
