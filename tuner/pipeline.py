@@ -19,7 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
-from tuner.exporters import export
+from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
 from tuner.identification import identify
@@ -215,7 +215,11 @@ def tune(
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         config = config_after_drive(examined)
     exports = {"noise.yaml": noise_yaml.dumps(config)}
-    exports |= {f"{dialect}.yaml": export(config, dialect) for dialect in EXPORTED_DIALECTS}
+    exports |= {
+        f"{dialect}.yaml": export(config, dialect)
+        for dialect in EXPORTED_DIALECTS
+        if not lacking(config, DIALECTS[dialect])
+    }
     checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
     return TuneResult(
         inputs.name,

@@ -27,14 +27,18 @@ from tuner.exporters import (
     vins,
 )
 from tuner.exporters.dialect import DIALECTS, Dialect, Target
+from tuner.exporters.header import SENSORS
+from tuner.exporters.triad_values import triad
 from tuner.formats import noise_yaml
 from tuner.synthesis.equivalent_models import FILTER_MEMORY
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
-__all__ = ["DIALECTS", "Dialect", "Target", "export"]
+__all__ = ["DIALECTS", "Dialect", "Target", "export", "lacking"]
 
-_NATIVE = Dialect("native", "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config))
+_NATIVE = Dialect(
+    "native", "our own configuration", "SI", lambda config, _: noise_yaml.dumps(config), needs=()
+)
 
 DIALECTS.extend(
     (
@@ -43,8 +47,11 @@ DIALECTS.extend(
         openvins.DIALECT,
         vins.DIALECT,
         orbslam3.DIALECT,
+        orbslam3.UNVERSIONED,
         liosam.DIALECT,
+        liosam.ROS2,
         fastlio.DIALECT,
+        fastlio.ROS2,
         kf_gins.DIALECT,
         navego.DIALECT,
         gtsam.DIALECT,
@@ -64,7 +71,7 @@ def export(
     dialect: str,
     *,
     interval: float | None = None,
-    step: float = 0.01,
+    step: float | None = None,
     memory: float = FILTER_MEMORY,
 ) -> str:
     """Return a configuration as text of a dialect.
@@ -72,23 +79,37 @@ def export(
     Parameters
     ----------
     config : FilterConfig
-        What to export; a sensor it lacks is left out, with a comment that says so.
+        What to export. A sensor it lacks is left out, with a comment that says so, where the settings of the other
+        stand alone.
     dialect : str
         A key of `DIALECTS`.
     interval : float, optional
         Sampling interval of the IMU the target reads, s; default the interval of the log.
     step : float, optional
-        Prediction step of the target, s, for filters that predict at another rate than the IMU's.
+        Prediction step of the target, s, for filters that predict at another rate than the IMU's; default the
+        target's own.
     memory : float, optional
         Time over which the target renews its biases, s: where a random walk or one state stands for more.
 
     Raises
     ------
     DataError
-        For an unknown dialect.
+        For an unknown dialect, and for a sensor that the target cannot do without.
     """
     try:
         declared = DIALECTS[dialect]
     except RegistryError as error:
         raise DataError(str(error)) from None
-    return declared.write(config, Target(interval or config.interval, step, memory))
+    if missing := lacking(config, declared):
+        msg = (
+            f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "
+            "`tuner tune LOG --complete GRADE` fills them in from a built-in grade"
+        )
+        raise DataError(msg)
+    target = Target(interval or config.interval, step, memory, rate_named=interval is not None)
+    return declared.write(config, target)
+
+
+def lacking(config: FilterConfig, dialect: Dialect) -> list[str]:
+    """Return the sensors, in words, that a dialect needs and a configuration lacks."""
+    return [name for sensor, name in SENSORS.items() if sensor in dialect.needs and not triad(config, sensor)]

@@ -1,9 +1,11 @@
 """ArduPilot EKF3 parameters: noises per filter step, biases as densities of a delta angle.
 
-Each step of dt, about 10 ms, the filter adds (dt·EK3_GYRO_P_NSE)² to an angle and (dt²·EK3_GBIAS_P_NSE)² to a
-delta-angle bias. So EK3_GYRO_P_NSE = N/√dt, EK3_GBIAS_P_NSE = K/√dt, and the like for ACC.
+Each step of dt the filter adds (dt·EK3_GYRO_P_NSE)² to an angle and (dt²·EK3_GBIAS_P_NSE)² to a delta-angle
+bias. So EK3_GYRO_P_NSE = N/√dt, EK3_GBIAS_P_NSE = K/√dt, and the like for ACC. It takes samples of its loop together
+until 12 ms are full to within half a sample: 12.5 ms in a loop of 400 Hz, 20 ms in one of 50 Hz.
 
-A figure outside the range of the firmware is written as the limit, with a warning.
+Source: ArduPilot/ardupilot libraries/AP_NavEKF3: AP_NavEKF3_core.cpp (CovariancePrediction), AP_NavEKF3_core.h
+(EKF_TARGET_DT), AP_NavEKF3_Measurements.cpp (readIMUData), AP_NavEKF3.cpp (ranges).
 """
 
 from __future__ import annotations
@@ -12,21 +14,36 @@ import math
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import Figure, Limits, limited, triad, walk, white
+from tuner.exporters.triad_values import Figure, Parameter, parameter_lines, triad, walk, white
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 
-_LIMITS = {
-    "EK3_GYRO_P_NSE": Limits(1e-4, 0.1),
-    "EK3_ACC_P_NSE": Limits(0.01, 1.0),
-    "EK3_GBIAS_P_NSE": Limits(1e-5, 1e-3),
-    "EK3_ABIAS_P_NSE": Limits(1e-5, 0.02),
+_PARAMETERS = {
+    "EK3_GYRO_P_NSE": Parameter(1e-4, 0.1, 0.015),
+    "EK3_ACC_P_NSE": Parameter(0.01, 1.0, 0.35),
+    "EK3_GBIAS_P_NSE": Parameter(1e-5, 1e-3, 1e-3),
+    "EK3_ABIAS_P_NSE": Parameter(1e-5, 0.02, 0.02),
 }
+
+_TARGET_STEP = 0.012
+"""Step the filter aims at, s: EKF_TARGET_DT of AP_NavEKF3_core.h."""
+
+
+def step_of_loop(interval: float) -> float:
+    """Return the step, s, that the filter takes in a loop of this interval: whole samples, 12 ms less half of one."""
+    return interval * max(1, math.ceil((_TARGET_STEP - interval / 2.0) / interval - 1e-9))
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a parameter file of lines ``NAME,VALUE``."""
-    factor = 1.0 / math.sqrt(target.step)
+    if target.step is not None:
+        step, reason = target.step, "as named"
+    elif target.rate_named:
+        step, reason = step_of_loop(target.interval), f"of a loop of {target.rate:g} Hz"
+    else:
+        step = _TARGET_STEP
+        reason = "that it aims at; name the loop's rate (--rate 400 takes 12.5 ms, --rate 50 takes 20 ms)"
+    factor = 1.0 / math.sqrt(step)
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
         figures["EK3_GYRO_P_NSE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
@@ -36,16 +53,13 @@ def write(config: FilterConfig, target: Target) -> str:
         figures["EK3_ABIAS_P_NSE"] = walk(accel, "m/s³; K/√dt", target, factor=factor)
     lines = [
         *provenance(config, "ArduPilot EKF3 parameters", walk_memory=target.memory),
-        f"dt = {target.step:g} s, the step of the filter",
+        f"dt = {step:g} s, the step of the filter {reason}",
+        *parameter_lines(figures, _PARAMETERS, config),
     ]
-    parameters = []
-    for name, figure in figures.items():
-        bounded = limited(figure, _LIMITS[name])
-        lines.append(f"{name}: {bounded.note}")
-        parameters.append(f"{name},{bounded.value:.9g}")
+    parameters = [f"{name},{figure.value:.9g}" for name, figure in figures.items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 
 DIALECT = Dialect(
-    "ardupilot", "ArduPilot EKF3 parameters", "rad/s, rad/s², m/s², m/s³ (per filter step)", write
+    "ardupilot", "ArduPilot EKF3 parameters", "rad/s, rad/s², m/s², m/s³ (per filter step)", write, needs=()
 )

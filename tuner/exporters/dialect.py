@@ -30,15 +30,18 @@ class Target:
     ----------
     interval : float
         Sampling interval of the IMU it reads, s.
-    step : float
-        Prediction step of the filter, s, where it differs.
+    step : float, optional
+        Prediction step of the filter, s, where it was named; a dialect knows its filter's own.
     memory : float
         Time over which it renews its biases, s.
+    rate_named : bool
+        Whether `interval` was named, or is that of the log.
     """
 
     interval: float
-    step: float = 0.01
+    step: float | None = None
     memory: float = FILTER_MEMORY
+    rate_named: bool = False
 
     @property
     def rate(self) -> float:
@@ -60,12 +63,16 @@ class Dialect:
         Units of its numbers, in order of appearance.
     write : callable
         Returns the text; `tuner.exporters.triad_values` has the numbers, `tuner.exporters.header` the comments.
+    needs : tuple of str
+        Sensors without which the program would go on with numbers of its own: a configuration that lacks one of
+        them is refused. Empty where the settings of one sensor stand alone.
     """
 
     name: str
     title: str
     units: str
     write: Callable[[FilterConfig, Target], str]
+    needs: tuple[str, ...] = ("gyro", "accel")
 
 
 def _check(dialect: object) -> None:

@@ -16,8 +16,8 @@ from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent
 from tuner.types import ChannelNoise, FilterConfig
 
 
-def write(config: FilterConfig, target: Target) -> str:
-    """Return the mapping entries of FAST-LIO."""
+def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
+    """Return the four variances by FAST-LIO's names."""
 
     def white(channel: ChannelNoise) -> float:
         return equivalent_white_density(channel, memory=target.memory) ** 2 / target.interval
@@ -25,7 +25,7 @@ def write(config: FilterConfig, target: Target) -> str:
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory) ** 2 / target.interval
 
-    entries: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     quantities: tuple[tuple[str, str, str, Callable[[ChannelNoise], float]], ...] = (
         ("acc_cov", "accel", "(m/s²)²; N²/dt", white),
         ("gyr_cov", "gyro", "(rad/s)²; N²/dt", white),
@@ -34,14 +34,30 @@ def write(config: FilterConfig, target: Target) -> str:
     )
     for key, sensor, note, quantity in quantities:
         if channels := triad(config, sensor):
-            entries[key] = mean(channels, quantity, note).noted()
-    header = (
-        *provenance(config, "FAST-LIO: mapping entries", walk_memory=target.memory),
+            found[key] = mean(channels, quantity, note).noted()
+    return found
+
+
+def header(config: FilterConfig, target: Target, title: str) -> tuple[str, ...]:
+    """Return the comment lines before the entries."""
+    return (
+        *provenance(config, title, walk_memory=target.memory),
         f"dt = {target.interval:g} s of the IMU",
     )
-    return yaml_text({"mapping": entries}, header=header)
 
 
-DIALECT = Dialect(
-    "fastlio", "FAST-LIO and FAST-LIO2 YAML", "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)", write
-)
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the mapping entries of FAST-LIO."""
+    tree = {"mapping": entries(config, target)}
+    return yaml_text(tree, header=header(config, target, "FAST-LIO: mapping entries"))
+
+
+def write_ros2(config: FilterConfig, target: Target) -> str:
+    """Return the same as a parameter file of ROS 2."""
+    tree = {"/**": {"ros__parameters": {"mapping": entries(config, target)}}}
+    return yaml_text(tree, header=header(config, target, "FAST-LIO: mapping entries, ROS 2"))
+
+
+_UNITS = "(rad/s)², (rad/s²)², (m/s²)², (m/s³)² (per IMU step)"
+DIALECT = Dialect("fastlio", "FAST-LIO and FAST-LIO2 YAML", _UNITS, write)
+ROS2 = Dialect("fastlio-ros2", "FAST-LIO2 parameters of ROS 2", _UNITS, write_ros2)

@@ -1,7 +1,10 @@
 """Gazebo SDF: noise elements of an IMU sensor, per sample, with one Gauss–Markov bias an axis.
 
 stddev = N/√dt of a sample; dynamic_bias_stddev = σ√(2/T), the driving density and not the sd of the bias;
-dynamic_bias_correlation_time = T; bias_stddev = turn-on sd.
+dynamic_bias_correlation_time = T. The one state also holds the turn-on bias, which fades with it: bias_stddev is the sd
+of both together. σ and T are those of `tuner.exporters.one_state`.
+
+Source: gazebosim/gz-sensors src/GaussianNoiseModel.cc (Load, ApplyImpl).
 """
 
 from __future__ import annotations
@@ -9,25 +12,26 @@ from __future__ import annotations
 import math
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import STATES_IN_WHITE, provenance
+from tuner.exporters.header import provenance
+from tuner.exporters.one_state import OneState, drawn_words, simulated_state
 from tuner.exporters.triad_values import longest_time, triad
 from tuner.formats.digits import rounded
-from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the ``imu`` element."""
-    time = longest_time(config)
+    preferred = longest_time(config)
+    states = {axis: simulated_state(c, preferred=preferred) for axis, c in config.channels.items()}
     header = (
         *provenance(config, "Gazebo SDF: noise of an IMU sensor"),
-        "stddev = N/√dt; dynamic_bias_stddev = σ√(2/T), a driving density; bias_stddev: turn-on sd",
-        f"dt = {target.interval:g} s; one T = {time:g} s",
-        f"σ lets the bias wander as far in {target.memory:g} s as the modelled one",
-        STATES_IN_WHITE,
+        "stddev = N/√dt; dynamic_bias_stddev = σ√(2/T), a driving density",
+        "bias_stddev: turn-on and state together, in one state that fades with T: a constant bias goes into bias_mean",
+        f"dt = {target.interval:g} s",
+        *drawn_words(states),
     )
     body = "".join(
-        f"  <{element}>\n{''.join(_axis(c, time, target) for c in triad(config, sensor))}  </{element}>\n"
+        f"  <{element}>\n{''.join(_axis(c, states[c.axis], target) for c in triad(config, sensor))}  </{element}>\n"
         for sensor, element in (("gyro", "angular_velocity"), ("accel", "linear_acceleration"))
         if triad(config, sensor)
     )
@@ -35,22 +39,20 @@ def write(config: FilterConfig, target: Target) -> str:
     return f"<!--\n{remarks}\n-->\n<imu>\n{body}</imu>\n"
 
 
-def _axis(channel: ChannelNoise, time: float, target: Target) -> str:
+def _axis(channel: ChannelNoise, state: OneState, target: Target) -> str:
     letter = channel.axis.rpartition("_")[2]
-    density = equivalent_white_density(channel, memory=target.memory)
-    sd = equivalent_markov_sd(channel, time, memory=target.memory)
     entries = {
         "mean": 0.0,
-        "stddev": density / math.sqrt(target.interval),
+        "stddev": channel.white_density / math.sqrt(target.interval),
         "bias_mean": 0.0,
-        "bias_stddev": channel.constant_sd,
-        "dynamic_bias_stddev": sd * math.sqrt(2.0 / time),
-        "dynamic_bias_correlation_time": time,
+        "bias_stddev": math.hypot(channel.constant_sd, state.sd),
+        "dynamic_bias_stddev": state.sd * math.sqrt(2.0 / state.time_constant),
+        "dynamic_bias_correlation_time": state.time_constant,
     }
     noise = "".join(f"        <{name}>{rounded(value)!r}</{name}>\n" for name, value in entries.items())
     return f'    <{letter}>\n      <noise type="gaussian">\n{noise}      </noise>\n    </{letter}>\n'
 
 
 DIALECT = Dialect(
-    "gazebo", "Gazebo SDF noise elements", "rad/s, m/s² (per sample), rad/s/√s, m/s²/√s, s", write
+    "gazebo", "Gazebo SDF noise elements", "rad/s, m/s² (per sample), rad/s/√s, m/s²/√s, s", write, needs=()
 )

@@ -1,8 +1,11 @@
 """GTSAM: a Python function that returns ``PreintegrationCombinedParams``; its "covariances" are densities.
 
-accelerometerCovariance N² (m/s²)²/Hz, gyroscopeCovariance N² (rad/s)²/Hz, biasAccCovariance and
-biasOmegaCovariance K²; the code takes care of dt itself. The 6×6 prior of the biases is their turn-on
-variance (newer releases ignore it with a warning: set the prior of the first bias instead).
+accelerometerCovariance N² (m/s²)²/Hz, gyroscopeCovariance N² (rad/s)²/Hz, biasAccCovariance and biasOmegaCovariance
+K²; the code takes care of dt itself. ``integrationCovariance``, whose default of 1 m²/s means 1 m after 1 s, is set
+to 1e-12. Releases up to 4.2 add ``biasAccOmegaInt`` as noise of every step, by default 1: zeros; 4.3 has no such
+setting. The turn-on sds are a prior of the first bias.
+
+Source: borglab/gtsam gtsam/navigation/CombinedImuFactor.cpp (integrateMeasurement), PreintegrationParams.h.
 """
 
 from __future__ import annotations
@@ -15,6 +18,9 @@ from tuner.exporters.triad_values import triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
+_INTEGRATION_COVARIANCE = 1e-12
+"""Error of the integration itself, m²/s: small beside any noise, and enough to keep the covariance regular."""
+
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a Python module with ``params()``."""
@@ -22,7 +28,7 @@ def write(config: FilterConfig, target: Target) -> str:
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory) ** 2
 
-    def white_variance(channel: ChannelNoise) -> float:
+    def density(channel: ChannelNoise) -> float:
         return equivalent_white_density(channel, memory=target.memory) ** 2
 
     lines = []
@@ -32,23 +38,30 @@ def write(config: FilterConfig, target: Target) -> str:
         ("gyro", "Gyroscope", "BiasOmega"),
     ):
         channels = triad(config, sensor)
-        if not channels:
-            continue
-        white, _ = triple(channels, white_variance, "")
+        white, _ = triple(channels, density, "")
         drive, _ = triple(channels, walk, "")
-        prior, _ = triple(channels, lambda c: c.constant_sd**2, "")
+        prior, _ = triple(channels, lambda c: c.constant_sd, "")
         priors += prior
         lines.append(f"p.set{noise}Covariance(np.diag({vector(white)}))  # N²\n")
         lines.append(f"p.set{bias}Covariance(np.diag({vector(drive)}))  # K²\n")
-    if len(priors) == 6:
-        lines.append(f"p.setBiasAccOmegaInit(np.diag({vector(priors)}))  # turn-on variance: accel, gyro\n")
+    lines += [
+        f"p.setIntegrationCovariance({_INTEGRATION_COVARIANCE!r} * np.eye(3))  # the default is 1 m after 1 s\n",
+        'if hasattr(p, "setBiasAccOmegaInit"):  # up to 4.2 noise of every step, by default 1\n',
+        "    p.setBiasAccOmegaInit(np.zeros((6, 6)))\n",
+        "return p\n",
+    ]
     header = provenance(config, "GTSAM preintegration parameters", walk_memory=target.memory)
     start = (
         "import gtsam\nimport numpy as np\n\n\ndef params():\n"
         '    """Return parameters for a frame with z up; densities in SI."""\n'
         f"    p = gtsam.PreintegrationCombinedParams.MakeSharedU({STANDARD_GRAVITY})  # m/s²\n"
     )
-    return commented(header, "#") + start + "".join(f"    {line}" for line in lines) + "    return p\n"
+    bias = (
+        "\n\ndef bias_prior():\n"
+        '    """Return the noise of a prior on the first bias: its turn-on sds, m/s² and rad/s."""\n'
+        f"    return gtsam.noiseModel.Diagonal.Sigmas(np.array({vector(priors)}))\n"
+    )
+    return commented(header, "#") + start + "".join(f"    {line}" for line in lines) + bias
 
 
 DIALECT = Dialect(

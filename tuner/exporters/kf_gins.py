@@ -1,12 +1,16 @@
 """KF-GINS ``kf-gins.yaml``: white noise and Gauss–Markov biases with one correlation time.
 
-arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5,
-corrtime h = T/3600; the filter forms 2σ²/T. Its one T is the longest time constant of the configuration (1 h
-without any), and each σ is refitted at that T so that the bias wanders as far over the memory as the modelled
-one. Its one state is the whole bias, so the initial sd is that of constant and states together; the sd of scale
-factors is assumed where the configuration has none: a static log does not show it.
+arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600;
+the filter forms 2σ²/T and lets the variance fade, while it keeps its estimate. Its one T is the longest time constant
+of the configuration (1 h without any), and each σ² = D/(1 − e^(−2τ/T)) at the memory τ, D being the growth of the
+modelled bias. Its one state is the whole bias, so the initial sd is that of constant and states together; the sds of
+scale factors are those of the grade that the configuration comes from, or of the built-in one whose noise is nearest:
+a static log does not show them.
 
 `tuner.readers.kf_gins_settings` reads such a file back; `tuner.exporters.kf_gins_drive` writes the drive beside it.
+
+Source: i2Nav-WHU/KF-GINS src/kf-gins/gi_engine.cpp (constructor, initialize, insPropagation, stateFeedback),
+src/kf_gins.cpp.
 """
 
 from __future__ import annotations
@@ -17,15 +21,15 @@ from typing import Any
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import STATES_IN_WHITE, provenance
-from tuner.exporters.triad_values import longest_time, triad, triple
+from tuner.exporters.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
+from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
+from tuner.exporters.one_state import fading_sd
+from tuner.exporters.scale_factors import scale_factor
+from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_markov_sd, equivalent_white_density
+from tuner.synthesis.equivalent_models import equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
-
-SCALE_FACTOR_SD = 300.0
-"""Scale-factor sd, ppm: assumed, as a static log cannot show it."""
 
 
 def write(config: FilterConfig, target: Target) -> str:
@@ -35,10 +39,22 @@ def write(config: FilterConfig, target: Target) -> str:
 
 def header(config: FilterConfig, target: Target) -> tuple[str, ...]:
     """Return the comment lines before the entries."""
+    time = longest_time(config)
+    lags = (*REPORTED_LAGS, target.memory)
+
+    def predicted(channel: ChannelNoise, lag: float) -> float:
+        density = equivalent_white_density(channel, memory=target.memory)
+        return fading_growth(density, fading_sd(channel, time, memory=target.memory), time, lag)
+
     return (
         *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
-        f"one T = {longest_time(config):g} s for all states (the longest in the configuration, or 1 h); each σ lets "
-        f"the bias wander as far in {target.memory:g} s (assumed memory of the filter) as the modelled one",
+        f"one T = {time:g} s for all states (the longest in the configuration, or 1 h); σ² = D/(1 − e^(−2τ/T)) at "
+        f"τ = {target.memory:g} s (assumed memory of the filter), with D the growth of the modelled bias",
+        *(
+            mismatch(name, ratios(channels, predicted, lags))
+            for sensor, name in SENSORS.items()
+            if (channels := triad(config, sensor))
+        ),
         STATES_IN_WHITE,
     )
 
@@ -48,11 +64,11 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     time_constant = longest_time(config)
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
 
+    def sd(channel: ChannelNoise) -> float:
+        return fading_sd(channel, time_constant, memory=target.memory)
+
     def density(channel: ChannelNoise) -> float:
         return equivalent_white_density(channel, memory=target.memory)
-
-    def sd(channel: ChannelNoise) -> float:
-        return equivalent_markov_sd(channel, time_constant, memory=target.memory)
 
     noise: dict[str, Any] = {}
     start: dict[str, Any] = {}
@@ -61,14 +77,14 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
         noise["gbstd"] = _axes(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ·(180/π)·3600")
         noise["gsstd"] = _scale(config, "gyro_scale")
         start["initbgstd"] = _axes(
-            gyro, lambda c: from_si(_turn_on(c), "deg/h"), "deg/h; constant and states together"
+            gyro, lambda c: from_si(initial_bias_sd(c), "deg/h"), "deg/h; constant and states together"
         )
     if accel:
         noise["vrw"] = _axes(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N·60")
         noise["abstd"] = _axes(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ/1e-5")
         noise["asstd"] = _scale(config, "accel_scale")
         start["initbastd"] = _axes(
-            accel, lambda c: from_si(_turn_on(c), "mGal"), "mGal; constant and states together"
+            accel, lambda c: from_si(initial_bias_sd(c), "mGal"), "mGal; constant and states together"
         )
     noise["corrtime"] = Noted(rounded(time_constant / 3600.0), "h; T/3600, one for all states")
     first = config.initial
@@ -79,19 +95,14 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     return {"imunoise": noise, **start}
 
 
-def _turn_on(channel: ChannelNoise) -> float:
-    return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
-
-
 def _axes(channels: tuple[ChannelNoise, ...], quantity: Callable[[ChannelNoise], float], note: str) -> Noted:
     values, words = triple(channels, quantity, note)
     return Noted(Inline(values), words)
 
 
 def _scale(config: FilterConfig, name: str) -> Noted:
-    if name in config.constants:
-        return Noted(Inline([rounded(1e6 * config.constants[name])] * 3), "ppm")
-    return Noted(Inline([SCALE_FACTOR_SD] * 3), "ppm; assumed, a static log does not show it")
+    sd, reason = scale_factor(config, name)
+    return Noted(Inline([rounded(1e6 * sd)] * 3), f"ppm; {reason}")
 
 
 DIALECT = Dialect("kf-gins", "KF-GINS kf-gins.yaml", "deg/√h, m/s/√h, deg/h, mGal, ppm, h", write)

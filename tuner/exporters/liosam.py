@@ -15,20 +15,31 @@ from tuner.formats.yaml_text import Noted, yaml_text
 from tuner.types import FilterConfig
 
 
+def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
+    """Return the IMU entries by LIO-SAM's names."""
+    found: dict[str, Any] = {}
+    if accel := triad(config, "accel"):
+        found["imuAccNoise"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
+        found["imuAccBiasN"] = walk(accel, "m/s³/√Hz; K", target).noted()
+    if gyro := triad(config, "gyro"):
+        found["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
+        found["imuGyrBiasN"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
+    found["imuGravity"] = Noted(STANDARD_GRAVITY, "m/s²")
+    return found
+
+
 def write(config: FilterConfig, target: Target) -> str:
     """Return the IMU entries of LIO-SAM."""
-    entries: dict[str, Any] = {}
-    if accel := triad(config, "accel"):
-        entries["imuAccNoise"] = white(accel, "m/s²/√Hz; N", memory=target.memory).noted()
-        entries["imuAccBiasN"] = walk(accel, "m/s³/√Hz; K", target).noted()
-    if gyro := triad(config, "gyro"):
-        entries["imuGyrNoise"] = white(gyro, "rad/s/√Hz; N", memory=target.memory).noted()
-        entries["imuGyrBiasN"] = walk(gyro, "rad/s²/√Hz; K", target).noted()
-    entries["imuGravity"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = provenance(config, "LIO-SAM: IMU entries of params.yaml", walk_memory=target.memory)
-    return yaml_text({"lio_sam": entries}, header=header)
+    return yaml_text({"lio_sam": entries(config, target)}, header=header)
 
 
-DIALECT = Dialect(
-    "liosam", "LIO-SAM params.yaml", "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)", write
-)
+def write_ros2(config: FilterConfig, target: Target) -> str:
+    """Return the same as a parameter file of ROS 2, whose branch has no level ``lio_sam``."""
+    header = provenance(config, "LIO-SAM: IMU entries of params.yaml, ROS 2", walk_memory=target.memory)
+    return yaml_text({"/**": {"ros__parameters": entries(config, target)}}, header=header)
+
+
+_UNITS = "rad/s/√Hz, rad/s²/√Hz, m/s²/√Hz, m/s³/√Hz (continuous)"
+DIALECT = Dialect("liosam", "LIO-SAM params.yaml", _UNITS, write)
+ROS2 = Dialect("liosam-ros2", "LIO-SAM params.yaml of ROS 2", _UNITS, write_ros2)

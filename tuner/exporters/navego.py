@@ -1,8 +1,11 @@
-"""NaveGo: a MATLAB script that fills the IMU structure, SI throughout.
+"""NaveGo: a MATLAB script that fills the IMU structure of its filter, SI throughout.
 
-arw rad/√s, vrw m/s/√s, gb_sta, ab_sta (turn-on), gb_dyn, ab_dyn (sd σ of the Gauss–Markov bias), gb_corr,
-ab_corr (T), gb_psd, ab_psd = σ √(2/T), which is what its filter squares into Q, and g_std, a_std = N/√dt,
-sd of a sample.
+arw rad/√s, vrw m/s/√s; gb_corr, ab_corr (T); gb_psd, ab_psd = σ √(2/T), which the filter squares into Q; g_std, a_std
+= N/√dt, sd of a sample. gb_sta, ab_sta are *values* that the filter subtracts from every sample: zeros, as only
+turn-on sds are known. gb_dyn, ab_dyn are its first estimate and initial sd at once: the sd of constant and states
+together. arrw, vrrw are used by the simulator alone, beside gb_dyn: zeros, as the one state is the whole bias.
+
+Source: rodralez/NaveGo ins-gnss/ins_gnss.m (kf.xi, kf.Pi, kf.Q, wb_corrected), ins-gnss/F_update.m, kf_prediction.m.
 """
 
 from __future__ import annotations
@@ -11,14 +14,12 @@ import math
 from collections.abc import Callable
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import STATES_IN_WHITE, provenance
+from tuner.exporters.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
+from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
+from tuner.exporters.one_state import fading_sd
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import longest_time, triad, triple
-from tuner.synthesis.equivalent_models import (
-    equivalent_markov_sd,
-    equivalent_random_walk,
-    equivalent_white_density,
-)
+from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
+from tuner.synthesis.equivalent_models import equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -26,18 +27,21 @@ def write(config: FilterConfig, target: Target) -> str:
     """Return a script that defines ``imu``."""
     time = longest_time(config)
 
+    def sd(channel: ChannelNoise) -> float:
+        return fading_sd(channel, time, memory=target.memory)
+
     def density(channel: ChannelNoise) -> float:
         return equivalent_white_density(channel, memory=target.memory)
 
-    def sd(channel: ChannelNoise) -> float:
-        return equivalent_markov_sd(channel, time, memory=target.memory)
+    def predicted(channel: ChannelNoise, lag: float) -> float:
+        return fading_growth(density(channel), sd(channel), time, lag)
 
     quantities: tuple[tuple[str, Callable[[ChannelNoise], float], str], ...] = (
         ("{0}rw", density, "{1}/√Hz; N"),
-        ("{0}rrw", lambda c: equivalent_random_walk(c, memory=target.memory), "{1}/√s; K"),
+        ("{0}rrw", lambda _: 0.0, "{1}/√s; of the simulator, where it would count the bias twice"),
         ("{2}_std", lambda c: density(c) / math.sqrt(target.interval), "{1}; N/√dt, sd of a sample"),
-        ("{2}b_sta", lambda c: c.constant_sd, "{1}; turn-on sd"),
-        ("{2}b_dyn", sd, "{1}; σ"),
+        ("{2}b_sta", lambda _: 0.0, "{1}; subtracted from every sample: write a measured mean, or zero"),
+        ("{2}b_dyn", initial_bias_sd, "{1}; first estimate and initial sd; NaveGo's simulator wants σ here"),
         ("{2}b_corr", lambda _: time, "s; T"),
         ("{2}b_psd", lambda c: sd(c) * math.sqrt(2.0 / time), "{1}/√s; σ√(2/T)"),
     )
@@ -48,9 +52,15 @@ def write(config: FilterConfig, target: Target) -> str:
                 values, words = triple(channels, quantity, note.format(*names))
                 lines.append(f"imu.{key.format(*names)} = {vector(values)}; % {words}\n")
     lines.append(f"imu.freq = {target.rate!r}; % Hz\n")
+    lags = (*REPORTED_LAGS, target.memory)
     header = (
-        *provenance(config, "NaveGo IMU structure", walk_memory=target.memory),
-        f"one T = {time:g} s; σ lets the bias wander as far in {target.memory:g} s as the modelled one",
+        *provenance(config, "NaveGo IMU structure"),
+        f"one T = {time:g} s; σ² = D/(1 − e^(−2τ/T)) at τ = {target.memory:g} s, D: growth of the modelled bias",
+        *(
+            mismatch(name, ratios(channels, predicted, lags))
+            for sensor, name in SENSORS.items()
+            if (channels := triad(config, sensor))
+        ),
         STATES_IN_WHITE,
     )
     return commented(header, "%") + "".join(lines)

@@ -4,8 +4,8 @@ Each step of dt = EKF2_PREDICT_US the filter adds (dt·EKF2_GYR_NOISE)² to an a
 (dt·EKF2_GYR_B_NOISE)² to a bias. So EKF2_GYR_NOISE = N/√dt, EKF2_GYR_B_NOISE = K/√dt, the like for ACC, and
 EKF2_GBIAS_INIT and EKF2_ABIAS_INIT are turn-on sds.
 
-The firmware clamps to a range (those of the two turn-on sds are recalled). A figure outside is written as
-the limit, with a warning: there is no room below 1e-4 rad/s and 0.01 m/s².
+Source: PX4/PX4-Autopilot src/modules/ekf2: EKF/covariance.cpp (predictCovariance, initialiseCovariance), and the ranges
+of module.yaml, params_gyro_bias.yaml, params_accel_bias.yaml.
 """
 
 from __future__ import annotations
@@ -14,18 +14,21 @@ import math
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
-from tuner.exporters.triad_values import Figure, Limits, limited, rms, triad, walk, white
+from tuner.exporters.triad_values import Figure, Parameter, parameter_lines, rms, triad, walk, white
 from tuner.formats.yaml_text import comment
 from tuner.types import FilterConfig
 
-_LIMITS = {
-    "EKF2_GYR_NOISE": Limits(1e-4, 0.1),
-    "EKF2_ACC_NOISE": Limits(0.01, 1.0),
-    "EKF2_GYR_B_NOISE": Limits(0.0, 0.01),
-    "EKF2_ACC_B_NOISE": Limits(0.0, 0.01),
-    "EKF2_GBIAS_INIT": Limits(0.0, 0.2),
-    "EKF2_ABIAS_INIT": Limits(0.0, 0.5),
+_PARAMETERS = {
+    "EKF2_GYR_NOISE": Parameter(1e-4, 0.1, 0.015),
+    "EKF2_ACC_NOISE": Parameter(0.01, 1.0, 0.35),
+    "EKF2_GYR_B_NOISE": Parameter(0.0, 0.01, 0.001),
+    "EKF2_ACC_B_NOISE": Parameter(0.0, 0.01, 0.003),
+    "EKF2_GBIAS_INIT": Parameter(0.0, 0.2, 0.1),
+    "EKF2_ABIAS_INIT": Parameter(0.0, 0.5, 0.2),
 }
+
+_PREDICTION_STEP = 0.01
+"""Step, s, of the stock EKF2_PREDICT_US."""
 
 _REAL_TYPE_CODE = 9
 """Type code of a real parameter in the file format."""
@@ -33,7 +36,8 @@ _REAL_TYPE_CODE = 9
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return a parameter file: vehicle, component, name, value, type, by tabs."""
-    factor = 1.0 / math.sqrt(target.step)
+    step = _PREDICTION_STEP if target.step is None else target.step
+    factor = 1.0 / math.sqrt(step)
     figures: dict[str, Figure] = {}
     if gyro := triad(config, "gyro"):
         figures["EKF2_GYR_NOISE"] = white(gyro, "rad/s; N/√dt", factor=factor, memory=target.memory)
@@ -45,14 +49,13 @@ def write(config: FilterConfig, target: Target) -> str:
         figures["EKF2_ABIAS_INIT"] = rms(accel, lambda c: c.constant_sd, "m/s²; turn-on sd")
     lines = [
         *provenance(config, "PX4 EKF2 parameters", walk_memory=target.memory),
-        f"dt = {target.step:g} s, the prediction step (EKF2_PREDICT_US)",
+        f"dt = {step:g} s, the prediction step: EKF2_PREDICT_US = {1e6 * step:g}, stock 10000",
+        *parameter_lines(figures, _PARAMETERS, config),
     ]
-    parameters = []
-    for name, figure in figures.items():
-        bounded = limited(figure, _LIMITS[name])
-        lines.append(f"{name}: {bounded.note}")
-        parameters.append(f"1\t1\t{name}\t{bounded.value:.9g}\t{_REAL_TYPE_CODE}")
+    parameters = [f"1\t1\t{name}\t{figure.value:.9g}\t{_REAL_TYPE_CODE}" for name, figure in figures.items()]
     return "".join(f"{line}\n" for line in (*map(comment, lines), *parameters))
 
 
-DIALECT = Dialect("px4", "PX4 EKF2 parameters", "rad/s, rad/s², m/s², m/s³ (per prediction step)", write)
+DIALECT = Dialect(
+    "px4", "PX4 EKF2 parameters", "rad/s, rad/s², m/s², m/s³ (per prediction step)", write, needs=()
+)

@@ -9,7 +9,7 @@ own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from tuner.exporters.dialect import Target
@@ -77,22 +77,45 @@ def longest_time(config: FilterConfig) -> float:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Range a target clamps a parameter to."""
+class Parameter:
+    """A parameter of an autopilot: the range its ground stations show, and the stock value.
+
+    The firmware takes any value from 0 to 1 as it is; the range is advice.
+    """
 
     low: float
     high: float
+    stock: float
+
+    def remark(self, value: float) -> str:
+        """Return what to say beside a value: the stock one, and a warning outside the range."""
+        stock = f"stock {self.stock:g}"
+        if self.low <= value <= self.high:
+            return stock
+        return (
+            f"{stock}; WARNING outside {self.low:g} … {self.high:g}, which ground stations show as the range: "
+            "the firmware takes it as it is"
+        )
 
 
-def limited(figure: Figure, limits: Limits) -> Figure:
-    """Return a figure within the limits of its target; where it had to be moved, the note says so."""
-    value = min(max(figure.value, limits.low), limits.high)
-    if value == figure.value:
-        return figure
-    moved = (
-        f"WARNING {figure.value:.4g} is outside [{limits.low:g}, {limits.high:g}] and was set to {value:g}"
+def parameter_lines(
+    figures: Mapping[str, Figure], parameters: Mapping[str, Parameter], config: FilterConfig
+) -> Iterator[str]:
+    """Yield the comment lines of autopilot parameters, and whether vibration is in the numbers."""
+    for name, figure in figures.items():
+        yield f"{name}: {figure.note}; {parameters[name].remark(figure.value)}"
+    enlarged = any(inflation.quantity.field.startswith("white") for inflation in config.inflations)
+    yield (
+        "white noise is enlarged as listed above"
+        if enlarged
+        else "a static log is not a vehicle in the air: vibration, scale factors and coning are not in these numbers, "
+        "and the stock values leave room for them; `tuner tune LOG --drive DRIVE` measures what motion adds"
     )
-    return Figure(value, f"{figure.note}; {moved}")
+
+
+def initial_bias_sd(channel: ChannelNoise) -> float:
+    """Return the sd of constant and states together: of a bias that is one state of a target."""
+    return math.hypot(channel.constant_sd, *(state.sd for state in channel.markov))
 
 
 def white(

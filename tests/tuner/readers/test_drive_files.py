@@ -10,10 +10,11 @@ import pytest
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
+from tuner.exporters.one_state import fading_sd
 from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS
 from tuner.readers.drive import read_drive
-from tuner.synthesis.equivalent_models import equivalent_markov_sd
+from tuner.synthesis.equivalent_models import equivalent_white_density
 from tuner.synthesis.load_config import load_config
 from tuner.types.records import DataError
 
@@ -81,10 +82,11 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     memory = 100.0  # over which the single state wanders as far as the states it stands for
     for name, ours in config.channels.items():
         channel = theirs.channels[name]
-        assert channel.white_density == pytest.approx(ours.white_density, rel=SIX_DIGITS)
+        density = equivalent_white_density(ours, memory=memory)
+        assert channel.white_density == pytest.approx(density, rel=SIX_DIGITS)
         (state,) = channel.markov
         assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
-        expected = equivalent_markov_sd(ours, state.time_constant, memory=memory)
+        expected = fading_sd(ours, state.time_constant, memory=memory)
         assert state.sd == pytest.approx(expected, rel=SIX_DIGITS)
         whole = np.sqrt(ours.constant_sd**2 + sum(m.sd**2 for m in ours.markov))
         assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(whole, rel=SIX_DIGITS)

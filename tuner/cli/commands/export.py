@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import Output, common
+from tuner.cli.commands.options import POSITIVE, Output, common
 from tuner.cli.progress import Messages
 
 
@@ -26,6 +26,15 @@ from tuner.cli.progress import Messages
     metavar="DRIVE",
     help="With --to kf-gins -o FILE: also write this drive, beside FILE, as KF-GINS reads it.",
 )
+@click.option(
+    "--rate", type=POSITIVE, metavar="HZ", help="Rate of the IMU that DIALECT reads; default that of the log."
+)
+@click.option(
+    "--step", type=POSITIVE, metavar="SECONDS", help="Prediction step of its filter; default its own."
+)
+@click.option(
+    "--memory", type=POSITIVE, metavar="SECONDS", help="Time in which it renews its biases; default 100."
+)
 @click.option("--list", "list_dialects", is_flag=True, help="List the dialects and their units.")
 @common
 def command(
@@ -33,6 +42,9 @@ def command(
     dialect: str | None,
     output_file: Path | None,
     drive: str | None,
+    rate: float | None,
+    step: float | None,
+    memory: float | None,
     list_dialects: bool,
     seed: int,  # noqa: ARG001
     output: Output,
@@ -65,7 +77,9 @@ def command(
         _write_with_drive(config, drive, output_file, messages)
         text = output_file.read_text("utf-8")
     else:
-        text = export(load_config(config), dialect)
+        interval = None if rate is None else 1.0 / rate
+        how = {} if memory is None else {"memory": memory}
+        text = export(load_config(config), dialect, interval=interval, step=step, **how)
         if output_file is not None:
             write_text(output_file, text)
             messages.say(f"wrote {output_file}")

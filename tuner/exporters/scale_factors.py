@@ -1,0 +1,48 @@
+"""Sds of scale factors, which a static log does not show: as configured, of the grade, or of the nearest grade."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from tuner.catalogue.grades import grade_names, load_grade
+from tuner.exporters.triad_values import triad
+from tuner.types import FilterConfig
+
+
+def scale_factor(config: FilterConfig, block: str) -> tuple[float, str]:
+    """Return the sd of a scale factor, and in words where it is from.
+
+    Parameters
+    ----------
+    config : FilterConfig
+        Its ``constants`` come first, then its grade, then the built-in grade whose white noise is nearest.
+    block : str
+        ``gyro_scale`` or ``accel_scale``.
+    """
+    if block in config.constants:
+        return config.constants[block], "as configured"
+    sensor = block.removesuffix("_scale")
+    known = {
+        name: sd
+        for name in grade_names()
+        if (sd := getattr(load_grade(name), sensor).scale_factor_sd) is not None
+    }
+    source = config.provenance.get("source")
+    named = source.get("name") if isinstance(source, Mapping) else None
+    if named in known:
+        return known[named].value, f"of the grade {named}"
+    nearest = min(known, key=lambda name: _distance(name, config))
+    return known[nearest].value, f"assumed: of {nearest}, the built-in grade of the nearest white noise"
+
+
+def _distance(name: str, config: FilterConfig) -> float:
+    """Return how far a grade's white noise is from the configuration's: |ln ratio|, summed over the sensors."""
+    grade = load_grade(name)
+    total = 0.0
+    for stated in (grade.gyro, grade.accel):
+        channels = triad(config, stated.kind)
+        if channels and stated.white is not None:
+            density = math.sqrt(sum(c.white_density**2 for c in channels) / len(channels))
+            total += abs(math.log(stated.white.value / density))
+    return total
