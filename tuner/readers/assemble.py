@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from models.units import unit_value
 from tuner.readers import column_names as names
+from tuner.readers.clock import Clock, read_clock
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options, sensor_unit, stated_rate
-from tuner.readers.time_base import Timebase, even_timebase, stamped_timebase
+from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.unit_checks import check_units
 from tuner.types.records import DataError, Record
 
@@ -28,8 +29,8 @@ UNREADABLE_SHARE = 0.01
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
 _SI_UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
-_EPOCH_UNITS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
-"""Sizes from which stamps are since 1970 in a unit: 1973 and later."""
+SECONDS_OF_WEEK = 604800.0
+"""Where the seconds of the GPS week begin anew."""
 
 
 def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
@@ -37,6 +38,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
     units = {s.name: sensor_unit(listing, s, options, notes) for s in layout.sensors}
+    assumptions: list[str] = []
     time, blocks, covariates = _load(listing, layout)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     count = len(blocks[0])
@@ -54,8 +56,12 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 raise DataError(msg)
             origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
         else:
-            origin, stamps = _seconds(time, layout.time, notes)
-            base = stamped_timebase(stamps, valid=valid, equal=equal)
+            clock = _clock(listing, layout.time, time, covariates.pop("week", None), rate, options)
+            notes += [*clock.assumptions, *clock.notes]
+            assumptions += clock.assumptions
+            on = clock.on
+            usable = valid if on is None else on if valid is None else valid & on
+            base, origin = _timebase(clock, usable, equal, options.rate, notes), clock.origin
             _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     except DataError as error:
         msg = f"{listing.path}: {error}"
@@ -102,8 +108,9 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     doubts, assumed = check_units(str(listing.path), records, units, assume_si=options.assume_si)
     notes += doubts
     live = _without_constant_axes(records, notes, keep=options.constant_axes)
-    assumptions = tuple(assumed[record.name] for record in live if record.name in assumed)
-    return tuple(replace(record, notes=(*assumptions, *notes), assumptions=assumptions) for record in live)
+    assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
+    said = tuple(dict.fromkeys([*assumptions, *notes]))
+    return tuple(replace(record, notes=said, assumptions=tuple(assumptions)) for record in live)
 
 
 def _load(
@@ -141,24 +148,40 @@ def _load(
     return (loaded[-1][:, 0] if layout.time is not None else None), blocks, covariates
 
 
-def _seconds(time: NDArray[Any], channel: Channel, notes: list[str]) -> tuple[float, FloatArray]:
-    """Return the first stamp in seconds and all stamps relative to it."""
+def _clock(
+    listing: Listing,
+    channel: Channel,
+    time: NDArray[Any],
+    week: FloatArray | None,
+    rate: float | None,
+    options: Options,
+) -> Clock:
+    """Return the clock of a file: its time column and, where there is one, the GPS week beside it."""
     unit = channel.unit
-    first = time[np.isfinite(time).argmax()]
-    if not np.isfinite(first):
-        msg = f"time column '{channel.part}' holds no number"
-        raise DataError(msg)
-    if unit is None:
-        unit = next((u for size, u in _EPOCH_UNITS if abs(float(first)) > size), "s")
-        if unit != "s":
-            notes.append(f"time in {unit} (stamps since 1970)")
-    factor = names.TIME_UNITS[names.unit_of(unit, names.TIME_UNITS, what=f"time column '{channel.part}'")]
-    relative = np.subtract(time, first, out=time if time.dtype == np.float64 else None).astype(
-        float, copy=False
-    )
-    if factor != 1.0:
-        relative *= factor
-    return float(first) * factor, relative
+    if week is not None and np.isfinite(week).all():
+        milliseconds = (unit or ("ms" if np.nanmedian(time) > SECONDS_OF_WEEK else "s")) == "ms"
+        unit = "ms" if milliseconds else "s"
+        time = time + (week - week[0]) * SECONDS_OF_WEEK * (1000.0 if milliseconds else 1.0)
+    mapped = (options.columns or {}).get("t", "")
+    by_user = options.rate is not None or ("[" in mapped and mapped not in listing.shapes)
+    return read_clock(time, name=str(channel.part), unit=unit, rate=rate, by_user=by_user)
+
+
+def _timebase(
+    clock: Clock,
+    usable: BoolArray | None,
+    equal: Callable[[IntArray, IntArray], BoolArray],
+    rate: float | None,
+    notes: list[str],
+) -> Timebase:
+    """Return the time base of a clock, or that of the stated rate where the clock is too coarse to give one."""
+    try:
+        return stamped_timebase(clock.stamps, valid=usable, equal=equal, resolution=clock.resolution)
+    except DataError as error:
+        if rate is None or not str(error).startswith(COARSE_CLOCK):
+            raise
+        notes.append(f"{COARSE_CLOCK} to give a rate: samples are taken as even at the {rate:.6g} Hz stated")
+        return even_timebase(len(clock.stamps), 1.0 / rate, usable)
 
 
 def _check_rate(interval: float, rate: float | None, notes: list[str], *, explicit: bool) -> None:

@@ -80,6 +80,8 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
         for role in dict.fromkeys(["t", "temperature", *others])
         if (channel := _channel(listing, role, mapped, by_name, parsed, notes)) is not None
     }
+    if (week := _week(listing, channels.get("t"), parsed)) is not None:
+        channels["week"] = week
     used = {part.array for sensor in sensors for part in sensor.parts}
     used |= {channel.part.array for channel in channels.values()}
     if unused := [array for array in listing.shapes if array not in used]:
@@ -188,6 +190,14 @@ def _one_unit(listing: Listing, sensor: str, units: set[str | None]) -> str | No
         msg = f"{listing.path}: the axes of {sensor} have different units ({shown}): write them in one unit"
         raise DataError(msg)
     return units.pop()
+
+
+def _week(listing: Listing, time: Channel | None, parsed: Parsed) -> Channel | None:
+    """Return the column of the GPS week, where the time is that of the week."""
+    if time is None or parsed[time.part.array].plain not in names.TIME_OF_WEEK:
+        return None
+    weeks = [a for a in parsed if parsed[a].plain in names.WEEK and len(listing.shapes[a]) == 1]
+    return Channel(Part(weeks[0]), None) if len(weeks) == 1 else None
 
 
 def _channel(

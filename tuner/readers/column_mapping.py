@@ -64,7 +64,16 @@ def resolve(listing: Listing, columns: Mapping[str, str]) -> dict[str, Mapped]:
 
 def stated_unit(listing: Listing, name: names.ColumnName, sensor: str | None = None) -> str | None:
     """Return the unit stated beside a column or, of a sensor, in the words of its name."""
-    unit = name.unit or listing.units.get(name.written)
+    unit, typed = name.unit, listing.units.get(name.written)
+    if typed is not None:
+        known = names.known_unit(typed), None if unit is None else names.known_unit(unit)
+        if None not in known and known[0] != known[1]:
+            msg = (
+                f"{listing.path}: column '{name.written}' says {unit}, the file states {typed}: rename it, or choose "
+                f"the unit, such as --columns 'NAME={name.written} [{typed}]'"
+            )
+            raise DataError(msg)
+        unit = typed
     if unit is not None or sensor is None:
         return unit
     if names.increments(name.plain):

@@ -56,7 +56,25 @@ TIME = (
     "sow",
     "gps_time",
     "imu_t",
+    "time_of_week",
+    "seconds_of_week",
+    "gps_tow",
+    "itow",
 )
+WEEK = ("week", "gps_week", "gpsweek", "week_number", "wn", "weekno")
+TIME_OF_WEEK = (
+    "tow",
+    "sow",
+    "gps_time",
+    "seconds",
+    "sec",
+    "time_of_week",
+    "seconds_of_week",
+    "gps_tow",
+    "towms",
+    "itow",
+)
+"""Names of the GPS week, and of the time in it."""
 TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")
 
 TIME_UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}

@@ -15,9 +15,10 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any
 
 import numpy as np
@@ -36,6 +37,10 @@ GZIP = b"\x1f\x8b"
 _MISSING_NUMBERS = frozenset(
     ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
 )
+_STAMP = re.compile(
+    r"(?:(?P<day>\d{4}[-/]\d{2}[-/]\d{2})[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?(?:Z|UTC|[+-]\d{2}:?\d{2})?"
+)
+"""A date with time of ISO 8601, or a clock time alone."""
 _KF_GINS_COLUMNS = (
     "t",
     "dtheta_x [rad]",
@@ -49,12 +54,27 @@ _KF_GINS_COLUMNS = (
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text file is written: names of columns, separator (None: blanks), lines before the numbers."""
+    """How a text file is written.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the columns.
+    separator : str or None
+        Between them; None for blanks.
+    skip : int
+        Lines before the numbers.
+    header : bool
+        Whether the last of them names the columns.
+    dates : mapping of int to str
+        Columns of ISO 8601 stamps or clock times, each with the day of its first one (empty for a clock time).
+    """
 
     names: tuple[str, ...]
     separator: str | None
     skip: int
     header: bool
+    dates: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def list_text(path: Path, progress: Progress | None = None) -> Listing:
@@ -83,7 +103,13 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
             msg = f"{path}: cannot be read to the end: {error}"
             raise DataError(msg) from None
 
-    return Listing(path=path, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes, guessed=guessed)
+    units = {names[j]: "s" for j in dialect.dates}
+    for j, day in dialect.dates.items():
+        since = f"since {day} 00:00 UTC" if day else "of the day"
+        notes += (f"'{names[j]}' holds {'dates' if day else 'clock times'}: read as seconds {since}",)
+    return Listing(
+        path=path, units=units, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes, guessed=guessed
+    )
 
 
 def open_bytes(path: Path) -> IO[bytes]:
@@ -125,9 +151,11 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
     """Return how a file is written whose first row is `data` and whose last line before it is `above`."""
     separator = _separator(data)
     cells = _split(data, separator)
+    found = {j: stamp for j, cell in enumerate(cells) if (stamp := _STAMP.fullmatch(cell.strip(' "\t')))}
+    dates = MappingProxyType({j: (stamp["day"] or "").replace("/", "-") for j, stamp in found.items()})
     unnamed = tuple(f"c{j + 1}" for j in range(len(cells)))
     if above is None:
-        return Dialect(unnamed, separator, skip, header=False)
+        return Dialect(unnamed, separator, skip, False, dates)
     bare = above.strip().lstrip("#%").strip()
     for header in (_split(bare, separator), _split(bare, _separator(bare))):
         if len(header) == len(cells) - 1 and not cells[-1].strip():
@@ -135,9 +163,9 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
         if len(header) == len(cells):
             plain = (name.strip().strip('"').strip() for name in header)
             named = tuple(name or c for name, c in zip(plain, unnamed, strict=True))
-            return Dialect(named, separator, skip, header=True)
+            return Dialect(named, separator, skip, True, dates)
     if above.lstrip().startswith(("#", "%")):
-        return Dialect(unnamed, separator, skip, header=False)
+        return Dialect(unnamed, separator, skip, False, dates)
     msg = (
         f"{path}:{skip}: the header names {len(_split(bare, _separator(bare)))} columns, "
         f"the row below it has {len(cells)} (separated by {_shown(separator)})"
@@ -177,8 +205,10 @@ def read_numbers(
                     index_col=False,
                     low_memory=False,
                     on_bad_lines="error",
-                    dtype=np.float64,
+                    dtype={j: object if j in dialect.dates else np.float64 for j in used},
                 )
+                for j in dialect.dates.keys() & set(used):
+                    frame[j] = _seconds_of_stamps(frame[j], dialect.dates[j])
             except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError):
                 if not _has_rows(text):
                     continue
@@ -199,6 +229,17 @@ def read_numbers(
             if progress is not None:
                 progress(raw.tell(), total)
     return tuple(block if filled == len(block) else np.asfortranarray(block[:filled]) for block in blocks)
+
+
+def _seconds_of_stamps(stamps: Any, day: str) -> Any:
+    """Return ISO 8601 stamps as seconds since the beginning of a day, clock times (no day) as seconds of theirs."""
+    import pandas as pd
+
+    if not day:
+        return pd.to_timedelta(stamps).dt.total_seconds()
+    return (
+        pd.to_datetime(stamps, format="ISO8601", utc=True) - pd.Timestamp(day, tz="UTC")
+    ).dt.total_seconds()
 
 
 def _unpacked(path: Path, raw: IO[bytes]) -> IO[bytes]:
@@ -242,7 +283,7 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
             return f"{path}:{number}: expected {width} columns, found {len(cells)}: repair or remove the line"
         for j in used:
             cell = cells[j].strip() if j < len(cells) else ""
-            if not _is_number(cell):
+            if not (_STAMP.fullmatch(cell.strip('"')) if j in dialect.dates and cell else _is_number(cell)):
                 return (
                     f"{path}:{number}:{j + 1}: expected a number in column '{dialect.names[j]}', "
                     f"found '{cell[:40]}': repair or remove the line"
@@ -277,12 +318,16 @@ def _is_number(cell: str) -> bool:
 
 
 def _is_data(line: str) -> bool:
-    """Return whether a line is a row of data: no comment, and mostly numbers."""
+    """Return whether a line is a row of data: no comment, and mostly numbers and dates."""
     bare = line.strip()
     if not bare or bare.startswith(("#", "%")):
         return False
     cells = [cell.strip().lower() for cell in _split(bare, _separator(bare))]
-    numbers = sum(cell not in _MISSING_NUMBERS and _is_number(cell) for cell in cells)
+    numbers = sum(
+        cell not in _MISSING_NUMBERS
+        and (_is_number(cell) or _STAMP.fullmatch(cell.strip('"').upper()) is not None)
+        for cell in cells
+    )
     return 2 * numbers > sum(cell != "" for cell in cells)
 
 

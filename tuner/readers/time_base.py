@@ -31,6 +31,9 @@ MAX_BRIDGED_SHARE = 0.01
 """Largest share of all samples that may come from bridges: N is then biased by 1.8 % at most."""
 MIN_SEGMENT_SAMPLES = 3
 """Samples that one Allan point needs; shorter segments are left out."""
+MIN_BATCHES = 32
+"""Different stamps of a clock coarser than the sampling from which they give a rate: to 3 % and better."""
+COARSE_CLOCK = "the clock is too coarse"
 MAX_CLOCK_STEPS = 64
 """Different steps of a clock of few digits, at most: chosen to separate rounding from jitter of a fine clock."""
 EQUAL_STEPS = 1e-7
@@ -124,7 +127,11 @@ class Timebase:
             notes.append(
                 f"{self.left_out} samples lie in pieces shorter than {MIN_SEGMENT_SAMPLES} samples and are not used"
             )
-        if self.jitter > 0.05 * p:
+        if self.rounding > 0.05 * p:
+            notes.append(
+                f"stamps are rounded to {self.rounding:.4g} s; samples are taken as even at {1 / p:.9g} Hz"
+            )
+        elif self.jitter > 0.05 * p:
             notes.append(
                 f"stamps scatter by {self.jitter:.3g} s (sd); samples are taken as even at {1 / p:.9g} Hz"
             )
@@ -148,6 +155,7 @@ def stamped_timebase(
     *,
     valid: BoolArray | None = None,
     equal: Callable[[IntArray, IntArray], BoolArray] | None = None,
+    resolution: float = 0.0,
 ) -> Timebase:
     """Return the time base that explains `stamps`.
 
@@ -159,11 +167,13 @@ def stamped_timebase(
         False for rows that count as missing.
     equal : callable, optional
         ``equal(i, j)`` tells which pairs of rows hold equal values; without it no rows do.
+    resolution : float, optional
+        To what the stamps are known to be rounded, s.
 
     Raises
     ------
     DataError
-        Fewer than three usable rows, a constant clock, or a clock that runs backwards.
+        Fewer than three usable rows, a constant clock, one too coarse to give a rate, or one that runs backwards.
     """
     rows: IntArray | None = None
     usable = np.isfinite(stamps) if valid is None else valid & np.isfinite(stamps)
@@ -174,8 +184,13 @@ def stamped_timebase(
     t, rows, disordered = in_order(t, rows)
     t, rows, duplicates, batch = without_duplicates(t, rows, equal)
     _require(len(t))
-    interval, at, size = interval_and_gaps(t, batch)
+    if batch > 0.0 and (different := round((t[-1] - t[0]) / batch) + 1) < MIN_BATCHES:
+        msg = f"{COARSE_CLOCK}: {different} different stamps in {len(t)} rows give no rate: pass --rate HZ"
+        raise DataError(msg)
+    interval, at, size = interval_and_gaps(t, max(batch, resolution))
     base = _on_grid(t, interval, at, size)
+    if max(batch, resolution) > base.rounding:
+        base = replace(base, rounding=max(batch, resolution))
     unread = 0 if rows is None else _unread(np.diff(rows), at, size)
     return replace(base, rows=rows, disordered=disordered, duplicates=duplicates, unread=unread)
 
@@ -267,7 +282,9 @@ def rounding_of(steps: FloatArray) -> float:
     if not 1 < len(different) <= MAX_CLOCK_STEPS:
         return 0.0
     unit = float(np.diff(different).min()) * EQUAL_STEPS
-    unit *= float(np.sum(steps) / unit / np.sum(np.round(steps / unit)))
+    if not np.any(whole := np.round(steps / unit)):
+        return 0.0
+    unit *= float(np.sum(steps) / unit / np.sum(whole))
     off = np.abs(steps / unit - np.round(steps / unit))
     return unit if unit > 100.0 * EQUAL_STEPS and float(off.max()) < 0.05 else 0.0
 

@@ -1,0 +1,95 @@
+"""The unit of time stamps that nothing states, from the median stamp and the mean step together.
+
+A step of 10000 is 100 Hz in microseconds and nothing an inertial sensor does in seconds; a stamp of 1.7e15 beside it is
+the present in microseconds since 1970. Where two units give a usual rate, the unit is asked for: a step of 1 is 1 Hz in
+seconds and 1 kHz in milliseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.types.records import DataError
+
+MIN_RATE, MAX_RATE = 0.01, 1e6
+"""Rates of inertial logs, Hz, that are possible at all."""
+USUAL_RATES = (20.0, 4000.0)
+"""Rates of inertial sensors, Hz, of which at most one unit of the table gives one: they are 1000 apart."""
+YEAR = 366 * 86400.0
+"""The longest span of a log, s."""
+SINCE_1970 = (20 * 365.25 * 86400.0, 130 * 365.25 * 86400.0)
+"""1990 to 2100, s since 1970."""
+CANDIDATES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ticks of 0.1 ms": 1e-4}
+"""Units of stamps, s."""
+STATED_BY_RATE = CANDIDATES | {"min": 60.0, "h": 3600.0, "days": 86400.0}
+"""Units that a stated rate tells apart, s."""
+DAY_NUMBERS = {"Excel": (3.2e4, 7.3e4), "MATLAB": (7.26e5, 7.67e5)}
+"""Numbers of days of the years 1988 to 2100 in two programs."""
+RATE_TOLERANCE = 0.05
+"""Relative difference between a stated rate and that of the stamps within which it tells their unit."""
+
+
+@dataclass(frozen=True)
+class TimeUnit:
+    """Seconds in one unit of the stamps, and what to say about it."""
+
+    factor: float
+    notes: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+
+
+def unit_of_stamps(
+    time: NDArray[np.float64] | NDArray[np.int64], step: float, *, name: str, rate: float | None
+) -> TimeUnit:
+    """Return the unit of stamps with a mean step.
+
+    Raises
+    ------
+    DataError
+        Where two units are possible: with the rate in each and what to pass.
+    """
+    middle = float(np.median(time))
+    if step <= 0.0:
+        return TimeUnit(1.0)
+    if rate is not None:
+        fitting = {
+            u: f for u, f in STATED_BY_RATE.items() if abs(1.0 / (step * f * rate) - 1.0) < RATE_TOLERANCE
+        }
+        if fitting:
+            unit, factor = next(iter(fitting.items()))
+            note = f"time in {unit}, in which the stamps have the stated rate of {rate:.6g} Hz"
+            return TimeUnit(factor, () if unit == "s" else (note,))
+        return TimeUnit(1.0)  # the caller compares the rates
+    for program, (low, high) in DAY_NUMBERS.items():
+        if low < middle < high and _usual(86400.0 * step):
+            return TimeUnit(86400.0, (f"time in days, as {program} numbers them",))
+    usual = [unit for unit, factor in CANDIDATES.items() if _usual(step * factor)]
+    possible = [unit for unit, factor in CANDIDATES.items() if MIN_RATE <= 1.0 / (step * factor) <= MAX_RATE]
+    present = [u for u in possible if SINCE_1970[0] < abs(middle) * CANDIDATES[u] < SINCE_1970[1]]
+    present = [u for u in present if u != "ticks of 0.1 ms"]
+    if present and (present[0] in usual or not usual):
+        unit = present[0]
+        return TimeUnit(CANDIDATES[unit], () if unit == "s" else (f"time in {unit} (stamps since 1970)",))
+    if not present and "s" in possible and ("s" in usual or (not usual and 1.0 / step < USUAL_RATES[1])):
+        return TimeUnit(1.0)
+    if not present and len(usual) == 1 and "s" not in possible:
+        unit = usual[0]
+        text = f"time in {unit} assumed, as nothing states it: {1.0 / (step * CANDIDATES[unit]):.6g} Hz"
+        return TimeUnit(CANDIDATES[unit], (), (text,))
+    longer = [u for u in ("min", "h") if _usual(step * STATED_BY_RATE[u])]
+    rates = {u: 1.0 / (step * STATED_BY_RATE[u]) for u in dict.fromkeys([*usual, *longer, *possible])}
+    shown = ", ".join(f"{hz:.4g} Hz in {u}" for u, hz in rates.items()) or f"a mean step of {step:.4g}"
+    best = next(iter(rates), "s")
+    written = next((u for u in rates if u in usual + longer and not u.startswith("ticks")), "us")
+    msg = (
+        f"time column '{name}': nothing states its unit, and it cannot be told: {shown}; pass the rate, such as "
+        f"--rate {rates.get(best, 100.0):.6g}, or the unit, such as --columns 't={name} [{written}]'"
+    )
+    raise DataError(msg)
+
+
+def _usual(step: float) -> bool:
+    return USUAL_RATES[0] <= 1.0 / step <= USUAL_RATES[1]
