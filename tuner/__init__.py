@@ -10,7 +10,7 @@ and its parts, in the order of the work::
     records = tuner.read("static.csv")                  # a log, in SI units
     noise = tuner.identify(records)                     # noise terms with intervals
     diagnosis = tuner.diagnose(records)                 # what a simulation of that noise gets wrong, and why
-    config = tuner.synthesize(noise, gnss=receiver)     # settings of a navigation filter
+    config = tuner.synthesize(noise, records=records)   # settings of a navigation filter that predict the log
     verdict = tuner.check(config)                       # Monte-Carlo consistency of that filter
     scores = tuner.navigate("drive.npz", config)        # the same filter on a measured drive
     table = tuner.compare("static.csv", "mpu9250")      # sensors side by side

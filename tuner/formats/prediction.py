@@ -8,12 +8,27 @@ from typing import Any
 import numpy as np
 
 from tuner.formats.documents import plain
+from tuner.types import FilterConfig
 from tuner.types.prediction import PredictedBlock
 
 
 def predictions_json(predictions: Mapping[str, PredictedBlock]) -> dict[str, Any]:
     """Return the comparisons of all axes, the curves included; SI."""
     return {axis: prediction_json(found, curve=True) for axis, found in predictions.items()}
+
+
+def settings_json(config: FilterConfig, predictions: Mapping[str, PredictedBlock]) -> dict[str, Any]:
+    """Return the noise settings of every axis, SI, each with its comparison where the record was long enough."""
+    return {
+        axis: {
+            "unit": noise.unit,
+            "white_density": plain(noise.white_density),
+            "markov": [{"sd": plain(s.sd), "time_constant": plain(s.time_constant)} for s in noise.markov],
+            "random_walk_density": plain(noise.random_walk_density),
+            "prediction": prediction_json(predictions[axis], curve=False) if axis in predictions else None,
+        }
+        for axis, noise in config.channels.items()
+    }
 
 
 def prediction_json(found: PredictedBlock, *, curve: bool) -> dict[str, Any]:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from models.noise import TERMS, NoiseModel, Quantization, Sinusoid
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.curves import curve as empirical_curve
+from tuner.identification.allan_leastsquares import Misfit, misfit, unweighted
 from tuner.identification.allan_leastsquares import fit as fit_curve
-from tuner.identification.allan_leastsquares import misfit, unweighted
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
+from tuner.identification.curve_limit import below_the_curve
 from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.likelihood import (
     LikelihoodFit,
@@ -99,14 +100,25 @@ def identify_channel(
     allan = empirical_curve(single, "oadev", noise=chosen.model)
     estimates = _by_method(chosen, method, octaves, allan, forced=terms is not None)
     longest = max(pieces, key=len)
+    compared = method in ("likelihood", "leastsquares")
+    apart = contradiction(whole, band, estimates.model) if compared else None
+    robust = apart is not None and apart.p_value < ROBUST_P_VALUE and method == "likelihood" and terms is None
+    if robust and len(octaves.m) >= len(chosen.model.parameters):
+        estimates = _by_method(chosen, "leastsquares", octaves, allan, forced=False)
+    warnings = () if apart is None else disagreement(apart, robust=robust)
+    estimates = below_the_curve(
+        estimates,
+        allan,
+        single.interval,
+        shortest=single.interval if band.m == 1 else 4 * band.m * single.interval,
+        contradicted=bool(warnings),
+    )
     minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
     every = [_under_the_curve(term, allan, single.interval) for term in (*estimates.terms, *bounds)]
     series = None
     if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
     order = list(TERMS)
-    compared = method in ("likelihood", "leastsquares")
-    warnings = disagreement(whole, band, estimates.model) if compared else ()
     return ChannelIdentification(
         axis=axis,
         unit=single.unit,
@@ -268,6 +280,9 @@ def _bounded(bound: Bound, unit: str) -> TermEstimate:
 
 DISAGREEMENT_P_VALUE = 1e-3
 """Probability below which the Allan curve and the fitted sum are said to disagree."""
+ROBUST_P_VALUE = 1e-6
+"""Probability below which the likelihood of that sum decides nothing: its thousands of fast cells would bend the slow
+terms. The coefficients then come from the curve, octave by octave."""
 
 
 def about_band(band: Band, interval: float) -> tuple[str, ...]:
@@ -282,17 +297,22 @@ def about_band(band: Band, interval: float) -> tuple[str, ...]:
     )
 
 
-def disagreement(whole: OctaveCurve, band: Band, model: NoiseModel) -> tuple[str, ...]:
-    """Say where the Allan curve contradicts the fitted sum; in a cut band, where little above it reaches."""
+def contradiction(whole: OctaveCurve, band: Band, model: NoiseModel) -> Misfit | None:
+    """Judge the fitted sum against the Allan curve; in a cut band, where little above it reaches."""
     if not model.terms:
-        return ()
+        return None
     compared = whole if band.m == 1 else curve_within(whole, replace(band, m=4 * band.m))
-    found = misfit(compared, model, tolerance=CURVE_TOLERANCE)
+    return misfit(compared, model, tolerance=CURVE_TOLERANCE)
+
+
+def disagreement(found: Misfit, *, robust: bool = False) -> tuple[str, ...]:
+    """Say where the Allan curve contradicts the fitted sum, and what became of the coefficients."""
     if found.p_value >= DISAGREEMENT_P_VALUE:
         return ()
     part, side = 100.0 * abs(found.ratio - 1.0), "above" if found.ratio > 1.0 else "below"
     return (
         f"the Allan curve disagrees with the sum of terms (χ² = {found.statistic:.3g} on {found.freedom}, "
         f"p = {found.p_value:.1g}), most at τ = {found.tau:.3g} s, where it is {part:.2g} % {side}: "
-        "something in the data is not among the terms",
+        "something in the data is not among the terms"
+        + ("; the coefficients are those of weighted least squares on the curve" if robust else ""),
     )

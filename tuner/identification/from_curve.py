@@ -35,7 +35,7 @@ from models.noise import (
 from models.noise.bias_instability import ALLAN_FLOOR
 from tuner.identification.allan_leastsquares import CurveFit, fit, log_covariance
 from tuner.identification.allan_octaves import OctaveCurve
-from tuner.identification.channel import about_band, disagreement
+from tuner.identification.channel import about_band, contradiction, disagreement
 from tuner.identification.estimates import Estimates, from_fit
 from tuner.identification.valid_band import Band, curve_within, find_band
 from tuner.types import (
@@ -124,7 +124,8 @@ def _identify_axis(curve: AllanCurve, terms: Sequence[str] | None) -> ChannelIde
     shown = sorted(
         (*estimates.terms, *bounds), key=lambda t: order.index(t.name) if t.name in order else len(order)
     )
-    warnings = (*about_band(band, octaves.interval), *disagreement(whole, band, estimates.model))
+    apart = contradiction(whole, band, estimates.model)
+    warnings = (*about_band(band, octaves.interval), *(() if apart is None else disagreement(apart)))
     return _channel(curve, octaves, estimates, tuple(shown), candidates, chosen, warnings)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
+from tuner.identification.estimates import BASE
 from tuner.identification.mean import without_earth_rate
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.records import DataError, Record
@@ -103,8 +104,35 @@ def with_terms_found(
                 about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
                 channels[axis] = replace(before, warnings=(*before.warnings, about))
             else:
-                channels[axis] = replace(after, mean=before.mean)
+                told = _changed(before, after, further)
+                channels[axis] = replace(after, mean=before.mean, warnings=(*after.warnings, *told))
     return replace(identification, channels=channels)
+
+
+CHANGE_WORTH_SAYING = 0.02
+"""Relative change of a coefficient from which it is told: the accuracy with which most records estimate N."""
+
+
+def _changed(
+    before: ChannelIdentification, after: ChannelIdentification, further: Sequence[str]
+) -> tuple[str, ...]:
+    """Name what the terms that the diagnosis found did to the coefficients that were identified without them."""
+    changes = []
+    for term in BASE:
+        was, now = _amplitude(before, term), _amplitude(after, term)
+        if was is None and now is None:
+            continue
+        if was is None or now is None:
+            changes.append(f"{term} {'absent' if now is None else 'present'} beside it")
+        elif abs(now / was - 1.0) > CHANGE_WORTH_SAYING:
+            changes.append(f"{term} × {now / was:.3g}")
+    names = ", ".join(dict.fromkeys(further))
+    return (f"{names} was found by the diagnosis: {', '.join(changes)}",) if changes else ()
+
+
+def _amplitude(channel: ChannelIdentification, name: str) -> float | None:
+    found = next((term for term in channel.terms if term.name == name and term.present), None)
+    return None if found is None else next(iter(found.coefficients.values())).value
 
 
 def _absent(channel: ChannelIdentification, further: Sequence[str]) -> list[str]:

@@ -23,7 +23,7 @@ from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.html_page import write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
-from tuner.report.prediction_tables import prediction_tables
+from tuner.report.prediction_tables import prediction_tables, settings_tables
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
@@ -122,7 +122,11 @@ def tune_sections(result: TuneResult) -> list[Section]:
 def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
     """Return everything `tune` prints: noise, each section, and a summary of the configuration in `directory`."""
     tables = [block for _, content in tune_sections(result) for block in content]
-    return [*identification_tables(result.identification), *tables, *_summary(result, directory)]
+    noise = [
+        *identification_tables(result.identification),
+        *settings_tables(result.config, result.identification),
+    ]
+    return [*noise, *tables, *_summary(result, directory)]
 
 
 def _summary(result: TuneResult, directory: Path) -> list[str]:

@@ -64,7 +64,7 @@ def hold_to_records(
             judged[axis] = found
             if found.source is not BlockSource.LIKELIHOOD:
                 channels[axis] = _with_block(channel, found)
-            notes += _notes(axis, found)
+            notes += _notes(channel, found)
     fitted = {axis for axis, found in judged.items() if found.source is not BlockSource.LIKELIHOOD}
     inflations = tuple(i for i in config.inflations if i.quantity.owner not in fitted)
     return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), judged
@@ -78,7 +78,7 @@ def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:
         for start, stop in record.segments
         if np.ptp(record.column(channel.axis)[start:stop]) > 0.0
     ]
-    if rate == 0.0:
+    if rate == 0.0 or not pieces:
         return [np.ascontiguousarray(y) for y, _ in pieces]
     y, t = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     slope = float(np.polyfit(t - t.mean(), y, 1)[0])
@@ -152,9 +152,9 @@ def _with_block(channel: ChannelNoise, found: PredictedBlock) -> ChannelNoise:
     )
 
 
-def _notes(axis: str, found: PredictedBlock) -> list[str]:
+def _notes(channel: ChannelNoise, found: PredictedBlock) -> list[str]:
     """Say where the settings of an axis do not come from its identified terms, and where they do not predict it."""
-    notes = []
+    notes, axis = [], channel.axis
     if found.source is not BlockSource.LIKELIHOOD and found.rejected is not None:
         failed = [f for f in found.rejected_forecasts if not f.passes]
         why = (
@@ -164,7 +164,8 @@ def _notes(axis: str, found: PredictedBlock) -> list[str]:
             else f"the error over {failed[0].horizon:g} s is {failed[0].ratio:.2f} of what they predict"
         )
         notes.append(
-            f"{axis}: the settings are fitted to the Allan curve, not made from the identified terms: {why}"
+            f"{axis}: the settings are fitted to the Allan curve, not made from the identified terms: {why}; "
+            f"N is {found.block.white_density / channel.white_density:.3g} of that of the terms"
         )
     if not found.curve.passes:
         notes.append(

@@ -18,8 +18,9 @@ from tuner.catalogue.grades import grade_identification
 from tuner.synthesis.bias_states import BOUND, RULES
 from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import initial_uncertainty, turn_on_sd
+from tuner.synthesis.prediction import hold_to_records
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, Identification, Inflation
-from tuner.types.records import DataError
+from tuner.types.records import DataError, Record
 
 AXES: Mapping[str, tuple[str, ...]] = {
     "gyros": ("gyro_x", "gyro_y", "gyro_z"),
@@ -38,6 +39,7 @@ def synthesize(
     turn_on: Mapping[str, float] | None = None,
     inflations: Sequence[Enlargement] = (),
     findings: Sequence[Mapping[str, Any]] = (),
+    records: Sequence[Record] = (),
     name: str = "",
     seed: int | None = None,
 ) -> FilterConfig:
@@ -62,6 +64,9 @@ def synthesize(
         Enlargements that findings ask for, applied by `inflate`.
     findings : sequence of mapping, optional
         Findings carried along, as plain values.
+    records : sequence of Record, optional
+        Samples at rest that were identified: settings that do not predict them are fitted to their Allan curve
+        (`tuner.synthesis.prediction`), as in `tuner.tune`.
     name : str, optional
         Name of the configuration; default the source's.
     seed : int, optional
@@ -109,6 +114,7 @@ def synthesize(
         (*identification.notes, *notes),
         tuple(findings),
     )
+    config, _ = hold_to_records(config, records)
     return inflate(config, inflations)
 
 

@@ -62,17 +62,24 @@ def command(
 ) -> None:
     """Find the noise terms of each axis, with intervals: quantization, white, flicker, random walk, ramp and others.
 
-    Several logs of one sensor are pooled, with their spread. A CSV with columns tau,deviation[,dof] is fitted as an
-    Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…) gives the errors of the receiver.
+    Beside the terms stand the settings of a filter as `tuner tune` makes them from the same log: fitted to its Allan
+    curve where those of the terms do not predict it. Several logs of one sensor are pooled, with their spread. A CSV
+    with columns tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest
+    (t,lat,lon,height,…) gives the errors of the receiver.
     """
     from tuner.formats.identification import identification_json
+    from tuner.formats.prediction import settings_json
     from tuner.identification.identify_source import identify_fixes, identify_source
     from tuner.identification.several_logs import pool
     from tuner.readers.gnss_log import is_fixes
     from tuner.readers.source_kind import source_name
     from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
+    from tuner.report.prediction_tables import settings_tables
     from tuner.report.terminal import show
+    from tuner.segments.conditions import at_rest
+    from tuner.synthesis import synthesize
+    from tuner.synthesis.prediction import hold_to_records
 
     if len(logs) == 1 and is_fixes(logs[0]):
         receiver = identify_fixes(logs[0], messages.say)
@@ -80,24 +87,38 @@ def command(
             show(receiver_lines(receiver))
         output.write(receiver_json(receiver))
         return
+    loaded = [load_source(log, reading, messages) or log for log in logs]
     found = [
         identify_source(
-            load_source(log, reading, messages) or log,
+            source,
             terms=terms,
             method=method,
             arma=ARMA_LIKELIHOODS[arma],
             latitude=latitude,
             progress=messages.say,
         )
-        for log in logs
+        for source in loaded
+    ]
+    settings = [
+        hold_to_records(synthesize(one), at_rest(source))
+        if not isinstance(source, str) and method == "likelihood"
+        else None
+        for source, one in zip(loaded, found, strict=True)
     ]
     names = [source_name(log) for log in logs]
     if output.tables:
-        for name, one in zip(names, found, strict=True):
+        for name, one, written in zip(names, found, settings, strict=True):
             show([name, *identification_tables(one)])
+            if written is not None:
+                show(settings_tables(written[0], one))
         if len(found) > 1:
             show(pooled_tables(pool(found), names))
-    output.write(identification_json(found[0]) if len(found) == 1 else pooled_json(names, found, pool(found)))
+    if len(found) > 1:
+        output.write(pooled_json(names, found, pool(found)))
+    else:
+        written = settings[0]
+        added = {} if written is None else {"settings": settings_json(*written)}
+        output.write(identification_json(found[0]) | added)
     if figure is not None:
         from tuner.report.allan_figure import draw_allan
 
