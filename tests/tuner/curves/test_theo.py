@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.fft import irfft, rfft
 
+from tuner.curves import allan_kernels as kernels
 from tuner.curves import theo
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, nearest_theo1_size, theo1, theo1_all, theo_br
@@ -40,6 +42,16 @@ def test_recursion_equals_the_direct_sum(kind, tolerance):
     m = np.array([10, 12, 100, 198, 200, 202, 350, 1000, 2500, 4000, 4998, 5000])
     assert every.size == 2496
     np.testing.assert_allclose(every[(m - 10) // 2], theo1(y, m), rtol=tolerance)
+
+
+def test_recursion_over_m_holds_for_every_size_and_any_origin_of_the_phase():
+    """Thêo1 is free of offset and slope of the phase; every size, first phase not zero, last one included."""
+    x = np.random.default_rng(9).standard_normal(240) + 3.0 - 0.02 * np.arange(240)
+    length = 2 * x.size
+    lagged = irfft(np.abs(rfft(x, length)) ** 2, length)
+    half = np.arange(2, 120)
+    direct = kernels.theo1_sums(x, half, 0, x.size, 64)
+    np.testing.assert_allclose(kernels.theo1_sums_all(x, lagged, 2, 120), direct, rtol=1e-9)
 
 
 def test_white_noise_has_no_bias():
