@@ -10,14 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
-from tuner.formats.files import whole_file
+from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.prediction import PredictedBlock
 
@@ -63,8 +61,8 @@ def draw_allan(
     units = list(dict.fromkeys(c.unit for c in channels))
     rows = [[c for c in channels if c.unit == unit] for unit in units]
     columns = max(len(row) for row in rows)
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
-        figure = Figure(figsize=(4.6 * columns + 0.4, 4.1 * len(rows) + 0.7), layout="constrained")
+    size = (4.6 * columns + 0.4, 4.1 * len(rows) + 0.7)
+    with new_figure(size, paths) as figure:
         grid = figure.subplots(len(rows), columns, squeeze=False, sharey="row")
         for row, panels in zip(rows, grid, strict=True):
             for channel, panel in zip(row, panels, strict=False):
@@ -74,9 +72,6 @@ def draw_allan(
             panels[0].set_ylabel(f"Allan deviation, {pretty(customary_unit('level', row[0].unit))}")
         if title:
             figure.suptitle(title)
-        for path in paths:
-            with whole_file(path) as temporary:
-                figure.savefig(temporary, dpi=130)
 
 
 def _draw_channel(panel: Axes, channel: ChannelIdentification, predicted: PredictedBlock | None) -> None:

@@ -11,17 +11,14 @@ from functools import partial
 from pathlib import Path
 from textwrap import fill
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
-from tuner.formats.files import whole_file
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
 from tuner.report.drive_cause_panels import (
@@ -34,6 +31,7 @@ from tuner.report.drive_cause_panels import (
     draw_effect,
     normalised,
 )
+from tuner.report.figure_files import new_figure
 from tuner.types import Parameter
 
 FloatArray = NDArray[np.float64]
@@ -116,17 +114,13 @@ def _draw(
     shape: tuple[int, int],
     panels: list[Callable[[Axes], None]],
 ) -> tuple[str, Path]:
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
-        figure = Figure(figsize=size, layout="constrained")
+    with new_figure(size, (path.with_suffix(".png"), path)) as figure:
         for panel, draw in zip(figure.subplots(*shape, squeeze=False).flat, panels, strict=True):
             draw(panel)
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
         figure.suptitle(fill(caption, 150), fontsize=9)
-        for file in (path.with_suffix(".png"), path):
-            with whole_file(file) as temporary:
-                figure.savefig(temporary, dpi=130)
     return caption, path
 
 

@@ -12,18 +12,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.formats.files import whole_file
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
+from tuner.report.figure_files import new_figure
 from tuner.report.static_cause_panels import CAUSE_COLOUR, DATA_COLOUR, shown, unit_of, view_of
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
@@ -81,8 +79,7 @@ def _is_spectral(code: str) -> bool:
 
 def _draw(one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int) -> None:
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none"}):
-        figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    with new_figure((11.0, 4.4), paths) as figure:
         left, right = figure.subplots(1, 2)
         _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
         view_of(finding.cause)(right, one, parameters(finding, one.axis))
@@ -91,9 +88,6 @@ def _draw(one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas:
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
         figure.suptitle(fill(f"{finding.text}", 150), fontsize=9)
-        for path in paths:
-            with whole_file(path) as temporary:
-                figure.savefig(temporary, dpi=130)
 
 
 def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:
