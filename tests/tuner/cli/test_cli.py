@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tuner import pipeline
 from tuner.cli import COMMANDS, run
 from tuner.formats import noise_yaml
 from tuner.formats.configuration import load_config
@@ -19,7 +20,24 @@ def log(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def tuned(log, tmp_path_factory):
+def short(tmp_path_factory):
+    """Two minutes: enough for what does not depend on the length."""
+    path = tmp_path_factory.mktemp("short") / "unit.npz"
+    assert run(["simulate", "mpu9250", "--hours", "0.03", "--seed", "3", "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def short_check():
+    """The closing check of `tune`, of two flights of five minutes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "CHECK_RUNS", 2)
+        patch.setattr(pipeline, "CHECK_DURATION", 300.0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def tuned(log, short_check, tmp_path_factory):
     directory = tmp_path_factory.mktemp("tuned")
     assert (
         run(
@@ -107,12 +125,10 @@ def test_identification_finds_the_simulated_white_noise(tuned, log):
         assert channel["terms"]["white"]["density"]["value"] == pytest.approx(expected, rel=0.016)
 
 
-def test_same_seed_same_result(tmp_path, capsys):
-    log = tmp_path / "short.npz"
-    assert run(["simulate", "mpu9250", "--hours", "0.03", "--seed", "3", "-o", str(log), "--quiet"]) == 0
+def test_same_seed_same_result(short, short_check, tmp_path):
     texts = []
     for name in ("a", "b"):
-        assert run(["tune", str(log), "-o", str(tmp_path / name), "--quiet"]) == 0
+        assert run(["tune", str(short), "-o", str(tmp_path / name), "--quiet"]) == 0
         texts.append((tmp_path / name / "noise.yaml").read_text())
     assert texts[0] == texts[1]
 
@@ -170,8 +186,8 @@ def test_curve_gives_one_value_a_tau(log, capsys):
         "pacf",
     ],
 )
-def test_every_estimator_answers(log, capsys, estimator):
-    assert run(["curve", str(log), "--estimator", estimator, "--json", "-", "--quiet"]) == 0
+def test_every_estimator_answers(short, capsys, estimator):
+    assert run(["curve", str(short), "--estimator", estimator, "--json", "-", "--quiet"]) == 0
     found = json.loads(said(capsys)[0])
     assert found["schema"] == "tuner.curve/1"
     assert set(found["channels"]) == {f"{s}_{a}" for s in ("gyro", "accel") for a in "xyz"}
