@@ -140,4 +140,4 @@ def _at(objective: Objective, theta: FloatArray, j: int, value: float) -> FloatA
     """Return the logs of the parameters of greatest likelihood with number j at a value."""
     start = theta.copy()
     start[j] = value
-    return objective.minimise(start, fixed=j)[0]
+    return objective.minimise(start, kept=j)[0]

@@ -138,9 +138,9 @@ def describe(objective: Objective, theta: FloatArray) -> LikelihoodFit:
     covariance = np.asarray(2.0 * np.linalg.inv(information + 1e-9 * np.eye(len(theta))), dtype=np.float64)
     intervals = [score_interval(objective, theta, j) for j in range(len(theta))]
     log_likelihood = objective.log_likelihood(theta)
-    slope, slope_sd = objective.slope(objective.expected(theta)[0])
-    ends = (0.0, 0.0)
-    if objective.ramp:
+    slope, ends = 0.0, (0.0, 0.0)
+    if objective.columns.size:
+        slope, slope_sd = _slope(objective, theta)
         ends = slope_interval(objective, theta)
         rate = max(abs(slope), 1e-6 * slope_sd)
         terms.append(Ramp(rate))
@@ -201,14 +201,19 @@ def slope_interval(objective: Objective, theta: FloatArray, *, drop: float = 3.8
     (float, float)
         Ends of the interval, unit/s.
     """
-    centre, sd = objective.slope(objective.expected(theta)[0])
+    centre, sd = _slope(objective, theta)
 
     def value(slope: float) -> float:
-        data = replace(objective.data, amplitude=objective.data.amplitude - slope * objective.data.line)
-        return replace(objective, data=data, ramp=False).minimise(theta)[1]
+        return objective.with_size(0, slope).minimise(theta)[1]
 
     best = value(centre)
     return _reach(value, centre, -sd, best + drop), _reach(value, centre, sd, best + drop)
+
+
+def _slope(objective: Objective, theta: FloatArray) -> tuple[float, float]:
+    """Return the rate of the ramp and its standard error."""
+    size, covariance = objective.sizes(objective.expected(theta)[0])
+    return float(size[0]), float(covariance[0, 0] ** 0.5)
 
 
 def _reach(value: Callable[[float], float], centre: float, step: float, goal: float) -> float:

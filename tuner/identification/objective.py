@@ -3,12 +3,12 @@
 The coefficients a_k of `tuner.identification.periodogram` are nearly independent and Gaussian, so with the
 expected power E(θ) = Σ_terms E_term(θ), edges and aliasing included::
 
-    -2 ln L = Σ_cells c [ln E + (a - R l)²/E] + ln Σ l²/E
+    -2 ln L = Σ_cells c [ln E + (a - C β)²/E] + ln det CᵀE⁻¹C
 
-with c coefficients in a cell and l those of a unit ramp, whose rate R is profiled out by generalised least
-squares; the last term (only with a ramp) restores the degree of freedom that R costs. θ are the logs of the
-parameters of the terms. The gradient is analytic, the step is damped Fisher scoring, and the values of a grid
-of time constants are the starts.
+with c coefficients in a cell and C those of templates, such as a unit ramp, whose sizes β are profiled out by
+generalised least squares; the last term restores the degrees of freedom that β costs. Sums with different templates
+are compared without it (`restricted`). θ are the logs of the parameters of the terms. The gradient is analytic, the
+step is damped Fisher scoring, and the values of a grid of time constants are the starts.
 
 References
 ----------
@@ -21,7 +21,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations_with_replacement, groupby, product
 
@@ -40,6 +40,9 @@ Trial = tuple[tuple[float, ...], FloatArray]
 NEGLIGIBLE_SHARE = 1e-7
 """Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
 
+_RIDGE = 1e-10
+"""Part of the information on a template that keeps the sizes of like templates finite."""
+
 _GRID_POINTS = 8
 """Trial values of a time constant: half a decade apart in a record of four decades."""
 _REFINED_STARTS = 3
@@ -56,21 +59,27 @@ class Objective:
         What was measured.
     kinds : tuple of type
         Classes of the random terms, in the order of `models.noise.TERMS`.
-    ramp : bool
-        Whether a ramp is profiled out.
+    columns : ndarray, shape (K, q)
+        Coefficients of the templates in the first K cells, which hold one coefficient each, or 0.
     lower, upper : ndarray, shape (p,)
         Bounds of the logs.
     grids : tuple of tuple of (tuple, ndarray)
         For each term, trial values of the parameters after the amplitude (an empty tuple where there are none)
         with the expected power of the unit amplitude.
+    fixed : ndarray, shape (m,), optional
+        Power that is there besides.
+    restricted : bool
+        Whether the degrees of freedom of the templates are restored.
     """
 
     data: CosinePeriodogram
     kinds: tuple[type[Term], ...]
-    ramp: bool
+    columns: FloatArray
     lower: FloatArray
     upper: FloatArray
     grids: tuple[tuple[Trial, ...], ...]
+    fixed: FloatArray | float = 0.0
+    restricted: bool = True
 
     @classmethod
     def of(cls, data: CosinePeriodogram, terms: Sequence[str]) -> Objective:
@@ -89,7 +98,8 @@ class Objective:
             scales = list(zip(*(scale for scale, _ in trials), strict=True))
             lower += [0.5 * np.log(NEGLIGIBLE_SHARE * ratios.min()), *np.log([min(s) / 10.0 for s in scales])]
             upper += [0.5 * np.log(1e3 * ratios.max()), *np.log([max(s) * 100.0 for s in scales])]
-        return cls(data, kinds, Ramp.name in terms, np.array(lower), np.array(upper), grids)
+        columns = data.line[:, None] if Ramp.name in terms else np.zeros((0, 0))
+        return cls(data, kinds, columns, np.array(lower), np.array(upper), grids)
 
     def is_amplitude(self, j: int) -> bool:
         """Return whether parameter j is the amplitude of its term, which may be zero."""
@@ -97,7 +107,7 @@ class Objective:
 
     def expected(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the expected power, shape (m,), and its derivatives by θ, shape (p, m)."""
-        rows, total, at = [], np.zeros_like(self.data.frequency), 0
+        rows, total, at = [], np.zeros_like(self.data.frequency) + self.fixed, 0
         for kind, trials in zip(self.kinds, self.grids, strict=True):
             gain = np.exp(2.0 * theta[at])
             if len(kind.PARAMETERS) == 1:
@@ -111,20 +121,45 @@ class Objective:
             at += len(gradient)
         return total, np.concatenate(rows)
 
-    def slope(self, expected: FloatArray) -> tuple[float, float]:
-        """Return the rate of the ramp and its standard error; 0 and inf without."""
-        if not self.ramp:
-            return 0.0, np.inf
-        weight = self.data.line / expected
-        information = float(weight @ self.data.line)
-        return float(weight @ self.data.amplitude) / information, information**-0.5
+    def sizes(self, expected: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the sizes of the templates, shape (q,), and their covariance, (q, q)."""
+        weighted = self.columns / expected[: len(self.columns), None]
+        information = weighted.T @ self.columns
+        ridge = np.diag(_RIDGE * np.diag(information) + np.finfo(float).tiny)
+        covariance = np.asarray(np.linalg.inv(information + ridge), dtype=float)
+        return covariance @ (weighted.T @ self.data.amplitude[: len(self.columns)]), covariance
 
     def excess(self, expected: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the sum of squares of each cell over its expectation, and its degrees of freedom, (m,)."""
-        slope, slope_sd = self.slope(expected)
-        square = (self.data.amplitude - slope * self.data.line) ** 2
-        leverage = self.data.line**2 / expected * slope_sd**2 if self.ramp else 0.0
-        return self.data.count * square / expected, np.maximum(self.data.count - leverage, 0.0)
+        squares, freedom, _ = self._excess(expected)
+        return squares, freedom
+
+    def _excess(self, expected: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return `excess` and ln det of the information on the templates, 0 where it does not count."""
+        rest, freedom, determinant = self.data.amplitude, self.data.count, 0.0
+        if self.columns.size:
+            single = len(self.columns)
+            size, covariance = self.sizes(expected)
+            rest = rest.copy()
+            rest[:single] -= self.columns @ size
+            if self.restricted:
+                leverage = (
+                    np.einsum("kp,pq,kq->k", self.columns, covariance, self.columns) / expected[:single]
+                )
+                freedom = freedom.copy()
+                freedom[:single] = np.maximum(freedom[:single] - leverage, 0.0)
+                determinant = -float(np.linalg.slogdet(covariance)[1])
+        return self.data.count * rest**2 / expected, freedom, determinant
+
+    def with_size(self, column: int, size: float) -> Objective:
+        """Return the objective with the size of one template fixed instead of profiled out."""
+        amplitude = self.data.amplitude.copy()
+        amplitude[: len(self.columns)] -= size * self.columns[:, column]
+        return replace(
+            self,
+            data=replace(self.data, amplitude=amplitude),
+            columns=np.delete(self.columns, column, axis=1),
+        )
 
     def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return -2 ln L, its gradient (p,) and its expected second derivatives (p, p)."""
@@ -132,27 +167,27 @@ class Objective:
 
     def _evaluate(self, expected: FloatArray, gradient: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return what a call returns, for an expected power and its derivatives."""
-        squares, freedom = self.excess(expected)
+        squares, freedom, determinant = self._excess(expected)
         relative = gradient / expected
-        value = float(self.data.count @ np.log(expected) + squares.sum())
-        if self.ramp:
-            value += float(np.log(self.data.line**2 @ (1.0 / expected)))
+        value = float(self.data.count @ np.log(expected) + squares.sum()) + determinant
         return value, relative @ (freedom - squares), (relative * freedom) @ relative.T
 
     def log_likelihood(self, theta: FloatArray) -> float:
-        """Return ln L without the last term, to compare sums with and without a ramp."""
+        """Return ln L without the last term, to compare sums with different templates."""
         expected, _ = self.expected(theta)
         return -0.5 * float(self.data.count @ np.log(expected) + self.excess(expected)[0].sum())
 
     def maximum(self) -> FloatArray:
         """Return the logs of the parameters of greatest likelihood, the best of several starts."""
-        return min((self.minimise(start) for start in self._starts()), key=lambda found: found[1])[0]
+        return min((self.minimise(start) for start in self.starts()), key=lambda found: found[1])[0]
 
-    def minimise(self, start: FloatArray, *, fixed: int | None = None) -> tuple[FloatArray, float]:
-        """Return the minimum of -2 ln L next to `start` and its value, parameter number `fixed` kept."""
-        return minimise(self, start, lower=self.lower, upper=self.upper, fixed=fixed)
+    def minimise(
+        self, start: FloatArray, *, kept: int | None = None, tolerance: float = 1e-6
+    ) -> tuple[FloatArray, float]:
+        """Return the minimum of -2 ln L next to `start` and its value, parameter number `kept` as it is."""
+        return minimise(self, start, lower=self.lower, upper=self.upper, fixed=kept, tolerance=tolerance)
 
-    def _starts(self) -> list[FloatArray]:
+    def starts(self) -> list[FloatArray]:
         """Return promising logs: the best of a grid of time constants, each with its best amplitudes."""
         same = [list(group) for _, group in groupby(zip(self.kinds, self.grids, strict=True), lambda p: p[0])]
         choices = [combinations_with_replacement(group[0][1], len(group)) for group in same]
@@ -173,7 +208,7 @@ class Objective:
     def _of_amplitudes(self, shapes: FloatArray, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return what a call returns, for logs of amplitudes of given shapes."""
         powers = np.exp(2.0 * theta)[:, None] * shapes
-        return self._evaluate(powers.sum(axis=0), 2.0 * powers)
+        return self._evaluate(powers.sum(axis=0) + self.fixed, 2.0 * powers)
 
     def _shares(self, shapes: FloatArray) -> FloatArray:
         """Return variances that make Σ v·shapes resemble the power, from equal shares."""
@@ -181,7 +216,7 @@ class Objective:
         squares = self.excess(np.ones_like(count))[0]
         variances: FloatArray = np.sum(squares / shapes, axis=1) / count.sum() / len(shapes)
         for _ in range(10):
-            expected = variances @ shapes
+            expected = variances @ shapes + self.fixed
             variances = variances * np.sqrt(shapes @ (squares / expected**2) / (shapes @ (count / expected)))
         return variances + np.finfo(float).tiny
 

@@ -1,23 +1,15 @@
-"""Noise and slow templates fitted together: the likelihood in the cosine domain.
+"""Noise and slow templates fitted together, by the objective of the identification (`tuner.identification.objective`).
 
-::
-
-    -2 ln L(θ, β) = Σ c [ln E(θ) + (a − C β)²/E(θ)],    E = g_w S_white + S_quantization + S_slow + S_fixed
-
-with c coefficients in a cell, β profiled out by weighted least squares and θ the logs of the parameters. The slow
-noise is flicker or one Gauss–Markov process, each with a random walk: a comparison of two sets of templates takes
-the better of both kinds under either hypothesis. A ramp is always among the templates.
-
-References
-----------
-.. [1] P. Whittle, Estimation and information in stationary time series, Ark. Mat. 2 (1953).
+Its expected power is E = g_w S_white + S_quantization + S_slow + S_fixed. The slow noise is flicker or one
+Gauss–Markov process, each with a random walk: a comparison of two sets of templates takes the better of both kinds
+under either hypothesis. A ramp is always among the templates. As sets of templates are compared, the likelihood is not
+the restricted one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -25,6 +17,7 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.identification.expected_periodogram import expected_power
+from tuner.identification.objective import Objective
 from tuner.identification.periodogram import CosinePeriodogram
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +31,11 @@ BASES = (FLICKER, MARKOV)
 """The two kinds of slow noise."""
 MIN_TIME_CONSTANT = 100.0
 """Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the fast spectrum."""
+
+TRIAL_CONSTANTS = 6
+"""Trial values of a time constant: two a decade in a record of 1e6 samples."""
+FIT_TOLERANCE = 1e-4
+"""Gain of -2 ln L in one step below which a fit ends: far below a likelihood ratio that decides anything."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +105,25 @@ class Track:
         added = more[:, None] if more.ndim == 1 else more
         return Track(self.grid, np.concatenate((self.columns, added), axis=1), self.gain, self.fixed)
 
+    def objective(self, kinds: Kinds, times: Sequence[float] = ()) -> Objective:
+        """Return the likelihood of these kinds of noise, with trial values of a time constant for `starts`, s."""
+        trials = []
+        for kind in kinds:
+            scales = [(time,) for time in times] if kind is GaussMarkov else [()]
+            gain = self.gain if kind is White else 1.0
+            trials.append(tuple((s, gain * expected_power(unit(kind, *s), self.grid)[0]) for s in scales))
+        lower, upper = _bounds(kinds, self.grid)
+        return Objective(
+            self.grid, kinds, self.columns, lower, upper, tuple(trials), self.fixed, restricted=False
+        )
+
     def fit(self, kinds: Kinds, start: FloatArray | None = None) -> Fit:
         """Return the fit of these kinds of noise, from `start` or from the best of a grid."""
-        problem = _Problem(self, kinds)
-        if start is None:
-            return min((problem.minimise(s) for s in problem.starts()), key=lambda f: -f.log_likelihood)
-        return problem.minimise(start)
+        if start is not None:
+            return _fit(self.objective(kinds), start)
+        ends = 2.0 * MIN_TIME_CONSTANT * self.grid.interval, 0.3 * self.grid.longest
+        objective = self.objective(kinds, np.geomspace(*ends, TRIAL_CONSTANTS).tolist())
+        return max((_fit(objective, s) for s in objective.starts()), key=lambda fit: fit.log_likelihood)
 
     def averaged_variance(self, fit: Fit, column: int, kinds: Kinds) -> float:
         """Return the variance of the size of a template, averaged over amplitudes of slow noise that the data allow.
@@ -120,24 +131,21 @@ class Track:
         Slow noise that is too weak to be seen is often estimated as none; the template then looks too well known.
         The amplitudes of `kinds` run over an even grid from zero, weighted by their likelihood.
         """
-        problem = _Problem(self, fit.kinds)
+        problem = self.objective(fit.kinds)
         place = [sum(len(k.PARAMETERS) for k in fit.kinds[: fit.kinds.index(kind)]) for kind in kinds]
-        lower = problem.bounds[0]
         grids = []
         for at in place:
             top = fit.theta.copy()
-            top[at] = max(top[at], lower[at] + 1.0)
-            while problem(top)[0] + 2.0 * fit.log_likelihood < 9.0 and top[at] < problem.bounds[1][at]:
+            top[at] = max(top[at], problem.lower[at] + 1.0)
+            while problem(top)[0] + 2.0 * fit.log_likelihood < 9.0 and top[at] < problem.upper[at]:
                 top[at] += 0.25
             grids.append(np.log((np.arange(12) + 0.5) / 12.0) + top[at])
         rows = []
         for values in product(*grids):
             theta = fit.theta.copy()
             theta[place] = values
-            expected = problem.expected(theta)[0]
-            beta, covariance, squares = problem.profile(expected)
-            value = float(self.grid.count @ np.log(expected) + squares.sum())
-            rows.append((value, beta[column], covariance[column, column]))
+            beta, covariance = problem.sizes(problem.expected(theta)[0])
+            rows.append((-2.0 * problem.log_likelihood(theta), beta[column], covariance[column, column]))
         cost, size, variance = np.array(rows).T
         weight = np.exp(-0.5 * (cost - cost.min()))
         weight /= weight.sum()
@@ -145,13 +153,8 @@ class Track:
 
     def without_column(self, column: int, size: float) -> Track:
         """Return the track with the size of one template fixed instead of fitted."""
-        amplitude = self.grid.amplitude.copy()
-        amplitude[: self.singles] -= size * self.columns[:, column]
-        return replace(
-            self,
-            grid=replace(self.grid, amplitude=amplitude),
-            columns=np.delete(self.columns, column, axis=1),
-        )
+        fixed = self.objective(()).with_size(column, size)
+        return replace(self, grid=fixed.data, columns=fixed.columns)
 
 
 def unit(kind: type[Term], *scale: float) -> Term:
@@ -160,142 +163,28 @@ def unit(kind: type[Term], *scale: float) -> Term:
     return make(1.0, *scale)
 
 
-@dataclass(frozen=True)
-class _Problem:
-    track: Track
-    kinds: Kinds
+def _bounds(kinds: Kinds, grid: CosinePeriodogram) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of the logs of the parameters; amplitudes are in units of the white noise of a sample."""
+    root, span = np.sqrt(grid.interval), grid.longest
+    limits = {
+        Quantization: [(1e-4 * grid.interval, 10.0 * grid.interval)],
+        White: [(0.02 * root, 50.0 * root)],
+        RandomWalk: [(1e-3 * root / span, 10.0 / root)],
+        BiasInstability: [(1e-3 * np.sqrt(grid.interval / span), 30.0)],
+        GaussMarkov: [
+            (1e-2 * np.sqrt(grid.interval / span), 300.0),
+            (MIN_TIME_CONSTANT * grid.interval, 3.0 * span),
+        ],
+    }
+    pairs = np.array([pair for kind in kinds for pair in limits[kind]]).reshape(-1, 2)
+    return np.log(pairs[:, 0]), np.log(pairs[:, 1])
 
-    @cached_property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the logs; amplitudes are in units of the white noise of a sample."""
-        grid = self.track.grid
-        root, span = np.sqrt(grid.interval), grid.longest
-        limits = {
-            Quantization: [(1e-4 * grid.interval, 10.0 * grid.interval)],
-            White: [(0.02 * root, 50.0 * root)],
-            RandomWalk: [(1e-3 * root / span, 10.0 / root)],
-            BiasInstability: [(1e-3 * np.sqrt(grid.interval / span), 30.0)],
-            GaussMarkov: [
-                (1e-2 * np.sqrt(grid.interval / span), 300.0),
-                (MIN_TIME_CONSTANT * grid.interval, 3.0 * span),
-            ],
-        }
-        pairs = np.array([pair for kind in self.kinds for pair in limits[kind]])
-        return np.log(pairs[:, 0]), np.log(pairs[:, 1])
 
-    @cached_property
-    def shapes(self) -> tuple[FloatArray | None, ...]:
-        """Power of the unit amplitude where a term has no other parameter."""
-        return tuple(
-            None
-            if len(kind.PARAMETERS) > 1
-            else self._weighted(kind, expected_power(unit(kind), self.track.grid)[0])
-            for kind in self.kinds
-        )
-
-    def _weighted(self, kind: type[Term], power: FloatArray) -> FloatArray:
-        return power * self.track.gain if kind is White else power
-
-    def expected(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return E, shape (m,), and its derivatives by θ, shape (q, m)."""
-        total, rows, at = self.track.fixed.copy(), [], 0
-        for kind, shape in zip(self.kinds, self.shapes, strict=True):
-            gain = np.exp(2.0 * theta[at])
-            if shape is not None:
-                power = gain * shape
-                gradient = 2.0 * power[None]
-            else:
-                power, gradient = expected_power(
-                    unit(kind, *np.exp(theta[at + 1 : at + 2]).tolist()), self.track.grid
-                )
-                power, gradient = gain * power, gain * gradient
-            total += power
-            rows.append(gradient)
-            at += len(gradient)
-        return total, np.concatenate(rows)
-
-    def profile(self, expected: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return β (p,), its covariance (p, p) and the squares of the rest over E, times c, shape (m,)."""
-        track = self.track
-        weighted = track.columns / expected[: track.singles, None]
-        information = weighted.T @ track.columns
-        ridge = np.diag(1e-10 * np.diag(information) + 1e-300)
-        covariance = np.asarray(np.linalg.inv(information + ridge), dtype=float)
-        beta = covariance @ (weighted.T @ track.grid.amplitude[: track.singles])
-        rest = track.grid.amplitude.copy()
-        rest[: track.singles] -= track.columns @ beta
-        return beta, covariance, track.grid.count * rest**2 / expected
-
-    def __call__(self, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return -2 ln L, its gradient (q,) and its expected second derivatives (q, q)."""
-        expected, gradient = self.expected(theta)
-        squares = self.profile(expected)[2]
-        relative = gradient / expected
-        count = self.track.grid.count
-        value = float(count @ np.log(expected) + squares.sum())
-        return value, relative @ (count - squares), (relative * count) @ relative.T
-
-    def minimise(self, start: FloatArray) -> Fit:
-        """Return the fit next to `start`, by damped Fisher scoring."""
-        lower, upper = self.bounds
-        theta, damping = np.clip(start, lower, upper), 1e-3
-        value, gradient, information = self(theta)
-        for _ in range(60):
-            at_edge = ((theta <= lower) & (gradient > 0)) | ((theta >= upper) & (gradient < 0))
-            move = np.flatnonzero(~at_edge)
-            if not len(move):
-                break
-            matrix = information[np.ix_(move, move)]
-            step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix) + 1e-3), -gradient[move])
-            trial = theta.copy()
-            trial[move] = np.clip(theta[move] + np.clip(step, -2.0, 2.0), lower[move], upper[move])
-            attempt = self(trial)
-            if attempt[0] > value:
-                damping *= 10.0
-                if damping > 1e5:
-                    break
-                continue
-            gain, theta = value - attempt[0], trial
-            value, gradient, information = attempt
-            damping = max(0.1 * damping, 1e-9)
-            if gain < 1e-4:
-                break
-        expected = self.expected(theta)[0]
-        beta, covariance, _ = self.profile(expected)
-        spread = np.asarray(2.0 * np.linalg.inv(information + 1e-6 * np.eye(len(theta))), dtype=float)
-        return Fit(self.kinds, theta, spread, -0.5 * value, expected, beta, covariance)
-
-    def starts(self) -> list[FloatArray]:
-        """Return the likeliest starts on a grid of time constants."""
-        lower, upper = self.bounds
-        grid = self.track.grid
-        number = sum(kind is GaussMarkov for kind in self.kinds)
-        times = np.geomspace(2.0 * MIN_TIME_CONSTANT * grid.interval, 0.3 * grid.longest, 6)
-        choices: list[tuple[float, ...]] = [(t,) for t in times.tolist()] if number == 1 else [()]
-        if number == 2:
-            choices = [(a, b) for i, a in enumerate(times) for b in times[i + 1 :]]
-        found = []
-        for choice in choices:
-            left = list(choice)
-            powers, logs = [], []
-            for kind, shape in zip(self.kinds, self.shapes, strict=True):
-                scale = [left.pop(0)] if shape is None else []
-                logs.append(np.log(scale))
-                powers.append(expected_power(unit(kind, *scale), grid)[0] if shape is None else shape)
-            variances = self._shares(np.stack(powers))
-            start = np.concatenate([(0.5 * np.log(v), *log) for v, log in zip(variances, logs, strict=True)])
-            start = np.clip(start, lower, upper)
-            found.append((self(start)[0], start))
-        found.sort(key=lambda pair: pair[0])
-        return [start for _, start in found[:2]]
-
-    def _shares(self, shapes: FloatArray) -> FloatArray:
-        """Return variances for which Σ v·shapes resembles the power, by multiplicative steps."""
-        count = self.track.grid.count
-        rough = self.profile(np.maximum(self.track.grid.power, 1e-12 + np.median(self.track.grid.power)))[2]
-        squares = rough * np.maximum(self.track.grid.power, 1e-12 + np.median(self.track.grid.power))
-        variances = (squares / shapes) @ np.ones_like(count) / count.sum() / len(shapes)
-        for _ in range(30):
-            expected = variances @ shapes + self.track.fixed
-            variances = variances * np.sqrt(shapes @ (squares / expected**2) / (shapes @ (count / expected)))
-        return np.asarray(np.maximum(variances, 1e-300))
+def _fit(objective: Objective, start: FloatArray) -> Fit:
+    """Return the fit next to a start."""
+    start = np.clip(start, objective.lower, objective.upper)
+    theta, value = objective.minimise(start, tolerance=FIT_TOLERANCE)
+    expected = objective.expected(theta)[0]
+    beta, beta_covariance = objective.sizes(expected)
+    spread = np.asarray(2.0 * np.linalg.inv(objective(theta)[2] + 1e-6 * np.eye(len(theta))), dtype=float)
+    return Fit(objective.kinds, theta, spread, -0.5 * value, expected, beta, beta_covariance)
