@@ -24,6 +24,7 @@ from models.earth import ned_between
 from models.strapdown import NavigationState
 from tuner.consistency.drive import RECOVERY_TIME, drive_filter
 from tuner.consistency.drive_scores import reference_at
+from tuner.navigation.drive.clock_offset import AGREEING, clock_of_drive
 from tuner.navigation.drive.run import navigate, prepare
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
@@ -74,9 +75,9 @@ def ours(
     drive: Drive, settings: Path, windows: FloatArray, *, clocks_agree: bool
 ) -> tuple[FloatArray, Track]:
     """Return times of the fixes and what our filter says of them."""
-    states = {"time_offset": 1e-6} if clocks_agree else None
-    filtering, _ = drive_filter(drive, kf_gins_settings.load(settings), states=states)
-    stretches, _ = prepare(drive, filtering, timed=clocks_agree)
+    clock = AGREEING if clocks_agree else clock_of_drive(drive)
+    filtering, _ = drive_filter(drive, kf_gins_settings.load(settings), clock=clock)
+    stretches, _ = prepare(drive, filtering, clock=clock)
     solution = navigate(stretches, filtering, windows)[0]
     sds = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2))[:, :9]
     return solution.t, (solution.state, np.hstack([sds[:, :6], np.degrees(sds[:, 6:9])]))

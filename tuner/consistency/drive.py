@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +34,7 @@ from tuner.consistency.verdicts import verdicts
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
+from tuner.navigation.drive.clock_offset import AGREEING, Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit
@@ -61,8 +61,6 @@ OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
 """Lengths of outage that are scored on a measured drive, s."""
 RECOVERY_TIME = 30.0
 """Time with fixes between two outages, s: in it the filter becomes as accurate as before."""
-DRIVE_STATES: Mapping[str, float] = MappingProxyType({"time_offset": 0.1})
-"""Further states of a filter on a measured drive, with prior sds (SI): stamps may be a tenth of a second late."""
 UNCONSTRAINED = Vehicle()
 """A vehicle of which nothing is assumed."""
 MIN_NOISE_RATIO = 2.0
@@ -109,10 +107,15 @@ class DriveResult:
 
 
 def drive_filter(
-    drive: Drive, config: FilterConfig, *, states: Mapping[str, float] | None = None
+    drive: Drive,
+    config: FilterConfig,
+    *,
+    clock: Clock = AGREEING,
+    states: Mapping[str, float] | None = None,
 ) -> tuple[FilterSettings, tuple[str, ...]]:
-    """Return the filter of a configuration for a drive: with the offset of the clocks and an unknown lever arm."""
-    constants = {**DRIVE_STATES, **config.constants, **(states or {})}
+    """Return the filter of a configuration for a drive: with an unknown lever arm, and what its clock leaves open."""
+    open_delay = {"time_offset": clock.delay_sd} if clock.delay_sd else {}
+    constants = {**open_delay, **config.constants, **(states or {})}
     arm, notes = drive.lever_arm, []
     if arm is not None and drive.mounting is None and any(arm):
         arm = None
@@ -162,8 +165,9 @@ def navigate_drive(
         drive = replace(drive, gnss=fixes, notes=(*drive.notes, left_out))
     if vehicle.sideways is not None:
         states = {"mounting": MOUNTING_SD, **(states or {})}
-    settings, assumed = drive_filter(drive, config, states=states)
-    stretches, notes = prepare(drive, settings)
+    clock = clock_of_drive(drive)
+    settings, assumed = drive_filter(drive, config, clock=clock, states=states)
+    stretches, notes = prepare(drive, settings, clock=clock)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     notes = (*notes, *_noisier_than_configured(stretches[0], config))
     contradicted = turned_from(solutions[0]) if drive.mounting is not None else None

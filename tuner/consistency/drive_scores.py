@@ -152,7 +152,8 @@ def against_smoother(
 
     A test against later fixes: it needs no reference.
     """
-    if sum(len(stretch.steps.dt) for stretch in stretches) > MAX_SMOOTHED_SAMPLES or settings.velocity_lag:
+    lags = settings.velocity_lag or any(stretch.lag for stretch in stretches)
+    if sum(len(stretch.steps.dt) for stretch in stretches) > MAX_SMOOTHED_SAMPLES or lags:
         return ()
     parts: dict[str, list[FloatArray]] = {"position": [], "velocity": [], "attitude": []}
     before: Solution | None = None

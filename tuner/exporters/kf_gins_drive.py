@@ -34,6 +34,7 @@ from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
+from tuner.navigation.drive.clock_offset import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.settings import FilterSettings, total_bias
@@ -70,11 +71,12 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     """
     drive = compensate(drive, config.compensation)
     gnss, wrong, _ = without_gross_outliers(drive.gnss)
+    clock = clock_of_drive(drive)
     drive = replace(drive, gnss=replace(gnss, vel_n=np.full_like(gnss.vel_n, np.nan)))
-    settings, assumed = drive_filter(drive, config)
+    settings, assumed = drive_filter(drive, config, clock=clock)
     if np.isfinite(gnss.position_sd).any() and settings.fix_sd_models is None:
         settings = replace(settings, position_sd=None)  # KF-GINS uses the reported sds
-    stretches, found = prepare(drive, settings)
+    stretches, found = prepare(drive, settings, clock=replace(clock, lag=0.0))
     notes = [*drive.notes, *assumed, *found]
     if wrong:
         notes.append(f"{wrong} fixes left out: they contradict their neighbours")
@@ -98,7 +100,8 @@ def write_drive(drive: Drive, config: FilterConfig, path: Path) -> tuple[str, ..
     files = {name: path.with_name(f"{path.stem}-{name}") for name in ("imu.txt", "gnss.txt", "truth.nav")}
     ends = (float(solution.t[first]), float(stretch.steps.ends()[-1]))
     _table(files["imu.txt"], _inertial(drive, ends, begin, rate), ("%.9f", *["%.12e"] * 6))
-    fixes = _fixes(stretch, first, begin - float(last[at["time_offset"]][0]))
+    left = float(last[at["time_offset"]][0]) if "time_offset" in at else 0.0
+    fixes = _fixes(stretch, first, begin - left)
     _table(files["gnss.txt"], fixes, ("%.9f", *["%.12f"] * 2, *["%.6f"] * 4))
     if drive.reference is not None:
         rows = _truth(drive.reference, begin)

@@ -140,7 +140,7 @@ class Gnss:
     def __len__(self) -> int:
         return len(self.t)
 
-    def rows(self, which: NDArray[np.bool_] | slice) -> Gnss:
+    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Gnss:
         """Return some of the fixes."""
         return Gnss(
             self.t[which],

@@ -87,7 +87,7 @@ def _examine(
     suspicious_clocks = clocks_are_suspicious(base)
     if suspicious_clocks:
         refuse_wrong_axes(drive)
-    coarse, notes = coarse_clock_search(sensor, base.hypothesis) if suspicious_clocks else ({}, ())
+    coarse, notes = coarse_clock_search(in_sensor_axes(drive), base.hypothesis)
     outcome = search_causes(sensor, base, coarse, progress)
     notes = (*base.notes, *notes, *outcome.notes, *coarse_quantizer_notes(sensor))
     if every > 1:

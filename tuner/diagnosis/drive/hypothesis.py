@@ -23,6 +23,7 @@ from tuner.diagnosis.drive.linear_model.whitened_innovations import WhitenedInno
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import Solution
 from tuner.navigation.drive.run import Stretch, initial_estimates, navigate, prepare, reported_sds
+from tuner.navigation.drive.thinning import irregular_rows
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE, FixSdModel
 from tuner.navigation.settings import FilterSettings, filter_settings
 from tuner.types import ChannelNoise, Compensation, FilterConfig, Parameter
@@ -32,7 +33,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_FIXES = 1500
-"""Fixes that a diagnosis uses, of more evenly spaced ones: its cost grows with them, while constants are known well
+"""Fixes that a diagnosis uses, of more of them: its cost grows with them, while constants are known well
 enough.
 """
 
@@ -207,9 +208,9 @@ def in_sensor_axes(drive: Drive) -> Drive:
 
 
 def thin_fixes(drive: Drive) -> tuple[Drive, int]:
-    """Return the drive with at most `MAX_FIXES` fixes, and of how many one was kept."""
-    every = -(-len(drive.gnss) // MAX_FIXES)
-    return replace(drive, gnss=drive.gnss.rows(slice(None, None, every))), every
+    """Return the drive with at most `MAX_FIXES` fixes at irregular distances, and of how many one was kept."""
+    rows = irregular_rows(len(drive.gnss), MAX_FIXES)
+    return replace(drive, gnss=drive.gnss.rows(rows)), round(len(drive.gnss) / len(rows))
 
 
 def filter_settings_of(drive: Drive, hypothesis: Hypothesis) -> FilterSettings:
@@ -246,7 +247,7 @@ def run_filter(drive: Drive, hypothesis: Hypothesis) -> FilterRun:
     """
     corrected = corrected_drive(drive, hypothesis)
     settings = filter_settings_of(corrected, hypothesis)
-    stretches, notes = prepare(corrected, settings, timed=True)
+    stretches, notes = prepare(corrected, settings)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
     starts = [
         initial_estimates(settings, stretch, solutions[i - 1] if i else None)

@@ -104,34 +104,6 @@ def velocities(gnss: Gnss) -> FloatArray:
     return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
 
 
-def velocity_lag_of(gnss: Gnss) -> float:
-    """Return how much later the receiver's velocities are than its positions, s; 0 where that is not significant.
-
-    Differences of positions are compared with shifted velocities; the shift counts where it removes a quarter of the
-    misfit.
-    """
-    if not np.isfinite(gnss.vel_n).all() or len(gnss) < 50:
-        return 0.0
-    metres = _metres(gnss)
-    dt = gnss.t[2:] - gnss.t[:-2]
-    near = dt < 2.5 * float(np.median(np.diff(gnss.t)))
-    slope = ((metres[2:] - metres[:-2]) / dt[:, None])[near]
-    middle = 0.5 * (gnss.t[2:] + gnss.t[:-2])[near]
-
-    def misfit(lag: float) -> float:
-        shifted = np.stack([np.interp(middle + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
-        off = np.sum((slope - shifted)[:, :2] ** 2, axis=1)
-        return float(np.mean(np.minimum(off, outlier_limit(off))))
-
-    lags = np.arange(-0.5, 0.501, 0.02)
-    values = np.array([misfit(float(lag)) for lag in lags])
-    best = int(np.argmin(values))
-    # Interpolation averages noise away on both sides alike: only the better side counts.
-    if best in (0, len(lags) - 1) or values[best] > 0.75 * min(misfit(0.0), values[len(lags) - 1 - best]):
-        return 0.0
-    return float(minimize_scalar(misfit, bounds=(lags[best - 1], lags[best + 1]), method="bounded").x)
-
-
 def stationary_until(gnss: Gnss) -> float:
     """Return until when the vehicle is stationary at the beginning, s; the time of the first fix where it is not."""
     sd = gnss.velocity_sd[:, :2]

@@ -87,7 +87,7 @@ def rotate_steps(steps: Steps, window: slice, bias: FloatArray) -> RotatedSteps:
     """Rotate the steps of a window into b₀, biases (6,) subtracted."""
     dt = steps.dt[window, None]
     integrated = steps.increments[window] - bias * dt
-    quat = _attitudes(integrated[:, :3])
+    quat = attitudes(integrated[:, :3])
     mats = rotation.mat_from_quat(quat)
     mean = 0.5 * (mats[1:] + mats[:-1])
     pieces = (mean @ integrated[:, 3:, None])[..., 0]
@@ -231,7 +231,7 @@ def _fit(alpha: FloatArray, derivative: FloatArray, beta: FloatArray, prior: Flo
     return _Fit(np.minimum(square, most), prior, score, information, mat[2])
 
 
-def _attitudes(angles: FloatArray) -> FloatArray:
+def attitudes(angles: FloatArray) -> FloatArray:
     """Return the attitudes before, between and after turns (n, 3), rad; shape (n + 1, 4)."""
     quat = np.vstack([[1.0, 0.0, 0.0, 0.0], rotation.quat_from_rotvec(angles)])
     reach = 1

@@ -17,7 +17,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from models import rotation
 from models.earth import llh_displaced
@@ -27,10 +26,11 @@ from models.measurements import position_fix, velocity_fix
 from models.strapdown import NavigationState
 from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
-from tuner.navigation.drive.alignment import MAX_CLOCK_OFFSET, Alignment, align, velocities, velocity_lag_of
+from tuner.navigation.drive.alignment import Alignment, align, velocities
 from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
+from tuner.navigation.drive.clock_offset import AGREEING, Clock
 from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
-from tuner.navigation.drive.velocity_latency import advanced, interpolated
+from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
 from tuner.types.records import DataError, Drive, Gnss
 
@@ -46,10 +46,6 @@ START_AVERAGING_TIME = 0.5
 """Time over which the rates at a start are averaged, s."""
 DIFFERENCED_VELOCITY_SD = 2.0
 """Sd of a velocity that is the difference of two positions, m/s."""
-DELAY_STEP = 0.25
-"""Spacing of the delays that are tried, s."""
-MAX_SQUARED_DISTANCE = 50.0
-"""Largest squared distance that a fix counts with in the choice of the delay."""
 SETTLING_TIME = 60.0
 """Time in motion during which the gate rejects no fixes, s: the start may be wrong, not they."""
 
@@ -69,7 +65,7 @@ class Stretch:
     alignment : Alignment
         Where it comes from.
     lag : float
-        How much later the receiver's velocities were than its positions, s; mended in `fixes`.
+        How much later the receiver's velocities are than its positions, s; `navigate` mends it.
     """
 
     steps: Steps
@@ -86,7 +82,7 @@ class Stretch:
 
 
 def prepare(
-    drive: Drive, settings: FilterSettings, *, timed: bool = False
+    drive: Drive, settings: FilterSettings, *, clock: Clock = AGREEING
 ) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
     """Cut a drive into stretches and align each.
 
@@ -96,8 +92,8 @@ def prepare(
         The drive.
     settings : FilterSettings
         Lever arm and, where the receiver reports no sds, those of the configuration.
-    timed : bool
-        The stamps of the fixes are known to be right: neither delay nor lag is searched.
+    clock : Clock
+        Delay and lag of the fixes, which are taken out.
 
     Returns
     -------
@@ -116,11 +112,8 @@ def prepare(
     if axes is not None:
         notes.append(f"velocities of the receiver are {axes}, not north-east-down: turned")
     notes += refuse_wrong_units(drive, gnss)
-    lag = 0.0 if timed else velocity_lag_of(gnss)
-    if lag:
-        moved = np.stack([np.interp(gnss.t + lag, gnss.t, v) for v in gnss.vel_n.T], axis=-1)
-        gnss = replace(gnss, vel_n=moved)
-        notes.append(f"velocities of the receiver are {lag:.3f} s later than its positions: moved")
+    if clock.note:
+        notes.append(clock.note)
     mounting = np.eye(3) if drive.mounting is None else drive.mounting
     rates = np.hstack([drive.rates[:, :3] @ mounting, drive.rates[:, 3:] @ mounting])
     dt = np.diff(drive.imu_t)
@@ -140,8 +133,7 @@ def prepare(
             continue
         steps = Steps(float(t[0]), np.diff(t), rates[first + 1 : last] * np.diff(t)[:, None])
         try:
-            known = 0.0 if timed else stretches[0].alignment.delay if stretches else None
-            stretch = replace(_aligned_stretch(steps, gnss, settings, known), lag=lag)
+            stretch = _aligned_stretch(steps, gnss, settings, clock)
         except DataError as error:
             failure = str(error)
             notes.append(f"the stretch from {t[0]:.1f} to {t[-1]:.1f} s left out: {error}")
@@ -149,8 +141,7 @@ def prepare(
         stretches.append(stretch)
         a = stretch.alignment
         notes.append(
-            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: heading to {np.degrees(a.heading_sd):.1f}°, "
-            f"fixes {a.delay:+.3f} s late"
+            f"aligned at {a.t:.1f} s after {a.still:.0f} s at rest: heading to {np.degrees(a.heading_sd):.1f}°"
         )
     if not stretches:
         wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None
@@ -166,7 +157,7 @@ def navigate(
     answers: list[Solution] = []
     for stretch in stretches:
         x, p = initial_estimates(settings, stretch, answers[-1] if answers else None)
-        fixes, lag = stretch.fixes.without(windows), settings.velocity_lag
+        fixes, lag = stretch.fixes.without(windows), settings.velocity_lag + stretch.lag
 
         def filtered(
             fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p
@@ -254,8 +245,8 @@ def _initial_covariance(
     return among @ p @ among.T
 
 
-def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: float | None) -> Stretch:
-    """Align a stretch; where the delay of the fixes is not known yet, the filter itself decides on it."""
+def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, clock: Clock) -> Stretch:
+    """Align a stretch, its fixes on the clock of the inertial unit."""
     ends = steps.ends()
     inside = (gnss.t > ends[0]) & (gnss.t < ends[-1])
     own = gnss.rows(inside)
@@ -264,38 +255,18 @@ def _aligned_stretch(steps: Steps, gnss: Gnss, settings: FilterSettings, delay: 
         raise DataError(msg)
     at = settings.model.layout
     bias_sd = np.concatenate([settings.initial_sd[at["gyro_bias"]], settings.initial_sd[at["accel_bias"]]])
-    if delay is not None:
-        a = align(steps, _shifted(own, delay), offset=0.0, bias_sd=bias_sd)
-        return _timed(steps, own, replace(a, delay=delay), settings)
-    a = align(steps, own, bias_sd=bias_sd)
-
-    def misfit(value: float) -> float:
-        return _misfit(_timed(steps, own, replace(a, delay=value), settings), settings)
-
-    grid = [a.delay, *np.arange(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET + 1e-9, DELAY_STEP).tolist()]
-    best = min(grid, key=misfit)
-    span = (best - DELAY_STEP, best + DELAY_STEP)
-    found = minimize_scalar(misfit, bounds=span, method="bounded", options={"xatol": 0.01})
-    sharp = align(steps, _shifted(own, float(found.x)), offset=0.0, bias_sd=bias_sd)
-    return _timed(steps, own, replace(sharp, delay=float(found.x)), settings)
-
-
-def _misfit(stretch: Stretch, settings: FilterSettings) -> float:
-    """Return minus twice the log likelihood of a fix, outliers limited; all fixes are used."""
-    trusting = replace(stretch.fixes, trusted=np.ones(len(stretch.fixes), dtype=bool))
-    (solution,) = navigate((replace(stretch, fixes=trusting),), settings, np.zeros((0, 2)))
-    z, s = solution.innovation[:, :3], solution.innovation_covariance[:, :3, :3]
-    if not (np.isfinite(z).all() and np.isfinite(s).all()):
-        return float("inf")
-    distance = np.sum(z * np.linalg.solve(s, z[..., None])[..., 0], axis=-1)
-    return float(np.mean(np.minimum(distance, MAX_SQUARED_DISTANCE) + np.linalg.slogdet(s)[1]))
+    together = own
+    if clock.lag and np.count_nonzero(np.isfinite(own.vel_n).all(axis=1)) > 1:
+        together = replace(own, vel_n=velocities_at(own.t, own.vel_n, own.t + clock.lag))
+    a = align(steps, _shifted(together, clock.delay), offset=0.0, bias_sd=bias_sd)
+    return _timed(steps, own, replace(a, delay=clock.delay), settings, clock.lag)
 
 
 def _shifted(gnss: Gnss, delay: float) -> Gnss:
     return replace(gnss, t=gnss.t - delay)
 
 
-def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> Stretch:
+def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag: float) -> Stretch:
     """Put fixes on the clock of the inertial unit and cut the steps to begin with the first."""
     ends = steps.ends()
     t = own.t - a.delay
@@ -313,7 +284,7 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings) -> S
     vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)
     there = llh_displaced(own.llh[0], -mat_nb @ arm - vel * (t[0] - steps.start))
     start = NavigationState(there, vel, quat)
-    return Stretch(split, fixes, start, a)
+    return Stretch(split, fixes, start, a, lag)
 
 
 def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:

@@ -26,9 +26,15 @@ def interpolated(fixes: Fixes, lag: float) -> Fixes:
     known = np.isfinite(fixes.vel_n).all(axis=1)
     if np.count_nonzero(known) < 2:
         return fixes
-    t, vel = fixes.t[known], np.full_like(fixes.vel_n, np.nan)
-    vel[known] = np.stack([np.interp(t + lag, t, v) for v in fixes.vel_n[known].T], axis=-1)
+    vel = np.full_like(fixes.vel_n, np.nan)
+    vel[known] = velocities_at(fixes.t, fixes.vel_n, fixes.t[known] + lag)
     return replace(fixes, vel_n=vel)
+
+
+def velocities_at(t: FloatArray, vel_n: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return velocities (k, 3) given at times (k,), NaN where unknown, at other times (m,) by interpolation."""
+    known = np.isfinite(vel_n).all(axis=1)
+    return np.stack([np.interp(wanted, t[known], v) for v in vel_n[known].T], axis=-1)
 
 
 def advanced(fixes: Fixes, steps: Steps, solution: Solution, lag: float) -> Fixes:

@@ -5,15 +5,12 @@ Only the first minutes in motion are searched, and only where a run with the sta
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, filter_settings_of
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.alignment import stationary_until
-from tuner.navigation.drive.run import prepare
+from tuner.navigation.drive.clock_offset import clock_of_drive
 from tuner.types import Parameter, Unexplained
 from tuner.types.records import Drive
 
@@ -26,11 +23,7 @@ An sd 1.7 times too large; chosen because smaller offsets are within reach of th
 """
 SUSPICIOUS_REFUSED_SHARE = 0.03
 """Share of fixes rejected by the gate from which the clocks are searched; chosen above that of usual outliers."""
-SEARCHED_MOTION = 300.0
-"""Length of the motion that is searched, s; chosen to hold several turns, which show the offset, at bounded cost."""
 OFFSET_DELAY, LAG_DELAY = Parameter("time_offset", "delay"), Parameter("velocity_lag", "delay")
-MIN_COARSE_DELAY = 0.1
-"""Delay from which the linear model is not accurate enough, s; smaller ones are found by the score test."""
 
 
 def clocks_are_suspicious(run: FilterRun) -> bool:
@@ -75,7 +68,7 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
 
 
 def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], tuple[str, ...]]:
-    """Return the delay and lag of a coarse search, with notes; empty where they are small.
+    """Return delay and lag by the motion alone, with notes; empty where clocks that agree are not refuted.
 
     Parameters
     ----------
@@ -84,17 +77,7 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
     start : Hypothesis
         What is compensated already.
     """
-    corrected = compensate(drive, start.compensation)
-    end = stationary_until(corrected.gnss) + SEARCHED_MOTION
-    imu, fixes = corrected.imu_t < end, corrected.gnss.t < end
-    part = replace(
-        corrected, imu_t=corrected.imu_t[imu], rates=corrected.rates[imu], gnss=corrected.gnss.rows(fixes)
-    )
-    stretches, notes = prepare(part, filter_settings_of(part, start))
-    delay, lag = stretches[0].alignment.delay, stretches[0].lag
-    if abs(delay) < MIN_COARSE_DELAY and lag == 0.0:
-        return {}, ()
-    values = {OFFSET_DELAY: start.compensation.get(OFFSET_DELAY, 0.0) + delay}
-    if lag:
-        values[LAG_DELAY] = start.compensation.get(LAG_DELAY, 0.0) + lag
-    return values, tuple(f"coarsely: {note}" for note in notes)
+    clock = clock_of_drive(compensate(drive, start.compensation))
+    found = {OFFSET_DELAY: clock.delay, LAG_DELAY: clock.lag}
+    values = {p: start.compensation.get(p, 0.0) + value for p, value in found.items() if value}
+    return values, (clock.note,) if clock.note else ()

@@ -1,0 +1,423 @@
+"""Offset of the clocks of receiver and inertial unit, from the motion alone: no noise of a configuration enters.
+
+`clock_regression` gives for every segment of the drive the weighted residuals r and their derivatives A by the common
+parameters φ: delays of positions and velocities, lever arm, scale factors, gyro biases. With Λ the prior of all but the
+delays::
+
+    B = Σ AᵀA + Λ        φ = B⁻¹ Σ Aᵀr        cov φ = B⁻¹ (Σ uuᵀ + Λ) B⁻¹        u = (1 − AᵀA B⁻¹)⁻¹ Aᵀ(r − A φ)
+
+The covariance is that of the scatter of whole segments, each left out once [1]_: noise that is correlated, or larger in
+some parts of the drive, is in it. Zero delays are the hypothesis to be beaten, by a test of F with as many degrees of
+freedom as segments take part.
+
+References
+----------
+.. [1] R. M. Bell, D. F. McCaffrey, Bias reduction in standard errors for linear regression with multi-stage samples,
+       Survey Methodology 28 (2002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+from scipy.stats import t as student
+
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment import (
+    MIN_STATIONARY_POOR_GYROS,
+    SUFFICIENT_STATIONARY,
+    stationary_until,
+)
+from tuner.navigation.drive.axis_checks import with_axes_found
+from tuner.navigation.drive.clock_regression import (
+    COMMON_PARAMETERS,
+    DELAYS,
+    MAX_RESIDUAL,
+    MIN_SEGMENT_FIXES,
+    SCALE_FACTOR_SD,
+    SEGMENT_DURATION,
+    Rows,
+    Segment,
+    regression,
+    residuals_by_delay,
+    reweighted,
+    segments,
+    unweighted,
+)
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
+from tuner.navigation.drive.integrated_increments import IntegratedIncrements, integrate_increments
+from tuner.navigation.drive.thinning import irregular_rows
+from tuner.types.records import Drive, Gnss
+
+FloatArray = NDArray[np.float64]
+
+MAX_CLOCK_OFFSET = 3.0
+"""Largest offset that is searched, to both sides, s."""
+COARSE_STEP = 0.1
+"""Spacing of the offsets that are tried first, s: a quarter of a swing of a walker's step."""
+COARSE_FIXES = 40
+"""Fixes of a segment that the coarse search uses."""
+MIN_MOVING_SEGMENTS = 12
+"""Segments that the motion is cut into at least: their scatter is the noise of the offset."""
+CORRELATION_TIME = 5.0
+"""Time after which fixes of the coarse search count as independent, s: receivers smooth over seconds."""
+MIN_COARSE_GAIN = 10.0
+"""Nats by which an offset of the coarse search must beat clocks that agree: half of the χ²₁ that the
+largest of 61 exceeds with a probability of `SIGNIFICANCE`, 9.3, rounded up."""
+MAX_COARSE_SEGMENTS = 24
+"""Segments that the coarse search uses, those with the largest accelerations."""
+MAX_STEPS = 12
+"""Most steps of Gauss–Newton."""
+MAX_STEP = 0.5
+"""Longest of them, s."""
+MIN_STEP = 0.05
+"""Step, in sds, below which it ends."""
+SIGNIFICANCE = 1e-3
+"""Probability that clocks that agree are told to differ."""
+KNOWN_ARM_SD, UNKNOWN_ARM_SD = 0.1, 1.0
+"""Prior sd of a lever arm that was measured, and of one that nobody gave, m: the size of a car."""
+MAX_DELAY_SD, GYRO_BIAS_SD = 1e3, 0.1
+"""Prior sds of the delays, s, which says nothing, and of the gyro biases, rad/s: beyond those of consumer sensors."""
+COMMON_PRIOR_SD = np.array(
+    [MAX_DELAY_SD] * 2 + [UNKNOWN_ARM_SD] * 3 + [SCALE_FACTOR_SD] * 6 + [GYRO_BIAS_SD] * 3
+)
+"""Prior sds of the common parameters."""
+BIAS_SEGMENTS = (5.0, 5.0, 10.0, 20.0)
+"""Lengths of the segments from which the gyro biases are found one after another, s: what is left of a bias must turn
+the unit by less than a radian."""
+FIRST_SDS = (1.0, 2.0, 0.1, 0.2)
+"""Scatter of positions (h, v), m, and velocities (h, v), m/s, to begin with."""
+FIRST_REWEIGHTINGS = 3
+"""Times that the weights are found anew at the first step; they settle fast."""
+MIN_FREEDOM = 1.0
+"""Least degrees of freedom of a covariance."""
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Delays of the stamps of positions and velocities against the clock of the inertial unit.
+
+    Attributes
+    ----------
+    delay : ndarray, shape (2,)
+        Of positions and velocities, s; positive where stamps are late. NaN without such fixes.
+    covariance : ndarray, shape (2, 2)
+        s².
+    freedom : float
+        Degrees of freedom of the covariance.
+    p_value : float
+        Of clocks that agree.
+    at_bound : bool
+        Whether its interval reaches the end of the search: then it is a bound, and not applied.
+    """
+
+    delay: FloatArray
+    covariance: FloatArray
+    freedom: float
+    p_value: float
+    at_bound: bool
+
+    @property
+    def significant(self) -> bool:
+        """Whether clocks that agree are refuted."""
+        return not self.at_bound and self.p_value < SIGNIFICANCE
+
+    @property
+    def sd(self) -> FloatArray:
+        """Sds of both delays, s."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def quantile(self) -> float:
+        """Return the half width of a 95 % interval in sds."""
+        return float(student.ppf(0.975, self.freedom))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What is taken out of the stamps of a drive, s.
+
+    Attributes
+    ----------
+    delay, lag : float
+        Delay of the fixes, and of their velocities behind their positions.
+    delay_interval, lag_interval : tuple of 2 floats
+        At 95 %.
+    delay_sd : float
+        Sd of the delay; 0 where none is taken out.
+    note : str
+        The same in words, empty where nothing is known.
+    """
+
+    delay: float = 0.0
+    lag: float = 0.0
+    delay_interval: tuple[float, float] = (0.0, 0.0)
+    lag_interval: tuple[float, float] = (0.0, 0.0)
+    delay_sd: float = 0.0
+    note: str = ""
+
+
+AGREEING = Clock()
+"""Clocks that agree."""
+
+
+def clock_of_drive(drive: Drive) -> Clock:
+    """Return what the motion of a drive says of its clocks: nothing is taken out that is not significant."""
+    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
+    dt = np.diff(drive.imu_t)
+    steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
+    arm = None if drive.lever_arm is None else np.array(drive.lever_arm)
+    if arm is not None and drive.mounting is not None:
+        arm = drive.mounting @ arm
+    elif arm is not None and arm.any():  # in axes of a vehicle that nobody knows
+        arm = None
+    found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
+    return AGREEING if found is None else chosen_clock(found)
+
+
+def chosen_clock(found: ClockOffset) -> Clock:
+    """Return the simplest clock that a measurement does not refute: none, one delay, a lag of the velocities, both."""
+    if found.at_bound:
+        text = f"the clocks of fixes and inertial unit differ by {MAX_CLOCK_OFFSET:g} s or more, or cannot be compared"
+        return Clock(note=f"{text}: nothing is taken out")
+    which = np.flatnonzero(np.isfinite(found.delay))
+    d, c = found.delay[which], found.covariance[np.ix_(which, which)]
+    if not found.significant:
+        parts = [
+            f"{DELAYS[i]} stamps {_interval_text(found.delay[i], found.quantile() * found.sd[i])}"
+            for i in which
+        ]
+        return Clock(note=f"clocks agree as far as the motion shows: {', '.join(parts)} late")
+    common, late_velocities = [[1.0, 1.0]], [[0.0, 1.0]]
+    models = [common, late_velocities, common + late_velocities] if len(which) == 2 else [[[1.0]]]
+    for rows in models:
+        design = np.array(rows).T
+        covariance = np.linalg.inv(design.T @ np.linalg.solve(c, design))
+        value = covariance @ design.T @ np.linalg.solve(c, d)
+        left, more = d - design @ value, len(d) - design.shape[1]
+        statistic = float(left @ np.linalg.solve(c, left))
+        if not more or fisher.sf(statistic / more, more, found.freedom) > SIGNIFICANCE:
+            break
+    names = (
+        ("delay",)
+        if len(which) == 1 or rows == models[0]
+        else ("lag",)
+        if rows == models[1]
+        else ("delay", "lag")
+    )
+    sds = np.sqrt(np.diag(covariance))
+    half = found.quantile() * sds
+    values = dict(zip(names, zip(value.tolist(), half.tolist(), sds.tolist(), strict=True), strict=True))
+    delay, delay_half, delay_sd = values.get("delay", (0.0, 0.0, 0.0))
+    lag, lag_half, _ = values.get("lag", (0.0, 0.0, 0.0))
+    told = []
+    if "delay" in values:
+        told.append(f"fixes are {_interval_text(delay, delay_half)} late")
+    if "lag" in values:
+        told.append(
+            f"velocities of the receiver are {_interval_text(lag, lag_half)} later than its positions"
+        )
+    return Clock(
+        delay,
+        lag,
+        (delay - delay_half, delay + delay_half),
+        (lag - lag_half, lag + lag_half),
+        delay_sd,
+        f"{', '.join(told)}, by the motion alone: taken out",
+    )
+
+
+def _interval_text(value: float, half: float) -> str:
+    return f"{value:+.3f} ({value - half:+.3f} … {value + half:+.3f}) s"
+
+
+def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] | None) -> ClockOffset | None:
+    """Measure the delays of positions and velocities; None where the drive has no motion that could show them.
+
+    Parameters
+    ----------
+    steps : Steps
+        Increments, in the axes in which the lever arm is given.
+    gnss : Gnss
+        Fixes, as stamped.
+    lever_arm : sequence of 3 floats, optional
+        From the inertial unit to the antenna, m; None: not known.
+    """
+    inside = (gnss.t > steps.start + MAX_CLOCK_OFFSET) & (gnss.t < float(steps.ends()[-1]) - MAX_CLOCK_OFFSET)
+    gnss = gnss.rows(inside)
+    if len(gnss) < 20:
+        return None
+    moving = float(gnss.t[-1]) - stationary_until(gnss)
+    shortest = MIN_SEGMENT_FIXES * float(np.median(np.diff(gnss.t)))
+    parts = segments(gnss, max(shortest, min(SEGMENT_DURATION, moving / MIN_MOVING_SEGMENTS)))
+    if len(parts) < 2:
+        return None
+    arm = np.zeros(3) if lever_arm is None else np.asarray(lever_arm, dtype=float)
+    increments = integrate_increments(steps, _gyro_bias(steps, gnss, arm))
+    prior_sd = COMMON_PRIOR_SD.copy()
+    if lever_arm is not None:
+        prior_sd[2:5] = KNOWN_ARM_SD
+    first, at_bound = _coarse(increments, parts, arm)
+    return _gauss_newton(increments, parts, arm, prior_sd, first, at_bound)
+
+
+def _gyro_bias(steps: Steps, gnss: Gnss, arm: FloatArray) -> FloatArray:
+    """Return the mean gyro biases: at rest where the drive begins so, then such that the segments agree."""
+    ends, bias = steps.ends(), np.zeros(3)
+    rest = slice(*np.searchsorted(ends, [gnss.t[0], stationary_until(gnss)]).tolist())
+    time = float(steps.dt[rest].sum())
+    if time > MIN_STATIONARY_POOR_GYROS:
+        bias = steps.increments[rest, :3].sum(axis=0) / time
+    if time > SUFFICIENT_STATIONARY:
+        return bias
+    shortest = MIN_SEGMENT_FIXES * float(np.median(np.diff(gnss.t)))
+    prior, free = np.diag(COMMON_PRIOR_SD**-2), np.zeros(COMMON_PARAMETERS, dtype=bool)
+    free[-3:] = True
+    for duration in BIAS_SEGMENTS:
+        parts = segments(gnss, max(duration, shortest))
+        increments = integrate_increments(steps, bias)
+        weights = [unweighted(part, FIRST_SDS) for part in parts]
+        for _ in range(2):
+            rows = [
+                regression(increments, part, w, (0.0, 0.0), arm)
+                for part, w in zip(parts, weights, strict=True)
+            ]
+            weights = [reweighted(part, one) for part, one in zip(parts, rows, strict=True)]
+        rows = [
+            regression(increments, part, w, (0.0, 0.0), arm) for part, w in zip(parts, weights, strict=True)
+        ]
+        bias = bias + _solve(rows, prior, free).value[-3:]
+    return bias
+
+
+def _coarse(
+    increments: IntegratedIncrements, parts: Sequence[Segment], arm: FloatArray
+) -> tuple[float, bool]:
+    """Return the common delay with the largest likelihood, variances profiled, and whether it is the last tried."""
+    level = [_activity(increments, part) for part in parts]
+    chosen = [_thinned(parts[i]) for i in np.argsort(level)[::-1][:MAX_COARSE_SEGMENTS]]
+    grid = np.arange(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET + 1e-9, COARSE_STEP)
+    sd = FIRST_SDS
+    for _ in range(2):
+        left = [residuals_by_delay(increments, part, sd, grid, arm) for part in chosen]
+        cost = _scatters(left)
+        north, down, along, fall = np.maximum(np.nan_to_num(cost.min(axis=0), nan=1.0), 1e-3).tolist()
+        sd = (north, down, along, fall)
+    independent = sum(float(part.since[-1]) for part in chosen) / CORRELATION_TIME
+    nats = independent * np.nan_to_num(np.log(cost)) @ np.array([2.0, 1.0, 2.0, 1.0])
+    best = int(np.argmin(nats))
+    if nats[np.abs(grid) < 1.5 * COARSE_STEP].min() - nats[best] < MIN_COARSE_GAIN:
+        return 0.0, False
+    return float(grid[best]), best in (0, len(grid) - 1)
+
+
+def _thinned(part: Segment) -> Segment:
+    """Return a segment with fewer fixes, at irregular distances: a receiver may alternate its solutions."""
+    rows = irregular_rows(len(part.t), COARSE_FIXES)
+    return Segment(part.t[rows], part.since[rows], part.position[rows], part.velocity[rows])
+
+
+def _activity(increments: IntegratedIncrements, part: Segment) -> float:
+    """Return the spread of the specific force within a segment, m/s²."""
+    at = np.searchsorted(increments.t, part.t)
+    at = np.clip(at, 0, len(increments.t) - 1)
+    change = np.diff(increments.velocity[at], axis=0) / np.diff(increments.t[at])[:, None].clip(1e-3)
+    return float(np.linalg.norm(np.std(change, axis=0))) if len(change) else 0.0
+
+
+def _scatters(left: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Return the pooled sds of positions (h, v) and velocities (h, v) for d delays, outliers limited, (d, 4)."""
+    out = []
+    for kind in (0, 1):
+        raw = np.concatenate([one[kind] for one in left], axis=1)
+        raw = raw[:, np.isfinite(raw[0]).all(axis=1)]
+        for columns in ([0, 1], [2]):
+            part = np.abs(raw[:, :, columns]).reshape(len(raw), -1)
+            if not part.shape[1]:
+                out.append(np.full(len(raw), np.nan))
+                continue
+            limit = MAX_RESIDUAL * np.median(part, axis=1, keepdims=True) + 1e-9
+            out.append(np.sqrt(np.mean(np.minimum(part, limit) ** 2, axis=1)))
+    return np.stack(out, axis=-1)
+
+
+def _gauss_newton(
+    increments: IntegratedIncrements,
+    parts: Sequence[Segment],
+    arm: FloatArray,
+    prior_sd: FloatArray,
+    first: float,
+    at_bound: bool,
+) -> ClockOffset | None:
+    """Refine the delays with weights by the scatter of every segment, and test them."""
+    prior = np.diag(prior_sd**-2)
+    delay, weights = np.array([first, first]), [unweighted(part, FIRST_SDS) for part in parts]
+    kinds = [
+        bool(np.isfinite(np.concatenate([getattr(part, name) for part in parts])).any()) for name in DELAYS
+    ]
+    free = np.array([*kinds, *[True] * (COMMON_PARAMETERS - 2)])
+    if not np.any(free[:2]):
+        return None
+
+    def linearized() -> list[Rows]:
+        both = (float(delay[0]), float(delay[1]))
+        return [regression(increments, part, w, both, arm) for part, w in zip(parts, weights, strict=True)]
+
+    for step in range(MAX_STEPS):
+        for _ in range(FIRST_REWEIGHTINGS if step == 0 else 1):
+            rows = linearized()
+            own = [reweighted(part, one) for part, one in zip(parts, rows, strict=True)]
+            usual = np.median([w.sd for w in own], axis=0).tolist()
+            weights = [reweighted(part, one, usual) for part, one in zip(parts, rows, strict=True)]
+        found = _solve(linearized(), prior, free)
+        change = found.value[:2]
+        if np.all(np.abs(change[free[:2]]) < MIN_STEP * found.sd[:2][free[:2]]):
+            break
+        delay = delay + change * min(1.0, MAX_STEP / max(float(np.max(np.abs(change))), 1e-12))
+        delay = np.clip(delay, -MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET)
+    reach = np.abs(delay) + float(student.ppf(0.975, found.freedom)) * found.sd[:2]
+    at_bound = at_bound or bool(np.any(reach[free[:2]] > MAX_CLOCK_OFFSET))
+    delay = np.where(free[:2], delay, np.nan)
+    covariance = np.where(np.outer(free[:2], free[:2]), found.covariance[:2, :2], np.nan)
+    which = np.flatnonzero(free[:2])
+    d, c = delay[which], covariance[np.ix_(which, which)]
+    statistic = float(d @ np.linalg.solve(c, d)) / len(d)
+    p_value = float(fisher.sf(statistic, len(d), found.freedom))
+    return ClockOffset(delay, covariance, found.freedom, p_value, at_bound)
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Values (14,), their covariance, and its degrees of freedom for the first free parameter."""
+
+    value: FloatArray
+    covariance: FloatArray
+    freedom: float
+
+    @property
+    def sd(self) -> FloatArray:
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+def _solve(rows: Sequence[Rows], prior: FloatArray, free: NDArray[np.bool_]) -> _Solution:
+    """Solve for the common parameters that are free, with the covariance by whole segments."""
+    size, use = len(prior), np.flatnonzero(free)
+    at = np.ix_(use, use)
+    information = np.array([one.design.T @ one.design for one in rows])[:, use][:, :, use]
+    scores = np.array([one.design.T @ one.residual for one in rows])[:, use]
+    inverse = np.linalg.inv(information.sum(axis=0) + prior[at])
+    value = inverse @ scores.sum(axis=0)
+    left = scores - information @ value
+    left = np.linalg.solve(np.eye(len(use)) - information @ inverse, left[..., None])[..., 0]
+    covariance = inverse @ (left.T @ left + prior[at]) @ inverse
+    # Scatter by chance smaller than that of independent rows is not believed.
+    widened = np.sqrt(np.maximum(np.diag(inverse) / np.diag(covariance), 1.0))
+    covariance = covariance * np.outer(widened, widened)
+    share = np.einsum("i,kij,j->k", inverse[0], information, inverse[0])
+    freedom = max(float(share.sum() ** 2 / np.sum(share**2)) - 1.0, MIN_FREEDOM)
+    whole_value, whole = np.zeros(size), np.zeros((size, size))
+    whole_value[use], whole[at] = value, covariance
+    return _Solution(whole_value, whole, freedom)
