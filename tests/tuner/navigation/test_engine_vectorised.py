@@ -25,22 +25,22 @@ PACKED = re.compile(r"\bv?(?:mul|add|sub|fn?m(?:add|sub)\d+)pd\b")
 
 
 @njit(fastmath=True)
-def _mechanised(memory, covariance, inputs):
+def _mechanised(memory, covariance, inputs, _):
     mechanise(memory[0], 0.01, 1.0)
 
 
 @njit(fastmath=True)
-def _stepped(memory, covariance, inputs):
+def _stepped(memory, covariance, inputs, _):
     columns_through_step(memory[0], covariance[0], inputs[0], 0, 16, 0.01)
 
 
 @njit(fastmath=True)
-def _summed(memory, covariance, inputs):
-    inputs_by_columns(memory[0], covariance[0], inputs[0], 0, 16)
+def _summed(memory, covariance, inputs, alone):
+    inputs_by_columns(memory[0], covariance[0], inputs[0], 0, 16, alone)
 
 
 def packed(function, state):
-    function(state.memory, state.covariance, state.inputs)
+    function(state.memory, state.covariance, state.inputs, True if state.rows.shape[1] == 1 else None)
     return len(PACKED.findall(list(function.inspect_asm().values())[-1]))
 
 

@@ -45,6 +45,11 @@ def block(function: Function) -> Function:
     return cast(Function, njit(**_INNER)(function))
 
 
+def merged(function: Function) -> Function:
+    """Compile a part of the filter that is called once as a part of its caller, which LLVM then optimises once."""
+    return cast(Function, njit(inline="always", **_INNER)(function))
+
+
 def entry(function: Function) -> Function:
     """Compile a function that Python calls; it is kept on disk."""
     return cast(Function, njit(cache=True, nogil=True, **_OPTIONS)(function))

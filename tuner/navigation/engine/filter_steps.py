@@ -45,7 +45,7 @@ from tuner.navigation.engine.mechanisation import (
     start_step,
     take_sample,
 )
-from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, set_decay, unscale_covariance
+from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, gather, scatter, set_decay
 from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, State
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +63,7 @@ def _cached(number: int) -> Callable[..., None]:
         covariance: NDArray[np.void],
         inputs: NDArray[np.void],
         each: NDArray[np.void],
-        filters: tuple[int, ...],
+        alone: bool | None,
         longest: float,
         dt: FloatArray,
         increments: FloatArray,
@@ -101,10 +101,11 @@ def _cached(number: int) -> Callable[..., None]:
                 if elapsed != decay_dt:
                     set_decay(m, elapsed)
                     decay_dt = elapsed
-                advance(m, p, a, elapsed)
+                advance(m, p, a, elapsed, alone)
                 aged += elapsed * fastest
                 if k == steps or aged > LONGEST_DECAY:
-                    unscale_covariance(m, p)
+                    gather(m, p, e)
+                    scatter(m, p, e)
                     aged = 0.0
                 elapsed = 0.0
                 changed = True
@@ -113,7 +114,7 @@ def _cached(number: int) -> Callable[..., None]:
                 for r in range(6):
                     for w in range(m.rows.shape[1]):
                         m.rows[CALIBRATED_ROW + r, w] = inverse * m.rows[SAMPLE_ROW + r, w]
-                i = use_fixes(m, p, e, fixes, i, shared, output, filters)
+                i = use_fixes(m, p, e, fixes, i, shared, output, alone)
                 due = after[i] if i < len(after) else -1
                 aged = 0.0
                 changed = True
@@ -181,9 +182,10 @@ def run_filters(
     shared : bool
         Whether all use the gain of the first at a fix, for their covariances alone.
     """
+    alone = True if m.rows.shape[1] == 1 else None
     arguments = (
-        m.memory, m.covariance, m.inputs, m.each, (0,) * min(m.rows.shape[1], 2), lay.covariance_step, sensed.dt,
-        sensed.increments, sensed.slow, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
+        m.memory, m.covariance, m.inputs, m.each, alone, lay.covariance_step, sensed.dt, sensed.increments,
+        sensed.slow, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
     with nullcontext() if m.memory.dtype in _loaded else compiling():
         _filter_steps(*arguments)

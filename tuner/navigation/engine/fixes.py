@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.engine.compilation import block, count, put, put_quaternion, quaternion, vector
+from tuner.navigation.engine.compilation import block, merged, put, put_quaternion, quaternion, vector
 from tuner.navigation.engine.layout import (
     GATE_INDEX,
     KIND_COLUMN,
@@ -18,7 +18,7 @@ from tuner.navigation.engine.layout import (
 )
 from tuner.navigation.engine.measurement_models import constraint_model, correct, fix_model
 from tuner.navigation.engine.mechanisation import invert_calibration
-from tuner.navigation.engine.propagation import unscale_covariance
+from tuner.navigation.engine.propagation import gather, scatter
 from tuner.navigation.engine.state import (
     ATTITUDE_ROW,
     CALIBRATED,
@@ -31,10 +31,9 @@ from tuner.navigation.engine.state import (
     INNOVATION_ROWS,
     INVERSE_ROW,
     LIMITS,
+    POSITION_ROW,
     REFUSED_ROW,
-    SENSITIVITY,
     SENSOR_INVERSE_ROWS,
-    UNIT,
     UNREACHED_LIMIT,
     VELOCITY_ROW,
 )
@@ -80,40 +79,9 @@ def new_output(w: int, e: int, lay: Layout) -> Output:
     )
 
 
-@block
-def gather(m: Any, p: Any, e: Any) -> None:
-    """Copy the covariance of every filter, unscaled and symmetric, to a matrix of its own with contiguous rows."""
-    P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
-    for i in range(size):
-        for j in range(i, size):
-            if j < NAVIGATION_STATES:
-                for w in range(filters):
-                    mean = 0.5 * (P[i, j, w] + P[j, i, w])
-                    each[w, i, j] = mean
-                    each[w, j, i] = mean
-            else:
-                for w in range(filters):
-                    value = P[i, j, w] * (S[UNIT, i, w] * S[UNIT, j, w])
-                    each[w, i, j] = value
-                    each[w, j, i] = value
-
-
-@block
-def scatter(m: Any, p: Any, e: Any) -> None:
-    """Copy these matrices back; the scale of every state is then 1."""
-    P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
-    for i in range(size):
-        for j in range(0 if i < NAVIGATION_STATES else NAVIGATION_STATES, size):
-            for w in range(filters):
-                P[i, j, w] = each[w, i, j]
-        for w in range(filters):
-            S[UNIT, i, w] = 1.0
-            S[SENSITIVITY, i, w] = 1.0
-
-
-@block
-def model_fix(m: Any, w: int) -> None:
-    """Set z and H of the measurement of filter w in the scratch."""
+@merged
+def model_fix(m: Any, w: int, alone: bool | None) -> None:
+    """Set z and H of the measurement of filter w in the scratch; only a filter that is alone has constraints."""
     N, T = m.rows, m.scratch
     for j in range(m.size):
         T[ESTIMATES, j] = m.states[ESTIMATE, j, w]
@@ -121,8 +89,10 @@ def model_fix(m: Any, w: int) -> None:
         T[CALIBRATED, r] = N[CALIBRATED_ROW + r, w]
         for c in range(6):
             T[SENSOR_INVERSE_ROWS + r, c] = N[INVERSE_ROW + 6 * r + c, w]
-    pos, vel, quat = vector(N, 0, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w)
-    if m.fix[KIND_COLUMN] > 0.0:
+    pos, vel, quat = vector(N, POSITION_ROW, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w)
+    if alone is None:
+        fix_model(m, pos, vel, quat)
+    elif m.fix[KIND_COLUMN] > 0.0:
         constraint_model(m, pos, vel, quat)
     else:
         fix_model(m, pos, vel, quat)
@@ -145,7 +115,7 @@ def summarise(m: Any, e: Any, w: int, out: FloatArray, row: int) -> None:
                     out[w, row, i, total[TOTAL, c]] += P[w, s, c]
 
 
-@block
+@merged
 def share_gain(
     m: Any, e: Any, available: int, withheld: bool, row: int, P: FloatArray, S: FloatArray, aided: FloatArray
 ) -> None:
@@ -178,7 +148,7 @@ def share_gain(
             summarise(m, e, w, P, row)
 
 
-@block
+@merged
 def use_fix(m: Any, e: Any, w: int, t: float, available: int, withheld: bool, trusted: bool) -> None:
     """Compare a fix, of which z and H are set, with filter w, and use it.
 
@@ -197,16 +167,17 @@ def use_fix(m: Any, e: Any, w: int, t: float, available: int, withheld: bool, tr
         T[LIMITS, g] = m.constants[GATE_INDEX] if gated else UNREACHED_LIMIT
     if update(m, e, w, available, withheld):
         pos, vel, quat = correct(
-            vector(N, 0, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w), T
+            vector(N, POSITION_ROW, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w), T
         )
         for j in range(NAVIGATION_STATES, m.size):
             m.states[ESTIMATE, j, w] += T[CORRECTION, j]
-        put(N, 0, w, pos)
+        put(N, POSITION_ROW, w, pos)
         put(N, VELOCITY_ROW, w, vel)
         put_quaternion(N, ATTITUDE_ROW, w, quat)
     for g in range(2):
         if use[g] == 2:
-            N[REFUSED_ROW + g, w] = min(N[REFUSED_ROW + g, w], t)
+            if N[REFUSED_ROW + g, w] > t:
+                N[REFUSED_ROW + g, w] = t
         elif use[g] != 0:
             N[REFUSED_ROW + g, w] = UNREACHED_LIMIT
 
@@ -228,7 +199,7 @@ def store(m: Any, w: int, row: int, available: int, values: FloatArray, S: Float
 
 @block
 def use_fixes(
-    m: Any, p: Any, e: Any, fixes: FixBatch, i: int, shared: bool, output: Output, filters: tuple[int, ...]
+    m: Any, p: Any, e: Any, fixes: FixBatch, i: int, shared: bool, output: Output, alone: bool | None
 ) -> int:
     """Use the fixes and constraints of one instant from the i-th on; return the index of the first of a later one.
 
@@ -244,15 +215,12 @@ def use_fixes(
         Whether all filters use the gain of the first.
     output : Output
         Results, stored in the rows of the fixes.
-    filters : tuple
+    alone : bool, optional
         As of `propagation.advance`.
     """
     flags, sd, given, t = fixes.flags, fixes.sd, fixes.values, fixes.t
     values, P, S, use, aided = output.values, output.P, output.S, output.use, output.aided
-    if len(filters) == 1:
-        unscale_covariance(m, p)
-    else:
-        gather(m, p, e)
+    gather(m, p, e)
     instant = flags[i, AFTER]
     while i < len(flags) and flags[i, AFTER] == instant:
         row, available, withheld = flags[i, SLOT], flags[i, AVAILABLE], flags[i, WITHHELD] != 0
@@ -262,7 +230,7 @@ def use_fixes(
         for w in range(1 if shared else m.filters):
             for c in range(given.shape[2]):
                 m.fix[c] = given[w, i, c]
-            model_fix(m, w)
+            model_fix(m, w, alone)
             if shared:
                 share_gain(m, e, available, withheld, row, P, S, aided)
             else:
@@ -272,6 +240,5 @@ def use_fixes(
         if m.ideal == 0:  # the next measurement of this instant needs the new calibration
             invert_calibration(m)
         i += 1
-    if len(filters) > 1:
-        scatter(m, p, e)
+    scatter(m, p, e)
     return i

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,18 @@ from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+
+def indices(*numbers: int) -> tuple[Any, ...]:
+    """Return numbers for arguments of compiled functions: for each of Python's constants numba compiles once more."""
+    return tuple(np.int64(number) for number in numbers)
+
+
 NAVIGATION_STATES = 9
 """States of position, velocity and attitude, which come first."""
+POSITION, VELOCITY, ATTITUDE = indices(0, 3, 6)
+"""… the first of each."""
+GYROS, ACCELEROMETERS = indices(0, 3)
+"""Inputs of the navigation equations: the first of each."""
 BIAS_STATES = 6
 """States that follow: the biases of gyros and accelerometers."""
 DOWN_INPUT = 6

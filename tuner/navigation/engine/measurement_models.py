@@ -18,8 +18,9 @@ from models.error_state import coupling
 from models.strapdown import rates
 from models.taylor import exponential
 from models.vector3 import add, cross, matrix, product, scale, transform
-from tuner.navigation.engine.compilation import block, inlined
+from tuner.navigation.engine.compilation import inlined
 from tuner.navigation.engine.layout import (
+    ATTITUDE,
     KIND_COLUMN,
     LIMIT_COLUMN,
     MOUNTING_COLUMNS,
@@ -28,6 +29,7 @@ from tuner.navigation.engine.layout import (
     SLIP_COLUMNS,
     SOURCE,
     STATE_COLUMN,
+    VELOCITY,
 )
 from tuner.navigation.engine.state import (
     CALIBRATED,
@@ -55,7 +57,7 @@ def _skew_into(H: FloatArray, row: int, column: int, a: Any, sign: float) -> Non
     H[row + 2, column + 1] += sign * a[0]
 
 
-@block
+@inlined
 def _sensor_rows(m: Any, mat: Any) -> None:
     """Set `SENSOR_ROWS` to C δω and C δf of the states: −C A⁻¹ S."""
     T, mixed = m.scratch, m.ideal == 0
@@ -86,7 +88,7 @@ def _metres(pos: Any) -> Any:
     return (meridian + pos[2], (normal + pos[2]) * np.cos(pos[0]), -1.0)
 
 
-@block
+@inlined
 def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
     """Add the effect of velocity and acceleration errors on the fixes of a delayed receiver."""
     _, f_vr, f_vv, _, _, _ = coupling(pos, vel)
@@ -99,7 +101,7 @@ def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
             T[F + i, s] = T[SENSOR_ROWS + 3 + i, s]
         for j in range(6, 9):
             T[F + i, j] = 0.0
-    _skew_into(T, F, 6, force, -1.0)
+    _skew_into(T, F, ATTITUDE, force, -1.0)
     if m.gravity >= 0:
         T[F + 2, m.gravity] = 1.0
     for i in range(3):
@@ -109,18 +111,13 @@ def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
 
 
 @inlined
-def _turned(m: Any, row: int, a: Any) -> Any:
-    """Return component `row` of mᵀ a."""
-    return m[0][row] * a[0] + m[1][row] * a[1] + m[2][row] * a[2]
+def _to_body(m: Any, a: Any) -> Any:
+    """Return mᵀ a."""
+    north, east, down = m
+    return add(scale(a[0], north), add(scale(a[1], east), scale(a[2], down)))
 
 
 @inlined
-def _to_body(m: Any, a: Any) -> Any:
-    """Return mᵀ a."""
-    return (_turned(m, 0, a), _turned(m, 1, a), _turned(m, 2, a))
-
-
-@block
 def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     """Set z (6,) and H (6, n) of a constraint: `non_holonomic`, `zero_velocity`, `zero_rate` of `models.measurements`.
 
@@ -207,7 +204,7 @@ def _left_jacobian(m: Any, a: Any) -> Any:
     return add(a, add(scale(half, once), scale(sixth, cross(m, once))))
 
 
-@block
+@inlined
 def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.measurements.position_fix` and `velocity_fix`.
 
@@ -243,13 +240,13 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     for i in range(3):
         T[JACOBIAN_ROWS + i, i] = 1.0
         T[JACOBIAN_ROWS + 3 + i, 3 + i] = 1.0
-    _skew_into(T, JACOBIAN_ROWS, 6, u, -1.0)
+    _skew_into(T, JACOBIAN_ROWS, ATTITUDE, u, -1.0)
     # Velocity rows: −[u ×] C δω + v + ([ω_ie ×][u ×] − [(ω × u) ×]) φ + [ω_eb ×] C δl.
     for s in range(9, n):
         w = cross(u, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
         for i in range(3):
             T[JACOBIAN_ROWS + 3 + i, s] = -w[i]
-    _skew_into(T, JACOBIAN_ROWS + 3, 6, cross(omega, u), -1.0)
+    _skew_into(T, JACOBIAN_ROWS + VELOCITY, ATTITUDE, cross(omega, u), -1.0)
     # [a ×][b ×] = b aᵀ − (a · b) I
     inner = of_earth[0] * u[0] + of_earth[1] * u[1] + of_earth[2] * u[2]
     for i in range(3):

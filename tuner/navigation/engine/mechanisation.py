@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from models.strapdown import correct_increments, step
 from models.vector3 import add, dot, scale
-from tuner.navigation.engine.compilation import block, count, inlined, put, put_quaternion, quaternion, vector
+from tuner.navigation.engine.compilation import (
+    block,
+    count,
+    inlined,
+    merged,
+    put,
+    put_quaternion,
+    quaternion,
+    vector,
+)
 from tuner.navigation.engine.layout import BIAS_STATES, NAVIGATION_STATES, ROW, SOURCE
 from tuner.navigation.engine.random_normal import normal_numbers
 from tuner.navigation.engine.state import (
@@ -22,6 +31,7 @@ from tuner.navigation.engine.state import (
     CALIBRATION_ROW,
     ESTIMATE,
     INVERSE_ROW,
+    POSITION_ROW,
     PREVIOUS_ROW,
     SAMPLE_ROW,
     START_ROW,
@@ -105,7 +115,7 @@ def take_sample(m: Any, increments: FloatArray, k: int, dt: float) -> None:
             N[SAMPLE_ROW + r, w] = measured - dt * N[BIAS_ROW + r, w]
 
 
-@block
+@merged
 def disturb_sample(m: Any, slow: FloatArray, k: int, dt: float) -> None:
     """Add the sensor errors of a step to the sample: row k of the slow ones, and white noise."""
     normal_numbers(m)
@@ -126,7 +136,7 @@ def calibrate_sample(m: Any) -> None:
             N[SAMPLE_ROW + r, w] = dot(a, s) + dot(b, t)
 
 
-@block
+@inlined
 def mechanise(m: Any, dt: float, stretch: float) -> None:
     """Advance position, velocity and attitude of each filter by its sample; add to the sums of the step.
 
@@ -146,12 +156,17 @@ def mechanise(m: Any, dt: float, stretch: float) -> None:
         velocity_before = scale(stretch, vector(N, PREVIOUS_ROW + 3, w))
         rotvec, dvel = correct_increments(angle, velocity, angle_before, velocity_before)
         pos, vel, quat, force = step(
-            vector(N, 0, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w), rotvec, dvel, dt
+            vector(N, POSITION_ROW, w),
+            vector(N, VELOCITY_ROW, w),
+            quaternion(N, ATTITUDE_ROW, w),
+            rotvec,
+            dvel,
+            dt,
         )
         put(N, ANGLE_SUM_ROW, w, add(vector(N, ANGLE_SUM_ROW, w), angle))
         put(N, VELOCITY_SUM_ROW, w, add(vector(N, VELOCITY_SUM_ROW, w), scale(dt, force)))
         put(N, PREVIOUS_ROW, w, angle)
         put(N, PREVIOUS_ROW + 3, w, velocity)
-        put(N, 0, w, pos)
+        put(N, POSITION_ROW, w, pos)
         put(N, VELOCITY_ROW, w, vel)
         put_quaternion(N, ATTITUDE_ROW, w, quat)

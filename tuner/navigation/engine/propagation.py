@@ -8,7 +8,7 @@ With x = (navigation errors n, other states b), D diagonal (slopes of ramps apar
                               P_nb ← T_nb Dᵀ,   P_bb ← D P_bb Dᵀ + Q_bb
 
 Between fixes P is that of states b/c with c ← D c, so P_nb and P_bb keep their values, S ← S D and Q_bb ← Q_bb/c².
-P_bn is left as it was; `unscale_covariance` returns to b and makes both sides of P equal.
+P_bn is left as it was; `gather` returns to b and makes both sides of P equal.
 
 Φ and Q are those of `models.error_state`. Innermost loops go over filters, or over columns where there is one filter.
 """
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tuner.navigation.engine.compilation import block, count
+from tuner.navigation.engine.compilation import block, count, merged
 from tuner.navigation.engine.layout import NAVIGATION_STATES, SLOPE
 from tuner.navigation.engine.sensor_inputs import (
     add_mixed_white,
@@ -100,33 +100,49 @@ def add_slopes(m: Any, p: Any, dt: float) -> None:
 
 
 @block
-def unscale_covariance(m: Any, p: Any) -> None:
-    """Convert P from the scaled states b/c to the states b themselves, and make it symmetric."""
-    P, S, size, filters = p.P, m.states, m.size, count(m)
-    for i in range(NAVIGATION_STATES, size):
-        for j in range(NAVIGATION_STATES, size):
-            for w in range(filters):
-                P[i, j, w] *= S[UNIT, i, w] * S[UNIT, j, w]
-    for i in range(NAVIGATION_STATES):
-        for j in range(NAVIGATION_STATES, size):
-            for w in range(filters):
-                P[i, j, w] *= S[UNIT, j, w]
-        for j in range(i):
-            for w in range(filters):
-                mean = 0.5 * (P[i, j, w] + P[j, i, w])
-                P[i, j, w] = P[j, i, w] = mean
-    for j in range(NAVIGATION_STATES, size):
-        for i in range(NAVIGATION_STATES):
-            for w in range(filters):
-                P[j, i, w] = P[i, j, w]
-        for w in range(filters):
-            S[UNIT, j, w] = 1.0
-            S[SENSITIVITY, j, w] = 1.0
+def gather(m: Any, p: Any, e: Any) -> None:
+    """Copy the covariance of every filter, unscaled and symmetric, to a matrix of its own with contiguous rows."""
+    P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
+    for i in range(size):
+        for j in range(i, size):
+            if j < NAVIGATION_STATES:
+                for w in range(filters):
+                    mean = 0.5 * (P[i, j, w] + P[j, i, w])
+                    each[w, i, j] = mean
+                    each[w, j, i] = mean
+            else:
+                for w in range(filters):
+                    value = P[i, j, w] * (S[UNIT, i, w] * S[UNIT, j, w])
+                    each[w, i, j] = value
+                    each[w, j, i] = value
 
 
 @block
-def advance(m: Any, p: Any, a: Any, dt: float) -> None:
-    """Advance the covariance and the estimates of b by one covariance step, with the sums in `State.rows`."""
+def scatter(m: Any, p: Any, e: Any) -> None:
+    """Copy these matrices back; the scale of every state is then 1."""
+    P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
+    for i in range(size):
+        for j in range(size):
+            for w in range(filters):
+                P[i, j, w] = each[w, i, j]
+        for w in range(filters):
+            S[UNIT, i, w] = 1.0
+            S[SENSITIVITY, i, w] = 1.0
+
+
+@merged
+def advance(m: Any, p: Any, a: Any, dt: float, alone: bool | None) -> None:
+    """Advance the covariance and the estimates of b by one covariance step, with the sums in `State.rows`.
+
+    Parameters
+    ----------
+    m, p, a : record
+        Of `State`: memory, covariance, inputs.
+    dt : float
+        Length of the step, s.
+    alone : bool, optional
+        None for many filters: numba compiles no branch that only one filter takes.
+    """
     size, mixed = m.size, m.ideal == 0
     end = (size + COLUMN_MULTIPLE - 1) // COLUMN_MULTIPLE * COLUMN_MULTIPLE if m.filters == 1 else size
     linearise(m, dt)
@@ -134,10 +150,11 @@ def advance(m: Any, p: Any, a: Any, dt: float) -> None:
         set_sensitivity(m, dt)
     set_coupling(m)
     inputs_by_rows(m, p, a)
-    begin, first = 0, NAVIGATION_STATES
+    begin = 0 * end  # no constant, for which numba would compile once more
+    first = begin + NAVIGATION_STATES
     while begin < end:
-        last = end if m.filters == 1 else min(first + COLUMNS_AT_ONCE, end)
-        inputs_by_columns(m, p, a, first, last)
+        last = end if m.filters == 1 or first + COLUMNS_AT_ONCE > end else first + COLUMNS_AT_ONCE
+        inputs_by_columns(m, p, a, first, last, alone)
         if mixed:
             calibrate_inputs(m, a, begin, last)
         columns_through_step(m, p, a, begin, last, dt)
@@ -145,7 +162,7 @@ def advance(m: Any, p: Any, a: Any, dt: float) -> None:
     inputs_by_rows(m, p, a)
     if mixed:
         add_mixed_white(m, a, dt)
-        calibrate_inputs(m, a, 0, NAVIGATION_STATES)
+        calibrate_inputs(m, a, 0 * end, 0 * end + NAVIGATION_STATES)
     else:
         add_white(m, a, dt)
     rows_through_step(m, p, a, dt)

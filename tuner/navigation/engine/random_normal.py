@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.taylor import sine_cosine
-from tuner.navigation.engine.compilation import block, count, inlined
+from tuner.navigation.engine.compilation import count, inlined
 
 WordArray = NDArray[np.uint64]
 
@@ -52,7 +52,7 @@ def _logarithm_of_fraction(m: float) -> float:
     return y * (c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * (c[5] + s * high))))))
 
 
-@block
+@inlined
 def normal_numbers(m: Any) -> None:
     """Set rows 0–5 of the `numbers` of the record to independent standard normal numbers.
 

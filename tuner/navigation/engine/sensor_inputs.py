@@ -8,7 +8,7 @@ import numpy as np
 
 from models.vector3 import add, cross, dot, scale, transform
 from tuner.navigation.engine.compilation import block, count, inlined, vector
-from tuner.navigation.engine.layout import DOWN_INPUT, GROUP_SIZE, NAVIGATION_STATES
+from tuner.navigation.engine.layout import ACCELEROMETERS, DOWN_INPUT, GROUP_SIZE, GYROS, NAVIGATION_STATES
 from tuner.navigation.engine.state import (
     INVERSE_ROW,
     PHI_ROW,
@@ -33,7 +33,7 @@ def set_coupling(m: Any) -> None:
 
 
 @block
-def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
+def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int, alone: bool | None) -> None:
     """Set the inputs of the columns first … end − 1 of P to S times their states.
 
     Parameters
@@ -42,10 +42,12 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
         Of `State`: memory, covariance, inputs.
     first, end : int
         Columns.
+    alone : bool, optional
+        As of `propagation.advance`.
     """
     P, A, S, C, groups, filters = p.P, a.inputs, m.states, m.coupling, m.groups, count(m)
     group_count = m.group_count
-    if filters == 1:
+    if alone is not None:
         s0, s1, s2 = (
             S[SENSITIVITY, NAVIGATION_STATES, 0],
             S[SENSITIVITY, NAVIGATION_STATES + 1, 0],
@@ -78,7 +80,7 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int) -> None:
                 A[DOWN_INPUT, j, w] = 0.0
     for g in range(group_count):
         sensor, s, k = np.uint64(groups[g, 0]), np.uint64(groups[g, 1]), np.uint64(GROUP_SIZE * g)
-        if filters == 1:
+        if alone is not None:
             c0, c1, c2, c3 = C[k, 0], C[k + UINT_1, 0], C[k + UINT_2, 0], C[k + UINT_3, 0]
             for column in range(first, end):
                 j = np.uint64(column)
@@ -128,13 +130,14 @@ def inputs_by_rows(m: Any, p: Any, a: Any) -> None:
                 )
 
 
-@block
+@inlined
 def calibrate_inputs(m: Any, a: Any, first: int, end: int) -> None:
     """Replace the six sensor errors of the inputs of the columns first … end − 1 by A⁻¹ times them."""
     N, A = m.rows, a.inputs
-    for j in range(first, end):
+    for column in range(first, end):
+        j = np.uint64(column)
         for w in range(m.rows.shape[1]):
-            s, t = triple(A, 0, j, w), triple(A, 3, j, w)
+            s, t = triple(A, GYROS, j, w), triple(A, ACCELEROMETERS, j, w)
             for r in range(6):
                 a, b = vector(N, INVERSE_ROW + 6 * r, w), vector(N, INVERSE_ROW + 6 * r + 3, w)
                 A[r, j, w] = dot(a, s) + dot(b, t)
@@ -154,7 +157,7 @@ def add_column(A: Any, r: int, w: int, half: float, velocity: Any, attitude: Any
     A[r, 8, w] += attitude[2]
 
 
-@block
+@inlined
 def add_white(m: Any, a: Any, dt: float) -> None:
     """Add W/dt Γᵀ to the inputs of the nine first columns.
 
@@ -170,7 +173,7 @@ def add_white(m: Any, a: Any, dt: float) -> None:
             add_column(A, 3 + r, w, half, velocity, (0.0, 0.0, 0.0))
 
 
-@block
+@inlined
 def add_mixed_white(m: Any, a: Any, dt: float) -> None:
     """Add W/dt Γᵀ for any A."""
     N, A, half, inverse = m.rows, a.inputs, 0.5 * dt, 1.0 / dt

@@ -20,6 +20,7 @@ from tuner.navigation.engine.layout import (
     NUMBERS,
     TABLE_ROWS,
     Layout,
+    indices,
 )
 from tuner.navigation.engine.random_normal import RANDOM_ROWS
 
@@ -34,25 +35,25 @@ CACHE_LINE = 64
 UNREACHED_LIMIT = 1e300
 """Later than any time, s, and larger than any χ²: no fix is refused, no gate is set."""
 
-POSITION_ROW, VELOCITY_ROW, ATTITUDE_ROW = 0, 3, 6
+POSITION_ROW, VELOCITY_ROW, ATTITUDE_ROW = indices(0, 3, 6)
 """Rows of `State.rows`: latitude, longitude, height; velocity; quaternion."""
-START_ROW = 10
+(START_ROW,) = indices(10)
 """… the same at the start of the covariance step."""
-PREVIOUS_ROW = 20
+(PREVIOUS_ROW,) = indices(20)
 """… increments of the sample before."""
-SAMPLE_ROW = 26
+(SAMPLE_ROW,) = indices(26)
 """… increments of the sample, of calibrated sensors."""
-ANGLE_SUM_ROW, VELOCITY_SUM_ROW = 32, 35
+ANGLE_SUM_ROW, VELOCITY_SUM_ROW = indices(32, 35)
 """… sums since the start of the covariance step: of angles in b, of velocity increments in n."""
-BIAS_ROW = 38
+(BIAS_ROW,) = indices(38)
 """… biases of the six sensors."""
-PHI_ROW = 44
+(PHI_ROW,) = indices(44)
 """… the 43 numbers of Φ of the navigation errors, see `transition.linearise`."""
-CALIBRATED_ROW = 87
+(CALIBRATED_ROW,) = indices(87)
 """… calibrated rates and forces in b."""
-CALIBRATION_ROW, INVERSE_ROW = 93, 129
+CALIBRATION_ROW, INVERSE_ROW = indices(93, 129)
 """… A and its inverse, row by row."""
-WHITE_ROW, TRUE_DENSITY_ROW = 165, 171
+WHITE_ROW, TRUE_DENSITY_ROW = indices(165, 171)
 """… squares of the white densities of the sensors as configured; their true white densities."""
 REFUSED_ROW = 177
 """… since when positions and velocities have been refused."""
@@ -68,17 +69,11 @@ COLUMN_MULTIPLE = 8
 
 
 JACOBIAN_ROWS, SENSOR_ROWS, INNOVATION_ROWS, BLOCK_ROWS, ROOT_ROWS, SENSOR_INVERSE_ROWS, COVARIANCE_ROWS = (
-    0,
-    6,
-    12,
-    18,
-    24,
-    30,
-    43,
+    indices(0, 6, 12, 18, 24, 30, 43)
 )
 """Rows of `State.scratch`, for the use of a fix by one filter, six each: H; rates and forces by the states,
 or a gain; H P, later L⁻¹ H P; a part of S; its Cholesky factor; inverse of A; S."""
-INNOVATION, CORRECTION, ESTIMATES, CALIBRATED, MEASURED, WHITENED, LIMITS = range(36, 43)
+INNOVATION, CORRECTION, ESTIMATES, CALIBRATED, MEASURED, WHITENED, LIMITS = indices(*range(36, 43))
 """… innovations; estimated errors; estimates of the other states; calibrated rates and forces; measured ones without
 biases; innovations by the inverse factor; χ² limits of position and velocity."""
 SCRATCH_ROWS = 49

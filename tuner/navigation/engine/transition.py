@@ -13,11 +13,22 @@ from models.error_state import coupling
 from models.strapdown import mean_attitude
 from models.vector3 import add, cross, scale, transform
 from tuner.navigation.engine.compilation import block, inlined, put, quaternion, vector
-from tuner.navigation.engine.layout import DOWN_INPUT, NAVIGATION_STATES, SOURCE
+from tuner.navigation.engine.layout import (
+    ACCELEROMETERS,
+    ATTITUDE,
+    DOWN_INPUT,
+    GYROS,
+    NAVIGATION_STATES,
+    POSITION,
+    SOURCE,
+    VELOCITY,
+)
 from tuner.navigation.engine.state import (
     ANGLE_SUM_ROW,
+    ATTITUDE_ROW,
     CALIBRATED_ROW,
     PHI_ROW,
+    POSITION_ROW,
     SENSITIVITY,
     START_ROW,
     UNIT,
@@ -26,7 +37,7 @@ from tuner.navigation.engine.state import (
 )
 
 
-@block
+@inlined
 def linearise(m: Any, dt: float) -> None:
     """Set Φ of the navigation errors, linearised at the middle of the step: `models.error_state.coupling` times dt.
 
@@ -34,9 +45,9 @@ def linearise(m: Any, dt: float) -> None:
     """
     N = m.rows
     for w in range(m.rows.shape[1]):
-        pos = scale(0.5, add(vector(N, START_ROW, w), vector(N, 0, w)))
+        pos = scale(0.5, add(vector(N, START_ROW, w), vector(N, POSITION_ROW, w)))
         vel = scale(0.5, add(vector(N, START_ROW + VELOCITY_ROW, w), vector(N, VELOCITY_ROW, w)))
-        mat = mean_attitude(quaternion(N, START_ROW + 6, w), quaternion(N, 6, w))
+        mat = mean_attitude(quaternion(N, START_ROW + ATTITUDE_ROW, w), quaternion(N, ATTITUDE_ROW, w))
         rr, vr, vv, ar, av, omega = coupling(pos, vel)
         N[PHI_ROW + 0, w], N[PHI_ROW + 1, w] = dt * rr[0][0], dt * rr[0][2]
         put(N, PHI_ROW + 2, w, scale(dt, rr[1]))
@@ -136,13 +147,13 @@ def columns_through_step(m: Any, p: Any, a: Any, first: int, end: int, dt: float
     for column in range(first, end):
         j = np.uint64(column)
         for w in range(m.rows.shape[1]):
-            r, v, a = triple(P, 0, j, w), triple(P, 3, j, w), triple(P, 6, j, w)
-            a_after = attitude_rows(K, w, r, v, a, triple(A, 0, j, w))
-            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, 3, j, w))
+            r, v, a = triple(P, POSITION, j, w), triple(P, VELOCITY, j, w), triple(P, ATTITUDE, j, w)
+            a_after = attitude_rows(K, w, r, v, a, triple(A, GYROS, j, w))
+            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, ACCELEROMETERS, j, w))
             v_after = (v_after[0], v_after[1], v_after[2] + dt * A[DOWN_INPUT, j, w])
-            put_triple(P, 0, j, w, position_rows(K, w, r, v, v_after, half))
-            put_triple(P, 3, j, w, v_after)
-            put_triple(P, 6, j, w, a_after)
+            put_triple(P, POSITION, j, w, position_rows(K, w, r, v, v_after, half))
+            put_triple(P, VELOCITY, j, w, v_after)
+            put_triple(P, ATTITUDE, j, w, a_after)
 
 
 @inlined
@@ -165,22 +176,34 @@ def rows_through_step(m: Any, p: Any, a: Any, dt: float) -> None:
     K, P, A, half = m.rows, p.P, a.inputs, 0.5 * dt
     for i in range(6, 9):
         for w in range(m.rows.shape[1]):
-            r, v, a = row_triple(P, i, 0, w), row_triple(P, i, 3, w), row_triple(P, i, 6, w)
-            a_after = attitude_rows(K, w, r, v, a, triple(A, 0, i, w))
+            r, v, a = (
+                row_triple(P, i, POSITION, w),
+                row_triple(P, i, VELOCITY, w),
+                row_triple(P, i, ATTITUDE, w),
+            )
+            a_after = attitude_rows(K, w, r, v, a, triple(A, GYROS, np.uint64(i), w))
             P[i, 6, w], P[i, 7, w], P[i, 8, w] = a_after
     for i in range(3, 6):
         for w in range(m.rows.shape[1]):
-            r, v, a = row_triple(P, i, 0, w), row_triple(P, i, 3, w), row_triple(P, i, 6, w)
-            a_after = attitude_rows(K, w, r, v, a, triple(A, 0, i, w))
-            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, 3, i, w))
-            put_both(P, i, 6, w, a_after)
+            r, v, a = (
+                row_triple(P, i, POSITION, w),
+                row_triple(P, i, VELOCITY, w),
+                row_triple(P, i, ATTITUDE, w),
+            )
+            a_after = attitude_rows(K, w, r, v, a, triple(A, GYROS, np.uint64(i), w))
+            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, ACCELEROMETERS, np.uint64(i), w))
+            put_both(P, i, ATTITUDE, w, a_after)
             P[i, 3, w], P[i, 4, w], P[i, 5, w] = v_after[0], v_after[1], v_after[2] + dt * A[DOWN_INPUT, i, w]
     for i in range(3):
         for w in range(m.rows.shape[1]):
-            r, v, a = row_triple(P, i, 0, w), row_triple(P, i, 3, w), row_triple(P, i, 6, w)
-            a_after = attitude_rows(K, w, r, v, a, triple(A, 0, i, w))
-            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, 3, i, w))
+            r, v, a = (
+                row_triple(P, i, POSITION, w),
+                row_triple(P, i, VELOCITY, w),
+                row_triple(P, i, ATTITUDE, w),
+            )
+            a_after = attitude_rows(K, w, r, v, a, triple(A, GYROS, np.uint64(i), w))
+            v_after = velocity_rows(K, w, r, v, a, a_after, triple(A, ACCELEROMETERS, np.uint64(i), w))
             v_after = (v_after[0], v_after[1], v_after[2] + dt * A[DOWN_INPUT, i, w])
-            put_both(P, i, 6, w, a_after)
-            put_both(P, i, 3, w, v_after)
+            put_both(P, i, ATTITUDE, w, a_after)
+            put_both(P, i, VELOCITY, w, v_after)
             P[i, 0, w], P[i, 1, w], P[i, 2, w] = position_rows(K, w, r, v, v_after, half)

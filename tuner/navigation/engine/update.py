@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.engine.compilation import block, inlined
-from tuner.navigation.engine.layout import CONSTRAINT_CODE
+from tuner.navigation.engine.compilation import block, inlined, merged
+from tuner.navigation.engine.layout import CONSTRAINT_CODE, indices
 from tuner.navigation.engine.state import (
     BLOCK_ROWS,
     CORRECTION,
@@ -23,6 +23,8 @@ from tuner.navigation.engine.state import (
 )
 
 FloatArray = NDArray[np.float64]
+
+AXES, FIRST_FILTER = indices(3, 0)
 
 
 @block
@@ -92,7 +94,7 @@ def subtract_products(m: Any, e: Any, w: int, left: int, right: int, size: int) 
                 P[w, i, j] -= a * T[q, j] + b * T[q + 1, j] + c * T[q + 2, j]
 
 
-@block
+@merged
 def update(m: Any, e: Any, w: int, available: int, withheld: bool) -> bool:
     """Gate a fix and use it: sets dx, `COVARIANCE_ROWS` (6, 6), `use`, changes P; returns whether dx is to be added.
 
@@ -112,7 +114,6 @@ def update(m: Any, e: Any, w: int, available: int, withheld: bool) -> bool:
     T, use, n = m.scratch, m.use, m.size
     constrained = available == CONSTRAINT_CODE
     groups = 1 if constrained else available
-    count, first = 0, 3
     for a in range(6):
         for b in range(6):
             T[COVARIANCE_ROWS + a, b] = 0.0
@@ -124,17 +125,15 @@ def update(m: Any, e: Any, w: int, available: int, withheld: bool) -> bool:
                 T[WHITENED, a] = T[INNOVATION, 3 * g + a]
                 for b in range(3):
                     T[BLOCK_ROWS + a, b] = T[COVARIANCE_ROWS + 3 * g + a, 3 * g + b]
-            factor(m, BLOCK_ROWS, 3)
-            whiten_vector(T, 3)
+            factor(m, BLOCK_ROWS, AXES)
+            whiten_vector(T, AXES)
             distance = T[WHITENED, 0] * T[WHITENED, 0] + T[WHITENED, 1] * T[WHITENED, 1]
             distance += T[WHITENED, 2] * T[WHITENED, 2]
             limit = T[INNOVATION, 5] if constrained else T[LIMITS, g]
             use[g] = 3 if withheld else 1 if distance <= limit else 2
             if constrained:
                 T[INNOVATION, 3], T[INNOVATION, 4] = use[g], distance
-            if use[g] == 1:
-                first = min(first, 3 * g)
-                count += 3
+    count, first = 3 * ((use[0] == 1) + (use[1] == 1)), 3 * (use[0] != 1)
     if constrained:
         use[0] = 0
     if count == 0:
@@ -157,11 +156,11 @@ def update(m: Any, e: Any, w: int, available: int, withheld: bool) -> bool:
     return True
 
 
-@block
+@merged
 def gain(m: Any, e: Any, size: int) -> None:
     """Set `SENSOR_ROWS` of the scratch to Kᵀ = S⁻¹ H P of the first rows of a fix of the first filter."""
     T, n = m.scratch, m.size
-    predict_innovation(m, e, 0, size, SENSOR_ROWS)
+    predict_innovation(m, e, FIRST_FILTER, size, SENSOR_ROWS)
     factor(m, COVARIANCE_ROWS, size)
     whiten(m, size, SENSOR_ROWS)
     for a in range(size - 1, -1, -1):
@@ -173,7 +172,7 @@ def gain(m: Any, e: Any, size: int) -> None:
             T[SENSOR_ROWS + a, j] *= inverse
 
 
-@block
+@merged
 def apply_gain(m: Any, e: Any, w: int, size: int) -> None:
     """Replace P by (I − KH) P (I − KH)ᵀ + K R Kᵀ; `SENSOR_ROWS` is Kᵀ, `INNOVATION_ROWS` H P."""
     P, T, n = e.P_each, m.scratch, m.size
