@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import pytest
+from llvmlite.binding import get_host_cpu_features
 from numba import njit
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
@@ -22,6 +23,7 @@ from tuner.navigation.settings import filter_settings
 from tuner.synthesis import synthesize
 
 PACKED = re.compile(r"\bv?(?:mul|add|sub|fn?m(?:add|sub)\d+)pd\b")
+WIDE = re.compile(PACKED.pattern + r".*%zmm")
 
 
 @njit(fastmath=True)
@@ -41,7 +43,8 @@ def _summed(memory, covariance, inputs, alone):
 
 def packed(function, state):
     function(state.memory, state.covariance, state.inputs, True if state.rows.shape[1] == 1 else None)
-    return len(PACKED.findall(list(function.inspect_asm().values())[-1]))
+    code = list(function.inspect_asm().values())[-1]
+    return len(PACKED.findall(code)), len(WIDE.findall(code))
 
 
 def counts(filters):
@@ -61,11 +64,13 @@ def test_loops_are_packed(filters, tmp_path):
         check=True,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)},
     )
-    stepped, summed, mechanised = json.loads(finished.stdout)
+    (stepped, wide), (summed, _), (mechanised, _) = json.loads(finished.stdout)
     assert stepped >= 60
     assert summed >= 4
     if filters > 1:
         assert mechanised >= 150
+    if get_host_cpu_features().get("avx512f"):
+        assert wide >= 0.9 * stepped
 
 
 if __name__ == "__main__":

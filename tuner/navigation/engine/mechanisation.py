@@ -17,6 +17,7 @@ from tuner.navigation.engine.compilation import (
     count,
     inlined,
     merged,
+    prefer_wide_vectors,
     put,
     put_quaternion,
     quaternion,
@@ -118,6 +119,7 @@ def take_sample(m: Any, increments: FloatArray, k: int, dt: float) -> None:
 @merged
 def disturb_sample(m: Any, slow: FloatArray, k: int, dt: float) -> None:
     """Add the sensor errors of a step to the sample: row k of the slow ones, and white noise."""
+    prefer_wide_vectors()
     normal_numbers(m)
     N, z, root, filters = m.rows, m.numbers, np.sqrt(dt), count(m)
     for r in range(6):
@@ -128,6 +130,7 @@ def disturb_sample(m: Any, slow: FloatArray, k: int, dt: float) -> None:
 @block
 def calibrate_sample(m: Any) -> None:
     """Replace the sample by A⁻¹ times it."""
+    prefer_wide_vectors()
     N = m.rows
     for w in range(m.rows.shape[1]):
         s, t = vector(N, SAMPLE_ROW, w), vector(N, SAMPLE_ROW + 3, w)
@@ -149,6 +152,7 @@ def mechanise(m: Any, dt: float, stretch: float) -> None:
     stretch : float
         Factor that scales the previous increments to a sample of this length; 0 where there are none.
     """
+    prefer_wide_vectors()
     N = m.rows
     for w in range(m.rows.shape[1]):
         angle, velocity = vector(N, SAMPLE_ROW, w), vector(N, SAMPLE_ROW + 3, w)

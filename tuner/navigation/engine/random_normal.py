@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.taylor import sine_cosine
-from tuner.navigation.engine.compilation import count, inlined
+from tuner.navigation.engine.compilation import count, inlined, prefer_wide_vectors
 
 WordArray = NDArray[np.uint64]
 
@@ -58,6 +58,7 @@ def normal_numbers(m: Any) -> None:
 
     `words` are the same memory as `numbers`, as whole numbers.
     """
+    prefer_wide_vectors()
     state, words, numbers, filters = m.stream, m.words, m.numbers, count(m)
     for k in range(6):
         for w in range(filters):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from models.vector3 import add, cross, dot, scale, transform
-from tuner.navigation.engine.compilation import block, count, inlined, vector
+from tuner.navigation.engine.compilation import block, count, inlined, prefer_wide_vectors, vector
 from tuner.navigation.engine.layout import ACCELEROMETERS, DOWN_INPUT, GROUP_SIZE, GYROS, NAVIGATION_STATES
 from tuner.navigation.engine.state import (
     INVERSE_ROW,
@@ -45,6 +45,7 @@ def inputs_by_columns(m: Any, p: Any, a: Any, first: int, end: int, alone: bool 
     alone : bool, optional
         As of `propagation.advance`.
     """
+    prefer_wide_vectors()
     P, A, S, C, groups, filters = p.P, a.inputs, m.states, m.coupling, m.groups, count(m)
     group_count = m.group_count
     if alone is not None:
@@ -110,6 +111,7 @@ def inputs_by_rows(m: Any, p: Any, a: Any) -> None:
     m, p, a : record
         Of `State`: memory, covariance, inputs.
     """
+    prefer_wide_vectors()
     P, A, S, C, groups, filters = p.P, a.inputs, m.states, m.coupling, m.groups, count(m)
     group_count = m.group_count
     for j in range(NAVIGATION_STATES):
@@ -133,6 +135,7 @@ def inputs_by_rows(m: Any, p: Any, a: Any) -> None:
 @inlined
 def calibrate_inputs(m: Any, a: Any, first: int, end: int) -> None:
     """Replace the six sensor errors of the inputs of the columns first … end − 1 by A⁻¹ times them."""
+    prefer_wide_vectors()
     N, A = m.rows, a.inputs
     for column in range(first, end):
         j = np.uint64(column)
@@ -163,6 +166,7 @@ def add_white(m: Any, a: Any, dt: float) -> None:
 
     Γ is the effect of constant sensor errors over the step, for A = I.
     """
+    prefer_wide_vectors()
     N, A, half, inverse = m.rows, a.inputs, 0.5 * dt, 1.0 / dt
     for r in range(3):
         for w in range(m.rows.shape[1]):
@@ -176,6 +180,7 @@ def add_white(m: Any, a: Any, dt: float) -> None:
 @inlined
 def add_mixed_white(m: Any, a: Any, dt: float) -> None:
     """Add W/dt Γᵀ for any A."""
+    prefer_wide_vectors()
     N, A, half, inverse = m.rows, a.inputs, 0.5 * dt, 1.0 / dt
     for r in range(6):
         for w in range(m.rows.shape[1]):

@@ -12,7 +12,7 @@ import numpy as np
 from models.error_state import coupling
 from models.strapdown import mean_attitude
 from models.vector3 import add, cross, scale, transform
-from tuner.navigation.engine.compilation import block, inlined, put, quaternion, vector
+from tuner.navigation.engine.compilation import block, inlined, prefer_wide_vectors, put, quaternion, vector
 from tuner.navigation.engine.layout import (
     ACCELEROMETERS,
     ATTITUDE,
@@ -43,6 +43,7 @@ def linearise(m: Any, dt: float) -> None:
 
     Behind its 28 numbers stand ω_in dt (28), half the velocity increment f dt/2 (31) and −C dt (34).
     """
+    prefer_wide_vectors()
     N = m.rows
     for w in range(m.rows.shape[1]):
         pos = scale(0.5, add(vector(N, START_ROW, w), vector(N, POSITION_ROW, w)))
@@ -69,6 +70,7 @@ def linearise(m: Any, dt: float) -> None:
 @block
 def set_sensitivity(m: Any, dt: float) -> None:
     """Set mean calibrated rates and forces of the step, and the elements of S c that depend on them."""
+    prefer_wide_vectors()
     N, S = m.rows, m.states
     for i in range(3):
         for w in range(m.rows.shape[1]):
@@ -143,6 +145,7 @@ def put_triple(P: Any, row: int, j: Any, w: int, a: Any) -> None:
 @block
 def columns_through_step(m: Any, p: Any, a: Any, first: int, end: int, dt: float) -> None:
     """Replace nine rows of the columns first … end − 1 of P by Φ_nn · + Γ times their inputs."""
+    prefer_wide_vectors()
     K, P, A, half = m.rows, p.P, a.inputs, 0.5 * dt
     for column in range(first, end):
         j = np.uint64(column)
@@ -173,6 +176,7 @@ def put_both(P: Any, i: int, k: int, w: int, a: Any) -> None:
 @block
 def rows_through_step(m: Any, p: Any, a: Any, dt: float) -> None:
     """Set P_nn to T_nn Φ_nnᵀ + inputsᵀ Γᵀ, one triangle of it; the last rows first."""
+    prefer_wide_vectors()
     K, P, A, half = m.rows, p.P, a.inputs, 0.5 * dt
     for i in range(6, 9):
         for w in range(m.rows.shape[1]):
