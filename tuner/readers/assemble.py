@@ -18,6 +18,7 @@ from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.unit_checks import check_units
+from tuner.readers.value_checks import without_spikes
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +29,10 @@ UNREADABLE_SHARE = 0.01
 """Largest share of rows with NaN or infinity that is repaired."""
 RATE_TOLERANCE = 0.05
 """Largest relative difference between the stated rate and that of the stamps."""
+MIN_CHANGES = 16
+"""Changes of value below which an axis is a constant that slipped, not noise: no variance is known from fewer."""
+ROWS_AT_ONCE = 1 << 16
+"""Rows treated at a time, so that memory stays bounded."""
 _SI_UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
@@ -44,6 +49,8 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     count = len(blocks[0])
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     valid = _valid_rows(listing, groups if time is None else groups | {"t": time}, notes)
+    axes = [axis for sensor in layout.sensors for axis in sensor.axes]
+    valid = without_spikes(listing.path, groups, axes, valid, notes)
 
     def equal(i: IntArray, j: IntArray) -> BoolArray:
         same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in blocks])
@@ -289,12 +296,26 @@ def _timing(base: Timebase, rate: float | None) -> dict[str, float]:
     return timing if rate is None else timing | {"clock_ratio": rate * base.interval}
 
 
+def _changes(y: FloatArray) -> int:
+    return sum(
+        int(np.count_nonzero(np.diff(y[i : i + ROWS_AT_ONCE + 1]))) for i in range(0, len(y), ROWS_AT_ONCE)
+    )
+
+
 def _without_constant_axes(records: list[Record], notes: list[str], *, keep: bool) -> list[Record]:
     """Leave out constant axes, or keep them beside others that are not; a sensor of nothing else goes."""
     live = []
     for record in records:
         moving = [j for j in range(record.y.shape[1]) if np.ptp(record.y[:, j]) > 0]
-        dead = [a for j, a in enumerate(record.axes) if j not in moving]
+        if stuck := [
+            j for j in moving if _changes(record.y[:, j]) < MIN_CHANGES < len(record) / 10 and not keep
+        ]:
+            moving = [j for j in moving if j not in stuck]
+            shown = ", ".join(record.axes[j] for j in stuck)
+            notes.append(
+                f"{len(stuck)} axes that change fewer than {MIN_CHANGES} times hold no noise and were left out: {shown}"
+            )
+        dead = [a for j, a in enumerate(record.axes) if np.ptp(record.y[:, j]) == 0.0]
         if dead:
             handling = "kept" if keep and moving else "left out"
             notes.append(f"{len(dead)} constant axes were {handling}: {', '.join(dead)}")

@@ -55,14 +55,6 @@ def test_nothing_readable(tmp_path: Path, content: bytes) -> None:
     refused(path, r"log\.csv: .*expected")
 
 
-@pytest.mark.parametrize(("gyro", "accel"), [(1e9, 0.0), (0.0, -1e12)])
-def test_a_reading_that_no_sensor_has(tmp_path: Path, gyro: float, accel: float) -> None:
-    y, f = GYRO.copy(), ACCEL.copy()
-    y[700, 1] += gyro
-    f[700, 1] += accel
-    refused(write(tmp_path / "log.csv", rows(gyro=y, accel=f)), "in sample 701, which no sensor does")
-
-
 @pytest.mark.parametrize("name", ["log.npz", "log.mat", "log.h5", "log.parquet", "log.csv.gz"])
 def test_damaged_binary(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
@@ -264,6 +256,52 @@ def test_short_row_counts_as_missing(tmp_path: Path) -> None:
     lines = rows()
     lines[400] = "4.0,1.0"
     assert "1 rows with NaN or infinity" in notes(write(tmp_path / "log.csv", lines))
+
+
+@pytest.mark.parametrize(("gyro", "accel"), [(1e9, 0.0), (9e4, 0.0), (12.0, 0.0), (0.0, -1e12), (0.0, 20.0)])
+@pytest.mark.parametrize("place", [0, 1, 700, COUNT - 1])
+def test_a_reading_that_no_sensor_makes_is_taken_out_and_counted(
+    tmp_path: Path, gyro: float, accel: float, place: int
+) -> None:
+    """Broken cells of 1000 noise sds and more; the samples beside them stay."""
+    y, f = GYRO.copy(), ACCEL.copy()
+    y[place, 1] += gyro
+    f[place, 1] += accel
+    record, other = read(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))
+    assert np.abs(record.y).max() < 0.1
+    assert np.abs(other.y).max() < 10.0
+    axis = "gyro_y" if gyro else "accel_y"
+    assert any(
+        re.match(
+            rf"1 rows hold a reading more than 200 noise sds .*first: {axis} \S+ in data row {place + 1}\)", n
+        )
+        for n in record.notes
+    )
+
+
+def test_more_than_one_percent_of_broken_cells(tmp_path: Path) -> None:
+    y = GYRO.copy()
+    y[5::50, 2] += 50.0
+    refused(write(tmp_path / "log.csv", rows(gyro=y)), "20 of 1000 rows hold a reading .* more than 1 %")
+
+
+def test_motion_and_steps_are_no_broken_cells(tmp_path: Path) -> None:
+    """Quiet sensors that are turned by 90° within 50 ms, and one whose bias jumps by 2000 noise sds."""
+    f = np.array([0.1, -0.2, 9.8]) + RNG.normal(0.0, 1e-4, (COUNT, 3))
+    turn = np.clip((np.arange(COUNT) - 400) / 5.0, 0.0, 1.0)[:, None]
+    f = (1.0 - turn) * f + turn * f[:, ::-1]
+    y = RNG.normal(0.0, 1e-4, (COUNT, 3)) + 0.2 * (np.arange(COUNT)[:, None] > 600)
+    assert not [
+        n for n in read(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))[0].notes if "reading more" in n
+    ]
+
+
+def test_an_axis_that_slips_once_holds_no_noise(tmp_path: Path) -> None:
+    gyro = GYRO * np.array([1.0, 0.0, 1.0])
+    gyro[500:, 1] = 1e-3
+    record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro)))
+    assert record.axes == ("gyro_x", "gyro_z")
+    assert any("1 axes that change fewer than 16 times hold no noise" in note for note in record.notes)
 
 
 def test_constant_axis_is_left_out(tmp_path: Path) -> None:

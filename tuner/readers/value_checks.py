@@ -1,0 +1,118 @@
+"""Single readings that no sensor makes: far from their neighbours, which agree with one another.
+
+A broken cell or a glitch of the bus stands alone; what a sensor feels does not, as its filter spreads it over several
+samples. Smaller outliers are the diagnosis's subject (`tuner.diagnosis`), not the reader's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.types.records import DataError
+
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+SPIKE = 200.0
+"""Distance from the neighbours, in noise sds and in spreads of the neighbours, that no reading has: normal noise ends
+at 7, the largest outliers that sensors make are at some 50, and a broken cell begins at 1000."""
+NEIGHBOURS = 3
+"""Samples on either side that say where a sample should be."""
+MAX_SPIKE_SHARE = 0.01
+"""Share of such rows above which a file is refused."""
+ROWS_AT_ONCE = 1 << 16
+"""Rows treated at a time, so that memory stays bounded."""
+NOISE_SAMPLES = 20_000
+"""Steps from which the noise is taken: its median is then known to 1 %."""
+
+
+def without_spikes(
+    path: object,
+    groups: Mapping[str, NDArray[Any]],
+    axes: Sequence[str],
+    valid: BoolArray | None,
+    notes: list[str],
+) -> BoolArray | None:
+    """Return which rows are usable, without those of single readings that no sensor makes.
+
+    Parameters
+    ----------
+    path : object
+        The file, for messages.
+    groups : mapping of str to ndarray, shape (n, k)
+        Samples of each sensor as the file has them.
+    axes : sequence of str
+        Names of all columns in order.
+    valid : ndarray of bool, shape (n,), or None
+        Rows that hold numbers; None where all do.
+    notes : list of str
+        Notes, to which this adds.
+
+    Raises
+    ------
+    DataError
+        Where more than 1 % of the rows are such.
+    """
+    count = len(next(iter(groups.values())))
+    rows = np.arange(count) if valid is None else np.flatnonzero(valid)
+    columns = [group[:, j] for group in groups.values() for j in range(group.shape[1])]
+    found = [rows[spikes(column if valid is None else column[rows])] for column in columns]
+    every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+    if not len(every):
+        return valid
+    axis, column, mine = next((a, c, f) for a, c, f in zip(axes, columns, found, strict=True) if len(f))
+    place = f"first: {axis} {column[mine[0]]:.4g} in data row {mine[0] + 1}"
+    if len(every) > MAX_SPIKE_SHARE * count:
+        msg = (
+            f"{path}: {len(every)} of {count} rows hold a reading more than {SPIKE:g} noise sds from its neighbours "
+            f"({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them, or choose other columns"
+        )
+        raise DataError(msg)
+    notes.append(
+        f"{len(every)} rows hold a reading more than {SPIKE:g} noise sds from its neighbours ({place}): "
+        "they count as missing samples"
+    )
+    usable = np.ones(count, bool) if valid is None else valid.copy()
+    usable[every] = False
+    return usable
+
+
+def spikes(y: NDArray[Any]) -> IntArray:
+    """Return the places of single readings that no sensor makes; `y` has no gaps of numbers, shape (n,)."""
+    if len(y) < 2 * NEIGHBOURS + 1:
+        return np.zeros(0, np.int64)
+    limit = SPIKE * _noise(y)
+    reach = np.concatenate([np.arange(-NEIGHBOURS, 0), np.arange(1, NEIGHBOURS + 1)])
+    found = []
+    for start in range(0, len(y) - 1, ROWS_AT_ONCE):
+        piece = y[start : start + ROWS_AT_ONCE + 1].astype(float)
+        with np.errstate(over="ignore"):
+            jumps = start + np.flatnonzero(np.abs(np.diff(piece)) > limit)
+        places = np.unique(np.concatenate([jumps, jumps + 1]))
+        if not len(places):
+            continue
+        begin = np.clip(places, NEIGHBOURS, len(y) - 1 - NEIGHBOURS)
+        around = begin[:, None] + reach
+        around = np.where(around == places[:, None], begin[:, None], around)
+        near = y[around].astype(float)
+        middle = np.median(near, axis=1)
+        with np.errstate(over="ignore"):
+            spread = np.median(np.abs(near - middle[:, None]), axis=1)
+            off = np.abs(y[places].astype(float) - middle)
+        found.append(places[off > np.maximum(limit, SPIKE * spread)])
+    return np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+
+def _noise(y: NDArray[Any]) -> float:
+    """Return the robust sd of the samples, from steps between neighbours; of coarse ones the least step."""
+    stride = max(1, len(y) // NOISE_SAMPLES)
+    with np.errstate(over="ignore"):
+        step = np.abs(y[1::stride].astype(float) - y[:-1:stride].astype(float))
+    usual = float(1.4826 * np.median(step) / np.sqrt(2.0))
+    if usual > 0.0:
+        return usual
+    return float(step[step > 0.0].min()) if np.any(step > 0.0) else np.inf
