@@ -1,7 +1,7 @@
 """The command line, `tuner COMMAND …`; each command lives in a file of its own, imported when used.
 
 Exit status: 0 done; 1 done, but with a verdict against the filter or the model (only with ``--strict``);
-2 bad usage or bad input, said in one line; 130 interrupted.
+2 bad usage or bad input, said in one line; 3 a mistake of this program; 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 import click
@@ -20,6 +22,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from models.registry import RegistryError
 from tuner.cli.package_check import foreign_models
+from tuner.cli.process import Terminated, kernel_cache, robust_streams, termination
+from tuner.formats.guard import printable, reason
 from tuner.types.records import DataError
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
@@ -38,6 +42,9 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Every command with its line of help; its code is `tuner.cli.commands.NAME.command`."""
+
+ISSUES = "the issue tracker of ins-noise-tuner"
+"""Where to report."""
 
 
 class _Commands(click.Group):
@@ -66,20 +73,27 @@ def tuner() -> None:
 
 def main() -> None:
     """Run the command line and leave the process with its exit status."""
+    robust_streams()
     if (clash := foreign_models()) is not None:
         sys.exit(_refuse(clash))
-    sys.exit(run(sys.argv[1:]))
+    with kernel_cache(), termination():
+        status = run(sys.argv[1:])
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status; bad usage and bad input are one line on standard error."""
     try:
         status = tuner.main(args=list(arguments), prog_name="tuner", standalone_mode=False)
+        sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(error.format_message() + "\n")
         return 2
     except click.ClickException as error:
         return _refuse(error.format_message())
+    except BrokenPipeError:  # whoever read the tables has seen enough; files are written before
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (DataError, RegistryError, OSError) as error:
         return _refuse(str(error))
     except ImportError as error:
@@ -91,9 +105,31 @@ def run(arguments: Sequence[str]) -> int:
     except (click.Abort, KeyboardInterrupt):
         sys.stderr.write("tuner: interrupted; files already finished were kept\n")
         return 130
+    except Terminated:
+        sys.stderr.write("tuner: terminated; files already finished were kept\n")
+        return 143
+    except Exception as error:
+        return _confess(error)
     return status if isinstance(status, int) else 0
 
 
 def _refuse(message: str) -> int:
-    sys.stderr.write("tuner: " + " ".join(message.split()) + "\n")
+    sys.stderr.write("tuner: " + printable(message) + "\n")
     return 2
+
+
+def _confess(error: Exception) -> int:
+    """Say in one line that this program made a mistake, where, and what a report of it needs."""
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [
+        f
+        for f in frames
+        if Path(f.filename).parts[-4:-1] and {"tuner", "models"} & set(Path(f.filename).parts)
+    ]
+    at = f" in {Path(ours[-1].filename).name}, line {ours[-1].lineno}" if ours else ""
+    line = (
+        f"a mistake of this program, not of the input: {type(error).__name__}{at}: {reason(error)}; "
+        f"please report it with the command and, if you may, the file: {ISSUES}"
+    )
+    sys.stderr.write("tuner: " + printable(line) + "\n")
+    return 3

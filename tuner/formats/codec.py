@@ -94,7 +94,10 @@ def load(content: object, kind: type[T], *, source: str, advice: str = "") -> T:
     """
     try:
         return _converter().structure(content, kind)
-    except (cattrs.BaseValidationError, ValueError) as error:
+    except RecursionError:
+        line = f"{source}: expected a document, got one nested too deeply"
+        raise DataError(f"{line}; {advice}" if advice else line) from None
+    except Exception as error:  # hooks of a kind may divide, take roots and look up what the document has
         line = " ".join(_explained(error, content, source).split())
         raise DataError(f"{line}; {advice}" if advice else line) from None
 

@@ -5,6 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NoReturn, Self
 
+from tuner.formats.guard import printable
+
+MAX_SHOWN = 80
+"""Characters of a value in a message."""
+MAX_SHOWN_BITS = 256
+"""Bits of a whole number that is shown with its digits."""
+
 
 class Mismatch(ValueError):
     """An entry that is not what the document must have there; `path` leads to it from the entry being read."""
@@ -22,7 +29,11 @@ class Mismatch(ValueError):
 def shown(value: object) -> str:
     """Return a value as a document has it."""
     words = {None: "null", True: "true", False: "false"}
-    return words[value] if value is None or isinstance(value, bool) else repr(value)
+    if value is None or isinstance(value, bool):
+        return words[value]
+    if isinstance(value, int) and value.bit_length() > MAX_SHOWN_BITS:
+        return f"a whole number of {value.bit_length()} bits"
+    return printable(repr(value), longest=MAX_SHOWN)
 
 
 def place(source: str, path: Sequence[str | int]) -> str:

@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tuner.formats.guard import reason
 from tuner.types.records import DataError
+
+MAX_TEXT_BYTES = 1 << 27
+"""Size of a JSON or YAML document: results of many axes have some megabytes."""
+MAX_YAML_DEPTH = 50
+"""Lists and mappings within one another: our own documents have 8."""
+MAX_YAML_NODES = 1_000_000
+"""Entries of a YAML document, each reference counted as what it refers to."""
 
 
 def json_text(content: Mapping[str, Any]) -> str:
@@ -42,28 +50,84 @@ def parse_json(text: str, *, source: str) -> Any:
         begin = f"{text[:40]!r}: " if "\n" not in text else ""
         msg = f"{source}: expected JSON, got {begin}{error.msg} in line {error.lineno}, column {error.colno}"
         raise DataError(msg) from None
+    except (ValueError, RecursionError) as error:
+        found = "lists or mappings nested too deeply" if isinstance(error, RecursionError) else reason(error)
+        msg = f"{source}: expected JSON, got {found}"
+        raise DataError(msg) from None
 
 
 def parse_yaml(text: str, *, source: str, expected: str) -> Any:
     """Return the content of a YAML text, or refuse it with what was expected and the place of the mistake."""
     try:
-        return yaml.safe_load(text)
+        return _yaml_content(text)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
         found = f"{error.problem}{place}"
-    except (yaml.YAMLError, ValueError) as error:
-        found = " ".join(str(error).split())
+    except RecursionError:
+        found = "lists or mappings nested too deeply"
+    except Exception as error:  # PyYAML's constructors raise many kinds
+        found = reason(error)
     msg = f"{source}: expected {expected}, got {found}"
     raise DataError(msg)
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads YAML without dates: what looks like one is text."""
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in known if tag != "tag:yaml.org,2002:timestamp"]
+    for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+
+def _yaml_content(text: str) -> Any:
+    """Return the content of a YAML text; one that refers to itself, or grows by references, is refused."""
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _count_nodes(node, {}, set())
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _count_nodes(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
+    """Return how many nodes a node stands for, each reference counted as what it refers to."""
+    if id(node) in known:
+        return known[id(node)]
+    if id(node) in above:
+        msg = "an entry that contains itself"
+        raise ValueError(msg)
+    if len(above) > MAX_YAML_DEPTH:
+        raise RecursionError
+    members: list[yaml.Node] = []
+    if isinstance(node, yaml.SequenceNode):
+        members = node.value
+    elif isinstance(node, yaml.MappingNode):
+        members = [part for pair in node.value for part in pair]
+    count = 1 + sum(_count_nodes(member, known, above | {id(node)}) for member in members)
+    if count > MAX_YAML_NODES:
+        msg = f"more than {MAX_YAML_NODES} entries, references counted"
+        raise ValueError(msg)
+    known[id(node)] = count
+    return count
 
 
 def read_text(path: Path, *, expected: str) -> str:
     """Return the text of a file, or refuse what is no readable UTF-8."""
     try:
+        if path.stat().st_size > MAX_TEXT_BYTES:
+            msg = f"{path}: expected {expected}, got {path.stat().st_size} bytes, more than {MAX_TEXT_BYTES}"
+            raise DataError(msg)
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"{path}: expected {expected}, got {error}"
+    except (OSError, ValueError) as error:
+        if isinstance(error, DataError):
+            raise
+        msg = f"{path}: expected {expected}, got {reason(error)}"
         raise DataError(msg) from None
 
 

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
+from tuner.formats.guard import input_guard
 from tuner.readers import hdf5, mat, npz, parquet, text
 from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import assemble_records
@@ -94,4 +97,6 @@ def read(
         constant_axes=constant_axes,
         assume_si=assume == "si",
     )
-    return assemble_records(listing, digest(path), options)
+    with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return assemble_records(listing, digest(path), options)
+    raise AssertionError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,52 +69,76 @@ class Listing:
     guessed: frozenset[str] = frozenset()
 
 
-def listing_of_arrays(
-    path: Path, arrays: Mapping[str, NDArray[Any]], *, units: Mapping[str, str], meta: Mapping[str, Any]
-) -> Listing:
-    """Make the listing of arrays in memory (NPZ, MAT, HDF5); only numbers of one or two dimensions count.
+@dataclass(frozen=True)
+class StoredArray:
+    """An array of a file before it is read: shape, type, and how to read it."""
 
-    An array of three or six rows and many columns is turned round.
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    read: Callable[[], NDArray[Any]]
+
+
+def listing_of_arrays(
+    path: Path,
+    arrays: Mapping[str, NDArray[Any] | StoredArray],
+    *,
+    units: Mapping[str, str],
+    meta: Mapping[str, Any],
+    notes: Sequence[str] = (),
+) -> Listing:
+    """Make the listing of arrays (NPZ, MAT, HDF5); only numbers of one or two dimensions count.
+
+    An array of three or six rows and many columns is turned round. Stored arrays are read when they are asked for.
     """
-    numbers = {}
-    notes = []
-    for name, value in arrays.items():
-        array = np.asarray(value)
-        if array.dtype.kind not in "iuf" or array.ndim not in (1, 2) or array.size < 2:
+    numbers: dict[str, tuple[tuple[int, ...], bool, NDArray[Any] | StoredArray]] = {}
+    said = list(notes)
+    for name, array in arrays.items():
+        shape, size = tuple(array.shape), math.prod(array.shape)
+        if array.dtype.kind not in "iuf" or len(shape) not in (1, 2) or size < 2:
             continue
-        if array.ndim == 2 and 1 in array.shape:
-            array = array.ravel()
-        elif array.ndim == 2 and array.shape[0] in (3, 6) and array.shape[1] > 6:
-            array = array.T
-            notes.append(f"array '{name}' was turned round to {array.shape}")
-        numbers[name] = array
+        turned = False
+        if len(shape) == 2 and 1 in shape:
+            shape = (size,)
+        elif len(shape) == 2 and shape[0] in (3, 6) and shape[1] > 6:
+            shape, turned = shape[::-1], True
+            said.append(f"array '{name}' was turned round to {shape}")
+        numbers[name] = shape, turned, array
+
+    def array_of(name: str) -> NDArray[Any]:
+        shape, turned, array = numbers[name]
+        found = array.read() if isinstance(array, StoredArray) else array
+        if math.prod(found.shape) != math.prod(shape):
+            msg = f"{path}: array '{name}': expected shape {shape}, found {found.shape}: save it anew"
+            raise DataError(msg)
+        return found.T if turned else found.reshape(shape)
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
+        read = {name: array_of(name) for name in dict.fromkeys(p.array for group in groups for p in group)}
         loaded = []
         for group in groups:
-            parts = [numbers[p.array] if p.column is None else numbers[p.array][:, p.column] for p in group]
+            parts = [read[p.array] if p.column is None else read[p.array][:, p.column] for p in group]
             lengths = {len(p) for p in parts}
             if len(lengths) > 1:
                 sizes = ", ".join(f"{part} has {len(p)}" for part, p in zip(group, parts, strict=True))
                 msg = f"{path}: columns of one sensor must have one length: {sizes} rows"
                 raise DataError(msg)
-            kinds = {p.dtype.kind for p in parts}
-            dtype = np.int64 if kinds <= {"i", "u"} else np.float64
-            block = np.empty((lengths.pop(), len(parts)), dtype, order="F")
-            for j, part in enumerate(parts):
-                block[:, j] = part
+            exact = all(p.dtype.kind == "i" or (p.dtype.kind == "u" and p.dtype.itemsize < 8) for p in parts)
+            block = np.empty((lengths.pop(), len(parts)), np.int64 if exact else np.float64, order="F")
+            with np.errstate(over="ignore", invalid="ignore"):
+                for j, part in enumerate(parts):
+                    block[:, j] = part
             loaded.append(block)
         return tuple(loaded)
 
     return Listing(
         path=path,
-        shapes={name: a.shape for name, a in numbers.items()},
+        shapes={name: shape for name, (shape, _, _) in numbers.items()},
         load=load,
         units=units,
-        integer=frozenset(name for name, a in numbers.items() if a.dtype.kind in "iu"),
-        unsigned={name: 8 * a.dtype.itemsize for name, a in numbers.items() if a.dtype.kind == "u"},
+        integer=frozenset(name for name, (_, _, a) in numbers.items() if a.dtype.kind in "iu"),
+        unsigned={n: 8 * a.dtype.itemsize for n, (_, _, a) in numbers.items() if a.dtype.kind == "u"},
         meta=meta,
-        notes=tuple(notes),
+        notes=tuple(said),
     )
 
 

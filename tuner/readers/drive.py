@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from models import rotation
 from models.units import canonical_unit, unit_value
+from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
@@ -87,7 +87,8 @@ def read_drive(path: str | Path) -> Drive:
     """
     path = Path(path)
     if path.is_dir():
-        return _folder(path)
+        with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
+            return _folder(path)
     if not path.is_file():
         msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         raise DataError(msg)
@@ -95,22 +96,9 @@ def read_drive(path: str | Path) -> Drive:
     if path.suffix.lower() not in readers:
         msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
         raise DataError(msg)
-    try:
+    with input_guard(path, "a drive: arrays and settings, one row a sample or fix"):
         return readers[path.suffix.lower()](path)
-    except DataError:
-        raise
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        OSError,
-        TypeError,
-        ValueError,
-        yaml.YAMLError,
-    ) as error:
-        reason = " ".join(str(error).split())
-        msg = f"{path}: expected arrays and settings of a drive, one row a sample or fix, got {reason}"
-        raise DataError(msg) from None
+    raise AssertionError
 
 
 def mounting_of(frame: str | None, rpy_deg: Any) -> FloatArray | None:

@@ -15,8 +15,6 @@ meta               optional JSON: imu_frame, mounting_rpy_deg, lever_arm_frd_m
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +24,7 @@ from numpy.typing import NDArray
 
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_json
+from tuner.readers.npz_members import stored_arrays
 from tuner.types.numbers import LeverArm, Vector3
 from tuner.types.records import DataError
 
@@ -97,21 +96,12 @@ def read_drive_npz(path: Path) -> DriveArrays:
 
 
 def _arrays(path: Path) -> Mapping[str, NDArray[np.generic]]:
-    if not zipfile.is_zipfile(path):
-        msg = f"{path}: expected an NPZ, an archive of arrays, got something else or a part of one; save it anew"
+    stored, unread = stored_arrays(path)
+    wanted = {"imu_t", "gnss_t", "ref_t", "gyro", "accel", "meta", *FIX_ARRAYS, *REFERENCE_ARRAYS}
+    if bad := [name for name in unread if name in wanted]:
+        msg = f"{path}: {bad[0]}: expected an array of numbers or a text, got {unread[bad[0]]}; save it anew"
         raise DataError(msg)
-    data = {}
-    with np.load(path, allow_pickle=False) as file:
-        for name in file.files:
-            try:
-                data[name] = file[name]
-            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-                msg = (
-                    f"{path}: {name}: expected an array of numbers or a text, got objects or a damaged part of the "
-                    "archive; save it anew"
-                )
-                raise DataError(msg) from None
-    return data
+    return {name: array.read() for name, array in stored.items() if name in wanted}
 
 
 def _meta(path: Path, data: Mapping[str, NDArray[np.generic]]) -> _Installation:

@@ -6,16 +6,20 @@ of its groups and single-valued datasets become meta.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.formats.guard import input_guard, reason
+from tuner.readers.columns import Listing, StoredArray, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
+MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
+"""Unpacked ÷ packed that a dataset of more than `FREE_BYTES` may have: measured samples stay below 20."""
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
 
@@ -26,40 +30,79 @@ def list_hdf5(path: Path) -> Listing:
 
 
 def read_hdf5(path: Path, *, turned: bool) -> Listing:
-    """Return the numeric datasets of an HDF5 file; `turned` ones are transposed."""
+    """Return the numeric datasets of an HDF5 file; `turned` ones are transposed.
+
+    Datasets whose samples lie in other files, or whose type is unknown, are left out with a note; links to other
+    files are not followed.
+    """
     import h5py
 
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, StoredArray] = {}
     units: dict[str, str] = {}
     meta: dict[str, Any] = {}
+    notes: list[str] = []
 
     def visit(name: str, node: Any) -> None:
-        meta.update({key: _plain(value) for key, value in node.attrs.items() if isinstance(node, h5py.Group)})
-        if not isinstance(node, h5py.Dataset) or node.dtype.kind not in "iufV":
-            return
-        unit = _plain(node.attrs.get("unit", node.attrs.get("units")))
-        columns = (
-            {f"{name}/{field}": node[field] for field in node.dtype.names}
-            if node.dtype.names
-            else {name: node[()]}
-        )
-        for column, value in columns.items():
-            array = np.asarray(value)
-            if array.size == 1:
-                meta[column.rsplit("/", 1)[-1]] = array.item()
-                continue
-            arrays[column] = array.T if turned else array
-            if isinstance(unit, str):
-                units[column] = unit
+        try:
+            if isinstance(node, h5py.Group):
+                meta.update({str(key): _plain(value) for key, value in node.attrs.items()})
+            elif isinstance(node, h5py.Dataset):
+                _list_dataset(path, name, node, turned, arrays, units, meta)
+        except DataError:
+            raise
+        except Exception as error:  # one bad dataset does not spoil the others
+            notes.append(f"'{name}' was left out: {reason(error)}")
 
-    try:
+    with input_guard(path, "HDF5"), h5py.File(path, "r") as file:
+        visit("", file)
+        file.visititems(visit)
+    return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes)
+
+
+def _list_dataset(
+    path: Path,
+    name: str,
+    node: Any,
+    turned: bool,
+    arrays: dict[str, StoredArray],
+    units: dict[str, str],
+    meta: dict[str, Any],
+) -> None:
+    """List a dataset, or each field of a table."""
+    if node.dtype.kind not in "iufV" or node.shape is None:
+        return
+    if node.external or node.is_virtual:
+        msg = "its samples lie in other files, which are not opened"
+        raise ValueError(msg)
+    size = node.size * node.dtype.itemsize
+    if size > max(FREE_BYTES, MAX_EXPANSION * node.id.get_storage_size()):
+        msg = f"{size} bytes packed into {node.id.get_storage_size()}"
+        raise ValueError(msg)
+    unit = _plain(node.attrs.get("unit", node.attrs.get("units")))
+    for field in node.dtype.names or (None,):
+        dtype = node.dtype if field is None else node.dtype[field]
+        column = name if field is None else f"{name}/{field}"
+        if dtype.kind not in "iuf" or dtype.itemsize > 8:
+            continue
+        if node.size == 1:
+            found = _read(path, name, field, turned=False)
+            meta[column.rsplit("/", 1)[-1]] = found.item()
+            continue
+        shape = node.shape[::-1] if turned else node.shape
+        arrays[column] = StoredArray(shape, dtype, partial(_read, path, name, field, turned=turned))
+        if isinstance(unit, str):
+            units[column] = unit
+
+
+def _read(path: Path, name: str, field: str | None, *, turned: bool) -> NDArray[Any]:
+    """Return the samples of a dataset, or of a field of it."""
+    import h5py
+
+    with input_guard(f"{path}: {name}", "a dataset of numbers"):
         with h5py.File(path, "r") as file:
-            visit("", file)
-            file.visititems(visit)
-    except (OSError, RuntimeError, KeyError) as error:
-        msg = f"{path}: cannot be read as HDF5: {error}"
-        raise DataError(msg) from None
-    return listing_of_arrays(path, arrays, units=units, meta=meta)
+            found = np.asarray(file[name][()] if field is None else file[name][field])
+        return found.T if turned else found
+    raise AssertionError
 
 
 def _plain(value: Any) -> Any:

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from models.registry import Registry
+from tuner.formats.guard import guarded, input_guard
 from tuner.readers.columns import Listing, Progress
 from tuner.types.records import DataError
 
@@ -117,7 +118,9 @@ def columns_of(path: Path, progress: Progress | None) -> Listing:
     """
     declared = format_of(path)
     try:
-        return declared.read(path, progress)
+        with input_guard(path, declared.title):
+            listing = declared.read(path, progress)
+            return replace(listing, load=guarded(path, declared.title, listing.load))
     except ImportError as error:
         if declared.extra is None:
             raise

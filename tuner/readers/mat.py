@@ -1,4 +1,4 @@
-"""MATLAB logs: arrays or structs of arrays, up to v7.2 by scipy, v7.3 (an HDF5 file) by h5py.
+"""MATLAB logs: arrays or structs of arrays; v4 by scipy, v5 to v7 by `tuner.readers.mat5`, v7.3 (HDF5) by h5py.
 
 The fields of a struct are named ``imu/fb``; the names of NaveGo (``t fb wb``) are among the aliases. MATLAB's
 v7.3 stores arrays turned round; they are turned back.
@@ -12,47 +12,45 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.formats.guard import input_guard
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.hdf5 import SIGNATURE, read_hdf5
 from tuner.readers.log_format import LogFormat
-from tuner.types.records import DataError
+from tuner.readers.mat5 import HEADER_BYTES, read_mat5
 
 
 def list_mat(path: Path) -> Listing:
-    """Return the numeric arrays of a MAT file; single numbers become meta."""
-    import scipy.io
-
-    if _begins_as_hdf5(path):
+    """Return the numeric arrays of a MAT file; single numbers and texts become meta."""
+    with path.open("rb") as file:
+        head = file.read(HEADER_BYTES)
+    if head.startswith(
+        SIGNATURE
+    ):  # an HDF5 file that another program named .mat: it lacks the header of v7.3
         return read_hdf5(path, turned=False)
-    try:
-        content = scipy.io.loadmat(path, struct_as_record=True, squeeze_me=True)
-    except NotImplementedError:
+    if head[124:128] in (b"\x00\x02IM", b"\x02\x00MI"):
         return read_hdf5(path, turned=True)
-    except Exception as error:  # scipy raises many kinds for a damaged file
-        msg = f"{path}: cannot be read as a MAT file: {error}"
-        raise DataError(msg) from None
     arrays: dict[str, NDArray[Any]] = {}
     meta: dict[str, Any] = {}
-    for name, value in content.items():
-        if not name.startswith("__"):
-            _flatten(name, np.asarray(value), arrays, meta)
+    if head[126:128] in (b"IM", b"MI"):
+        for name, value in read_mat5(path.read_bytes(), source=str(path)):
+            _keep(name, value, arrays, meta)
+    else:
+        import scipy.io
+
+        with input_guard(path, "a MAT file"):
+            for name, value in scipy.io.loadmat(path, struct_as_record=True, squeeze_me=True).items():
+                if not name.startswith("__"):
+                    _keep(name, value, arrays, meta)
     return listing_of_arrays(path, arrays, units={}, meta=meta)
 
 
-def _begins_as_hdf5(path: Path) -> bool:
-    """Tell an HDF5 file that another program named ``.mat``: it lacks the header of v7.3."""
-    with path.open("rb") as file:
-        return file.read(len(SIGNATURE)) == SIGNATURE
-
-
-def _flatten(name: str, value: NDArray[Any], arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
-    """Put numeric arrays into `arrays` and single values into `meta`, through structs of any depth."""
-    if value.dtype.names is not None and value.ndim == 0:
-        for field in value.dtype.names:
-            _flatten(f"{name}/{field}", np.asarray(value[field][()]), arrays, meta)
-    elif value.dtype.kind in "iuf" and value.ndim > 0:
-        arrays[name] = value
-    elif value.ndim == 0 and value.dtype.kind in "iufU":
+def _keep(name: str, value: object, arrays: dict[str, NDArray[Any]], meta: dict[str, Any]) -> None:
+    """Put numeric arrays into `arrays` and single values into `meta`."""
+    if isinstance(value, str):
+        meta[name.rsplit("/", 1)[-1]] = value
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size > 1:
+        arrays[name] = value.squeeze()
+    elif isinstance(value, np.ndarray | np.generic) and value.size == 1 and value.dtype.kind in "iuf":
         meta[name.rsplit("/", 1)[-1]] = value.item()
 
 

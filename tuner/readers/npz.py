@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
+import math
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from tuner.formats.documents import parse_json
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
-from tuner.types.records import DataError
+from tuner.readers.npz_members import stored_arrays
+
+MAX_META_BYTES = 1 << 24
+"""Size of a single value or text that is read as meta."""
 
 
 def list_npz(path: Path) -> Listing:
     """Return the arrays of an NPZ file; single numbers and the entries of ``meta`` become meta."""
-    if not zipfile.is_zipfile(path):
-        msg = f"{path}: cannot be read as NPZ: not an archive of arrays"
-        raise DataError(msg)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        msg = f"{path}: cannot be read as NPZ (plain numeric arrays and a JSON string 'meta'): {error}"
-        raise DataError(msg) from None
-    meta: dict[str, Any] = {name: a.item() for name, a in arrays.items() if a.ndim == 0}
+    arrays, unread = stored_arrays(path)
+    single = {
+        name: array.read()
+        for name, array in arrays.items()
+        if math.prod(array.shape) == 1 and array.dtype.itemsize <= MAX_META_BYTES
+    }
+    meta: dict[str, Any] = {name: array.item() for name, array in single.items()}
     stated = meta.pop("meta", None)
     if isinstance(stated, str):
         content = parse_json(stated, source=f"{path}: meta")
         if isinstance(content, dict):
             meta |= content
-    return listing_of_arrays(path, arrays, units={}, meta=meta)
+    notes = [f"'{name}' was left out: {why}" for name, why in unread.items()]
+    return listing_of_arrays(path, arrays, units={}, meta=meta, notes=notes)
 
 
 FORMAT = LogFormat(

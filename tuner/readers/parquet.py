@@ -13,9 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.formats.guard import input_guard
+from tuner.readers.column_names import known_unit
 from tuner.readers.columns import Listing, Part
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
+
+MAX_ROWS_PER_BYTE = 1000
+"""Rows that a byte of a file may stand for: run-length coding of one constant column reaches some hundreds."""
 
 
 def list_parquet(path: Path) -> Listing:
@@ -23,13 +28,13 @@ def list_parquet(path: Path) -> Listing:
     import pyarrow as pa
     from pyarrow import parquet
 
-    try:
+    with input_guard(path, "Parquet"):
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
         rows = file.metadata.num_rows
-    except (pa.ArrowException, OSError) as error:
-        msg = f"{path}: cannot be read as Parquet: {error}"
-        raise DataError(msg) from None
+        if rows > MAX_ROWS_PER_BYTE * path.stat().st_size:
+            msg = f"{path}: expected a row or so a byte, got {rows} rows in {path.stat().st_size} bytes: damaged?"
+            raise DataError(msg)
     units: dict[str, str] = {}
     shapes: dict[str, tuple[int, ...]] = {}
     integer = set()
@@ -40,11 +45,15 @@ def list_parquet(path: Path) -> Listing:
         elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             continue
         shapes[column.name] = (rows,)
-        if not pa.types.is_floating(kind):
+        if not pa.types.is_floating(kind) and kind != pa.uint64():
             integer.add(column.name)
         stated = (column.metadata or {}).get(b"unit") or (column.metadata or {}).get(b"units")
         if stated:
-            units[column.name] = stated.decode("utf-8", errors="replace")
+            unit = stated.decode("utf-8", errors="replace")
+            if known_unit(units.get(column.name, unit)) != known_unit(unit):
+                msg = f"{path}: column '{column.name}' is of type {kind}, its metadata say {unit}: take one of them out"
+                raise DataError(msg)
+            units[column.name] = unit
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
         blocks = []
@@ -52,21 +61,21 @@ def list_parquet(path: Path) -> Listing:
             exact = all(part.array in integer for part in group)
             block: NDArray[Any] = np.empty((rows, len(group)), np.int64 if exact else np.float64, order="F")
             for j, part in enumerate(group):
-                try:
+                with input_guard(f"{path}: column '{part.array}'", "numbers"):
                     values = file.read(columns=[part.array]).column(0)
-                except (pa.ArrowException, OSError) as error:
-                    msg = f"{path}: column '{part.array}' cannot be read: {error}"
-                    raise DataError(msg) from None
-                if exact and values.null_count:
-                    exact, block = False, block.astype(np.float64, order="F")
-                if part.array in integer:
-                    values = values.cast(pa.int64())
-                block[:, j] = values.to_numpy()
+                    if len(values) != rows:
+                        msg = f"{path}: column '{part.array}': expected {rows} rows, got {len(values)}: damaged?"
+                        raise DataError(msg)
+                    if exact and values.null_count:
+                        exact, block = False, block.astype(np.float64, order="F")
+                    if part.array in integer and not values.null_count:
+                        values = values.cast(pa.int64())
+                    block[:, j] = values.to_numpy()
             blocks.append(block)
         return tuple(blocks)
 
     meta = {
-        k.decode(): v.decode("utf-8", errors="replace")
+        k.decode("utf-8", errors="replace"): v.decode("utf-8", errors="replace")
         for k, v in (schema.metadata or {}).items()
         if len(v) < 100
     }

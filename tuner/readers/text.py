@@ -14,7 +14,6 @@ from __future__ import annotations
 import gzip
 import io
 import re
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,12 +23,17 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.formats.guard import input_guard, printable
 from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 22
 """Bytes of text that are parsed at a time: memory stays bounded, and the parser is not slowed by small pieces."""
+MAX_LINE_BYTES = 1 << 16
+"""Longest line of a log: some thousand columns."""
+_MAX_EXPANSION, _FREE_BYTES = 200, 1 << 30
+"""Unpacked ÷ packed that a text of more than `_FREE_BYTES` may have: measured samples stay below 20."""
 _HEAD_BYTES = 1 << 16
 """Bytes in which the header and a row of numbers must be found."""
 GZIP = b"\x1f\x8b"
@@ -97,11 +101,7 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
         columns = [[names.index(part.array) for part in group] for group in groups]
-        try:
-            return read_numbers(path, dialect, columns, progress=progress)
-        except (OSError, EOFError, zlib.error) as error:
-            msg = f"{path}: cannot be read to the end: {error}"
-            raise DataError(msg) from None
+        return read_numbers(path, dialect, columns, progress=progress)
 
     units = {names[j]: "s" for j in dialect.dates}
     for j, day in dialect.dates.items():
@@ -125,19 +125,15 @@ def find_dialect(path: Path) -> Dialect:
     DataError
         An empty or binary file, no line of numbers, or a header that does not fit the numbers.
     """
-    try:
-        with open_bytes(path) as file:
-            head = file.read(_HEAD_BYTES)
-    except (OSError, EOFError, zlib.error) as error:
-        msg = f"{path}: cannot be read: {error}"
-        raise DataError(msg) from None
+    with input_guard(path, "text"), open_bytes(path) as file:
+        head = file.read(_HEAD_BYTES)
     if not head.strip():
         msg = f"{path}: the file is empty: expected a header and rows of numbers"
         raise DataError(msg)
     if b"\0" in head:
         msg = f"{path}: not a text file: expected a header and rows of numbers"
         raise DataError(msg)
-    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    lines = re.split("\r\n|\r|\n", head.decode("utf-8-sig", errors="replace"))
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
         found = lines[0].strip()[:40]
@@ -161,7 +157,7 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
         if len(header) == len(cells) - 1 and not cells[-1].strip():
             header.append("")
         if len(header) == len(cells):
-            plain = (name.strip().strip('"').strip() for name in header)
+            plain = (printable(name.strip().strip('"').strip()) for name in header)
             named = tuple(name or c for name, c in zip(plain, unnamed, strict=True))
             return Dialect(named, separator, skip, True, dates)
     if above.lstrip().startswith(("#", "%")):
@@ -191,7 +187,7 @@ def read_numbers(
     blocks = [np.empty((lines, len(group)), order="F") for group in groups]
     filled = 0
     with path.open("rb") as raw, _unpacked(path, raw) as file:
-        for first, text in _pieces(file, dialect.skip):
+        for first, text in _pieces(path, file, dialect.skip):
             try:
                 frame = pd.read_csv(
                     io.BytesIO(text),
@@ -221,6 +217,7 @@ def read_numbers(
                 fault = _first_fault(path, text, first, dialect, used)
                 if fault is not None:
                     raise DataError(fault)
+            frame = frame.iloc[: lines - filled]  # a file that still grows: rows that were there at first
             stop = filled + len(frame)
             for block, group in zip(blocks, groups, strict=True):
                 for j, column in enumerate(group):
@@ -248,21 +245,35 @@ def _unpacked(path: Path, raw: IO[bytes]) -> IO[bytes]:
 
 def _count_lines(path: Path) -> int:
     """Return the number of lines."""
-    lines, last = 0, b"\n"
+    lines, size, last = 0, 0, b"\n"
     with open_bytes(path) as file:
         while piece := file.read(BYTES_AT_ONCE):
             lines += piece.count(b"\n")
             last = piece[-1:]
+            size += len(piece)
+            if size > max(_FREE_BYTES, _MAX_EXPANSION * path.stat().st_size):
+                msg = f"{path}: expands to more than {_MAX_EXPANSION} times its size: no log does; unpack it yourself"
+                raise DataError(msg)
     return lines + (last != b"\n")
 
 
-def _pieces(file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes]]:
+def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes]]:
     """Yield the number of the first line and the bytes of whole lines, about `BYTES_AT_ONCE` at a time."""
     for _ in range(skip):
-        file.readline()
+        file.readline(MAX_LINE_BYTES)
     line = skip + 1
     while piece := file.read(BYTES_AT_ONCE):
-        piece += file.readline()
+        piece += file.readline(MAX_LINE_BYTES)
+        if b"\r" in piece and b"\r" in (piece := piece.replace(b"\r\n", b"\n")):
+            at = line + piece[: piece.index(b"\r")].count(b"\n")
+            msg = (
+                f"{path}:{at}: expected lines that end in LF or CR LF, found a CR alone: convert the file, such as by "
+                "tr '\\r' '\\n'"
+            )
+            raise DataError(msg)
+        if piece[-1:] != b"\n" and len(piece) > MAX_LINE_BYTES and b"\n" not in piece[-MAX_LINE_BYTES:]:
+            msg = f"{path}:{line + piece.count(chr(10).encode())}: expected lines of up to {MAX_LINE_BYTES} bytes"
+            raise DataError(msg)
         yield line, piece
         line += piece.count(b"\n")
 

@@ -10,9 +10,17 @@ from rich.console import Console
 from rich.table import Table
 
 
+class _Console(Console):
+    """A console that leaves it to the program what happens where nobody reads on."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise what the operating system said."""
+        raise BrokenPipeError
+
+
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables and lines on standard output, wide enough when it is not a terminal."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
-    console = Console(width=width, highlight=False, markup=False, emoji=False)
+    console = _Console(width=width, highlight=False, markup=False, emoji=False)
     for table in tables:
         console.print(table)

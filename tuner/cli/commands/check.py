@@ -81,8 +81,6 @@ def command(
             budget=budget,
             progress=advance,
         )
-    if output.tables:
-        show(check_tables(found, budget=budget))
     source = {
         "config": configured.name,
         "truth": configured.name if sensor is None else sensor.name,
@@ -93,4 +91,6 @@ def command(
         "seed": seed,
     }
     output.write(check_json(found, source=source, budget=budget))
+    if output.tables:
+        show(check_tables(found, budget=budget))
     return 1 if strict and not found.consistency.consistent else 0

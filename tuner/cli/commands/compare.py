@@ -41,12 +41,12 @@ def command(
 
     if by is None and not sources:
         grades = [load_grade(name) for name in grade_names()]
+        output.write(grades_json(grades))
         if output.tables:
             show(grade_tables(grades))
-        output.write(grades_json(grades))
         return
     loaded = [load_source(source, reading, messages) or source for source in sources]
     comparison = compare(*loaded, by=by, progress=messages.say)
+    output.write(comparison_json(comparison))
     if output.tables:
         show(comparison_tables(comparison))
-    output.write(comparison_json(comparison))

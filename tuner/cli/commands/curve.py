@@ -56,10 +56,10 @@ def command(
         found = [empirical(record, estimator, tau=wanted) for record in records]
     except ValueError as error:
         raise DataError(f"{log}: {error}") from error  # noqa: EM102
+    output.write(curves_json(found))
     if output.tables:
         for one in found:
             show(statistic_tables(one))
-    output.write(curves_json(found))
 
 
 def _seconds(text: str) -> list[float]:

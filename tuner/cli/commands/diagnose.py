@@ -66,8 +66,8 @@ def command(
         wheels=wheels,
         progress=messages.say,
     )
+    output.write(diagnosis_json(found))
     if output.tables:
         show(drive_tables(found) if isinstance(found, DriveDiagnosis) else diagnosis_tables(found))
-    output.write(diagnosis_json(found))
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0

@@ -83,9 +83,9 @@ def command(
 
     if len(logs) == 1 and is_fixes(logs[0]):
         receiver = identify_fixes(logs[0], messages.say)
+        output.write(receiver_json(receiver))
         if output.tables:
             show(receiver_lines(receiver))
-        output.write(receiver_json(receiver))
         return
     loaded = [load_source(log, reading, messages) or log for log in logs]
     found = [
@@ -106,13 +106,6 @@ def command(
         for source, one in zip(loaded, found, strict=True)
     ]
     names = [source_name(log) for log in logs]
-    if output.tables:
-        for name, one, written in zip(names, found, settings, strict=True):
-            show([name, *identification_tables(one)])
-            if written is not None:
-                show(settings_tables(written[0], one))
-        if len(found) > 1:
-            show(pooled_tables(pool(found), names))
     if len(found) > 1:
         output.write(pooled_json(names, found, pool(found)))
     else:
@@ -126,3 +119,10 @@ def command(
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
             draw_allan(one, [path], title=name)
             messages.say(f"wrote {path}")
+    if output.tables:
+        for name, one, written in zip(names, found, settings, strict=True):
+            show([name, *identification_tables(one)])
+            if written is not None:
+                show(settings_tables(written[0], one))
+        if len(found) > 1:
+            show(pooled_tables(pool(found), names))

@@ -104,8 +104,8 @@ def command(
     notes = found.notes
     if not found.consistency.consistent:
         notes = (*notes, f"`tuner diagnose {drive} --config {config}` looks for the causes")
+    output.write(navigation_json(found, measured, notes=notes, seed=seed))
     if output.tables:
         written = () if directory is None else (f"  solution, tracks and figures: {directory}",)
         show([*consistency_tables(found.consistency, notes), *written])
-    output.write(navigation_json(found, measured, notes=notes, seed=seed))
     return 1 if strict and not found.consistency.consistent else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -61,7 +62,12 @@ class Output:
     def write(self, content: Mapping[str, Any]) -> None:
         """Write the JSON result, if one is wanted."""
         if self.json_file == "-":
-            sys.stdout.write(json_text(content))
+            text = json_text(content)
+            if (
+                "utf" not in (sys.stdout.encoding or "utf").lower()
+            ):  # other code pages lack characters of the text
+                text = json.dumps(json.loads(text), indent=1) + "\n"
+            sys.stdout.write(text)
         elif self.json_file is not None:
             write_text(Path(self.json_file), json_text(content))
 

@@ -46,9 +46,9 @@ def command(
     from tuner.report.terminal import show
 
     if not names:
+        output.write({"schema": "tuner.papers/1", "names": list(ITEMS)})
         if output.tables:
             click.echo("\n".join(ITEMS))
-        output.write({"schema": "tuner.papers/1", "names": list(ITEMS)})
         return
     items = []
     wanted = chosen(names)

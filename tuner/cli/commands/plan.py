@@ -44,7 +44,7 @@ def command(
     loaded = load_source(source, reading, messages) or source
     identification = identify_source(loaded, arma=None, progress=messages.say)
     plans = plan_test(identification, hours=hours, accuracy=accuracy)
+    output.write(plan_json(plans))
     if output.tables:
         for axis, one in plans.items():
             show(plan_tables(one, identification.channels[axis].unit, f"{source_name(source)} {axis}"))
-    output.write(plan_json(plans))

@@ -52,6 +52,6 @@ def command(
     result = tune(load_source(log, reading, messages), progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
     write_tune_result(result, directory)
+    output.write(tune_json(result))
     if output.tables:
         show(tune_tables(result, directory))
-    output.write(tune_json(result))

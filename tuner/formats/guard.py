@@ -1,0 +1,71 @@
+"""Whatever is wrong with an input becomes one printable line; nothing from outside reaches a terminal as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
+
+from tuner.types.records import DataError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+LONGEST_LINE = 1000
+"""Characters of a message: a terminal's screen is some 4000."""
+LONGEST_REASON = 200
+"""Characters that the words of a library may take in a message."""
+
+
+def printable(text: str, *, longest: int = LONGEST_LINE) -> str:
+    """Return text as one line without control characters, escape sequences and halves of characters.
+
+    White space becomes single blanks; the middle of what is longer than `longest` is left out.
+    """
+    clean = "".join(
+        c if c.isprintable() else " " if c.isspace() else "\N{REPLACEMENT CHARACTER}" for c in text
+    )
+    line = " ".join(clean.split())
+    if len(line) <= longest:
+        return line
+    head = longest * 2 // 3
+    return f"{line[:head]} … {line[len(line) - (longest - head) :]}"
+
+
+def reason(error: BaseException) -> str:
+    """Return what an error of a library says, short and printable; its kind where it says nothing."""
+    return printable(str(error), longest=LONGEST_REASON) or type(error).__name__
+
+
+@contextmanager
+def input_guard(source: object, expected: str) -> Iterator[None]:
+    """Turn every error of reading an input into a `DataError` that names it and what was expected.
+
+    Libraries raise errors of any kind for damaged files, and a file may state sizes that no memory holds. A missing
+    package and an interruption pass unchanged.
+    """
+    try:
+        yield
+    except (DataError, ImportError):
+        raise
+    except MemoryError:
+        found = "one that states more than the memory holds; split it, or convert it anew"
+    except RecursionError:
+        found = "one nested too deeply"
+    except Exception as error:  # whatever a library raises for a damaged file
+        found = f"{type(error).__name__}: {reason(error)}; is it damaged? save or export it anew"
+    else:
+        return
+    msg = f"{source}: cannot be read as {expected}: {found}"
+    raise DataError(msg) from None
+
+
+def guarded(source: object, expected: str, read: Callable[P, R]) -> Callable[P, R]:
+    """Return a function of reading whose errors become `DataError`, as by `input_guard`."""
+
+    def inner(*args: P.args, **kwargs: P.kwargs) -> R:
+        with input_guard(source, expected):
+            return read(*args, **kwargs)
+        raise AssertionError
+
+    return inner
