@@ -1,8 +1,8 @@
 """Gazebo SDF: noise elements of an IMU sensor, per sample, with one Gauss–Markov bias an axis.
 
 stddev = N/√dt of a sample; dynamic_bias_stddev = σ√(2/T), the driving density and not the sd of the bias;
-dynamic_bias_correlation_time = T. The one state also holds the turn-on bias, which fades with it: bias_stddev is the sd
-of both together. σ and T are those of `tuner.exporters.one_state`.
+dynamic_bias_correlation_time = T. The one state also holds the turn-on bias, which fades with it: bias_stddev is the
+sd of both together. σ and T are those of `tuner.exporters.one_state`.
 
 Source: gazebosim/gz-sensors src/GaussianNoiseModel.cc (Load, ApplyImpl).
 """
@@ -14,6 +14,7 @@ import math
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.one_state import OneState, drawn_words, simulated_state
+from tuner.exporters.scripts import xml_comment
 from tuner.exporters.triad_values import longest_time, triad
 from tuner.formats.digits import rounded
 from tuner.types import ChannelNoise, FilterConfig
@@ -35,8 +36,7 @@ def write(config: FilterConfig, target: Target) -> str:
         for sensor, element in (("gyro", "angular_velocity"), ("accel", "linear_acceleration"))
         if triad(config, sensor)
     )
-    remarks = "\n".join(" ".join(line.split()).replace("--", "–") for line in header)
-    return f"<!--\n{remarks}\n-->\n<imu>\n{body}</imu>\n"
+    return f"{xml_comment(header)}<imu>\n{body}</imu>\n"
 
 
 def _axis(channel: ChannelNoise, state: OneState, target: Target) -> str:

@@ -37,7 +37,9 @@ def write(config: FilterConfig, target: Target) -> str:
     return yaml_text(entries(config, target), header=header(config, target))
 
 
-def header(config: FilterConfig, target: Target) -> tuple[str, ...]:
+def header(
+    config: FilterConfig, target: Target, title: str = "KF-GINS: entries of kf-gins.yaml"
+) -> tuple[str, ...]:
     """Return the comment lines before the entries."""
     time = longest_time(config)
     lags = (*REPORTED_LAGS, target.memory)
@@ -47,7 +49,7 @@ def header(config: FilterConfig, target: Target) -> tuple[str, ...]:
         return fading_growth(density, fading_sd(channel, time, memory=target.memory), time, lag)
 
     return (
-        *provenance(config, "KF-GINS: entries of kf-gins.yaml"),
+        *provenance(config, title),
         f"one T = {time:g} s for all states (the longest in the configuration, or 1 h); σ² = D/(1 − e^(−2τ/T)) at "
         f"τ = {target.memory:g} s (assumed memory of the filter), with D the growth of the modelled bias",
         *(

@@ -1,8 +1,8 @@
 """ORB-SLAM3: continuous densities; the code itself takes N √f and K / √f.
 
-IMU.NoiseGyro rad/s/√Hz, IMU.NoiseAcc m/s²/√Hz, IMU.GyroWalk rad/s²/√Hz, IMU.AccWalk m/s³/√Hz, IMU.Frequency
-Hz. A file with ``File.version: "1.0"`` is read by src/Settings.cc, which wants every number real, with a decimal point;
-one without by src/Tracking.cc (ParseIMUParamFile), which wants the four noises real and the frequency an integer.
+IMU.NoiseGyro rad/s/√Hz, IMU.NoiseAcc m/s²/√Hz, IMU.GyroWalk rad/s²/√Hz, IMU.AccWalk m/s³/√Hz, IMU.Frequency Hz. A
+file with ``File.version: "1.0"`` is read by src/Settings.cc, which wants every number real, with a decimal point; one
+without by src/Tracking.cc (ParseIMUParamFile), which wants the four noises real and the frequency an integer.
 """
 
 from __future__ import annotations

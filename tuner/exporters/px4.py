@@ -4,8 +4,8 @@ Each step of dt = EKF2_PREDICT_US the filter adds (dt·EKF2_GYR_NOISE)² to an a
 (dt·EKF2_GYR_B_NOISE)² to a bias. So EKF2_GYR_NOISE = N/√dt, EKF2_GYR_B_NOISE = K/√dt, the like for ACC, and
 EKF2_GBIAS_INIT and EKF2_ABIAS_INIT are turn-on sds.
 
-Source: PX4/PX4-Autopilot src/modules/ekf2: EKF/covariance.cpp (predictCovariance, initialiseCovariance), and the ranges
-of module.yaml, params_gyro_bias.yaml, params_accel_bias.yaml.
+Source: PX4/PX4-Autopilot src/modules/ekf2: EKF/covariance.cpp (predictCovariance, initialiseCovariance), and the
+ranges of module.yaml, params_gyro_bias.yaml, params_accel_bias.yaml.
 """
 
 from __future__ import annotations

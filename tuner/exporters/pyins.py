@@ -1,11 +1,19 @@
-"""pyins: a Python snippet with the two ``EstimationModel`` objects, SI; its biases are random walks."""
+"""pyins: a Python snippet with the two ``EstimationModel`` objects, SI; its biases are random walks.
+
+It refuses a walk for a bias whose initial sd is 0: the sd is that of constant and states together, and where neither
+is known what the walk makes in the memory of the filter.
+
+Source: nmayorov/pyins pyins/inertial_sensor.py (EstimationModel).
+"""
 
 from __future__ import annotations
+
+import math
 
 from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.scripts import commented, vector
-from tuner.exporters.triad_values import triad, triple
+from tuner.exporters.triad_values import initial_bias_sd, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -19,12 +27,15 @@ def write(config: FilterConfig, target: Target) -> str:
     def walk(channel: ChannelNoise) -> float:
         return equivalent_random_walk(channel, memory=target.memory)
 
+    def start(channel: ChannelNoise) -> float:
+        return initial_bias_sd(channel) or walk(channel) * math.sqrt(target.memory)
+
     text = "from pyins.inertial_sensor import EstimationModel\n"
     for sensor, unit in (("gyro", "rad/s"), ("accel", "m/s²")):
         channels = triad(config, sensor)
         if not channels:
             continue
-        constant, constant_note = triple(channels, lambda c: c.constant_sd, f"{unit}; turn-on sd")
+        constant, constant_note = triple(channels, start, f"{unit}; constant and states together")
         white, white_note = triple(channels, density, f"{unit}/√Hz; N")
         drive, drive_note = triple(channels, walk, f"{unit}/√s; K")
         text += (

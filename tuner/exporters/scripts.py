@@ -13,3 +13,9 @@ def commented(lines: Iterable[str], mark: str) -> str:
 def vector(values: Sequence[float]) -> str:
     """Return ``[a, b, c]``, every number such that it reads back equal."""
     return f"[{', '.join(repr(float(value)) for value in values)}]"
+
+
+def xml_comment(lines: Iterable[str]) -> str:
+    """Return lines as one XML comment, in which two hyphens may not follow each other."""
+    remarks = "\n".join(" ".join(line.split()).replace("--", "–") for line in lines)
+    return f"<!--\n{remarks}\n-->\n"

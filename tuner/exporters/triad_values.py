@@ -9,9 +9,10 @@ own: they carry `tuner.formats.digits.DEFAULT_DIGITS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from models.noise import GaussMarkov
 from tuner.exporters.dialect import Target
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted
@@ -68,6 +69,24 @@ def triple(
         return [rounded(quantity(channel)) for channel in channels], note
     figure = rms(channels, quantity, note)
     return [figure.value] * 3, f"{figure.note} ({len(channels)} of 3 axes known)"
+
+
+def pooled(channels: tuple[ChannelNoise, ...]) -> ChannelNoise:
+    """Return one channel with the mean noise power of several, for targets with one set of numbers a sensor."""
+    n = len(channels)
+
+    def root(values: Iterable[float]) -> float:
+        return math.sqrt(sum(value * value for value in values) / n)
+
+    states = (state for channel in channels for state in channel.markov)
+    return ChannelNoise(
+        channels[0].axis.partition("_")[0],
+        channels[0].unit,
+        root(channel.white_density for channel in channels),
+        tuple(GaussMarkov(state.sd / math.sqrt(n), state.time_constant) for state in states),
+        root(channel.random_walk_density for channel in channels),
+        root(channel.constant_sd for channel in channels),
+    )
 
 
 def longest_time(config: FilterConfig) -> float:

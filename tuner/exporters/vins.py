@@ -21,6 +21,11 @@ from tuner.types import FilterConfig
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the noise entries of a VINS configuration."""
+    return text(config, target, "VINS: noise entries of the estimator's YAML")
+
+
+def text(config: FilterConfig, target: Target, title: str) -> str:
+    """Return the noise entries below a header with a title."""
     density, drive = math.sqrt(2.0 / target.interval), 1.0 / math.sqrt(target.interval)
     entries: dict[str, Any] = {}
     if accel := triad(config, "accel"):
@@ -31,7 +36,7 @@ def write(config: FilterConfig, target: Target) -> str:
         entries["gyr_w"] = walk(gyro, "rad/s²; K/√dt", target, factor=drive).noted()
     entries["g_norm"] = Noted(STANDARD_GRAVITY, "m/s²")
     header = (
-        *provenance(config, "VINS: noise entries of the estimator's YAML", walk_memory=target.memory),
+        *provenance(config, title, walk_memory=target.memory),
         f"dt = {target.interval:g} s of the IMU",
     )
     return "%YAML:1.0\n" + yaml_text(entries, header=header)

@@ -329,7 +329,17 @@ def test_pyins_takes_continuous_densities() -> None:
     gyro, accel = text.split("accel_model")
     assert python_values(gyro)["noise"] == near([2e-4] * 3)
     assert python_values(gyro)["bias_walk"] == near([K_GYRO] * 3)
-    assert python_values(accel)["bias_sd"] == near([B_ACCEL] * 3)
+    assert python_values(accel)["bias_sd"] == near([math.hypot(B_ACCEL, S_ACCEL)] * 3)
+
+
+def test_pyins_gets_no_walk_of_a_bias_without_sd() -> None:
+    # pyins/inertial_sensor.py refuses "bias_walk" where "bias_sd" is 0.
+    known = {
+        axis: replace(channel, constant_sd=0.0, markov=(), random_walk_density=1e-6)
+        for axis, channel in CONFIG.channels.items()
+    }
+    gyro = written("pyins", replace(CONFIG, channels=known)).split("accel_model")[0]
+    assert python_values(gyro)["bias_sd"] == near([1e-6 * math.sqrt(MEMORY)] * 3)
 
 
 OTHERS = [name for name in DIALECTS if name != "native"]

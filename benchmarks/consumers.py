@@ -1,0 +1,174 @@
+"""The numbers of every export in the program that reads it: prints docs/consumers.md.
+
+    python benchmarks/consumers.py > docs/consumers.md
+
+What each program does with a number is a formula of `tests/consumers/programs.py`, read in its source; the tests
+beside it run the programs that a package index offers.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from tests.consumers.examples import EXAMPLES, LAGS, modelled_allan_variance, text_of
+from tests.consumers.programs import PROGRAMS, SIMULATORS, Program, Simulator
+from tuner.exporters.error_growth import fading_growth, modelled_growth
+
+CLUSTER_TIMES = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
+
+HEAD = """# What the consumers make of our numbers
+
+Every number of `tuner export`, in the program that reads it. The law is: what the program predicts or draws ÷ what
+the configuration models = 1. Two configurations are exported at 100 Hz, for a filter that renews its biases in 96
+s:
+
+- *walk*: white noise and a random walk, N = 2e-4 rad/s/√Hz and 3e-3 m/s²/√Hz, K = 3e-6 rad/s²/√Hz and 5e-5
+  m/s³/√Hz. Every filter with a bias can hold it, and the ratio has to be 1.
+- *flicker*: the built-in grade icm20602, whose flicker is four Gauss–Markov states in our configuration. No
+  consumer has as many: the ratio is what two numbers, or one state, leave, and the header of each export states it.
+
+This page is written by `python benchmarks/consumers.py > docs/consumers.md`; `pytest tests/consumers` checks it,
+and runs GTSAM, OpenCV, yaml-cpp and Octave where they are installed. Line numbers are those of the snapshots that
+were read, 2023 to 2026; the numbers are those of *walk*.
+
+## Filters
+
+Sd of an angle (gyro) or velocity (accelerometer) some time after the bias was known, predicted by the filter ÷
+modelled. For *flicker*, gyro, the nearest that two numbers N and K come to it from 1 to 96 s is {two}, and
+white noise with one fading state {one}, at T = {time:.0f} s. Exports take N and K nearest in Allan deviation, and
+for one state the longest T of the configuration: with so short a one a filter forgets a turn-on bias that it
+never observed.
+"""
+
+SIMULATED = """
+## Simulators
+
+Allan deviation drawn ÷ modelled at {times} s.
+"""
+
+TAIL = """
+## What was wrong in circulation
+
+Read in the sources above, against what tables and forums state:
+
+- *GTSAM*: `biasAccOmegaInt` is no prior. Up to 4.2 it is noise of every step, with a default of 1; 4.3 has no such
+  setting. `integrationCovariance` has a default of 1 m²/s: 1 m after 1 s.
+- *NaveGo*: `gb_sta`, `ab_sta` are values that its filter subtracts, no sds; `gb_dyn` is its first estimate and its
+  initial sd, no σ; what it squares into Q is `gb_psd` = σ√(2/T). Its simulator multiplies a rate random walk by dt,
+  not by √dt (simulation/noise_rrw.m).
+- *PX4, ArduPilot*: the ranges of ground stations are advice; the firmware constrains to 0 … 1. ArduPilot's step
+  aims at 12 ms.
+- *robot_localization*: the last six entries of `initial_estimate_covariance` are rates and accelerations of the
+  vehicle.
+- *ORB-SLAM3*: `IMU.Frequency` is an integer in files without `File.version`, and real in those of version 1.0.
+- *FAST-LIVO2*: the variances of its bias walks are fixed in the source; `b_acc_cov` and `b_gyr_cov` are not read.
+- *RotorS*: the plugin reads `gyroscopeBiasRandomWalk`, while its own models write `gyroscopeRandomWalk`: their gyro
+  walks at the default.
+- *AirSim*: "bias stability" is a random walk of the density stability/√Tau; it never comes back.
+- *Gazebo*: turn-on bias and drift are one state, so that the turn-on fades with the drift's time constant.
+- *gnss-ins-sim*: an infinite correlation time draws white noise, and the state starts at zero.
+- *PSINS*: of the filters of `kfinit` only some use the bias noise at all; the bias does not fade while `ins.tauG`
+  is infinite.
+
+## Not written
+
+- *Isaac ROS Visual SLAM* (`gyro_noise_density` … `calibration_frequency`): its node passes them to a library whose
+  source is not public (isaac_ros_visual_slam/src/impl/visual_slam_impl.cpp:301–307), and how that uses them could
+  not be read.
+- *MATLAB* `insfilter…`, `factorIMUParameters`: neither the code nor a formula for what one step adds is public.
+  `imuSensor` is written by its reference page, the one row here that rests on a page alone.
+"""
+
+
+def numbers(program: Program | Simulator) -> str:
+    """Return key and value of the numbers of an export."""
+    text = text_of("walk", program.dialect)
+    # The first number behind the key: of a YAML or XML entry, a parameter, a vector.
+    between = r"(?:\"|Covariance)?\W+?(?:np\.\w+\(\[)?"
+    found = {key: re.search(rf"{re.escape(key)}{between}(\d[\d.e+-]*)", text) for key in program.keys.split()}
+    return "<br>".join(f"`{key}` {match[1]}" for key, match in found.items() if match)
+
+
+def growth(program: Program, example: str) -> str:
+    """Return the ratio at each horizon, gyro and accelerometer."""
+    cells = []
+    for sensor in ("gyro", "accel"):
+        channel = EXAMPLES[example]().channels[f"{sensor}_x"]
+        predicted = program.growth(text_of(example, program.dialect), sensor, LAGS)
+        modelled = [modelled_growth(channel, lag) for lag in LAGS]
+        if not program.has_bias:
+            if example != "walk":
+                return "white noise alone"
+            modelled = channel.white_density**2 * LAGS
+        cells.append(" ".join(f"{ratio:.2f}" for ratio in np.sqrt(predicted / modelled)))
+    return "<br>".join(cells)
+
+
+def deviation(simulator: Simulator, example: str) -> str:
+    """Return the ratio at each cluster time, gyro and accelerometer."""
+    cells = []
+    for sensor in ("gyro", "accel"):
+        drawn = simulator.allan_variance(text_of(example, simulator.dialect), sensor, CLUSTER_TIMES)
+        modelled = modelled_allan_variance(EXAMPLES[example]().channels[f"{sensor}_x"], CLUSTER_TIMES)
+        cells.append(" ".join(f"{ratio:.2f}" for ratio in np.sqrt(drawn / modelled)))
+    return "<br>".join(cells)
+
+
+def nearest() -> tuple[str, str, float]:
+    """Return how near two numbers, and one fading state, come to the gyro of flicker, and the state's T, s."""
+    channel = EXAMPLES["flicker"]().channels["gyro_x"]
+    lags = np.geomspace(1.0, LAGS[-1], 12)
+    modelled = np.array([modelled_growth(channel, lag) for lag in lags])
+    white = (channel.white_density * np.geomspace(0.7, 7.0, 40))[:, None, None] ** 2 * lags
+    walks = np.geomspace(1e-6, 1e-4, 160)[None, :, None] ** 2 * lags**3 / 3.0
+    two, _ = _least(white + walks, modelled)
+    fits = []
+    for time in np.geomspace(3.0, 3000.0, 40):
+        shape = np.array([fading_growth(0.0, 1.0, time, lag) for lag in lags])
+        sds = np.geomspace(1e-5, 1e-2, 160)[None, :, None] ** 2 * shape
+        fits.append((*_least(white + sds, modelled), time))
+    one, _, time = min(fits, key=lambda fit: fit[1])
+    return two, one, time
+
+
+def _least(predicted: np.ndarray, modelled: np.ndarray) -> tuple[str, float]:
+    ratio = np.sqrt(predicted / modelled)
+    worst = np.abs(np.log(ratio)).max(axis=-1)
+    best = ratio[np.unravel_index(int(worst.argmin()), worst.shape)]
+    return f"{best.min():.2f} … {best.max():.2f}", float(worst.min())
+
+
+def table() -> Iterator[str]:
+    """Yield the lines of the page."""
+    horizons = ", ".join(f"{lag:g}" for lag in LAGS)
+    two, one, time = nearest()
+    yield HEAD.format(two=two, one=one, time=time)
+    yield f"| dialect | numbers | use | how | *walk* at {horizons} s | *flicker* |"
+    yield "|---|---|---|---|---|---|"
+    for program in PROGRAMS:
+        how = program.run or "formula"
+        cells = (numbers(program), program.use, how, growth(program, "walk"), growth(program, "flicker"))
+        yield f"| {program.dialect} | {' | '.join(cells)} |"
+    yield SIMULATED.format(times=", ".join(f"{time:g}" for time in CLUSTER_TIMES))
+    yield "| dialect | numbers | use | *walk* | *flicker* |"
+    yield "|---|---|---|---|---|"
+    for simulator in SIMULATORS:
+        cells = (
+            numbers(simulator),
+            simulator.use,
+            deviation(simulator, "walk"),
+            deviation(simulator, "flicker"),
+        )
+        yield f"| {simulator.dialect} | {' | '.join(cells)} |"
+    yield TAIL.rstrip()
+
+
+if __name__ == "__main__":
+    print("\n".join(table()))

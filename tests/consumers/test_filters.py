@@ -1,0 +1,69 @@
+"""What each filter predicts from an export ÷ what the configuration models, by the filter's own propagation.
+
+White noise and a random walk, which every filter can hold, come out equal at each horizon. Flicker, four states in our
+configuration, is two numbers or one state in theirs: what these can do at best is stated by the header of the export.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from tests.consumers.examples import EXAMPLES, LAGS, text_of
+from tests.consumers.programs import PROGRAMS, SIMULATORS, Program
+from tuner.exporters import DIALECTS
+from tuner.exporters.error_growth import modelled_growth
+
+BY_NAME = {program.dialect: program for program in PROGRAMS}
+FADING = ("kf-gins", "ob-gins", "navego")
+
+
+def test_every_dialect_has_a_consumer_whose_use_of_its_numbers_was_read() -> None:
+    known = {*BY_NAME, *(simulator.dialect for simulator in SIMULATORS), "native"}
+    assert known == set(DIALECTS)
+
+
+def ratios(program: Program, example: str, sensor: str) -> np.ndarray:
+    channel = EXAMPLES[example]().channels[f"{sensor}_x"]
+    predicted = program.growth(text_of(example, program.dialect), sensor, LAGS)
+    if not program.has_bias:
+        return np.sqrt(predicted / (channel.white_density**2 * LAGS))
+    return np.sqrt(predicted / [modelled_growth(channel, lag) for lag in LAGS])
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+@pytest.mark.parametrize("dialect", BY_NAME)
+def test_white_noise_and_walk_are_predicted_as_modelled(dialect: str, sensor: str) -> None:
+    # Six digits of the export and the Euler step of a fading bias (dt/T = 3e-6) leave a thousandth.
+    assert ratios(BY_NAME[dialect], "walk", sensor) == pytest.approx(np.ones(LAGS.size), abs=2e-3)
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+@pytest.mark.parametrize("dialect", FADING)
+def test_one_state_does_what_its_header_says(dialect: str, sensor: str) -> None:
+    name = {"gyro": "gyroscopes", "accel": "accelerometers"}[sensor]
+    said = re.search(
+        rf"{name}: .*? (\d\.\d\d) at 1 s, (\d\.\d\d) at 10 s, (\d\.\d\d) at 96 s", text_of("flicker", dialect)
+    )
+    found = ratios(BY_NAME[dialect], "flicker", sensor)
+    assert found[2] == pytest.approx(float(said[3]), abs=0.01)
+    # 1.2 and 12 s here, 1 and 10 s there: the ratio changes by less than a tenth of itself.
+    assert found[:2] == pytest.approx([float(said[1]), float(said[2])], rel=0.1)
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_two_numbers_for_flicker_are_the_same_in_every_filter(sensor: str) -> None:
+    others = [p for p in PROGRAMS if p.has_bias and p.dialect not in FADING]
+    found = np.array([ratios(program, "flicker", sensor) for program in others])
+    assert np.ptp(found, axis=0).max() < 2e-3
+
+
+def test_one_state_fades_its_bias_faster_than_a_walk_only_beyond_the_memory() -> None:
+    text = text_of("flicker", "kf-gins")
+    step = BY_NAME["kf-gins"].step(text, "gyro")
+    count = round(LAGS[-1] / step.dt)
+    kept = step.bias * (1.0 - step.fades ** (2 * count)) / (1.0 - step.fades**2)
+    walk = BY_NAME["gtsam"].step(text_of("flicker", "gtsam"), "gyro")
+    assert kept == pytest.approx(walk.bias * count, rel=1e-3)

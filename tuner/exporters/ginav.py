@@ -1,0 +1,43 @@
+"""GINav ``.ini``: power spectral densities; the code multiplies them by the sampling interval.
+
+psd_gyro rad²/s = N², psd_acce m²/s³ = N², psd_bg rad²/s³ = K², psd_ba m²/s⁵ = K², init_bg_unc rad/s, init_ba_unc m/s²,
+sample_rate Hz. Its parser looks for a key in the first 14 characters and takes the third word of the line.
+
+Source: kaichen686/GINav src/read_file/decode_cfg.m, src/ins/ins_init.m (ins.Q, ins.P), src/ins/ins_time_updata.m.
+"""
+
+from __future__ import annotations
+
+from tuner.exporters.dialect import Dialect, Target
+from tuner.exporters.header import provenance
+from tuner.exporters.scripts import commented
+from tuner.exporters.triad_values import initial_bias_sd, mean, rms, triad
+from tuner.synthesis.equivalent_models import equivalent_random_walk, equivalent_white_density
+from tuner.types import ChannelNoise, FilterConfig
+
+
+def write(config: FilterConfig, target: Target) -> str:
+    """Return the lines of the INS options that follow from the sensor."""
+
+    def white(channel: ChannelNoise) -> float:
+        return equivalent_white_density(channel, memory=target.memory) ** 2
+
+    def walk(channel: ChannelNoise) -> float:
+        return equivalent_random_walk(channel, memory=target.memory) ** 2
+
+    gyro, accel = triad(config, "gyro"), triad(config, "accel")
+    figures = {
+        "init_bg_unc": rms(gyro, initial_bias_sd, "rad/s; constant and states together"),
+        "init_ba_unc": rms(accel, initial_bias_sd, "m/s^2; constant and states together"),
+        "psd_gyro": mean(gyro, white, "rad^2/s; N^2"),
+        "psd_acce": mean(accel, white, "m^2/s^3; N^2"),
+        "psd_bg": mean(gyro, walk, "rad^2/s^3; K^2"),
+        "psd_ba": mean(accel, walk, "m^2/s^5; K^2"),
+    }
+    lines = [f"sample_rate   =     {target.rate:<24.10g} % imu sample rate (Hz)\n"]
+    lines += [f"{key:<14}=     {figure.value:<24.9g} % {figure.note}\n" for key, figure in figures.items()]
+    header = provenance(config, "GINav: entries of the INS options", walk_memory=target.memory)
+    return commented(header, "#") + "".join(lines)
+
+
+DIALECT = Dialect("ginav", "GINav configuration", "Hz, rad/s, m/s², rad²/s, m²/s³, rad²/s³, m²/s⁵", write)
