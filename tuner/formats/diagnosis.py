@@ -124,17 +124,20 @@ class _FindingForm:
     consequence: str = ""
     extension: Mapping[str, Any] = field(default_factory=dict)
     inflations: tuple[Enlargement, ...] = ()
+    drift: Mapping[str, _BeforeAfter] = field(default_factory=dict)
 
     @classmethod
     def of(cls, finding: Finding, /) -> Self:
         """Return the form of a finding."""
         entries = dict(vars(finding))
         statistic = _StatisticForm(entries.pop("statistic"), entries.pop("value"))
-        return cls(statistic=statistic, **entries)
+        drift = {name: _BeforeAfter(*pair) for name, pair in entries.pop("drift").items()}
+        return cls(statistic=statistic, drift=drift, **entries)
 
     def restored(self) -> Finding:
         """Return the finding."""
         entries = {**vars(self), "statistic": self.statistic.name, "value": self.statistic.value}
+        entries["drift"] = {name: (pair.before, pair.after) for name, pair in self.drift.items()}
         return Finding(**entries)
 
 

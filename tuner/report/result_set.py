@@ -25,7 +25,7 @@ from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
 from tuner.report.prediction_tables import prediction_tables, settings_tables
 from tuner.report.static_diagnosis_figures import draw_findings
-from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
+from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
 from tuner.types import BoundUsed, Enlargement
@@ -99,12 +99,17 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
     return {**content, "config": config_json(result.config), "absent": dict(result.absent)}
 
 
-def tune_sections(result: TuneResult) -> list[Section]:
-    """Return the parts of the result beyond noise and configuration, each with its heading."""
+def tune_sections(result: TuneResult, *, verbose: bool = True) -> list[Section]:
+    """Return the parts of the result beyond noise and configuration, each with its heading.
+
+    Findings of the static log are given in full only where `verbose`.
+    """
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
-        content = [*diagnosis_tables(result.diagnosis), *hidden_effect_lines(judged)]
+        content = headline_lines(result.diagnosis, result.records)
+        content += diagnosis_tables(result.diagnosis) if verbose else []
+        content += hidden_effect_lines(judged)
         if content:
             sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
     if result.predictions:
@@ -119,9 +124,9 @@ def tune_sections(result: TuneResult) -> list[Section]:
     return sections
 
 
-def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
+def tune_tables(result: TuneResult, directory: Path, *, verbose: bool = False) -> list[Table | str]:
     """Return everything `tune` prints: noise, each section, and a summary of the configuration in `directory`."""
-    tables = [block for _, content in tune_sections(result) for block in content]
+    tables = [block for _, content in tune_sections(result, verbose=verbose) for block in content]
     noise = [
         *identification_tables(result.identification),
         *settings_tables(result.config, result.identification),

@@ -1,4 +1,4 @@
-"""The diagnosis of a static log in tables: findings with their gains, rejected tests without a cause, notes."""
+"""The diagnosis of a static log: the headline, and in tables all findings with their gains, rejected tests, notes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,38 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import digits, digits_to
-from tuner.types import Coefficient, Diagnosis, Finding, Gain
+from tuner.report.finding_groups import contradicted, headlines
+from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
+from tuner.types.records import Record
+
+
+def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list[Table | str]:
+    """Return what the findings change, the largest first and at most seven; then what is unexplained, and the notes.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Of a static log.
+    records : sequence of Record, optional
+        That log, for the share of events in it.
+    """
+    span = max((record.span for record in records), default=None)
+    answer: list[Table | str] = []
+    if diagnosis.quiet:
+        answer.append("  nothing found: the log agrees with a simulation of its noise terms")
+    if told := headlines(diagnosis.findings, span):
+        answer.append(
+            "What the simulation gets wrong, by what it does to the position (one sensor axis, no fixes)"
+        )
+        answer += [f"  {line}" for line in told]
+    unexplained: dict[str, list[Unexplained]] = {}
+    for one in diagnosis.unexplained:
+        unexplained.setdefault(one.statistic, []).append(one)
+    for statistic, tests in unexplained.items():
+        axes = ", ".join(dict.fromkeys(axis for one in tests for axis in one.channels))
+        answer.append(f"  unexplained: {statistic} in {axes}, p = {min(one.p_value for one in tests):.1e}")
+    return answer + [f"  note: {note}" for note in diagnosis.notes]
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
@@ -23,7 +52,7 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
         answer.append(f"  {finding.text}" + (f" → {finding.consequence}" if finding.consequence else ""))
         if finding.gain is not None and (gain := gain_text(finding.gain)):
             answer.append(f"    {gain}")
-        if finding.gain is not None and _contradicted(finding.cause, finding.gain):
+        if finding.gain is not None and contradicted(finding):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
     answer += [
         f"  unexplained: {u.statistic} in {', '.join(u.channels)}, p = {u.p_value:.1e}"
@@ -31,13 +60,6 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
     ]
     answer += [f"  note: {note}" for note in diagnosis.notes]
     return answer
-
-
-def _contradicted(cause: str, gain: Gain) -> bool:
-    """Return whether held-out data contradict a cause; an event in one part does not concern another."""
-    declared = CAUSES.get(cause)
-    happens_once = declared is not None and declared.happens_once
-    return gain.nats < 0.0 and gain.split != "in sample" and not happens_once
 
 
 def gain_text(gain: Gain) -> str:

@@ -80,6 +80,9 @@ class Finding:
         Settings to be enlarged for it.
     by_channel : mapping of str to mapping
         Parameters of every channel.
+    drift : mapping of str to (float, float)
+        Position error, m, after so long without fixes (``60 s``), with the cause in the samples and without it; of a
+        static log.
     """
 
     cause: str
@@ -95,6 +98,7 @@ class Finding:
     alternatives: tuple[Alternative, ...] = ()
     inflations: tuple[Enlargement, ...] = ()
     by_channel: Mapping[str, Mapping[str, Coefficient]] = field(default_factory=lambda: MappingProxyType({}))
+    drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
 
     def of_each(self, name: str) -> Mapping[str, Coefficient]:
         """Return a parameter of every channel where it is not the same in all; empty where one value serves."""

@@ -84,11 +84,14 @@ def test_a_clean_log_has_no_finding(tmp_path, capsys):
 
 
 def test_words_for_the_terminal(tmp_path, capsys):
-    assert run(["diagnose", str(log(tmp_path / "lined.npz", LINE, seed=3)), "--quiet"]) == 0
+    path = str(log(tmp_path / "lined.npz", LINE, seed=3))
+    assert run(["diagnose", path, "--quiet"]) == 0
     out = capsys.readouterr().out
-    assert "line" in out
-    assert "12.50" in out
-    assert "60/40" in out
+    assert "line in gyro_x (frequency 12.5" in out
+    assert "bounded" in out
+    assert "60/40" not in out
+    assert run(["diagnose", path, "--quiet", "--verbose"]) == 0
+    assert "60/40" in capsys.readouterr().out
 
 
 def test_what_stays_unexplained_is_a_status_only_if_strict(tmp_path, capsys, monkeypatch):

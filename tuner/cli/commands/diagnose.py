@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.cli.commands.inputs import load_data, load_records
-from tuner.cli.commands.options import Output, Reading, common, reading, replicas, strict
+from tuner.cli.commands.options import Output, Reading, common, reading, replicas, strict, verbose
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 )
 @strict("a misfit stays unexplained")
 @replicas
+@verbose
 @reading
 @common
 def command(
@@ -38,6 +39,7 @@ def command(
     wheels: bool,
     replicas: int,
     strict: bool,
+    verbose: bool,
     reading: Reading,
     seed: int,
     output: Output,
@@ -52,12 +54,14 @@ def command(
     from tuner import diagnose
     from tuner.formats.diagnosis import diagnosis_json
     from tuner.report.drive_diagnosis_tables import drive_tables
-    from tuner.report.static_diagnosis_tables import diagnosis_tables
+    from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines
     from tuner.report.terminal import show
     from tuner.types import DriveDiagnosis
+    from tuner.types.records import Drive
 
+    data = load_data(log, reading, messages)
     found: Diagnosis | DriveDiagnosis = diagnose(
-        load_data(log, reading, messages),
+        data,
         holdout=None if holdout is None else load_records(holdout, reading, messages),
         replicas=replicas,
         seed=seed,
@@ -68,6 +72,10 @@ def command(
     )
     output.write(diagnosis_json(found))
     if output.tables:
-        show(drive_tables(found) if isinstance(found, DriveDiagnosis) else diagnosis_tables(found))
+        if isinstance(found, DriveDiagnosis):
+            show(drive_tables(found))
+        else:
+            show(headline_lines(found, () if isinstance(data, Drive) else data))
+            show(diagnosis_tables(found) if verbose else ())
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0

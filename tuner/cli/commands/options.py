@@ -104,6 +104,15 @@ def strict(verdict: str) -> Callable[[Command], Command]:
     return click.option("--strict", is_flag=True, help=f"Exit status 1 where {verdict}.")
 
 
+def verbose(command: Command) -> Command:
+    """Add ``--verbose``; the command receives whether every finding is to be shown in full."""
+    return click.option(
+        "--verbose",
+        is_flag=True,
+        help="Show every finding of a static log in full, not only what it changes.",
+    )(command)
+
+
 def noise_terms(command: Command) -> Command:
     """Add ``--terms``; the command receives a tuple of names of noise terms, or None."""
     option = click.option(

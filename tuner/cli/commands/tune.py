@@ -18,6 +18,7 @@ from tuner.cli.commands.options import (
     noise_terms,
     reading,
     replicas,
+    verbose,
 )
 from tuner.cli.progress import Messages
 
@@ -33,10 +34,17 @@ from tuner.cli.progress import Messages
 @latitude
 @click.option("--conservative", is_flag=True, help="Use the noise of the worst stretch of LOG throughout.")
 @replicas
+@verbose
 @reading
 @common
 def command(
-    log: str | None, output_dir: Path | None, reading: Reading, output: Output, messages: Messages, **how: Any
+    log: str | None,
+    output_dir: Path | None,
+    verbose: bool,
+    reading: Reading,
+    output: Output,
+    messages: Messages,
+    **how: Any,
 ) -> None:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
 
@@ -54,4 +62,4 @@ def command(
     write_tune_result(result, directory)
     output.write(tune_json(result))
     if output.tables:
-        show(tune_tables(result, directory))
+        show(tune_tables(result, directory, verbose=verbose))

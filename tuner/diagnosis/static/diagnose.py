@@ -15,6 +15,7 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
+from tuner.diagnosis.static.drift import with_drifts
 from tuner.diagnosis.static.findings import findings, joins, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
@@ -120,7 +121,7 @@ def diagnose(
         for result in outcome.unexplained
     )
     return Diagnosis(
-        tuple(found),
+        with_drifts(found, sensors),
         (*unexplained, *stretched),
         (*notes, *refused, *sampling.notes(finals)),
         models,

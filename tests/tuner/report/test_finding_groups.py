@@ -1,0 +1,122 @@
+"""Findings are grouped, ranked by the drift of position, and told once; nothing is lost on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, White
+from tuner.diagnosis.static.drift import position_drift, with_drifts
+from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
+from tuner.simulation.static import simulate
+from tuner.types import Coefficient, Finding, Gain
+
+HOUR = 3600.0
+
+
+def finding(cause: str, *axes: str, drift: float = 1.0, gain: Gain | None = None, **values: float) -> Finding:
+    parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
+    return Finding(
+        cause,
+        axes,
+        "statistic",
+        9.0,
+        1e-9,
+        parameters,
+        f"{cause} said so",
+        gain=gain,
+        drift={"60 s": (drift, 1.0)},
+    )
+
+
+def test_findings_are_ranked_by_the_drift_that_they_cause():
+    told = headlines(
+        [
+            finding("heavy_tails", "gyro_x"),
+            finding("step", "gyro_y", drift=2.0, time=100.0),
+            finding("warmup", "accel_x", drift=5.0),
+        ]
+    )
+    assert [line.split()[0] for line in told] == ["warmup", "step", "heavy_tails"]
+    assert "drift after 60 s 5.0 → 1.0 m without it; changes bias states" in told[0]
+
+
+def test_events_are_counted_with_their_share_of_the_time():
+    events = [
+        finding("burst", "gyro_x", start=100.0 * k, duration=7.2, variance_ratio=3.0) for k in range(14)
+    ]
+    (line,) = headlines(events, HOUR)
+    assert "14 events, 2.8 % of the time" in line  # 14 · 7.2 s of 3600 s
+    twice = [*events, *(finding("burst", "gyro_y", start=100.0 * k, duration=7.2) for k in range(14))]
+    assert "2.8 % of the time" in headlines(twice, HOUR)[0]
+
+
+def test_one_event_in_several_axes_is_told_once():
+    step = finding("step", "gyro_x", time=500.0)
+    (line,) = headlines([step, finding("burst", "accel_y", start=501.0, duration=30.0)])
+    assert line.startswith("step and burst in gyro_x, accel_y: one event at 500")
+    assert len(headlines([step, finding("burst", "accel_y", start=900.0, duration=30.0)])) == 2
+
+
+def test_lines_of_one_spacing_are_a_comb():
+    lines = [finding("line", "gyro_x", frequency=3.0 + 9.93 * k, amplitude=1e-4) for k in range(385)]
+    (told,) = headlines(lines)
+    assert "comb of 385 lines, 9.93 Hz apart" in told
+    assert comb_spacing(sorted(np.random.default_rng(1).uniform(0.0, 50.0, 20))) is None
+
+
+def test_what_held_out_data_contradict_is_a_note():
+    harm = finding("heavy_tails", "gyro_x", drift=3.0, gain=Gain("60/40", 0.0, -0.1, -500.0))
+    told = headlines([harm, finding("lowpass", "gyro_y", cutoff=12.0)])
+    assert told[0].startswith("lowpass")
+    assert told[1].startswith("note: heavy_tails in gyro_x: held-out data are less likely with it")
+
+
+def test_the_headline_is_short_and_counts_the_rest():
+    causes = (
+        "line",
+        "lowpass",
+        "colour",
+        "temperature",
+        "step",
+        "warmup",
+        "telegraph",
+        "spikes",
+        "heavy_tails",
+        "burst",
+    )
+    every = [finding(cause, "gyro_x") for cause in causes]
+    told = headlines(every)
+    assert len(told) == MAX_HEADLINES + 1
+    assert told[-1].startswith("and 3 more of less effect: ")
+    assert sum(len(group.findings) for group in finding_groups(every)) == len(every)
+
+
+@pytest.mark.parametrize("unit", ["rad/s", "m/s^2"])
+def test_drift_of_a_short_outage_is_that_of_a_bias_on_a_flat_earth(unit: str):
+    """h²/2 of an acceleration, g h³/6 of a rate: to (ωh)²/20 of a Schuler period."""
+    per_bias = 60.0**2 / 2.0 if unit == "m/s^2" else 9.80665 * 60.0**3 / 6.0
+    assert position_drift(unit, 1.0, 60.0) == pytest.approx(np.sqrt(2.0) * per_bias, rel=1e-3)
+
+
+def test_a_single_finding_has_its_figures():
+    (line,) = headlines([finding("line", "gyro_x", frequency=12.5, amplitude=2e-4)])
+    assert line.startswith("line in gyro_x (frequency 12.5 ± 1.3 SI, amplitude 0.0002 ± 2e-05 SI)")
+
+
+def test_a_step_that_was_found_is_worth_the_drift_it_causes():
+    """Without the step the Allan deviation at 60 s is that of white noise, N/√60."""
+    step, density = 3e-4, 1e-4
+    model = NoiseModel((White(density),))
+    records, _ = simulate(
+        {"gyro_x": model}, duration=1200.0, rate=20.0, seed=4, effects=[f"step@gyro_x:time=600,size={step}"]
+    )
+    (found,) = with_drifts([finding("step", "gyro_x", time=600.0, size=step)], records)
+    with_it, without = found.drift["60 s"]
+    assert without == pytest.approx(position_drift("rad/s", density / np.sqrt(60.0), 60.0), rel=0.4)
+    # One step of size d adds d² · τ/(3(T − 2τ)) to the overlapping Allan variance.
+    added = step**2 * 60.0 / (3.0 * (1200.0 - 120.0))
+    assert (with_it**2 - without**2) == pytest.approx(
+        position_drift("rad/s", np.sqrt(added), 60.0) ** 2, rel=0.5
+    )
+    assert "1000 s" not in found.drift

@@ -1,0 +1,176 @@
+"""What a finding is worth to a navigator: how far the position drifts without fixes, with the cause and without it.
+
+A bias that was averaged over the h seconds before an outage of h seconds is wrong by √2 σ(h), σ the Allan deviation:
+half the mean square of the difference of neighbouring means. One accelerometer or gyro alone then moves the position,
+on the round Earth with Schuler's frequency ω = √(g/R), by
+
+    accelerometer   √2 σ(h) (1 − cos ωh)/ω²           (h²/2 for short h)
+    gyro            √2 σ(h) R (h − sin(ωh)/ω)         (g h³/6)
+
+σ is that of the samples; without the cause, that of samples less the signal that was found, or less the Allan variance
+of the noise that it adds. Of several axes that are moved most counts.
+
+References
+----------
+.. [1] D. Titterton and J. Weston, Strapdown Inertial Navigation Technology, 2nd ed., ch. 12 (Schuler-tuned errors).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.earth import SEMI_MAJOR_AXIS
+from models.effects import EFFECTS, Samples
+from models.noise import GaussMarkov
+from models.units import STANDARD_GRAVITY
+from tuner.curves.allan import overlapping_allan
+from tuner.types import Finding
+from tuner.types.records import Record
+
+FloatArray = NDArray[np.float64]
+
+OUTAGES = (60.0, 1000.0)
+"""Durations without fixes, s: a tunnel, and a sixth of a Schuler period."""
+MIN_MEANS = 4
+"""Durations that must fit into a stretch for its Allan deviation to say anything."""
+
+
+def position_drift(unit: str, deviation: float, duration: float) -> float:
+    """Return the position error, m, after a duration, s, from the Allan deviation of a sensor at that time, SI."""
+    schuler = np.sqrt(STANDARD_GRAVITY / SEMI_MAJOR_AXIS)
+    bias = np.sqrt(2.0) * deviation
+    if unit == "rad/s":
+        return float(bias * SEMI_MAJOR_AXIS * (duration - np.sin(schuler * duration) / schuler))
+    return float(bias * (1.0 - np.cos(schuler * duration)) / schuler**2)
+
+
+def with_drifts(findings: Sequence[Finding], records: Sequence[Record]) -> tuple[Finding, ...]:
+    """Return findings with the drift of position that each causes.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        On the samples of `records`.
+    records : sequence of Record
+        Log that was diagnosed.
+    """
+    still = [_without_motion(record, findings) for record in records]
+    measured: dict[str, Mapping[float, float]] = {}
+    return tuple(replace(finding, drift=_drift(finding, still, measured)) for finding in findings)
+
+
+def _without_motion(record: Record, findings: Sequence[Finding]) -> Record:
+    """Return the record without the stretches in which it moved."""
+    segments = list(record.segments)
+    for finding in findings:
+        start, duration = (finding.parameters.get(name) for name in ("start", "duration"))
+        if finding.cause != "motion" or start is None or duration is None:
+            continue
+        first, last = np.searchsorted(
+            record.t, [start.value or 0.0, (start.value or 0.0) + (duration.value or 0.0)]
+        ).tolist()
+        segments = [
+            part for a, b in segments for part in ((a, min(b, first)), (max(a, last), b)) if part[1] > part[0]
+        ]
+    return replace(record, segments=tuple(segments)) if segments else record
+
+
+def _drift(
+    finding: Finding, records: Sequence[Record], measured: dict[str, Mapping[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Return the drift with and without a cause, m, by the duration in words."""
+    drifts: dict[str, tuple[float, float]] = {}
+    for record in records:
+        for axis in (axis for axis in record.axes if axis in finding.channels):
+            if axis not in measured:
+                measured[axis] = _allan(record.pieces(axis), record.interval)
+            without = _without(finding, record, axis, measured[axis])
+            for h, variance in measured[axis].items():
+                pair = (
+                    position_drift(record.unit, np.sqrt(variance), h),
+                    position_drift(record.unit, np.sqrt(without.get(h, variance)), h),
+                )
+                known = drifts.get(f"{h:g} s", (0.0, 0.0))
+                if known == (0.0, 0.0) or pair[0] - pair[1] > known[0] - known[1]:
+                    drifts[f"{h:g} s"] = pair
+    return drifts
+
+
+def _allan(pieces: Sequence[FloatArray], interval: float) -> dict[float, float]:
+    """Return the Allan variance at each duration that fits, pooled over stretches without a gap."""
+    found = {}
+    for h in OUTAGES:
+        m = round(h / interval)
+        long = [piece for piece in pieces if len(piece) >= MIN_MEANS * m]
+        if m >= 1 and long:
+            weight = [len(piece) - 2 * m + 1 for piece in long]
+            variances = [float(overlapping_allan(piece - piece.mean(), [m])[0]) for piece in long]
+            found[h] = float(np.average(variances, weights=weight))
+    return found
+
+
+def _without(
+    finding: Finding, record: Record, axis: str, measured: Mapping[float, float]
+) -> dict[float, float]:
+    """Return the Allan variance with the cause taken out; never more than measured."""
+    values = {
+        name: c.value
+        for name, c in finding.by_channel.get(axis, finding.parameters).items()
+        if c.value is not None
+    }
+    signal = found_signal(finding.cause, values, record, axis)
+    if signal is not None:
+        pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]
+        left = _allan(pieces, record.interval)
+        return {h: min(variance, left.get(h, variance)) for h, variance in measured.items()}
+    fast = np.diff(np.concatenate(record.pieces(axis)))
+    white = 0.5 * float(np.mean(fast**2)) * record.interval
+    length = sum(stop - start for start, stop in record.segments) * record.interval
+    left = {}
+    for h, variance in measured.items():
+        added = _added(finding.cause, values, h, record.interval, min(white / h, variance), length)
+        left[h] = (
+            variance - added if added < variance else variance
+        )  # a noise above all that was measured says nothing
+    return left
+
+
+def _added(
+    cause: str, values: Mapping[str, float], h: float, interval: float, white: float, length: float
+) -> float:
+    """Return the Allan variance at a duration that a noise adds; of white noise, `white` is the whole."""
+    try:
+        match cause:
+            case "gauss_markov":
+                term = GaussMarkov(values["sd"], values["time_constant"])
+                return float(term.allan_variance(np.array([h]))[0])
+            case "telegraph":
+                low, high = values["dwell_low"], values["dwell_high"]
+                sd = abs(values["size"]) * np.sqrt(low * high) / (low + high)
+                return float(GaussMarkov(sd, low * high / (low + high)).allan_variance(np.array([h]))[0])
+            case "spikes":
+                return values["rate"] * (values["size"] * interval) ** 2 / h
+            case "burst":
+                more = values["duration"] / length * (values["variance_ratio"] - 1.0)
+                return white * max(more, 0.0) / (1.0 + max(more, 0.0))
+    except (KeyError, ValueError):
+        pass
+    return 0.0
+
+
+def found_signal(cause: str, values: Mapping[str, float], record: Record, axis: str) -> FloatArray | None:
+    """Return the signal that a cause adds to the samples of an axis, shape (n,); None where it adds none."""
+    effect = EFFECTS.get(cause)
+    if effect is None:
+        return None
+    samples = Samples(
+        record.t, record.column(axis)[:, None], record.interval, record.covariates.get("temperature")
+    )
+    try:
+        return effect.drawn(values, samples)
+    except (KeyError, TypeError, ValueError):
+        return None

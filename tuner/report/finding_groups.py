@@ -1,0 +1,231 @@
+"""Findings as a person acts on them: alike ones together, ranked by the drift of position that they cause.
+
+One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
+multiples of one spacing are a comb. A finding that makes held-out data less likely is a note. Every finding stands,
+complete, in ``result.json``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from models.effects import EFFECTS
+from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.findings import figure
+from tuner.formats.customary_units import digits
+from tuner.types import Finding, Gain
+
+MAX_HEADLINES = 7
+"""Groups that the headline shows: what one remembers."""
+MIN_DRIFT_CHANGE = 1.02
+"""Drift with ÷ without a cause from which it is told: the accuracy with which an hour tells either."""
+MIN_COMB_LINES = 3
+"""Lines that can show a common spacing."""
+COMB_TOLERANCE = 0.02
+"""Largest distance of a line of a comb from a multiple of its spacing ÷ spacing; lines at random places are within it
+in one of 25 cases each."""
+SIMULTANEOUS = 5.0
+"""Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
+LASTING = ("thermal", "attitude")
+"""Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
+
+
+@dataclass(frozen=True)
+class FindingGroup:
+    """Findings that are one thing to do something about.
+
+    Attributes
+    ----------
+    title : str
+        Causes, axes and number, in words.
+    findings : tuple of Finding
+        All of them.
+    changes : str
+        Entry of the configuration that they change, in words.
+    drift : mapping of str to (float, float)
+        Position error, m, after so long without fixes, with and without the one that moves it most.
+    """
+
+    title: str
+    findings: tuple[Finding, ...]
+    changes: str
+    drift: Mapping[str, tuple[float, float]]
+
+    @property
+    def worth(self) -> float:
+        """Logarithm of the largest ratio of drift with and without it."""
+        return max(
+            (log(a / b) if b > 0.0 else log(1e3) for a, b in self.drift.values() if a > 0.0), default=0.0
+        )
+
+
+def contradicted(finding: Finding) -> bool:
+    """Return whether held-out data contradict a cause; an event in one part does not concern another."""
+    declared, gain = CAUSES.get(finding.cause), finding.gain
+    if gain is None or (declared is not None and declared.happens_once):
+        return False
+    return gain.nats < 0.0 and gain.split != "in sample"
+
+
+def finding_groups(findings: Sequence[Finding], span: float | None = None) -> tuple[FindingGroup, ...]:
+    """Return the findings in groups, those first that move the position most.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Of a static log, without those that held-out data contradict.
+    span : float, optional
+        Length of the log, s, for the share of events in it.
+    """
+    left = list(findings)
+    groups: list[FindingGroup] = []
+    while left:
+        first = left.pop(0)
+        alike = [one for one in left if _belong_together(first, one)]
+        left = [one for one in left if one not in alike]
+        groups.append(_group((first, *alike), span))
+    clearest = {id(group): index for index, group in enumerate(groups)}
+    return tuple(sorted(groups, key=lambda group: (-round(group.worth, 2), clearest[id(group)])))
+
+
+def _belong_together(a: Finding, b: Finding) -> bool:
+    if a.cause == b.cause and _sensors(a) == _sensors(b):
+        return True
+    when, other = _time(a), _time(b)
+    return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS
+
+
+def _sensors(finding: Finding) -> frozenset[str]:
+    return frozenset(axis.rpartition("_")[0] or axis for axis in finding.channels)
+
+
+def _time(finding: Finding) -> float | None:
+    """Return when an event was, s; None for what lasts."""
+    found = finding.parameters.get("time") or finding.parameters.get("start")
+    return None if found is None else found.value
+
+
+def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
+    causes = list(dict.fromkeys(finding.cause for finding in findings))
+    axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
+    largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
+    parts = [
+        f"{' and '.join(causes)} in {', '.join(axes)}{_figures(findings)}",
+        *_count(findings, causes, span),
+    ]
+    return FindingGroup(": ".join(parts), findings, changed_entry(causes[0]), largest.drift)
+
+
+def _figures(findings: tuple[Finding, ...]) -> str:
+    """Return the parameters of a finding that stands alone."""
+    if len(findings) > 1:
+        return ""
+    figures = ", ".join(f"{name} {figure(value)}" for name, value in findings[0].parameters.items())
+    return f" ({figures})" if figures else ""
+
+
+def _count(findings: tuple[Finding, ...], causes: Sequence[str], span: float | None) -> list[str]:
+    """Say how many there are, with their share of the time or their spacing; nothing of a single one."""
+    times = [when for finding in findings if (when := _time(finding)) is not None]
+    if len(causes) > 1 and times:
+        return [f"one event at {digits(min(times))} s"]
+    if times and len(findings) > 1:
+        stretches = [
+            (_time(f) or 0.0, f.parameters["duration"].value) for f in findings if "duration" in f.parameters
+        ]
+        lasting = _union([(start, duration or 0.0) for start, duration in stretches])
+        share = f", {digits(100.0 * lasting / span, 2)} % of the time" if span and lasting else ""
+        return [f"{len(findings)} events{share}"]
+    lines = sorted({f.parameters["frequency"].value or 0.0 for f in findings if "frequency" in f.parameters})
+    if len(lines) > 1:
+        spacing = comb_spacing(lines)
+        if spacing is not None:
+            return [f"comb of {len(lines)} lines, {spacing:.4g} Hz apart"]
+        return [f"{len(lines)} frequencies, {lines[0]:.4g} … {lines[-1]:.4g} Hz"]
+    return []
+
+
+def _union(events: Sequence[tuple[float, float]]) -> float:
+    """Return the time that events, (start, duration) in s, cover together."""
+    covered, end = 0.0, -np.inf
+    for start, duration in sorted(events):
+        covered += max(start + duration - max(start, end), 0.0)
+        end = max(end, start + duration)
+    return covered
+
+
+def comb_spacing(lines: Sequence[float]) -> float | None:
+    """Return the spacing of which sorted frequencies, Hz, are multiples up to a common offset; None without one."""
+    if len(lines) < MIN_COMB_LINES:
+        return None
+    frequency = np.asarray(lines)
+    spacing = float(np.min(np.diff(frequency)))
+    order = np.rint((frequency - frequency[0]) / spacing)
+    slope, offset = np.polyfit(order, frequency, 1)
+    off = np.abs(frequency - offset - slope * order)
+    return float(slope) if bool(np.all(off <= COMB_TOLERANCE * slope)) else None
+
+
+def changed_entry(cause: str) -> str:
+    """Return the entry of a configuration that a cause changes, in words, from what its effect declares."""
+    effect = EFFECTS.get(cause)
+    if cause in LASTING or (effect is not None and effect.deterministic):
+        return "bias states and random walk, smaller once it is compensated"
+    if effect is None or effect.joins == "preprocessing":
+        if effect is not None and effect.identified_as is not None:
+            return _of_term(effect.identified_as)
+        return "none: the samples themselves"
+    if effect.identified_as is not None:
+        return _of_term(effect.identified_as)
+    if effect.joins == "law of the noise":
+        return "white noise, by its share of the time; at its worst in `worst_case`"
+    if "frequency" in effect.locates:
+        return "none: its integral stays bounded"
+    return "white noise: that of long times is written"
+
+
+def _of_term(term: str) -> str:
+    return "none: its integral stays bounded" if term == "sinusoid" else "bias states"
+
+
+def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
+    """Return what a cause does to the position, in words; empty where nothing is known of it."""
+    if not drift:
+        return ""
+    if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
+        return "drift of position as without it"
+    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in drift.items()]
+    return f"drift after {', after '.join(parts)} without it"
+
+
+def headlines(findings: Sequence[Finding], span: float | None = None) -> list[str]:
+    """Return at most seven lines on what the findings change, one on the rest, and the notes.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Of a static log.
+    span : float, optional
+        Length of the log, s.
+    """
+    groups = finding_groups([one for one in findings if not contradicted(one)], span)
+    lines = []
+    for group in groups[:MAX_HEADLINES]:
+        words = [group.title, drift_text(group.drift), f"changes {group.changes}"]
+        lines.append("; ".join(part for part in words if part))
+    if rest := groups[MAX_HEADLINES:]:
+        lines.append(f"and {len(rest)} more of less effect: {', '.join(group.title for group in rest)}")
+    notes = [
+        f"{one.cause} in {', '.join(one.channels)}: held-out data are less likely with it ({_split(one.gain)})"
+        for one in findings
+        if contradicted(one)
+    ]
+    return [*lines, *(f"note: {note}" for note in notes)]
+
+
+def _split(gain: Gain | None) -> str:
+    return "" if gain is None else gain.split
