@@ -30,17 +30,17 @@ FILTER_STATES: Registry[FilterState] = Registry(
 """All declared states, in the order in which a filter has them."""
 FILTER_STATES.extend(BUILT_IN)
 
-NAMED = (Origin.NAME, Origin.AXIS_SLOPE)
-"""Origins of states that can be asked for by name."""
+NAMED_ORIGINS = (Origin.NAME, Origin.AXIS_SLOPE)
+"""Origins of states that a configuration names."""
 
 
 def named_states() -> tuple[str, ...]:
     """Return the names of the states that a configuration or a user can ask for."""
-    return tuple(name for name, state in FILTER_STATES.items() if state.origin in NAMED)
+    return tuple(name for name, state in FILTER_STATES.items() if state.origin in NAMED_ORIGINS)
 
 
 def named_state(name: str) -> FilterState:
-    """Return the declaration of a state that can be asked for by name.
+    """Return the declaration of a state that a configuration names.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def named_state(name: str) -> FilterState:
         Where it is not declared, or follows from other parts of a configuration; one line.
     """
     state = FILTER_STATES[name]
-    if state.origin not in NAMED:
-        msg = f"filter state '{name}' cannot be asked for by name: it follows from {state.origin.value}"
+    if state.origin not in NAMED_ORIGINS:
+        msg = f"filter state '{name}' cannot be named: it follows from {state.origin.value}"
         raise RegistryError(msg)
     return state

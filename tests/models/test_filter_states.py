@@ -59,9 +59,7 @@ def test_what_is_no_declaration_is_refused():
 def test_states_that_follow_from_the_noise_of_an_axis_cannot_be_asked_for():
     with pytest.raises(RegistryError, match=r"^unknown filter state 'gravty' \(did you mean 'gravity'\?\)"):
         named_state("gravty")
-    with pytest.raises(
-        RegistryError, match="'gyro_bias' cannot be asked for by name: it follows from sensors"
-    ):
+    with pytest.raises(RegistryError, match="'gyro_bias' cannot be named: it follows from sensors"):
         error_model([WHITE] * 3, [WHITE] * 3, constants=("gyro_bias",))
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from models.filter_states import FILTER_STATES, Origin
 from models.trajectory.motion import Motion
 from tuner.catalogue.grades import DEFAULT_RECEIVER
 from tuner.catalogue.trajectories import load_trajectory
@@ -21,7 +22,7 @@ from tuner.consistency.false_observability import spurious_information
 from tuner.consistency.observability import observability
 from tuner.consistency.scores import evaluate
 from tuner.consistency.verdicts import verdicts, with_explanations
-from tuner.navigation.settings import filter_settings
+from tuner.navigation.settings import filter_settings, further_states
 from tuner.simulation.imu import Sensor, sensor_of_config
 from tuner.simulation.load_sensor import load_sensor
 from tuner.simulation.monte_carlo import resolution, scenario, simulate
@@ -85,7 +86,7 @@ def check(
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     sensor, its_receiver = load_sensor(truth) if isinstance(truth, str | Path) else (truth, None)
     receiver = receiver or its_receiver
-    settings = filter_settings(config)
+    settings = filter_settings(config, constants=config.constants)
     if config.gnss is None:
         msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
         raise DataError(msg)
@@ -95,7 +96,12 @@ def check(
         notes.append(f"simulated at {1.0 / MIN_INTERVAL:g} Hz, not {1.0 / config.interval:g} Hz")
     plan = scenario(motion, receiver or config.gnss, max(config.interval, MIN_INTERVAL))
     simulated = simulate(settings, sensor, plan, runs=runs, seed=seed, progress=progress)
-    found = evaluate(simulated, plan.outages)
+    drawn = {
+        name: own
+        for name, own in further_states(settings.model).items()
+        if FILTER_STATES[name].origin is Origin.NAME
+    }
+    found = evaluate(simulated, plan.outages, further=drawn)
     if found.diverged:
         reasons = divergence(simulated, plan, settings, sensor)
         return Check(replace(found, verdicts=reasons), settings.size, tuple(notes))

@@ -12,7 +12,8 @@ A score is against the filter where the whole interval lies beyond 10 % from 1: 
 scores together (Bonferroni): `FALSE_ALARM_RATE`.
 
 ==============  ==========================================================================================
-nees            eᵀ P⁻¹ e of position, velocity, attitude and total biases, while aided; and of each block
+nees            eᵀ P⁻¹ e of position, velocity, attitude and total biases, while aided; of each block, and of each
+                further state
 nis             zᵀ S⁻¹ z of position and velocity fixes; nearly insensitive to a wrong Q
 whiteness       autocorrelation of whitened innovations at lags 1 … 10
 outage          |position error|² ÷ tr P after 10, 30, 60, 300 s without fixes
@@ -29,7 +30,8 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,8 @@ EQUIVALENCE_MARGIN = 0.1
 """Relative error of an sd below which a filter counts as right: a ladder approximates flicker to some per cent."""
 TEST_COUNT = 14
 """Scores that share `FALSE_ALARM_RATE`: NEES and its five blocks, NIS of three kinds, whiteness, four outages."""
+NO_FURTHER_STATES: Mapping[str, slice] = MappingProxyType({})
+"""Further states where a filter has none."""
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0, 300.0)
 """Lengths of outage that are scored, s: an underpass to a long tunnel."""
 SETTLING_TIME = 120.0
@@ -120,7 +124,13 @@ def squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1))
 
 
-def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME) -> Consistency:
+def evaluate(
+    runs: Runs,
+    outages: FloatArray,
+    *,
+    further: Mapping[str, slice] = NO_FURTHER_STATES,
+    settling: float = SETTLING_TIME,
+) -> Consistency:
     """Score simulated runs: NEES, NIS, whiteness of innovations, position in outages.
 
     Parameters
@@ -129,9 +139,12 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME
         Errors and innovations.
     outages : ndarray, shape (w, 2)
         Begin and end of withheld fixes, s.
+    further : mapping of str to slice
+        Further states of the filter by name, and their places among the further errors of the runs.
     settling : float
         Time after the start and after an outage that is not scored as aided, s.
     """
+    tests = TEST_COUNT + len(further)
     chosen = scored_epochs(runs.t, outages, settling)
     error, covariance = runs.error[:, chosen], runs.covariance[:, chosen].astype(float)
     lost = ~np.isfinite(runs.error).all() or not np.isfinite(runs.covariance).all()
@@ -141,19 +154,25 @@ def evaluate(runs: Runs, outages: FloatArray, *, settling: float = SETTLING_TIME
     blocks = []
     for i, name in enumerate(BLOCKS):
         own = slice(3 * i, 3 * i + 3)
-        blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3))
+        blocks.append(score(name, list(squares(error[..., own], covariance[..., own, own])), 3, tests=tests))
+    for name, own in further.items():
+        e, p = runs.further_error[:, chosen, own], runs.further_covariance[:, chosen, own, own]
+        blocks.append(score(name, list(squares(e, p)), e.shape[-1], tests=tests))
     found = tuple(
-        _outage(runs, outages, h) for h in OUTAGE_LENGTHS if len(outages) and h <= np.diff(outages).max()
+        _outage(runs, outages, h, tests)
+        for h in OUTAGE_LENGTHS
+        if len(outages) and h <= np.diff(outages).max()
     )
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
     gated = float(np.mean(runs.use == 2))
     each = squares(error, covariance)
-    nees = score("nees", list(each), 15)
+    seen = list(runs.innovation), list(runs.innovation_covariance), list(runs.use)
+    nees = score("nees", list(each), 15, tests=tests)
     return Consistency(
         nees,
         tuple(blocks),
-        innovation_scores(list(runs.innovation), list(runs.innovation_covariance), list(runs.use)),
-        whiteness(runs.t, list(runs.innovation), list(runs.innovation_covariance), list(runs.use)),
+        innovation_scores(*seen, tests=tests),
+        whiteness(runs.t, *seen, tests=tests),
         found,
         {
             "position_rms_m": tuple(rms[:3].tolist()),
@@ -189,6 +208,8 @@ def innovation_scores(
     innovation: Sequence[FloatArray],
     covariance: Sequence[Floats],
     use: Sequence[NDArray[np.int64]],
+    *,
+    tests: int = TEST_COUNT,
 ) -> tuple[Score, ...]:
     """Score innovations of used fixes, groups of (k, 6), (k, 6, 6), (k, 2): all, position, velocity."""
     parts: dict[str, list[FloatArray]] = {"nis": [], "nis_position": [], "nis_velocity": []}
@@ -199,7 +220,7 @@ def innovation_scores(
         parts["nis_position"].append(squares(z[position, :3], s[position][:, :3, :3].astype(float)))
         parts["nis_velocity"].append(squares(z[velocity, 3:], s[velocity][:, 3:, 3:].astype(float)))
     return tuple(
-        score(name, groups, 6 if name == "nis" else 3)
+        score(name, groups, 6 if name == "nis" else 3, tests=tests)
         for name, groups in parts.items()
         if sum(len(group) for group in groups) > 1
     )
@@ -260,7 +281,7 @@ def aided_epochs(t: FloatArray, outages: FloatArray, settling: float = SETTLING_
     return np.flatnonzero(settled if settled.any() else np.ones(len(t), dtype=bool))
 
 
-def _outage(runs: Runs, outages: FloatArray, horizon: float) -> Outage:
+def _outage(runs: Runs, outages: FloatArray, horizon: float, tests: int) -> Outage:
     """Score the position error at a horizon, over all windows that reach it."""
     step = float(np.median(np.diff(runs.t)))
     goals = [begin + horizon for begin, end in outages if end - begin >= horizon]
@@ -272,6 +293,6 @@ def _outage(runs: Runs, outages: FloatArray, horizon: float) -> Outage:
         horizon,
         math.sqrt(float(e2.mean())),
         math.sqrt(float(predicted.mean())),
-        score(f"outage {horizon:g} s", list(e2 / predicted), 1, components=3),
+        score(f"outage {horizon:g} s", list(e2 / predicted), 1, components=3, tests=tests),
         e2.size,
     )

@@ -29,7 +29,7 @@ from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
 from models import rotation
-from models.error_state import Linearization, corrected, middle, process_noise, transition
+from models.error_state import Linearization, corrected, down_acceleration, middle, process_noise, transition
 from models.imu_errors import Calibration, calibration
 from models.measurements import (
     Measurement,
@@ -180,7 +180,8 @@ def _run(
                 force,
                 dt,
             )
-            state = NavigationState(np.array(pos), np.array(vel), np.array(quat))
+            faster = np.array([0.0, 0.0, dt * down_acceleration(model, x)])
+            state = NavigationState(np.array(pos) - 0.5 * dt * faster, np.array(vel) + faster, np.array(quat))
             now.dt += dt
             now.angle += sample[:3]
             now.velocity_n += np.array(force_n) * dt

@@ -140,8 +140,8 @@ def filter_settings(
         if f"{sensor}_markov" in at:
             sd[at[f"{sensor}_markov"]] = [state.sd for channel in noise for state in channel.markov]
         if f"{sensor}_ramp" in at:
-            asked = wanted[f"{sensor}_ramp"]
-            sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd or asked for channel in noise]
+            prior = wanted[f"{sensor}_ramp"]
+            sd[at[f"{sensor}_ramp"]] = [channel.ramp_sd or prior for channel in noise]
     if "gnss_position" in at:
         own = at["gnss_position"]
         down = config.gnss.correlated_down if config.gnss is not None else 1.0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from models.filter_states import FILTER_STATES
 from tuner.consistency.error_budget import blind_spots
 from tuner.consistency.error_budget import table as budget_rows
 from tuner.report.verdict_text import observability_text, verdict_text
@@ -25,6 +26,13 @@ _TITLES = {
 }
 
 
+def _title(name: str) -> str:
+    """Return what a score is of, in words."""
+    if name in FILTER_STATES and name not in _TITLES:
+        return f"NEES, {FILTER_STATES[name].meaning}"
+    return _TITLES.get(name, name)
+
+
 def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Table | str]:
     """Return the scores, the errors and the verdicts; of a filter that diverged the verdict only."""
     found = found.shown
@@ -36,7 +44,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     for score in found.scores:
         outage = blind.get(score.name)
         table.add_row(
-            _TITLES.get(score.name, score.name),
+            _title(score.name),
             f"{score.ratio:.3f}",
             _band(score),
             "" if outage is None else f"{outage.rms:.3g} m",

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from models.filter_states import FILTER_STATES
 from tuner.consistency.attribution.sensitivity import UNMODELLED_TIME_CONSTANT
 from tuner.consistency.observability import HARDLY_OBSERVED
 from tuner.types.consistency import Explanation, ExplanationKind, Observability, Verdict, VerdictCode
@@ -136,6 +137,8 @@ def _explained(explanations: Sequence[Explanation]) -> str:
 
 def _scored(verdict: Verdict) -> str:
     what = _SCORED.get(verdict.subject)
+    if what is None and verdict.subject in FILTER_STATES:
+        what = f"the error of the state {FILTER_STATES[verdict.subject].meaning}"
     if what is None:
         what = f"the position error after {verdict.subject.removeprefix('outage ')} without fixes"
     verb = "are" if what.endswith(("innovations", "together")) else "is"

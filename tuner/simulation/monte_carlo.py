@@ -1,8 +1,8 @@
 """Monte-Carlo runs: many draws of one sensor along one trajectory, each filtered.
 
 The truth is the sensor's own noise model (`tuner.simulation.imu`), a receiver with white and correlated
-errors, and a start that errs by P0. Every run has a stream of its own, spawned from the seed: the answer does
-not depend on the number of threads.
+errors, the further states of the filter (`further_states`), and a start that errs by P0. Every run has a stream of its
+own, spawned from the seed: the answer does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import llh_displaced
+from models.earth import llh_displaced, ned_between
 from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
 from models.strapdown import NavigationState
@@ -24,7 +24,8 @@ from models.trajectory.motion import Motion, imu_increments
 from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
-from tuner.navigation.settings import FilterSettings, total_bias
+from tuner.navigation.settings import FilterSettings, error_rows, total_bias
+from tuner.simulation.further_states import draw_further
 from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
 from tuner.types import GnssNoise
@@ -93,6 +94,8 @@ class Runs:
         As predicted.
     use : ndarray of int, shape (m, k, 2)
         What became of each fix.
+    further_error, further_covariance : ndarray, shapes (m, k, r), (m, k, r, r)
+        The same as the first two, of the further states.
     """
 
     t: FloatArray
@@ -101,6 +104,8 @@ class Runs:
     innovation: FloatArray
     innovation_covariance: NDArray[np.float32]
     use: NDArray[np.int64]
+    further_error: FloatArray
+    further_covariance: FloatArray
 
 
 def outage_windows(duration: float) -> FloatArray:
@@ -196,14 +201,16 @@ def assumed_fix_sd(settings: FilterSettings, receiver: GnssNoise) -> FloatArray:
 
 
 def gather(t: FloatArray, done: Sequence[tuple[FloatArray, Solution]]) -> Runs:
-    """Put the errors (k, 15) and solutions of runs into arrays."""
+    """Put the errors (k, 15 + r) and solutions of runs into arrays."""
     return Runs(
         t,
-        np.stack([error for error, _ in done]),
+        np.stack([error[:, :15] for error, _ in done]),
         np.stack([s.covariance.astype(np.float32) for _, s in done]),
         np.stack([s.innovation for _, s in done]),
         np.stack([s.innovation_covariance.astype(np.float32) for _, s in done]),
         np.stack([s.use for _, s in done]),
+        np.stack([error[:, 15:] for error, _ in done]),
+        np.stack([s.further_covariance for _, s in done]),
     )
 
 
@@ -234,21 +241,38 @@ def _together(
     perfect: Fixes,
     streams: list[np.random.Generator],
 ) -> list[tuple[FloatArray, Solution]]:
-    """Draw and filter some runs at once; return errors (k, 15) and solution of each."""
+    """Draw and filter some runs at once; return errors (k, 15 + r) and solution of each."""
     steps, interval = plan.steps, float(plan.steps.dt[0])
     smoothing = resolution(settings, sensor)
-    starts, fixes, errors, biases = [], [], [], []
+    starts, fixes, errors, biases, others = [], [], [], [], []
+    further = np.flatnonzero(error_rows(settings.model) >= 15)
     for rng in streams:
         starts.append(corrected(plan.start, -settings.initial_sd[:9] * rng.standard_normal(9)))
         fixes.append(_with_errors(perfect, plan.receiver, rng))
         own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=smoothing, after=plan.after)
+        values = np.zeros((len(plan.times), 0))
+        if len(further):
+            truth = draw_further(settings, plan, len(own.slow), own.every, rng)
+            own, bias, values = replace(own, slow=own.slow + truth.sensors), bias + truth.bias, truth.values
+            llh = llh_displaced(truth.llh, ned_between(fixes[-1].llh, perfect.llh))
+            fixes[-1] = replace(fixes[-1], llh=llh, vel_n=fixes[-1].vel_n + truth.vel_n - perfect.vel_n)
         errors.append(own)
         biases.append(bias)
+        others.append(values)
     solutions = engine.run_together(settings, starts, steps, fixes, errors=errors)
     total = total_bias(settings.model)[9:]
     return [
-        (np.concatenate([navigation_error(plan.truth, s.state), bias - s.parameters @ total.T], axis=1), s)
-        for s, bias in zip(solutions, biases, strict=True)
+        (
+            np.hstack(
+                [
+                    navigation_error(plan.truth, s.state),
+                    bias - s.parameters @ total.T,
+                    other - s.parameters[:, further],
+                ]
+            ),
+            s,
+        )
+        for s, bias, other in zip(solutions, biases, others, strict=True)
     ]
 
 

@@ -85,6 +85,8 @@ def test_a_run_is_judged_by_its_own_errors():
         none,
         np.zeros((3, 300, 6, 6), dtype=np.float32),
         np.ones((3, 300, 2), dtype=int),
+        np.zeros((3, 300, 0)),
+        np.zeros((3, 300, 0, 0)),
     )
     ratios = run_ratios(runs, np.empty((0, 2)))
     np.testing.assert_allclose(

@@ -192,6 +192,23 @@ def test_perfect_data_leave_no_error():
     assert np.all(np.abs(solution.innovation) < 2e-3)
 
 
+def test_the_estimate_of_gravity_moves_the_filter():
+    """At rest with exact sensors, what is not felt of gravity is all of its excess, and stays found."""
+    config = plain(configuration())
+    channels = {
+        axis: replace(c, constant_sd=1e-7, random_walk_density=0.0) for axis, c in config.channels.items()
+    }
+    settings = filter_settings(replace(config, channels=channels), constants={"gravity": 1e-2})
+    _, start, steps, fixes = flight(settings, "static", 120.0, noisy=False)
+    excess, increments = 5e-3, steps.increments.copy()
+    increments[:, 3:] -= excess * rotation.mat_from_quat(start.quat_nb)[2] * steps.dt[:, None]
+    solution = engine.run(settings, start, replace(steps, increments=increments), fixes)
+    estimate = solution.parameters[:, settings.model.layout.start("gravity")]
+    sd = np.sqrt(solution.further_covariance[:, 0, 0])
+    assert sd[-1] < 0.1 * excess
+    np.testing.assert_allclose(estimate[len(sd) // 2 :], excess, rtol=0.01)
+
+
 def test_fix_within_a_sample_splits_it():
     steps = Steps(5.0, np.full(4, 0.25), np.arange(24.0).reshape(4, 6))
     split, after = split_at(steps, [5.25, 5.35, 5.35, 6.0 - 1e-9])

@@ -37,6 +37,7 @@ from tuner.consistency.attribution.likelihood import (
     measured_products,
 )
 from tuner.consistency.attribution.sensitivity import ScoreSensitivity, score_contributions
+from tuner.consistency.scores import BLOCKS
 from tuner.simulation.monte_carlo import Runs
 from tuner.types.consistency import Consistency, Explanation, Score
 
@@ -88,6 +89,8 @@ def attribute(found: Consistency, simulated: Runs, sensitivity: ScoreSensitivity
     sensitivity : ScoreSensitivity
         Of the same filter along the same scenario.
     """
+    # The error budget is of navigation and total biases: a further state by itself has no source that may be wrong.
+    found = replace(found, blocks=tuple(one for one in found.blocks if one.name in BLOCKS))
     own, others = (
         np.concatenate([score_contributions(found, budget), expected_products(budget)]).T
         for budget in (sensitivity.configured, sensitivity.unmodelled)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models.filter_states import FILTER_STATES
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
 from tuner.diagnosis.drive.causes.registry import significance_threshold
@@ -92,6 +93,9 @@ def _examine(
     notes = (*base.notes, *notes, *outcome.notes, *coarse_quantizer_notes(sensor))
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
+    if config.constants:
+        states = ", ".join(FILTER_STATES[name].meaning for name in config.constants)
+        notes = (*notes, f"searched without the further states of the configuration: {states}")
     gain = held_out_gain(sensor, outcome)
     return ExaminedDrive(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
 

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
+from models.filter_states import declaration
 from tuner.navigation.engine import (
     compilation,
+    further_couplings,
     layout,
     measurement_models,
     mechanisation,
@@ -35,6 +37,7 @@ from tuner.navigation.engine import (
 )
 from tuner.navigation.engine.compilation import checksum, compiling, entry
 from tuner.navigation.engine.fixes import AFTER, FixBatch, Output, use_fixes
+from tuner.navigation.engine.further_couplings import accelerate_down, add_to_calibration
 from tuner.navigation.engine.layout import Layout
 from tuner.navigation.engine.mechanisation import (
     calibrate_sample,
@@ -46,6 +49,7 @@ from tuner.navigation.engine.mechanisation import (
     take_sample,
 )
 from tuner.navigation.engine.propagation import LONGEST_DECAY, advance, gather, scatter, set_decay
+from tuner.navigation.engine.record_numbers import NUMBERS_CHECKSUM
 from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, State
 
 FloatArray = NDArray[np.float64]
@@ -94,6 +98,8 @@ def _cached(number: int) -> Callable[..., None]:
                     calibrate_sample(m)
                 stretch = 2.0 * d * d / (last_dt + d) / last_dt if last_dt > 0.0 else 0.0
                 mechanise(m, d, stretch)
+                if m.gravity >= 0 or m.further_count > 0:
+                    accelerate_down(m, d)
                 last_dt = d
                 elapsed += d
             fixed = due == k
@@ -120,6 +126,8 @@ def _cached(number: int) -> Callable[..., None]:
                 changed = True
             if changed:
                 set_biases(m)
+                if m.further_count > 0:
+                    add_to_calibration(m, False)
                 if mixed:
                     invert_calibration(m)
                 start_step(m)
@@ -130,8 +138,9 @@ def _cached(number: int) -> Callable[..., None]:
 
 
 _filter_steps = _cached(
-    checksum(
-        vector3, taylor, earth, strapdown, error_state, compilation, layout, state_module, random_normal,
+    NUMBERS_CHECKSUM ^ checksum(
+        vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
+        layout, state_module, random_normal,
         mechanisation, transition, sensor_inputs, propagation, measurement_models, update, fix_module,
         sys.modules[__name__],
     )

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.filter_states.declaration import DOWN_TARGET
 from tuner.navigation.settings import FilterSettings, chi2_gate, error_rows
 
 FloatArray = NDArray[np.float64]
@@ -91,6 +92,11 @@ class Layout(NamedTuple):
         Longest step of the covariance, s.
     patience : float
         Time with refused fixes only after which the next is used, s.
+    further : ndarray of int, shape (e, 3)
+        What other states add to: state, target of `models.filter_states.declaration.TARGETS`, true rate 0 … 5 or −1.
+        The loops over `row` and `source` know states that add to one sensor, with factor 1.
+    factor : ndarray, shape (e,)
+        Factors of these.
     """
 
     size: int
@@ -113,6 +119,8 @@ class Layout(NamedTuple):
     gate: float
     covariance_step: float
     patience: float
+    further: IntArray
+    factor: FloatArray
 
     def numbers(self) -> tuple[int, ...]:
         """Return the values of `NUMBERS`."""
@@ -132,11 +140,15 @@ def layout_of(settings: FilterSettings) -> Layout:
     model = settings.model
     at, n = model.layout, model.layout.size
     row, source = np.full(n, -1), np.full(n, -1)
-    own = model.sensor_couplings
-    row[own.state], source[own.state] = own.target, own.source
     slope = model.slopes
     gnss = at["gnss_position"] if "gnss_position" in at else slice(0, 0)
     gravity = at.start("gravity")
+    own = model.couplings
+    alone = np.bincount(own.state, minlength=n)[own.state] == 1
+    simple = alone & (own.target < DOWN_TARGET) & (own.factor == 1.0)
+    row[own.state[simple]], source[own.state[simple]] = own.target[simple], own.source[simple]
+    known = simple | (own.state == gravity) | ((own.state >= gnss.start) & (own.state < gnss.stop))
+    further = np.stack([own.state, own.target, own.source], axis=-1)[~known]
     return Layout(
         n,
         1.0 / model.time_constant,
@@ -152,12 +164,14 @@ def layout_of(settings: FilterSettings) -> Layout:
         at.start("gnss_position"),
         (gnss.stop - gnss.start) // 3,
         error_rows(model),
-        not (source >= 0).any(),
+        not (own.source >= 0).any(),
         grouped(row, source, gravity),
         np.array(settings.lever_arm, dtype=float),
         chi2_gate(settings.gate, 3),
         settings.covariance_step,
         settings.patience,
+        further,
+        own.factor[~known],
     )
 
 

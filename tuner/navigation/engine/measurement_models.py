@@ -19,6 +19,13 @@ from models.strapdown import rates
 from models.taylor import exponential
 from models.vector3 import add, cross, matrix, product, scale, transform
 from tuner.navigation.engine.compilation import inlined
+from tuner.navigation.engine.further_couplings import (
+    add_down_derivative,
+    add_receiver_errors,
+    add_to_sensor_rows,
+    down_estimate,
+    subtract_biases,
+)
 from tuner.navigation.engine.layout import (
     ATTITUDE,
     KIND_COLUMN,
@@ -102,8 +109,7 @@ def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
         for j in range(6, 9):
             T[F + i, j] = 0.0
     _skew_into(T, F, ATTITUDE, force, -1.0)
-    if m.gravity >= 0:
-        T[F + 2, m.gravity] = 1.0
+    add_down_derivative(m, F + 2)
     for i in range(3):
         for j in range(m.size):
             T[H + i, j] += -delay * T[H + 3 + i, j] + 0.5 * delay * delay * T[F + i, j]
@@ -140,6 +146,8 @@ def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     for s in range(9, n):
         if m.table[ROW, s] >= 0 and m.table[SOURCE, s] < 0:
             T[MEASURED, m.table[ROW, s]] -= T[ESTIMATES, s]
+    if m.further_count > 0:
+        subtract_biases(m)
     for c in range(6):
         T[CALIBRATED, c] = T[MEASURED, c]
         if m.ideal == 0:
@@ -149,7 +157,10 @@ def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     mat = matrix(quat)
     of_earth = earth_rate(np.sin(pos[0]), np.cos(pos[0]))
     of_earth_b = _to_body(mat, of_earth)
-    _sensor_rows(m, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    unit = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    _sensor_rows(m, unit)
+    if m.further_count > 0:
+        add_to_sensor_rows(m, unit)
     if kind == 3:
         for i in range(3):
             T[INNOVATION, i] = T[CALIBRATED, i] - of_earth_b[i]
@@ -189,9 +200,8 @@ def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
                     sideways[0] * mounted[0] + sideways[1] * mounted[1] + sideways[2] * mounted[2]
                 )
         for s in range(9, n):
-            if m.table[ROW, s] >= 0:
-                w = cross(slip, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
-                T[JACOBIAN_ROWS + i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
+            w = cross(slip, (T[SENSOR_ROWS, s], T[SENSOR_ROWS + 1, s], T[SENSOR_ROWS + 2, s]))
+            T[JACOBIAN_ROWS + i, s] -= sideways[0] * w[0] + sideways[1] * w[1] + sideways[2] * w[2]
 
 
 @inlined
@@ -222,6 +232,8 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     T, n = m.scratch, m.size
     mat = matrix(quat)
     _sensor_rows(m, mat)
+    if m.further_count > 0:
+        add_to_sensor_rows(m, mat)
     arm = (m.constants[0], m.constants[1], m.constants[2])
     if m.lever >= 0:
         arm = add(arm, (T[ESTIMATES, m.lever], T[ESTIMATES, m.lever + 1], T[ESTIMATES, m.lever + 2]))
@@ -266,8 +278,7 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     if m.delay >= 0:
         delay = T[ESTIMATES, m.delay]
         _, acc, _ = rates(pos, vel, mat, omega_b, force_b)
-        if m.gravity >= 0:
-            acc = (acc[0], acc[1], acc[2] + T[ESTIMATES, m.gravity])
+        acc = (acc[0], acc[1], acc[2] + down_estimate(m))
         shift = add(scale(-delay, antenna), scale(0.5 * delay * delay, acc))
         _delay_rows(m, pos, vel, transform(mat, force_b), delay)
         for i in range(3):
@@ -282,6 +293,8 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     for i in range(3):
         T[INNOVATION, i] = (m.fix[i] - pos[i]) * metres[i] - u[i] - shift[i]
         T[INNOVATION, 3 + i] = m.fix[3 + i] - (antenna[i] - delay * acc[i])
+    if m.further_count > 0:
+        add_receiver_errors(m)
 
 
 @inlined

@@ -23,6 +23,7 @@ from tuner.navigation.engine.compilation import (
     quaternion,
     vector,
 )
+from tuner.navigation.engine.further_couplings import add_to_calibration
 from tuner.navigation.engine.layout import BIAS_STATES, NAVIGATION_STATES, ROW, SOURCE
 from tuner.navigation.engine.random_normal import normal_numbers
 from tuner.navigation.engine.state import (
@@ -79,6 +80,8 @@ def invert_calibration(m: Any) -> None:
         if source >= 0:
             for w in range(filters):
                 N[CALIBRATION_ROW + 6 * row + source, w] += S[ESTIMATE, s, w]
+    if m.further_count > 0:
+        add_to_calibration(m, True)
     for i in range(6):
         for w in range(filters):
             pivot = 1.0 / N[CALIBRATION_ROW + 7 * i, w]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from tuner.navigation.engine.compilation import block, count, merged
+from tuner.navigation.engine.further_couplings import add_inputs
 from tuner.navigation.engine.layout import NAVIGATION_STATES, SLOPE
 from tuner.navigation.engine.sensor_inputs import (
     add_mixed_white,
@@ -150,16 +151,22 @@ def advance(m: Any, p: Any, a: Any, dt: float, alone: bool | None) -> None:
         set_sensitivity(m, dt)
     set_coupling(m)
     inputs_by_rows(m, p, a)
+    if m.further_count > 0:
+        add_inputs(m, p, a, 0 * end, 0 * end + NAVIGATION_STATES, 0 * end + 1)
     begin = 0 * end  # no constant, for which numba would compile once more
     first = begin + NAVIGATION_STATES
     while begin < end:
         last = end if m.filters == 1 or first + COLUMNS_AT_ONCE > end else first + COLUMNS_AT_ONCE
         inputs_by_columns(m, p, a, first, last, alone)
+        if m.further_count > 0:
+            add_inputs(m, p, a, first, last if last < size else size, 0 * end)
         if mixed:
             calibrate_inputs(m, a, begin, last)
         columns_through_step(m, p, a, begin, last, dt)
         begin, first = last, last
     inputs_by_rows(m, p, a)
+    if m.further_count > 0:
+        add_inputs(m, p, a, 0 * end, 0 * end + NAVIGATION_STATES, 0 * end + 1)
     if mixed:
         add_mixed_white(m, a, dt)
         calibrate_inputs(m, a, 0 * end, 0 * end + NAVIGATION_STATES)

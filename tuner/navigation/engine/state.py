@@ -116,8 +116,11 @@ def record_types(filters: int, length: int) -> tuple[np.dtype[np.void], ...]:
         ("table", i, (TABLE_ROWS, length)),
         ("constants", f, (CONSTANT_COUNT,)),
         ("groups", i, (length, 4)),
+        ("further", i, (2 * length, 3)),
+        ("factor", f, (2 * length,)),
         *((name, i, ()) for name in NUMBERS),
         ("group_count", i, ()),
+        ("further_count", i, ()),
         ("ramps", i, ()),
         ("filters", i, ()),
     ]
@@ -150,13 +153,17 @@ def new_state(lay: Layout, filters: int) -> State:
     Raises
     ------
     ValueError
-        Where there are more than `LONG_ROW` states.
+        Where there are more than `LONG_ROW` states, or these add to more than the record has room for.
     """
-    n = lay.size
+    n, further = lay.size, len(lay.further)
     if n > LONG_ROW:
         msg = f"at most {LONG_ROW} states can be compiled, got {n}"
         raise ValueError(msg)
-    kind, *kinds = record_types(filters, SHORT_ROW if n <= SHORT_ROW else LONG_ROW)
+    length = SHORT_ROW if n <= SHORT_ROW and further <= 2 * SHORT_ROW else LONG_ROW
+    if further > 2 * length:
+        msg = f"at most {2 * length} couplings of declared states can be compiled, got {further}"
+        raise ValueError(msg)
+    kind, *kinds = record_types(filters, length)
     memory, covariance, inputs = (_zeros(own.itemsize).view(own) for own in (kind, *kinds[:2]))
     shared = filters == 1  # its covariance needs no copy
     each = (covariance.view(np.uint8)[: kinds[2].itemsize] if shared else _zeros(kinds[2].itemsize)).view(
@@ -171,6 +178,7 @@ def new_state(lay: Layout, filters: int) -> State:
     states[RATE, :n], states[DRIVING_DENSITY, :n] = lay.rate[:, None], lay.process_noise[:, None]
     m["table"][:, :n], m["constants"][:] = lay.table(), lay.constants()
     m["groups"][: len(lay.groups)] = lay.groups
+    m["further"][:further], m["factor"][:further], m["further_count"] = lay.further, lay.factor, further
     for name, value in zip(NUMBERS, lay.numbers(), strict=True):
         m[name] = value
     m["group_count"], m["ramps"], m["filters"] = len(lay.groups), len(lay.ramps), filters

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import earth, error_state, strapdown, taylor, vector3
+from models.filter_states import declaration
 from tuner.diagnosis.drive.linear_model import propagation_kernels
 from tuner.diagnosis.drive.linear_model.propagation_kernels import (
     AccumulatedErrors,
@@ -25,6 +26,7 @@ from tuner.diagnosis.drive.linear_model.propagation_kernels import (
 )
 from tuner.navigation.engine import (
     compilation,
+    further_couplings,
     layout,
     mechanisation,
     propagation,
@@ -43,6 +45,7 @@ from tuner.navigation.engine.mechanisation import (
     take_sample,
 )
 from tuner.navigation.engine.propagation import set_decay
+from tuner.navigation.engine.record_numbers import NUMBERS_CHECKSUM
 from tuner.navigation.engine.state import CALIBRATED_ROW, ESTIMATE, VELOCITY_SUM_ROW
 from tuner.navigation.engine.transition import linearise, set_sensitivity
 
@@ -188,8 +191,9 @@ def _cached(number: int) -> Callable[..., None]:
 
 
 propagate = _cached(
-    checksum(
-        vector3, taylor, earth, strapdown, error_state, compilation, layout, state, mechanisation, transition,
+    NUMBERS_CHECKSUM ^ checksum(
+        vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
+        layout, state, mechanisation, transition,
         sensor_inputs, propagation, propagation_kernels, sys.modules[__name__],
     )
 )  # fmt: skip
