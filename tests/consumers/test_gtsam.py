@@ -9,7 +9,7 @@ import pytest
 
 from models.units import STANDARD_GRAVITY as G
 from tests.consumers.examples import EXAMPLES, text_of
-from tests.consumers.programs import STEP
+from tests.consumers.programs import PROGRAMS, STEP
 
 gtsam = pytest.importorskip("gtsam", reason="GTSAM is not installed (pip install gtsam)")
 REST = np.array([0.0, 0.0, G])
@@ -76,6 +76,30 @@ def test_predicted_spread_is_that_of_integrated_noise() -> None:
     predicted = np.diag(at_rest("walk", t))[:9]
     # A variance from 300 runs has a relative sd of √(2/300): its root 4 %, five of them 20 %.
     assert np.sqrt(predicted / drawn) == pytest.approx(np.ones(9), abs=5.0 / np.sqrt(2.0 * runs))
+
+
+@pytest.mark.parametrize("dialect", ["liosam", "liosam-ros2", "lvi-sam", "kimera-vio", "dm-vio"])
+@pytest.mark.parametrize("horizon", [0.1, 0.5])
+def test_programs_on_its_imu_factor_predict_as_modelled(dialect: str, horizon: float) -> None:
+    # They set N² as covariances, and between two frames a walk of the bias of K √Δt: the horizon is that of frames.
+    program = next(program for program in PROGRAMS if program.dialect == dialect)
+    gyro, accel = (program.step(text_of("walk", dialect), sensor) for sensor in ("gyro", "accel"))
+    params = gtsam.PreintegrationParams.MakeSharedU(G)
+    params.setGyroscopeCovariance(gyro.angle / STEP * np.eye(3))
+    params.setAccelerometerCovariance(accel.angle / STEP * np.eye(3))
+    params.setIntegrationCovariance(1e-12 * np.eye(3))
+    measured = gtsam.PreintegratedImuMeasurements(params, gtsam.imuBias.ConstantBias())
+    for _ in range(round(horizon / STEP)):
+        measured.integrateMeasurement(REST, np.zeros(3), STEP)
+    predicted = np.diag(measured.preintMeasCov())
+    channels = EXAMPLES["walk"]().channels
+    assert np.sqrt(predicted[2] / (channels["gyro_z"].white_density ** 2 * horizon)) == pytest.approx(
+        1.0, abs=0.03
+    )
+    assert np.sqrt(predicted[8] / (channels["accel_z"].white_density ** 2 * horizon)) == pytest.approx(
+        1.0, abs=0.03
+    )
+    assert np.sqrt(gyro.bias / STEP) == pytest.approx(channels["gyro_z"].random_walk_density, rel=1e-5)
 
 
 def test_the_turn_on_is_a_prior_of_the_first_bias() -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from tuner.synthesis.bias_states import BOUND, RULES, bounding_state
 from tuner.synthesis.equivalent_models import (
-    equivalent_markov_sd,
     equivalent_noise,
     equivalent_random_walk,
     structure_function,
@@ -24,7 +23,6 @@ __all__ = [
     "axis_states",
     "axis_system",
     "bounding_state",
-    "equivalent_markov_sd",
     "equivalent_noise",
     "equivalent_random_walk",
     "inflate",

@@ -1,4 +1,4 @@
-"""Poorer bias models that grow like a richer one: white noise with a random walk, or with one time constant.
+"""A poorer bias model that grows like a richer one: white noise with a random walk.
 
 What a filter sees of a Gauss–Markov state (σ, T) depends on its memory τ_f, the time over which aiding renews a bias:
 
@@ -11,10 +11,9 @@ What a filter sees of a Gauss–Markov state (σ, T) depends on its memory τ_f,
 * Between, both: the shares of N² and K² that bring the Allan deviation nearest to that of the whole model, by least
   squares of its logarithm at cluster times of 1 s to τ_f.
 
-A state of time constant T' in place of the walk has σ² = K² τ_f / (2 − 2e^{−τ_f/T'}). How far two numbers can follow
-the richer model is `EquivalentNoise.mismatch`; exporters print it. Where nothing wanders at all, K = 0.1 √3 N/τ_f adds
-1 % to what white noise does to the angle (velocity) variance over the memory, N²τ_f: harmless, and no target is handed
-a zero.
+How far two numbers can follow the richer model is `EquivalentNoise.mismatch`; exporters print it. Where nothing wanders
+at all, K = 0.1 √3 N/τ_f adds 1 % to what white noise does to the angle (velocity) variance over the memory, N²τ_f:
+harmless, and no target is handed a zero. One state in place of the walk: `tuner.exporters.one_state`.
 
 Symbols: σ sd, T time constant (s), K random walk density, N white density, τ_f memory (s).
 """
@@ -109,14 +108,6 @@ def equivalent_white_density(channel: ChannelNoise, *, memory: float = FILTER_ME
 def equivalent_random_walk(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) -> float:
     """Return the density of the random walk that stands for the bias over `memory` seconds, unit/√s; never 0."""
     return equivalent_noise(channel, memory=memory).random_walk_density
-
-
-def equivalent_markov_sd(
-    channel: ChannelNoise, time_constant: float, *, memory: float = FILTER_MEMORY
-) -> float:
-    """Return the sd of the state of that time constant that wanders as far as that random walk, unit; never 0."""
-    wander = equivalent_random_walk(channel, memory=memory) ** 2 * memory
-    return math.sqrt(wander / (-2.0 * math.expm1(-memory / time_constant)))
 
 
 def _wander(states: Sequence[GaussMarkov], lag: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,34 @@ def test_a_dialect_of_another_package_is_listed_and_exported_by_the_command(tmp_
     assert list(dialects)[-1] == "my-filter"
     assert run(["export", "stim300", "--to", "my-filter", "-o", str(out), "--quiet"]) == 0
     assert "imu_noise" in yaml.safe_load(out.read_text())
+
+
+def test_rate_step_and_memory_of_the_target_are_options(tmp_path: Path) -> None:
+    def written(dialect: str, *options: str) -> str:
+        out = tmp_path / "export"
+        assert run(["export", "stim300", "--to", dialect, "-o", str(out), "--quiet", *options]) == 0
+        return out.read_text()
+
+    # A grade of 250 Hz in a VINS of 500 Hz: its noise a sample is √2 larger.
+    slow, fast = (yaml.safe_load(written("vins", "--rate", rate)[10:])["gyr_n"] for rate in ("250", "500"))
+    assert fast / slow == pytest.approx(2.0**0.5, rel=1e-5)
+    assert "dt = 0.008 s" in written("px4", "--step", "0.008")
+    assert "memory τ of 20 s" in written("kalibr", "--memory", "20")
+    assert run(["export", "stim300", "--to", "vins", "--rate", "0"]) == 2
+
+
+def test_a_configuration_of_gyros_alone_is_refused_with_the_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gyros = {axis: channel for axis, channel in CONFIG.channels.items() if axis.startswith("gyro")}
+    path = tmp_path / "noise.yaml"
+    path.write_text(export(replace(CONFIG, channels=gyros), "native"), encoding="utf-8")
+    assert run(["export", str(path), "--to", "kalibr"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "kalibr needs gyroscopes and accelerometers, found no accelerometers" in said
+    assert "--complete GRADE" in said
+    assert "\n" not in said
+    assert run(["export", str(path), "--to", "px4", "--quiet", "-o", str(tmp_path / "px4.params")]) == 0
 
 
 def test_an_unknown_dialect_is_refused_by_the_command_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

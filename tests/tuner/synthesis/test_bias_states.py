@@ -13,7 +13,6 @@ from tuner.synthesis import (
     axis_states,
     axis_system,
     bounding_state,
-    equivalent_markov_sd,
     equivalent_noise,
     equivalent_random_walk,
     step_noise,
@@ -157,9 +156,7 @@ def test_equivalents_of_slow_states_wander_as_far_over_the_memory() -> None:
     for memory in (1.0, 10.0, 100.0, 300.0):
         wander = structure_function(rich, memory)
         walk = channel(random_walk_density=equivalent_random_walk(rich, memory=memory))
-        single = channel(markov=(GaussMarkov(equivalent_markov_sd(rich, 300.0, memory=memory), 300.0),))
         assert structure_function(walk, memory) == pytest.approx(wander, rel=1e-12)
-        assert structure_function(single, memory) == pytest.approx(wander, rel=1e-12)
         assert equivalent_noise(rich, memory=memory).white_density == rich.white_density
 
 
@@ -206,7 +203,6 @@ def test_no_other_white_noise_and_walk_follow_the_allan_deviation_better(states)
 def test_equivalents_keep_what_needs_no_conversion() -> None:
     assert equivalent_random_walk(channel(random_walk_density=3e-7), memory=50.0) == pytest.approx(3e-7)
     one = channel(markov=(GaussMarkov(2e-5, 300.0),))
-    assert equivalent_markov_sd(one, 300.0) == pytest.approx(2e-5)
     # τ ≪ T: K² = 2σ²/T
     assert equivalent_random_walk(one, memory=0.01) == pytest.approx(one.markov[0].driving_density, rel=1e-4)
 

@@ -74,6 +74,9 @@ def command(
         if dialect != "kf-gins" or output_file is None:
             msg = "--drive: expected --to kf-gins and -o FILE with it"
             raise click.UsageError(msg)
+        if (rate, step, memory) != (None, None, None):
+            msg = "--rate, --step, --memory: expected without --drive, which states its own rate"
+            raise click.UsageError(msg)
         _write_with_drive(config, drive, output_file, messages)
         text = output_file.read_text("utf-8")
     else:
