@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.units import unit_value
+from tuner.formats.guard import printable
 from tuner.readers import column_names as names
 from tuner.readers.clock import Clock, read_clock
 from tuner.readers.column_choice import Channel, Layout, choose
@@ -101,7 +102,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 interval=base.interval,
                 segments=base.segments,
                 covariates=MappingProxyType(channels),
-                source=listing.path.name,
+                source=printable(listing.path.name),
                 digest=digest,
                 timing=MappingProxyType(timing),
             )
@@ -116,7 +117,7 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     notes += doubts
     live = _without_constant_axes(records, notes, keep=options.constant_axes)
     assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
-    said = tuple(dict.fromkeys([*assumptions, *notes]))
+    said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(replace(record, notes=said, assumptions=tuple(assumptions)) for record in live)
 
 

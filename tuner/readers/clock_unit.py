@@ -74,6 +74,10 @@ def unit_of_stamps(
         unit = present[0]
         return TimeUnit(CANDIDATES[unit], () if unit == "s" else (f"time in {unit} (stamps since 1970)",))
     if not present and "s" in possible and ("s" in usual or (not usual and 1.0 / step < USUAL_RATES[1])):
+        if "s" in usual and _usual(60.0 * step):
+            return TimeUnit(
+                1.0, (), (f"time in s assumed: {1.0 / step:.6g} Hz; in min it would be 60 times slower",)
+            )
         return TimeUnit(1.0)
     if not present and len(usual) == 1 and "s" not in possible:
         unit = usual[0]

@@ -132,11 +132,24 @@ _AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
 
 @dataclass(frozen=True)
 class ColumnName:
-    """A column name taken apart: `written` as in the file, `plain` without unit, `unit` or None."""
+    """A column name taken apart.
+
+    Attributes
+    ----------
+    written : str
+        As in the file.
+    plain : str
+        Without unit.
+    unit : str or None
+        As the name states it.
+    angle : bool
+        Whether the name states an angle where a gyroscope gives a rate, as ``gyro_rad`` does.
+    """
 
     written: str
     plain: str
     unit: str | None
+    angle: bool = False
 
 
 def unit_of(text: str, allowed: Iterable[str], *, what: str) -> str:
@@ -164,7 +177,7 @@ def parse_name(written: str) -> ColumnName:
     if (index := _INDEX.match(written)) is not None:
         inner, number = parse_name(index["name"]), int(index["index"])
         last = "xyz"[number] if number < 3 else str(number)
-        return ColumnName(written, f"{inner.plain}_{last}", inner.unit)
+        return ColumnName(written, f"{inner.plain}_{last}", inner.unit, inner.angle)
     match = _BRACKET.match(written)
     name, unit = (match["name"], match["unit"].strip() or None) if match else (written, None)
     if match and _INDEX.match(name) is not None:
@@ -177,7 +190,8 @@ def parse_name(written: str) -> ColumnName:
             if len(parts) == tail + 1 and suffix in _SUFFIXES and not _is_axis_name(plain):
                 found = _SUFFIXES[suffix]
                 rate = not increments(parts[0]) and (_role_of(parts[0]) or ("",))[0].startswith("gyro")
-                return ColumnName(written, parts[0], _RATE_OF.get(found, found) if rate else found)
+                angle = rate and found in _RATE_OF
+                return ColumnName(written, parts[0], _RATE_OF[found] if angle else found, angle)
     return ColumnName(written, plain, unit)
 
 

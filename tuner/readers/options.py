@@ -85,12 +85,12 @@ def sensor_unit(listing: Listing, sensor: Sensor, options: Options, notes: list[
 
 
 def _only_named(listing: Listing, array: str) -> bool:
-    """Return whether the unit of a column is a guess: the format's, or from a name of increments alone."""
+    """Return whether the unit of a column is a guess: the format's, or from a name of an angle or increments."""
     parsed = names.parse_name(array)
     named = (
         parsed.unit or names.unit_in_words(parsed.plain, "gyro") or names.unit_in_words(parsed.plain, "accel")
     )
-    return array in listing.guessed or (
+    return (array in listing.guessed or parsed.angle) or (
         names.increments(parsed.plain) and named is None and array not in listing.units
     )
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
+from tuner.formats.guard import printable
+
 
 def source_name(source: str | Path) -> str:
     """Return the short name of a source: its file name without suffixes, or the name of the grade."""
-    name = Path(source).name
+    name = printable(Path(source).name)
     return name.split(".")[0] or name
 
 
@@ -33,8 +35,11 @@ def is_drive(source: str | Path) -> bool:
     if path.is_dir():
         return True
     if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as file:
-            return "gnss_t.npy" in file.namelist()
+        try:
+            with zipfile.ZipFile(path) as file:
+                return "gnss_t.npy" in file.namelist()
+        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+            return False
     if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         head = path.read_text(encoding="utf-8", errors="replace")
         return "imupath" in head and "gnsspath" in head

@@ -194,6 +194,13 @@ def _open_rate(
         option = f"--gyro-unit {possible[0]}" if possible else f"--gyro-unit UNIT ({' '.join(UNITS['gyro'])})"
         msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
         raise DataError(msg)
+    foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")
+    if foreign and accel is not None and possible and told != {read_in}:
+        msg = (
+            f"{source}: accel is in {accel.unit}, and nothing states the unit of gyro: pass "
+            f"--gyro-unit {possible[0]}, or --gyro-unit {read_in}"
+        )
+        raise DataError(msg)
     if told == {read_in}:
         return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
     others = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in possible[:3])

@@ -420,7 +420,7 @@ def test_an_index_in_brackets_is_no_unit(tmp_path: Path) -> None:
     gyro, accel = read(write(tmp_path / "log.csv", rows(), ",".join(["t", *names])))
     np.testing.assert_array_equal(gyro.y, GYRO)
     np.testing.assert_array_equal(accel.y, ACCEL)
-    assert gyro.assumptions == ()
+    assert gyro.assumptions[0].startswith("gyro: rad/s assumed")
 
 
 def test_columns_that_are_left_out_are_named(tmp_path: Path) -> None:
