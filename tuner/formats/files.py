@@ -1,39 +1,67 @@
-"""Files are written whole or not at all."""
+"""Files are written whole or not at all, and are on the disk before they replace what was there."""
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+Put = Callable[[Path, bytes], None]
+"""Writes the content of a file, or keeps it to be written with others."""
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` on success, remove it on any failure.
 
-    The temporary name keeps the suffix, so that libraries that choose the format by it work unchanged.
+    The temporary name keeps the suffix, so that libraries that choose the format by it work unchanged. A link stays a
+    link: what it leads to is replaced. Permissions of a file that exists are kept.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    target = path.resolve() if path.is_symlink() else path
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{target.stem[:40]}-", suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        temporary.chmod(mode_for(target))
+        to_disk(temporary)
+        temporary.replace(target)
+        to_disk(target.parent)
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` as UTF-8, whole or not at all."""
+    """Write `text` as UTF-8, whole or not at all; halves of characters become ``?``."""
+    write_bytes(path, text.encode("utf-8", errors="replace"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write `content`, whole or not at all."""
     with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content)
 
 
-def _umask() -> int:
+def mode_for(target: Path) -> int:
+    """Return the permissions that a file will have: those it has, else those of a new one."""
+    return target.stat().st_mode & 0o7777 if target.exists() else 0o666 & ~umask()
+
+
+def to_disk(path: Path) -> None:
+    """Have the content of a file, or the names of a folder, written to the disk, where the system can."""
+    with suppress(OSError):  # folders cannot be opened on every system
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def umask() -> int:
+    """Return the permissions that new files lack."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -6,11 +6,13 @@ A ``noise.yaml`` has the terms of every axis; the JSON of an identification (or 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from tuner.catalogue.model_channel import channel_of_terms
 from tuner.formats import noise_yaml
 from tuner.formats.documents import parse_json, read_text
+from tuner.formats.file_set import stale_files
 from tuner.formats.identification import load_identification
 from tuner.types import Identification
 
@@ -60,5 +62,9 @@ def _from_configuration(path: Path) -> Identification:
 def _from_json(path: Path) -> Identification:
     content = parse_json(read_text(path, expected="readable JSON"), source=str(path))
     if isinstance(content, dict) and content.get("schema") == _RESULT_SCHEMA:
-        return load_identification(content.get("identification"), source=f"{path}: identification")
+        found = load_identification(content.get("identification"), source=f"{path}: identification")
+        if stale := stale_files(path):
+            note = f"{path.name} was written with other files than are beside it now: {', '.join(stale)}"
+            return replace(found, notes=(*found.notes, note))
+        return found
     return load_identification(content, source=str(path))

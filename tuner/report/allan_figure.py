@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
+from tuner.formats.files import Put, write_bytes
 from tuner.report.figure_files import new_figure
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.prediction import PredictedBlock
@@ -52,17 +53,18 @@ def draw_allan(
     *,
     title: str = "",
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
+    put: Put = write_bytes,
 ) -> None:
     """Draw every channel of an identification, with what the written settings predict where that is known.
 
-    One file a path is written: PNG, SVG, … by its suffix.
+    One file a path is handed to `put`: PNG, SVG, … by its suffix.
     """
     channels = list(identification.channels.values())
     units = list(dict.fromkeys(c.unit for c in channels))
     rows = [[c for c in channels if c.unit == unit] for unit in units]
     columns = max(len(row) for row in rows)
     size = (4.6 * columns + 0.4, 4.1 * len(rows) + 0.7)
-    with new_figure(size, paths) as figure:
+    with new_figure(size, paths, put) as figure:
         grid = figure.subplots(len(rows), columns, squeeze=False, sharey="row")
         for row, panels in zip(rows, grid, strict=True):
             for channel, panel in zip(row, panels, strict=False):
@@ -71,7 +73,7 @@ def draw_allan(
                 panel.set_visible(False)
             panels[0].set_ylabel(f"Allan deviation, {pretty(customary_unit('level', row[0].unit))}")
         if title:
-            figure.suptitle(title)
+            figure.suptitle(title, parse_math=False)
 
 
 def _draw_channel(panel: Axes, channel: ChannelIdentification, predicted: PredictedBlock | None) -> None:

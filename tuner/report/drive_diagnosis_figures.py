@@ -19,6 +19,7 @@ from scipy.stats import chi2
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
+from tuner.formats.files import Put, write_bytes
 from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.run import navigate
 from tuner.report.drive_cause_panels import (
@@ -46,7 +47,7 @@ NIS_WINDOW = 30.0
 """Time over which NIS is averaged, s: some 30 fixes at 1 Hz, a band of ± 15 %."""
 
 
-def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path]]:
+def draw_drive(examined: ExaminedDrive, directory: Path, put: Put = write_bytes) -> list[tuple[str, Path]]:
     """Draw the diagnosis of a drive to ``drive-*.png`` and ``.svg``.
 
     Returns
@@ -58,6 +59,7 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
     named = "with all findings" if examined.diagnosis.findings else "nothing found, so the same again"
     drawn = [
         _draw(
+            put,
             directory / "drive-innovations.svg",
             f"Innovations of the filter as configured (grey) and {named} (blue); bands are ± 1 predicted sd.",
             (11.0, 7.0),
@@ -65,6 +67,7 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
             [partial(_innovations, passes, row) for row in (0, 3, 1, 4, 2, 5)],
         ),
         _draw(
+            put,
             directory / "drive-consistency.svg",
             f"Left: normalised innovations must be uncorrelated. Right: NIS, averaged over {NIS_WINDOW:.0f} s, "
             "must stay about 1; the shaded band holds 95 % of the averages of a consistent filter.",
@@ -77,6 +80,7 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
     if outages:
         drawn.append(
             _draw(
+                put,
                 directory / "drive-outages.svg",
                 "Horizontal error at the end of outages of the whole drive, before and after the findings; below the "
                 "diagonal is better. These are the data the findings were estimated from: the gain on held-out data "
@@ -94,6 +98,7 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
         view = _view(examined, finding.cause)
         drawn.append(
             _draw(
+                put,
                 directory / f"drive-finding-{len(seen)}-{finding.cause}.svg",
                 finding.text,
                 (11.0, 4.0),
@@ -108,19 +113,20 @@ def draw_drive(examined: ExaminedDrive, directory: Path) -> list[tuple[str, Path
 
 
 def _draw(
+    put: Put,
     path: Path,
     caption: str,
     size: tuple[float, float],
     shape: tuple[int, int],
     panels: list[Callable[[Axes], None]],
 ) -> tuple[str, Path]:
-    with new_figure(size, (path.with_suffix(".png"), path)) as figure:
+    with new_figure(size, (path.with_suffix(".png"), path), put) as figure:
         for panel, draw in zip(figure.subplots(*shape, squeeze=False).flat, panels, strict=True):
             draw(panel)
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
-        figure.suptitle(fill(caption, 150), fontsize=9)
+        figure.suptitle(fill(caption, 150), fontsize=9, parse_math=False)
     return caption, path
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import MappingProxyType
 
 from rich.table import Table
@@ -43,7 +42,7 @@ def write_page(
     *,
     title: str,
     sections: Sequence[tuple[str, Sequence[Table | str]]] = (),
-    figures: Sequence[tuple[str, Path]] = (),
+    figures: Sequence[tuple[str, str]] = (),
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     absent: Mapping[str, str],
 ) -> str:
@@ -59,8 +58,8 @@ def write_page(
         Name of the log.
     sections : sequence of (str, sequence of Table or str)
         Further parts, such as the diagnosis and the consistency check.
-    figures : sequence of (str, Path)
-        Further SVG figures with their captions.
+    figures : sequence of (str, str)
+        Captions and text of further SVG figures.
     predictions : mapping of str to PredictedBlock
         How well the settings of each axis predict the record.
     absent : mapping of str to str
@@ -76,7 +75,7 @@ def write_page(
         parts.append(_allan(identification, predictions))
     for heading, content in sections:
         parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
-    parts += [_figure(path.read_text(encoding="utf-8"), caption) for caption, path in figures]
+    parts += [_figure(svg, caption) for caption, svg in figures]
     parts += ["<h2>Filter configuration</h2>", _blocks([_settings(config)]), _reasons(config)]
     if absent:
         parts.append("<h2>What was not done</h2>")
@@ -125,12 +124,14 @@ def _table(table: Table) -> str:
 
 
 def _allan(identification: Identification, predictions: Mapping[str, PredictedBlock]) -> str:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "allan.svg"
-        draw_allan(identification, [path], predictions=predictions)
-        return _figure(
-            path.read_text(encoding="utf-8"), "Allan deviation with 95 % band, fitted sum and terms"
-        )
+    drawn: list[bytes] = []
+    draw_allan(
+        identification,
+        [Path("allan.svg")],
+        predictions=predictions,
+        put=lambda _, content: drawn.append(content),
+    )
+    return _figure(drawn[0].decode(), "Allan deviation with 95 % band, fitted sum and terms")
 
 
 def _figure(svg: str, caption: str) -> str:

@@ -11,7 +11,7 @@ from rich.table import Table
 from tuner.formats.configuration import config_json
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
-from tuner.formats.files import write_text
+from tuner.formats.file_set import MANIFEST, digests, write_set
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
@@ -30,6 +30,9 @@ from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
 from tuner.types import BoundUsed, Enlargement
 
+LAST = "result.json"
+"""The file of a set that has the digests of the others."""
+
 Section = tuple[str, Sequence[Table | str]]
 
 
@@ -41,32 +44,47 @@ def write_tune_result(result: TuneResult, directory: Path) -> None:
     result : TuneResult
         Of `tuner.tune`.
     directory : Path
-        Made where it does not exist; each file is written whole or not at all.
+        Made where it does not exist; a set that is there is replaced in one step.
     """
+    files = tune_files(result)
+    write_set(directory, files, last=LAST)
+
+
+def tune_files(result: TuneResult) -> dict[str, bytes]:
+    """Return the content of every file of a result by its name; ``result.json`` has the SHA-256 of the others."""
     found = result.identification
+    files: dict[str, bytes] = {}
+
+    def put(path: Path, content: bytes) -> None:
+        files[path.name] = content
+
+    here = Path()
     if any(channel.allan.tau.size for channel in found.channels.values()):
-        paths = [directory / "allan.png", directory / "allan.svg"]
-        draw_allan(found, paths, title=result.name, predictions=result.predictions)
-    figures: list[tuple[str, Path]] = []
+        paths = [here / "allan.png", here / "allan.svg"]
+        draw_allan(found, paths, title=result.name, predictions=result.predictions, put=put)
+    drawn: list[tuple[str, Path]] = []
     if result.diagnosis is not None:
-        figures += draw_findings(result.records, result.diagnosis, directory, result.replicas, result.seed)
+        drawn += draw_findings(result.records, result.diagnosis, here, result.replicas, result.seed, put)
     if result.drive is not None:
-        figures += draw_drive(result.drive, directory)
-    for file, text in result.exports.items():
-        write_text(directory / file, text)
+        drawn += draw_drive(result.drive, here, put)
+    files |= {name: _encoded(text) for name, text in result.exports.items()}
     page = write_page(
         found,
         result.config,
         title=result.name,
         sections=tune_sections(result),
-        figures=figures,
+        figures=[(caption, files[path.name].decode()) for caption, path in drawn],
         predictions=result.predictions,
         absent=result.absent,
     )
-    write_text(directory / "report.html", page)
+    files["report.html"] = _encoded(page)
     if result.key is not None:
-        write_text(directory / "key.json", json_text(result.key))
-    write_text(directory / "result.json", json_text(tune_json(result)))
+        files["key.json"] = _encoded(json_text(result.key))
+    return files | {LAST: _encoded(json_text({**tune_json(result), MANIFEST: digests(files)}))}
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", errors="replace")
 
 
 def tune_json(result: TuneResult) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from scipy.fft import rfft
 from models.noise import NoiseModel
 from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.formats.files import Put, write_bytes
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
 from tuner.report.figure_files import new_figure
 from tuner.report.static_cause_panels import CAUSE_COLOUR, DATA_COLOUR, shown, unit_of, view_of
@@ -45,7 +46,12 @@ class _Curve:
 
 
 def draw_findings(
-    records: Sequence[Record], diagnosis: Diagnosis, directory: Path, replicas: int = 0, seed: int = 0
+    records: Sequence[Record],
+    diagnosis: Diagnosis,
+    directory: Path,
+    replicas: int = 0,
+    seed: int = 0,
+    put: Put = write_bytes,
 ) -> list[tuple[str, Path]]:
     """Draw every finding to ``finding-NUMBER-CAUSE_COLOUR.png`` and ``.svg``; those of one cause and channels together.
 
@@ -66,7 +72,7 @@ def draw_findings(
         if chosen is None:
             continue
         path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"
-        _draw(chosen, finding, [path.with_suffix(".png"), path], replicas, seed)
+        _draw(chosen, finding, [path.with_suffix(".png"), path], replicas, seed, put)
         drawn[finding.cause, finding.channels] = (finding.text, path)
     return list(drawn.values())
 
@@ -77,9 +83,11 @@ def _is_spectral(code: str) -> bool:
     return declared is not None and declared.group == "fast spectrum"
 
 
-def _draw(one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int) -> None:
+def _draw(
+    one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas: int, seed: int, put: Put
+) -> None:
     one = replace(one, findings=(finding, *(f for f in one.findings if f is not finding)))
-    with new_figure((11.0, 4.4), paths) as figure:
+    with new_figure((11.0, 4.4), paths, put) as figure:
         left, right = figure.subplots(1, 2)
         _draw_curve(left, one, _spectrum(one) if _is_spectral(finding.cause) else _allan(one), replicas, seed)
         view_of(finding.cause)(right, one, parameters(finding, one.axis))
@@ -87,7 +95,7 @@ def _draw(one: DiagnosedAxis, finding: Finding, paths: Sequence[Path], replicas:
             panel.grid(which="major", color="0.9", lw=0.6)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=7, framealpha=0.85)
-        figure.suptitle(fill(f"{finding.text}", 150), fontsize=9)
+        figure.suptitle(fill(f"{finding.text}", 150), fontsize=9, parse_math=False)
 
 
 def _draw_curve(panel: Axes, one: DiagnosedAxis, curve: _Curve, replicas: int, seed: int) -> None:

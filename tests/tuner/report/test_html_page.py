@@ -92,7 +92,7 @@ def test_the_page_carries_diagnosis_and_pictures_in_itself(tmp_path):
         synthesize(noise),
         title="a log <&>",
         sections=[("What a simulation of it gets wrong", diagnosis_tables(found))],
-        figures=pictures,
+        figures=[(caption, path.read_text(encoding="utf-8")) for caption, path in pictures],
         absent={"consistency": "why not"},
     )
     assert page.count("<svg") == 2
