@@ -10,6 +10,7 @@ import importlib
 import os
 import sys
 import traceback
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -74,6 +75,10 @@ def tuner() -> None:
 def main() -> None:
     """Run the command line and leave the process with its exit status."""
     robust_streams()
+    if not sys.warnoptions:
+        warnings.simplefilter(
+            "ignore", RuntimeWarning
+        )  # of arithmetic, in libraries: what matters of it is a note
     if (clash := foreign_models()) is not None:
         sys.exit(_refuse(clash))
     with kernel_cache(), termination():

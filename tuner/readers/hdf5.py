@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, reason
+from tuner.readers.child_process import array_from_child, check_in_child
 from tuner.readers.columns import Listing, StoredArray, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
@@ -53,9 +54,14 @@ def read_hdf5(path: Path, *, turned: bool) -> Listing:
         except Exception as error:  # one bad dataset does not spoil the others
             notes.append(f"'{name}' was left out: {reason(error)}")
 
-    with input_guard(path, "HDF5"), h5py.File(path, "r") as file:
-        visit("", file)
-        file.visititems(visit)
+    def walk() -> None:
+        with h5py.File(path, "r") as file:
+            visit("", file)
+            file.visititems(visit)
+
+    with input_guard(path, "HDF5"):
+        check_in_child(f"{path}: as HDF5", walk)
+        walk()
     return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes)
 
 
@@ -89,7 +95,10 @@ def _list_dataset(
             meta[column.rsplit("/", 1)[-1]] = found.item()
             continue
         shape = node.shape[::-1] if turned else node.shape
-        arrays[column] = StoredArray(shape, dtype, partial(_read, path, name, field, turned=turned))
+        read = partial(_read, path, name, field, turned=turned)
+        arrays[column] = StoredArray(
+            shape, dtype, partial(array_from_child, f"{path}: {name}", shape, dtype, read)
+        )
         if isinstance(unit, str):
             units[column] = unit
 

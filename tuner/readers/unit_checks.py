@@ -44,6 +44,8 @@ MAX_UNIT_FACTOR = 100.0
 """Factor by which a stated unit may be wrong before it is refused: logs in motion and without gravity exist."""
 MAX_READING: Mapping[str, float] = MappingProxyType({"gyro": 1e5, "accel": 1e6})
 """Readings that no sensor has, rad/s and m/s²."""
+MIN_RANGE = 1e-15
+"""Largest difference of readings, rad/s or m/s², that no sensor resolves: the best have noise of 1e-10."""
 MAX_MEDIAN_RATE = 35.0
 """rad/s, 2000 deg/s: the range of consumer gyroscopes, which no log exceeds in the median."""
 MAX_STEADY_RATE = 5.0
@@ -88,7 +90,13 @@ def check_units(
 
 
 def _check_range(source: str, record: Record) -> None:
-    """Refuse a record with single readings that no sensor has; where all are, they are counts."""
+    """Refuse a record with readings that no sensor has: too large in places, or too small everywhere."""
+    if 0.0 < float(np.ptp(record.y, axis=0).max()) < MIN_RANGE:
+        msg = (
+            f"{source}: {record.name} varies by {np.ptp(record.y, axis=0).max():.3g} {record.unit} in all, which no "
+            f"sensor resolves: pass --{record.name}-unit or --{record.name}-scale, or choose other columns"
+        )
+        raise DataError(msg)
     limit = MAX_READING.get(record.name, np.inf)
     if max(record.y.max(), -record.y.min()) > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
         first = int(np.argmax(np.abs(record.y).max(axis=1)))

@@ -366,8 +366,22 @@ def test_counts_of_an_accelerometer_are_refused_with_their_scale(tmp_path: Path)
     message = refused(
         write(tmp_path / "log.csv", rows(accel=counts)), r"--accel-unit g --accel-scale .*1 / 8192"
     )
-    _, accel = read(tmp_path / "log.csv", **cure(message))  # type: ignore[arg-type]
+    _, accel = read(tmp_path / "log.csv", **cure(message), gyro_unit="rad/s")  # type: ignore[arg-type]
     np.testing.assert_allclose(accel.y, ACCEL, atol=9.81 / 8192)
+
+
+def test_gyroscopes_beside_accelerometers_in_g_are_not_assumed(tmp_path: Path) -> None:
+    quiet = RNG.normal(1e-3, 1e-3, (COUNT, 3))
+    path = write(tmp_path / "log.csv", rows(gyro=quiet, accel=ACCEL / 9.80665))
+    refused(
+        path, "accel is in g, and nothing states the unit of gyro: pass --gyro-unit deg/s", accel_unit="g"
+    )
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-300])
+def test_a_signal_that_no_sensor_resolves(tmp_path: Path, size: float) -> None:
+    header = re.sub(r"(gyro_.)", r"\1 [rad/s]", HEADER)
+    refused(write(tmp_path / "log.csv", rows(gyro=GYRO * size), header), "which no sensor resolves")
 
 
 @pytest.mark.parametrize("white", [0.002, 0.01, 0.03])
@@ -405,7 +419,7 @@ def test_a_stated_unit_that_gravity_contradicts_is_refused(tmp_path: Path) -> No
     header = re.sub(r"(accel_.)", r"\1 [m/s^2]", HEADER)
     path = write(tmp_path / "log.csv", rows(accel=ACCEL / 9.80665), header)
     message = refused(path, r"unit m/s\^2 is wrong by 10x|unit m/s\^2 is wrong by 9.8")
-    _, accel = read(path, **cure(message))  # type: ignore[arg-type]
+    _, accel = read(path, **cure(message), gyro_unit="rad/s")  # type: ignore[arg-type]
     np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9)
 
 
