@@ -235,3 +235,19 @@ def test_wrong_noise_is_not_correlation(city_drive: LinearizedRun) -> None:
     source = Source.of(noise_parameters(("position",)).change(as_configured(city_drive), np.log([1.5])))
     noise = as_configured(source.draw(np.random.default_rng(0)))
     assert correlated_gnss(noise, evaluate(noise)).result.p_value > REJECTION_P_VALUE
+
+
+def test_a_correlation_must_be_worth_its_price(short_drive: LinearizedRun) -> None:
+    """Three parameters for n innovations cost 3/2 ln n (Schwarz): what raises the likelihood by less is no gain."""
+    seen = 0
+    for seed in range(6):
+        truth = replace(as_configured(short_drive), markov_sd=np.array([0.35, 0.35, 0.6]), markov_time=10.0)
+        noise = as_configured(Source.of(truth).draw(np.random.default_rng(seed)))
+        result = correlated_gnss(noise, evaluate(noise)).result
+        price = 1.5 * np.log(np.count_nonzero(noise.counted[:, :3]))
+        if (
+            0.0 < result.statistic < price
+        ):  # half of it, and at most as much again by the scale of white noise
+            seen += 1
+            assert result.gain < 0.0
+    assert seen > 0

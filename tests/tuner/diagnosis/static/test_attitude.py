@@ -9,7 +9,7 @@ import pytest
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.static.causes import mount_tilt
+from tuner.diagnosis.static.causes import attitude, mount_tilt
 from tuner.diagnosis.static.channel import channel
 from tuner.diagnosis.static.model.residual import residual
 from tuner.simulation.static import Channel, simulate
@@ -73,3 +73,19 @@ def test_chance_of_a_tilt_in_clean_records(walk):
         result = mount_tilt.MountTilt.test(residual(channel(clean, "accel_x")))
         low += result is not None and result.p_value < 1e-3
     assert low < 4
+
+
+def test_the_angle_of_an_even_tilt_is_as_well_known_as_its_ramps():
+    """White noise N holds a change over a span T with the variance 12 N²/T; slow noise unseen adds to it."""
+    density, changes = 1e-3, np.array([0.4, 0.3])
+    sensor = Channel(NoiseModel((White(density),)))
+    clean = simulate(dict.fromkeys(AXES, sensor), duration=SPAN, rate=RATE, seed=5)[0][0]
+    place = (clean.t - clean.t[0]) / SPAN - 0.5
+    across = place[:, None] * changes
+    along = np.sqrt(9.8**2 - np.sum(across**2, axis=1))
+    tilted = replace(clean, y=clean.y - clean.y.mean(axis=0) + np.column_stack((across, along)))
+    found = attitude.test({axis: residual(channel(tilted, axis)) for axis in AXES}, 1e-3)
+    low, high = found.tilt.interval
+    assert abs(found.tilt.value - 0.5 / 9.8) < 1e-3 * 0.5 / 9.8 + high - low
+    least = 2.0 * 1.96 * np.sqrt(2.0 * 12.0 / SPAN) * density / 9.8
+    assert 0.8 * least < high - low < 4.0 * least
