@@ -27,7 +27,8 @@ def challenge(out: Path, *arguments: str) -> list[Verdict]:
 @pytest.fixture(scope="module")
 def verdicts(tmp_path_factory: pytest.TempPathFactory) -> list[Verdict]:
     out = tmp_path_factory.mktemp("challenge")
-    return challenge(out, "--items", "24", "--seed", "small", "--samples", "120000", "--processes", "2")
+    size = ("--samples", "120000", "--axes", "1")  # several axes where an effect is one of several axes
+    return challenge(out, "--items", "24", "--seed", "small", *size, "--processes", "2")
 
 
 def test_nothing_breaks(verdicts):

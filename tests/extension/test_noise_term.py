@@ -25,7 +25,7 @@ from tuner.types.records import DataError, Record
 
 NAME = "second_order_gauss_markov"
 SD, TIME, DENSITY = 1e-3, 4.0, 2e-4
-INTERVAL, SAMPLES = 0.1, 30_000
+INTERVAL, SAMPLES = 0.1, 10_000
 
 
 @pytest.fixture(scope="module")

@@ -31,9 +31,9 @@ def short_check():
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    """Five minutes of a unit with a line in one gyro, on file."""
+    """Two minutes of a unit with a line in one gyro, on file."""
     path = tmp_path_factory.mktemp("log") / "unit.npz"
-    arguments = ["simulate", "mpu9250", "--hours", "0.05", "--seed", "3", "--hide", LINE]
+    arguments = ["simulate", "mpu9250", "--hours", "0.03", "--seed", "3", "--hide", LINE]
     assert run([*arguments, "-o", str(path), "--quiet"]) == 0
     return path
 

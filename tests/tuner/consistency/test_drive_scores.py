@@ -361,10 +361,14 @@ DRIVES = {
     "stim300_rtk_20180419_sharp": ("stim300", "rtk"),
     "stim300_rtk_20180419_smooth": ("stim300", "rtk"),
 }
+LONG_DRIVES = ("hipnuc_span_20220320_11", "rtkexplorer_drive_0708")
+"""Six and eleven seconds of processor time; of the same two units there is a shorter drive or a simulated one."""
 
 
 @pytest.mark.skipif(MEASURED is None, reason="TUNER_DATA is not set")
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG_DRIVES)) for name in DRIVES]
+)
 def test_measured_drives_are_navigated(name):
     grade, receiver = DRIVES[name]
     config = synthesize(grade_identification(load_grade(grade)), gnss=load_gnss(receiver))

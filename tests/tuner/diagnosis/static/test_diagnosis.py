@@ -134,6 +134,7 @@ def test_clear_effect_is_named_and_measured(hidden):
             assert high - low > 0.9 * 2.0 * 1.96 * sd * parameters[name].value / truth, name
 
 
+@pytest.mark.slow
 def test_quantization_that_hides_beside_a_colour_is_in_its_interval():
     """Quantization of a tenth of the sd is not worth its price, but moves the coefficient by three sds.
 

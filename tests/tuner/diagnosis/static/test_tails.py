@@ -32,9 +32,8 @@ def causes(y: np.ndarray) -> list[str]:
     return [finding.cause for finding in diagnosis.findings]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_normal_noise_with_student_noise_added_or_mixed_in_has_one_cause(seed):
-    rng = np.random.default_rng(seed)
+def test_normal_noise_with_student_noise_added_or_mixed_in_has_one_cause():
+    rng = np.random.default_rng(1)
     normal, heavy = rng.standard_normal(N), rng.standard_t(5, N)
     for share in (0.5, 2.0):
         assert causes(normal + share * heavy) == ["heavy_tails"]
