@@ -19,6 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
+from tuner.diagnosis.static.drift import found_signals
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json
@@ -338,7 +339,8 @@ def configure(
         seed=seed,
         findings=() if noise.diagnosis is None else findings_for_config(noise.diagnosis),
     )
-    config, predictions = hold_to_records(config, noise.still)
+    signals = {} if noise.diagnosis is None else found_signals(noise.diagnosis.findings, noise.still)
+    config, predictions = hold_to_records(config, noise.still, signals)
     stored = {axis: prediction_json(found, curve=False) for axis, found in predictions.items()}
     config = replace(config, provenance={**config.provenance, "prediction": stored})
     if noise.diagnosis is not None:

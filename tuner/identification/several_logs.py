@@ -131,6 +131,8 @@ def pool_coefficients(
 ) -> PooledCoefficient | None:
     """Pool one coefficient over records; None where fewer than two records give it with an interval.
 
+    A record that only bounds the coefficient below that interval widens it down to its bound, with the reason.
+
     The spread of a logarithm is relative (0.1: records differ by 10 %).
     """
     usable = [v for v in values if v is not None and v.value is not None and v.interval is not None]
@@ -152,13 +154,24 @@ def pool_coefficients(
             spread_high, spread_unit, f"records agree (Cochran's test, p = {result.p_value:.2g})"
         )
     )
+    least, why = _contradicting(values, back(low))
     return PooledCoefficient(
         name,
-        Coefficient.known(back(result.mean), back(low), back(high), unit),
+        Coefficient.known(back(result.mean), least, back(high), unit, why),
         spread,
         tuple(v.value if v is not None else None for v in values),
         result.p_value,
     )
+
+
+def _contradicting(values: Sequence[Coefficient | None], low: float) -> tuple[float, str | None]:
+    """Return the lower end of a pooled interval, no higher than any bound, and which bounds moved it."""
+    bounds = [v for v in values if v is not None and v.value is None and v.upper is not None]
+    below = [v.upper for v in bounds if v.upper is not None and v.upper < low]
+    if not below:
+        return low, None
+    most = f"at most {min(below):.4g} {bounds[0].unit} (95 %)"
+    return min(below), f"{len(below)} of {len(values)} allow less than the pooled value: {most}"
 
 
 def _weighted_squares(y: FloatArray, s: FloatArray, spread: float) -> float:

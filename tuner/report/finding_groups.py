@@ -25,6 +25,8 @@ MIN_DRIFT_CHANGE = 1.02
 """Drift with ÷ without a cause from which it is told: the accuracy with which an hour tells either."""
 MIN_COMB_LINES = 3
 """Lines that can show a common spacing."""
+MIN_COMB_SPACING = 1e-3
+"""Spacing ÷ highest frequency of a comb: closer lines are one line whose frequency wanders."""
 COMB_TOLERANCE = 0.02
 """Largest distance of a line of a comb from a multiple of its spacing ÷ spacing; lines at random places are within it
 in one of 25 cases each."""
@@ -164,6 +166,8 @@ def comb_spacing(lines: Sequence[float]) -> float | None:
         return None
     frequency = np.asarray(lines)
     spacing = float(np.min(np.diff(frequency)))
+    if spacing < MIN_COMB_SPACING * frequency[-1]:
+        return None
     order = np.rint((frequency - frequency[0]) / spacing)
     slope, offset = np.polyfit(order, frequency, 1)
     off = np.abs(frequency - offset - slope * order)
@@ -175,21 +179,23 @@ def changed_entry(cause: str) -> str:
     effect = EFFECTS.get(cause)
     if cause in LASTING or (effect is not None and effect.deterministic):
         return "bias states and random walk, smaller once it is compensated"
+    if cause == "cross_axis":
+        return "no entry: settings of axes are independent"
     if effect is None or effect.joins == "preprocessing":
         if effect is not None and effect.identified_as is not None:
             return _of_term(effect.identified_as)
-        return "none: the samples themselves"
+        return "no entry: the samples themselves are at fault"
     if effect.identified_as is not None:
         return _of_term(effect.identified_as)
     if effect.joins == "law of the noise":
         return "white noise, by its share of the time; at its worst in `worst_case`"
     if "frequency" in effect.locates:
-        return "none: its integral stays bounded"
+        return "no entry: its integral stays bounded"
     return "white noise: that of long times is written"
 
 
 def _of_term(term: str) -> str:
-    return "none: its integral stays bounded" if term == "sinusoid" else "bias states"
+    return "no entry: its integral stays bounded" if term == "sinusoid" else "bias states"
 
 
 def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
@@ -198,7 +204,8 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
         return ""
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
         return "drift of position as without it"
-    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in drift.items()]
+    told = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
+    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in told.items()]
     return f"drift after {', after '.join(parts)} without it"
 
 

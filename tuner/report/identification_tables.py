@@ -72,6 +72,7 @@ def pooled_tables(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
                 *cells,
             )
         answer.append(table)
+        answer += [f"  {symbol(row.name)}: {row.value.reason}" for row in rows if row.value.reason]
     return answer
 
 

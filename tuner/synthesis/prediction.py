@@ -4,14 +4,15 @@ The settings of an axis that fail are replaced by a block fitted to the curve, a
 an axis that no block predicts is marked with the cluster times or horizons at which it fails. What stays bounded in
 the integral (quantization noise, lines, resonances) is no setting of a filter; it is kept with the comparison.
 A constant bias rate that was identified is taken out of the samples first: the filter has a state for it. Where
-nothing predicts the samples as they are and the temperature was measured, the settings are those of samples whose
-temperature is compensated, and the note gives the slope.
+nothing predicts the samples as they are, the settings are those of samples without the signals that a diagnosis found
+(warm-up, steps, temperature), or whose measured temperature is compensated, and the note says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,9 @@ FITTED = (
 
 
 def hold_to_records(
-    config: FilterConfig, records: Sequence[Record]
+    config: FilterConfig,
+    records: Sequence[Record],
+    signals: Mapping[str, tuple[tuple[str, ...], FloatArray]] = MappingProxyType({}),
 ) -> tuple[FilterConfig, Mapping[str, PredictedBlock]]:
     """Return a configuration whose axes predict their records, and how well each does.
 
@@ -46,6 +49,9 @@ def hold_to_records(
         Settings without any enlargement for causes.
     records : sequence of Record
         Samples at rest from which they were identified; axes without a record stay as they are.
+    signals : mapping of str to (tuple of str, ndarray of shape (n,)), optional
+        By axis, causes that a diagnosis found and the sum of what they add to the samples of its record: taken out
+        where no settings predict the samples with them.
     """
     channels, notes = dict(config.channels), list(config.notes)
     judged: dict[str, PredictedBlock] = {}
@@ -56,6 +62,13 @@ def hold_to_records(
             found = choose_block(samples, record.interval, _block(channel))
             if found is None:
                 continue
+            if not found.passes and axis in signals:
+                causes, signal = signals[axis]
+                clean = replace(record, y=(record.column(axis) - signal)[:, None], axes=(axis,))
+                compensated = choose_block(_samples(clean, channel), record.interval, None)
+                if compensated is not None and compensated.passes:
+                    notes.append(_about_causes(axis, causes, found))
+                    found = compensated
             if not found.passes and (slope := _temperature_slope(record, samples)) is not None:
                 compensated = choose_block(_compensated(record, samples, slope), record.interval, None)
                 if compensated is not None and compensated.passes:
@@ -114,16 +127,26 @@ def _compensated(record: Record, samples: Sequence[FloatArray], slope: float) ->
     return [y - slope * (t - t.mean()) for y, t in zip(samples, _temperature(record), strict=True)]
 
 
+def _about_causes(axis: str, causes: Sequence[str], before: PredictedBlock) -> str:
+    return (
+        f"{axis}: the settings are for samples without {' and '.join(dict.fromkeys(causes))}, to be compensated or cut "
+        f"out; with that no settings predict the record ({_failure(before)})"
+    )
+
+
 def _about_temperature(axis: str, unit: str, slope: float, before: PredictedBlock) -> str:
+    return (
+        f"{axis}: the settings are for samples whose temperature is compensated, by {slope:.3g} {unit}/K in this "
+        f"record; without that no settings predict it ({_failure(before)})"
+    )
+
+
+def _failure(before: PredictedBlock) -> str:
     failed = [f for f in before.forecasts if not f.passes]
-    why = (
+    return (
         f"the Allan deviation is predicted {before.curve.worst:.2f} times at {before.curve.worst_tau:.3g} s"
         if not failed
         else f"the error over {failed[0].horizon:g} s is {failed[0].ratio:.2f} of what is predicted"
-    )
-    return (
-        f"{axis}: the settings are for samples whose temperature is compensated, by {slope:.3g} {unit}/K in this "
-        f"record; without that no settings predict it ({why})"
     )
 
 

@@ -85,3 +85,14 @@ def test_axes_of_a_triad_are_pooled_over_the_records():
     # Two axes agree, the third is twice as loud: the spread of the logarithms is about ln 2/√3 = 0.40.
     assert triad.p_value < 1e-6
     assert triad.spread.value == pytest.approx(np.log(2) / np.sqrt(3), rel=0.1)
+
+
+def test_a_bound_that_contradicts_the_pooled_value_is_kept():
+    found = [Coefficient.known(v, 0.9 * v, 1.1 * v, "rad/s") for v in (1.0e-5, 1.1e-5)]
+    low = pool_coefficients("level", [*found, Coefficient.bounded(3e-6, "rad/s", "absent")], logarithmic=True)
+    assert low.value.interval[0] == 3e-6
+    assert "1 of 3 allow less than the pooled value: at most 3e-06 rad/s" in low.value.reason
+    high = pool_coefficients(
+        "level", [*found, Coefficient.bounded(3e-5, "rad/s", "absent")], logarithmic=True
+    )
+    assert high.value == pool_coefficients("level", found, logarithmic=True).value

@@ -12,8 +12,10 @@ import pytest
 import tuner
 from models.noise import GaussMarkov, NoiseModel, White
 from tuner.formats import noise_yaml
+from tuner.identification import identify
 from tuner.report.result_set import tune_json
 from tuner.segments.conditions import at_rest
+from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.synthesis.prediction import hold_to_records
 from tuner.types.prediction import BlockSource
@@ -139,3 +141,38 @@ def test_a_tag_in_a_refrigerator_is_predicted_once_its_temperature_is_out():
     assert all(found.passes for found in judged.values())
     (note,) = [n for n in config.notes if n.startswith("accel_z: the settings are for samples whose temp")]
     assert 0.0235 < float(note.split("by ")[1].split(" ")[0]) < 0.0248
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        ("vibration", "step"),
+        ("spikes", "temperature"),
+        ("telegraph", "line"),
+        ("lowpass", "burst"),
+        ("colour", "lattice"),
+    ],
+)
+def test_settings_predict_logs_with_causes_in_pairs(effects):
+    """`benchmarks/predictive_simulated.py` does the same for every pair."""
+    model = NoiseModel((White(1e-4), GaussMarkov(2e-5, 100.0)))
+    records, _ = simulate({"gyro_x": model}, duration=1200.0, rate=50.0, seed=8, effects=effects)
+    (found,) = hold_to_records(synthesize(identify(records, arma=None)), records)[1].values()
+    assert np.mean(np.abs(np.log(found.curve.ratio)) <= np.log(1.25)) >= 0.95
+    assert 0.7 <= found.curve.ratio.min() <= found.curve.ratio.max() <= 1.4
+    assert all(forecast.passes for forecast in found.forecasts)
+
+
+def test_a_warm_up_that_no_settings_predict_is_taken_out_first():
+    """The record less its signal is white noise of 1e-4: what a filter meets once the unit is warm."""
+    model = NoiseModel((White(1e-4),))
+    effect = "warmup@gyro_x:amplitude=2e-2,time_constant=60"
+    records, _ = simulate({"gyro_x": model}, duration=1200.0, rate=20.0, seed=2, effects=[effect])
+    config = synthesize(identify(records, arma=None))
+    _, before = hold_to_records(config, records)
+    assert not before["gyro_x"].passes
+    signal = 2e-2 * np.exp(-(records[0].t - records[0].t[0]) / 60.0)
+    after, found = hold_to_records(config, records, {"gyro_x": (("warmup",), signal)})
+    assert found["gyro_x"].passes
+    assert 0.9 < after.channels["gyro_x"].white_density / 1e-4 < 1.1
+    assert any("without warmup" in note for note in after.notes)

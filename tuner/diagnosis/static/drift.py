@@ -162,6 +162,31 @@ def _added(
     return 0.0
 
 
+def found_signals(
+    findings: Sequence[Finding], records: Sequence[Record]
+) -> dict[str, tuple[tuple[str, ...], FloatArray]]:
+    """Return, by axis, the causes that add a signal to its samples, and the sum of these signals, shape (n,).
+
+    They follow from time or temperature, so that a user can take them out: warm-up, steps, temperature.
+    """
+    signals: dict[str, tuple[tuple[str, ...], FloatArray]] = {}
+    for record in records:
+        for axis in record.axes:
+            for finding in (f for f in findings if axis in f.channels):
+                effect = EFFECTS.get(finding.cause)
+                values = {
+                    name: c.value
+                    for name, c in finding.by_channel.get(axis, finding.parameters).items()
+                    if c.value is not None
+                }
+                signal = found_signal(finding.cause, values, record, axis)
+                if effect is None or not effect.deterministic or signal is None:
+                    continue
+                causes, total = signals.get(axis, ((), np.zeros_like(signal)))
+                signals[axis] = (*causes, finding.cause), total + signal
+    return signals
+
+
 def found_signal(cause: str, values: Mapping[str, float], record: Record, axis: str) -> FloatArray | None:
     """Return the signal that a cause adds to the samples of an axis, shape (n,); None where it adds none."""
     effect = EFFECTS.get(cause)
