@@ -8,7 +8,7 @@ unit without being felt is missing in the measured force.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,9 +22,15 @@ from models.state_layout import ErrorModel
 from tuner.navigation.settings import FilterSettings, error_rows
 
 if TYPE_CHECKING:
+    from tuner.navigation.engine import SensorErrors
     from tuner.simulation.monte_carlo import Scenario
 
 FloatArray = NDArray[np.float64]
+
+
+FELT_INTERVAL = 0.02
+"""Longest time for which an error in proportion to a true rate is held, s: the filter takes it out sample by sample,
+and turns of vehicles begin and end within tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,15 @@ def drawn_states(model: ErrorModel) -> NDArray[np.bool_]:
     for name in model.components:
         drawn[model.layout[name]] = FILTER_STATES[name].origin is Origin.NAME
     return drawn
+
+
+def with_short_rows(errors: SensorErrors, model: ErrorModel, interval: float) -> SensorErrors:
+    """Return the same errors, in rows of at most `FELT_INTERVAL` where a state that is drawn multiplies a true rate."""
+    state, _, source, _ = model.sensor_couplings
+    every = max(1, round(FELT_INTERVAL / interval))
+    if errors.every % every or not (drawn_states(model)[state] & (source >= 0)).any():
+        return errors
+    return replace(errors, slow=np.repeat(errors.slow, errors.every // every, axis=0), every=every)
 
 
 def draw_further(

@@ -25,7 +25,7 @@ from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.settings import FilterSettings, error_rows, total_bias
-from tuner.simulation.further_states import draw_further
+from tuner.simulation.further_states import draw_further, with_short_rows
 from tuner.simulation.imu import Sensor
 from tuner.simulation.receiver import draw_fix_errors
 from tuner.types import GnssNoise
@@ -252,6 +252,7 @@ def _together(
         own, bias = sensor.draw(len(steps.dt), interval, rng, smoothing=smoothing, after=plan.after)
         values = np.zeros((len(plan.times), 0))
         if len(further):
+            own = with_short_rows(own, settings.model, interval)
             truth = draw_further(settings, plan, len(own.slow), own.every, rng)
             own, bias, values = replace(own, slow=own.slow + truth.sensors), bias + truth.bias, truth.values
             llh = llh_displaced(truth.llh, ned_between(fixes[-1].llh, perfect.llh))
