@@ -24,6 +24,7 @@ from models.noise import (
 )
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.sensors import SensorGrade
+from tuner.identification.bounded_white_noise import BOUNDED_SHARE
 from tuner.navigation.engine import SensorErrors
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
@@ -35,8 +36,6 @@ SLOW_INTERVAL = 0.1
 """Sampling interval of slow errors, s: flicker above 5 Hz is far below white noise."""
 MIN_SLOW_TIME_CONSTANT = 1.0
 """Shortest time constant from which an error is sampled as slow, s: ten of its samples."""
-SHARE_OF_BOUND = 0.5
-"""Share of an upper limit that stands for a term the data only bound: what the filter takes, too."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,7 @@ def noise_of_channel(channel: ChannelNoise) -> NoiseModel:
 def _term(estimate: TermEstimate) -> Term | None:
     """Return the term of an estimate, at half of its limit where it is only bounded."""
     values: Mapping[str, float | None] = {
-        name: c.value if c.value is not None else None if c.upper is None else SHARE_OF_BOUND * c.upper
+        name: c.value if c.value is not None else None if c.upper is None else BOUNDED_SHARE * c.upper
         for name, c in estimate.coefficients.items()
     }
     if any(value is None for value in values.values()):

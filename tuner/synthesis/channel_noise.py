@@ -25,8 +25,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from models.noise import (
     TERMS,
     BiasInstability,
@@ -39,6 +37,7 @@ from models.noise import (
     White,
 )
 from models.noise.bias_instability import ALLAN_FLOOR
+from tuner.identification.bounded_white_noise import BOUNDED_SHARE, bounded_white_density
 from tuner.synthesis.bias_states import BOUND, RULES, FlickerView, bounding_state, spectrum_bound
 from tuner.synthesis.equivalent_models import structure_function
 from tuner.types import (
@@ -51,9 +50,6 @@ from tuner.types import (
     Quantity,
     TermEstimate,
 )
-
-BOUNDED_SHARE = 0.5
-"""Share of an upper limit that stands in for a term the data only bound."""
 
 SLOW_PERIOD = 10.0
 """A sinusoid slower than this, s, is a bias to the filter; a faster one averages out."""
@@ -167,10 +163,10 @@ def _white(task: _Task, term: TermEstimate) -> _Share:
 
 def _white_from_curve(channel: ChannelIdentification) -> _Share:
     """Bound white noise by the Allan curve where no term says anything: N ≤ σ(τ) √τ at every τ."""
-    bound = float(np.min(channel.allan.deviation()[:, 0] * np.sqrt(channel.allan.tau)))
+    density = bounded_white_density(channel.allan.tau, channel.allan.variance[:, 0])
     why = "bounded: half of the smallest σ(τ)√τ of the Allan curve, as no white term was identified"
     inflation = BoundUsed(Quantity(channel.axis, "white.density"), BOUNDED_SHARE, why)
-    return _Share(why, (inflation,), white_variance=(BOUNDED_SHARE * bound) ** 2)
+    return _Share(why, (inflation,), white_variance=density**2)
 
 
 def _quantization(task: _Task, term: TermEstimate) -> _Share:

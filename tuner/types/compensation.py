@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tuner.types.dotted_name import DottedName
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, order=True)
-class Parameter:
+class Parameter(DottedName):
     """One parameter of one cause.
 
     Files and messages write it as ``CAUSE.NAME``; `parse` and `str` turn one into the other.
@@ -32,22 +34,9 @@ class Parameter:
         Where one of the two is empty, or the cause holds a dot.
     """
 
+    kind: ClassVar[str] = "a parameter must be named CAUSE.NAME, such as time_offset.delay"
     cause: str
     name: str
-
-    def __post_init__(self) -> None:
-        if not self.cause or not self.name or "." in self.cause:
-            msg = f"a parameter must be named CAUSE.NAME, such as time_offset.delay, got '{self}'"
-            raise ValueError(msg)
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Return the parameter that a text such as ``time_offset.delay`` names."""
-        cause, _, name = text.partition(".")
-        return cls(cause, name)
-
-    def __str__(self) -> str:
-        return f"{self.cause}.{self.name}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar
+
+from tuner.types.dotted_name import DottedName
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Quantity(DottedName):
     """One number: whose it is, and which.
 
     Files and messages write it as ``OWNER.FIELD``; `parse` and `str` turn one into the other.
@@ -27,22 +29,9 @@ class Quantity:
         Where one of the two is empty, or the owner holds a dot.
     """
 
+    kind: ClassVar[str] = "a quantity must be named OWNER.FIELD, such as gyro_x.white_density"
     owner: str
     field: str
-
-    def __post_init__(self) -> None:
-        if not self.owner or not self.field or "." in self.owner:
-            msg = f"a quantity must be named OWNER.FIELD, such as gyro_x.white_density, got '{self}'"
-            raise ValueError(msg)
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Return the quantity that a text such as ``gyro_x.white_density`` names."""
-        owner, _, field = text.partition(".")
-        return cls(owner, field)
-
-    def __str__(self) -> str:
-        return f"{self.owner}.{self.field}"
 
     def axes(self, known: Iterable[str]) -> tuple[str, ...]:
         """Return the axes among the known ones that it belongs to: one, or the three of a sensor."""

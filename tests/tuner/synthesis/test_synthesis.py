@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from models.earth import EARTH_RATE
-from models.noise import GaussMarkov, NoiseModel, White
+from models.noise import TERMS, GaussMarkov, NoiseModel, White
+from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.synthesis import BOUND, RULES, bounding_state, inflate, shaping_states, synthesize, turn_on_spread
+from tuner.synthesis.channel_noise import channel_noise
 from tuner.synthesis.initial_covariance import GRAVITY_SPREAD
 from tuner.types import (
     AllanCurve,
@@ -321,3 +323,33 @@ def test_provenance_is_plain_and_complete() -> None:
     assert config.provenance["span"] == 3600.0
     assert config.provenance["seed"] == 7
     assert "numpy" in config.provenance["versions"]
+
+
+def test_a_term_of_another_package_gets_the_state_that_bounds_its_spectrum() -> None:
+    """Of the critically damped process, (4/T³)σ²/(1/T² + ω²)², by a first-order state nowhere below it."""
+    own = term("second_order_gauss_markov", sd=known(2e-3), time_constant=known(5.0))
+    with TERMS.added(SecondOrderGaussMarkov):
+        noise, changes = channel_noise(
+            channel(term("white", density=known(1e-4)), own), rule="ladder", horizon=1000.0, constant_sd=1e-3
+        )
+    (state,) = noise.markov
+    omega = np.geomspace(1e-4, 1e3, 2000)
+    true = 4.0 * 2e-3**2 / 5.0**3 / (1.0 / 5.0**2 + omega**2) ** 2
+    ratio = state.psd(omega / (2.0 * np.pi)) / true
+    assert 1.0 - 1e-3 < ratio.min() < 1.1
+    (larger,) = (one for one in changes if one.quantity == Quantity("gyro_x", "second_order_gauss_markov.sd"))
+    assert isinstance(larger, Enlargement)
+    assert larger.factor == pytest.approx(state.sd / 2e-3)
+    assert "bounds its spectrum" in noise.handling["second_order_gauss_markov"]
+
+
+def test_a_term_of_another_package_without_a_size_or_a_bound_is_left_out_with_the_reason() -> None:
+    with TERMS.added(SecondOrderGaussMarkov):
+        half = term(
+            "second_order_gauss_markov", sd=known(2e-3), time_constant=Coefficient(None, None, None, "s")
+        )
+        noise, _ = channel_noise(
+            channel(term("white", density=known(1e-4)), half), rule="ladder", horizon=1e3, constant_sd=1e-3
+        )
+    assert noise.markov == ()
+    assert "left out of the filter: no value of time_constant" in noise.handling["second_order_gauss_markov"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.identification.bounded_white_noise import bounded_white_density
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
 from tuner.identification.predictive.forecast import compare_forecasts
@@ -26,10 +27,6 @@ FloatArray = NDArray[np.float64]
 
 WHITE_FROM = 10.0
 """Cluster time ÷ time constant from which a fast state that became white noise is judged as such."""
-
-
-LEAST_WHITE_SHARE = 0.5
-"""White density written where none was found ÷ the largest that the curve allows: no filter takes zero."""
 
 
 def choose_block(
@@ -100,8 +97,7 @@ def _with_white_noise(block: NoiseBlock, measured: MeasuredAllan) -> NoiseBlock:
     """Return the block with white noise: half of the smallest σ(τ)√τ where the curve shows none."""
     if block.white_density > 0.0:
         return block
-    largest = float(np.sqrt(np.min(measured.variance * measured.tau)))
-    return replace(block, white_density=LEAST_WHITE_SHARE * largest)
+    return replace(block, white_density=bounded_white_density(measured.tau, measured.variance))
 
 
 def _judged(

@@ -15,7 +15,7 @@ from models.noise import BiasInstability, NoiseModel, White
 from models.registry import RegistryError
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry
+from tuner.diagnosis.static.causes.registry import CAUSES, CauseRegistry, lacking
 from tuner.diagnosis.static.causes.template import Template
 from tuner.report.diagnosed_axis import signal_of
 from tuner.report.static_diagnosis_figures import draw_findings
@@ -123,7 +123,7 @@ def test_a_lag_that_is_known_keeps_its_name() -> None:
 
 
 def test_an_incomplete_or_contradicting_declaration_is_refused_in_one_line() -> None:
-    registry = CauseRegistry("cause", "tuner.no_causes", name_of=lambda c: c.cause, check=CAUSES._check)
+    registry = CauseRegistry("cause", "tuner.no_causes", base=Cause, effects=EFFECTS, lacking=lacking)
 
     class Wordless(Cause):
         cause = "wordless"

@@ -6,18 +6,16 @@ Another package adds a cause by an entry point of the group ``tuner.drive_causes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from inspect import isclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.drive import EFFECTS
 from models.effects.drive.base import DriveEffect
-from models.registry import Registry
+from tuner.diagnosis.registry_of_causes import RegistryOfCauses
 from tuner.types import Parameter
 
 if TYPE_CHECKING:
@@ -146,47 +144,15 @@ class FinalCause(DriveCause):
     """A cause that is tested once, after the search, on the innovations that the other causes leave."""
 
 
-def _complete(declared: object) -> None:
-    """Refuse a declaration that lacks something."""
-    cause: Any = declared
-    if not (isclass(cause) and issubclass(cause, DriveCause)):
-        msg = f"expected a subclass of tuner.diagnosis.drive.causes.base.DriveCause, got {cause!r}"
-        raise TypeError(msg)
+def _lacking(cause: type[DriveCause]) -> list[str]:
     needed = ["cause", "channels", "meaning", "consequence"]
     if issubclass(cause, ConstantCause):
         needed += ["effect", "units", "prior_sd", "largest"]
-    missing = [name for name in needed if getattr(cause, name, None) is None]
-    if missing:
-        msg = f"the class needs {', '.join(missing)}"
-        raise TypeError(msg)
-    if cause.effect is not None and cause.effect.name != cause.cause:
-        msg = f"its effect has the code '{cause.effect.name}'; give both the same"
-        raise ValueError(msg)
+    return [name for name in needed if getattr(cause, name, None) is None]
 
 
-class DriveCauseRegistry(Registry[type[DriveCause]]):
-    """Causes by code; the effect of each can be hidden in simulated drives by the same code."""
-
-    def add(self, declaration: type[DriveCause]) -> type[DriveCause]:
-        """Add a cause, and its effect to those of simulations."""
-        cause = super().add(declaration)
-        if cause.effect is not None:
-            EFFECTS.add(cause.effect)
-        return cause
-
-    @contextmanager
-    def added(self, declaration: type[DriveCause]) -> Iterator[type[DriveCause]]:
-        """Declare a cause and its effect for the length of a ``with`` block."""
-        with super().added(declaration):
-            if declaration.effect is None:
-                yield declaration
-            else:
-                with EFFECTS.added(declaration.effect):
-                    yield declaration
-
-
-DRIVE_CAUSES = DriveCauseRegistry(
-    "cause of a drive", "tuner.drive_causes", name_of=lambda cause: cause.cause, check=_complete
+DRIVE_CAUSES: RegistryOfCauses[type[DriveCause]] = RegistryOfCauses(
+    "cause of a drive", "tuner.drive_causes", base=DriveCause, effects=EFFECTS, lacking=_lacking
 )
 """All causes by code. `tuner.diagnosis.drive.causes.registry` declares the built-in ones."""
 

@@ -6,15 +6,10 @@ Another package adds a cause by an entry point in the group ``tuner.causes`` tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from inspect import isclass
-from typing import Any
-
 from models.effects import EFFECTS
-from models.registry import Registry
 from tuner.diagnosis.cause import Cause
 from tuner.diagnosis.data_quality.causes import Clipping, Duplicates, Quantizer, Timing
+from tuner.diagnosis.registry_of_causes import RegistryOfCauses
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.chirp import Sweep
@@ -41,43 +36,17 @@ WORDS = ("cause", "meaning", "consequence", "group")
 """What every declaration has."""
 
 
-def _complete(declared: object) -> None:
-    """Refuse a declaration that lacks something."""
-    cause: Any = declared
-    if not (isclass(cause) and issubclass(cause, Cause)):
-        msg = f"expected a subclass of tuner.diagnosis.cause.Cause, got {cause!r}"
-        raise TypeError(msg)
+def lacking(cause: type[Cause]) -> list[str]:
+    """Return the names of what a declaration needs and does not have."""
     missing = [name for name in WORDS if not hasattr(cause, name)]
     if issubclass(cause, Template):
         missing += [name for name in ("size", "statistic") if not hasattr(cause, name)]
         missing += ["template"] * (cause.template is Template.template)
-    if missing:
-        msg = f"the class needs {', '.join(missing)}"
-        raise TypeError(msg)
-    if cause.effect is not None and cause.effect.name != cause.cause:
-        msg = f"its effect has the code '{cause.effect.name}'; give both the same"
-        raise ValueError(msg)
+    return missing
 
 
-class CauseRegistry(Registry[type[Cause]]):
-    """Causes by code; the effect of each can be hidden in simulated logs by the same code."""
-
-    def add(self, declaration: type[Cause]) -> type[Cause]:
-        """Add a cause, and its effect to those of simulations."""
-        added = super().add(declaration)
-        if added.effect is not None:
-            EFFECTS.add(added.effect)
-        return added
-
-    @contextmanager
-    def added(self, declaration: type[Cause]) -> Iterator[type[Cause]]:
-        """Declare a cause and its effect for the length of a ``with`` block."""
-        with super().added(declaration):
-            if declaration.effect is None:
-                yield declaration
-            else:
-                with EFFECTS.added(declaration.effect):
-                    yield declaration
+class CauseRegistry(RegistryOfCauses[type[Cause]]):
+    """Causes of static logs by code."""
 
     def extensions(self) -> dict[str, type[Extension]]:
         """Return the causes of single channels, by code."""
@@ -88,7 +57,7 @@ class CauseRegistry(Registry[type[Cause]]):
         return sum(cause.shares * cause.tests for cause in self.values() if cause.tested_with is None)
 
 
-CAUSES = CauseRegistry("cause", "tuner.causes", name_of=lambda cause: cause.cause, check=_complete)
+CAUSES = CauseRegistry("cause", "tuner.causes", base=Cause, effects=EFFECTS, lacking=lacking)
 CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
