@@ -67,6 +67,19 @@ def fading_sd(channel: ChannelNoise, time_constant: float, *, memory: float) -> 
     return math.sqrt(wander / -math.expm1(-2.0 * memory / time_constant))
 
 
+def cluster_times(horizon: float) -> FloatArray:
+    """Return the cluster times, s, at which a simulator is fitted: 1 s to the horizon."""
+    return np.geomspace(1.0, horizon, 1 + math.ceil(_LAGS_A_DECADE * math.log10(horizon)))
+
+
+def allan_variances(channel: ChannelNoise, lags: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the Allan variances of white noise and of the bias of a channel as configured, unit²."""
+    bias = channel.random_walk_density**2 * lags / 3.0
+    for state in channel.markov:
+        bias = bias + state.allan_variance(lags)
+    return channel.white_density**2 / lags, bias
+
+
 def simulated_state(
     channel: ChannelNoise, *, preferred: float, horizon: float = SIMULATED_HORIZON
 ) -> OneState:
@@ -81,11 +94,8 @@ def simulated_state(
     horizon : float
         Longest cluster time, s.
     """
-    lags = np.geomspace(1.0, horizon, 1 + math.ceil(_LAGS_A_DECADE * math.log10(horizon)))
-    still = channel.white_density**2 / lags
-    bias = channel.random_walk_density**2 * lags / 3.0
-    for state in channel.markov:
-        bias = bias + state.allan_variance(lags)
+    lags = cluster_times(horizon)
+    still, bias = allan_variances(channel, lags)
     if not bias.any():
         sd = equivalent_random_walk(channel, memory=horizon) * math.sqrt(preferred / 2.0)
         return _fitted(sd, preferred, still, still, lags)

@@ -295,11 +295,12 @@ def test_gnss_ins_sim_takes_customary_units_and_a_finite_time() -> None:
 
 
 def test_matlab_random_walk_is_the_walk_of_the_bias() -> None:
+    # A state of 1800 s is, up to 300 s, a walk of its driving density: σ√(2/T).
     gyro, accel = written("matlab").split("imu.Accelerometer")
-    for text, white, walk in ((gyro, 2e-4, K_GYRO), (accel, 3e-3, K_ACCEL)):
+    for text, white, sd in ((gyro, 2e-4, S_GYRO), (accel, 3e-3, S_ACCEL)):
         found = python_values(text)
         assert found["NoiseDensity"] == near([white] * 3)
-        assert found["RandomWalk"] == near([walk] * 3)
+        assert found["RandomWalk"] == pytest.approx([sd * math.sqrt(2.0 / TIME)] * 3, rel=0.1)
         assert "'NoiseType', 'single-sided'" in text
 
 

@@ -10,6 +10,7 @@ import pytest
 from models.noise import GaussMarkov
 from tuner.exporters.error_growth import fading_growth, modelled_growth, walk_growth
 from tuner.exporters.one_state import fading_sd, simulated_state
+from tuner.exporters.simulated_flicker import simulated_flicker
 from tuner.synthesis import equivalent_random_walk, structure_function
 from tuner.types import ChannelNoise
 
@@ -93,3 +94,27 @@ def test_a_bias_that_does_not_wander_gets_a_harmless_state() -> None:
     assert found.sd > 0.0
     assert found.worst == pytest.approx((1.0, 1.0), abs=0.01)
     assert structure_function(still, 100.0) == 0.0
+
+
+def test_flicker_and_walk_are_found_as_themselves() -> None:
+    walk = ChannelNoise("gyro_x", "rad/s", 1e-5, (), 2e-6, 0.0)
+    found = simulated_flicker(walk)
+    assert (found.level, found.density) == (0.0, pytest.approx(2e-6, rel=1e-3))
+    assert simulated_flicker(walk, flicker=False).density == pytest.approx(2e-6, rel=1e-3)
+    still = ChannelNoise("gyro_x", "rad/s", 1e-5, (), 0.0, 0.0)
+    assert (simulated_flicker(still).level, simulated_flicker(still).density) == (0.0, 0.0)
+
+
+def test_flicker_draws_a_ladder_better_than_a_walk_or_one_state_can() -> None:
+    def worst(ratios: tuple[float, ...]) -> float:
+        return max(abs(math.log(ratio)) for ratio in ratios)
+
+    flicker, walk = simulated_flicker(RICH), simulated_flicker(RICH, flicker=False)
+    assert (
+        worst(flicker.ratios)
+        < 0.1
+        < worst(simulated_state(RICH, preferred=1000.0).ratios)
+        < worst(walk.ratios)
+    )
+    # The ladder's own level: σ of a state a decade is 0.856 B (Keshner), to within its ripple.
+    assert flicker.level == pytest.approx(5e-5 / 0.856, rel=0.15)
