@@ -16,7 +16,7 @@ import models
 
 
 class Terminated(BaseException):
-    """The process was asked to end; unlike an error it passes every handler, and temporary files are removed."""
+    """A request to end was received; unlike an error it passes every handler, and temporary files are removed."""
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.unit_checks import check_units
-from tuner.readers.value_checks import without_spikes
+from tuner.readers.value_checks import quantizer_limited, without_spikes
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -113,9 +113,15 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
             "choose others with --columns"
         )
         raise DataError(msg)
-    doubts, assumed = check_units(str(listing.path), records, units, assume_si=options.assume_si)
-    notes += doubts
+    remarks, assumed = check_units(str(listing.path), records, units, assume_si=options.assume_si)
+    notes += remarks
     live = _without_constant_axes(records, notes, keep=options.constant_axes)
+    for record in live:
+        limited = (
+            quantizer_limited(axis, y, record.interval, record.unit)
+            for axis, y in zip(record.axes, record.y.T, strict=True)
+        )
+        notes += [note for note in limited if note is not None]
     assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(replace(record, notes=said, assumptions=tuple(assumptions)) for record in live)

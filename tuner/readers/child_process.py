@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tuner.formats.guard import reason
 from tuner.types.records import DataError
 
-SECONDS = 10.0
+LONGEST_LISTING = 10.0
 """Time for opening a file and listing what is in it: gigabytes take less than one."""
 BYTES_A_SECOND = 2e6
 """Slowest reading of samples that is waited for: a worn disk with small compressed pieces."""
@@ -50,7 +50,7 @@ def array_from_child(
             raise ValueError(msg)
         shared[...] = found
 
-    check_in_child(source, work, seconds=SECONDS + size / BYTES_A_SECOND)
+    check_in_child(source, work, seconds=LONGEST_LISTING + size / BYTES_A_SECOND)
     return shared
 
 
@@ -60,9 +60,9 @@ def check_in_child(source: str, work: Callable[[], object], *, seconds: float | 
     Raises
     ------
     DataError
-        Where it fails, takes longer than `seconds` (by default `SECONDS`), or ends the child.
+        Where it fails, takes longer than `seconds` (by default `LONGEST_LISTING`), or ends the child.
     """
-    seconds = SECONDS if seconds is None else seconds
+    seconds = LONGEST_LISTING if seconds is None else seconds
     if not hasattr(os, "fork"):
         work()
         return

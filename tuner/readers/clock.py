@@ -1,6 +1,6 @@
 """The time column of a log as seconds: which stamps are on the clock, in which format and unit they are.
 
-A clock is read in four steps, each told in a note: stamps from before the clock was set are left out; a counter or a
+A clock is read in four steps, each with a note: stamps from before the clock was set are left out; a counter or a
 week that wrapped around is continued; clock times such as HHMMSSmmm become seconds; and the unit, where nothing states
 it, follows from the median stamp and the mean step together (`tuner.readers.clock_unit`).
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers import column_names as names
-from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, YEAR, unit_of_stamps
+from tuner.readers.clock_unit import LONGEST_SPAN, MAX_RATE, MIN_RATE, unit_of_stamps
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
@@ -90,7 +90,7 @@ def read_clock(
     Raises
     ------
     DataError
-        No stamps, a unit that cannot be told, a rate or a span that no log has.
+        No stamps, a unit that stays open, a rate or a span that no log has.
     """
     finite = np.isfinite(time)
     if not finite.any():
@@ -244,7 +244,7 @@ def _single_precision(time: Stamps, name: str, notes: list[str], factor: float) 
 
 def _without_strays(relative: FloatArray, on: BoolArray, notes: list[str]) -> BoolArray:
     """Return which stamps are within a year of the others, where few are not."""
-    off = on & (np.abs(relative - np.median(relative[on])) > YEAR)
+    off = on & (np.abs(relative - np.median(relative[on])) > LONGEST_SPAN)
     count = int(np.count_nonzero(off))
     if not count or count > MAX_STRAY_SHARE * np.count_nonzero(on):
         return on
@@ -260,6 +260,6 @@ def _check(relative: FloatArray, name: str) -> None:
         msg = f"time column '{name}': {1.0 / step:.4g} Hz is no rate of an inertial sensor: {cure}"
         raise DataError(msg)
     span = float(relative.max() - relative.min())
-    if span > YEAR:
-        msg = f"time column '{name}': the log spans {span / YEAR:.3g} years: split it at the jump, or {cure}"
+    if span > LONGEST_SPAN:
+        msg = f"time column '{name}': the log spans {span / LONGEST_SPAN:.3g} years: split it at the jump, or {cure}"
         raise DataError(msg)

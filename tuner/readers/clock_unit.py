@@ -1,7 +1,7 @@
 """The unit of time stamps that nothing states, from the median stamp and the mean step together.
 
 A step of 10000 is 100 Hz in microseconds and nothing an inertial sensor does in seconds; a stamp of 1.7e15 beside it is
-the present in microseconds since 1970. Where two units give a usual rate, the unit is asked for: a step of 1 is 1 Hz in
+the present in microseconds since 1970. Where two units give a usual rate, the log is refused: a step of 1 is 1 Hz in
 seconds and 1 kHz in milliseconds.
 """
 
@@ -18,7 +18,7 @@ MIN_RATE, MAX_RATE = 0.01, 1e6
 """Rates of inertial logs, Hz, that are possible at all."""
 USUAL_RATES = (20.0, 4000.0)
 """Rates of inertial sensors, Hz, of which at most one unit of the table gives one: they are 1000 apart."""
-YEAR = 366 * 86400.0
+LONGEST_SPAN = 366 * 86400.0
 """The longest span of a log, s."""
 SINCE_1970 = (20 * 365.25 * 86400.0, 130 * 365.25 * 86400.0)
 """1990 to 2100, s since 1970."""
@@ -89,7 +89,7 @@ def unit_of_stamps(
     best = next(iter(rates), "s")
     written = next((u for u in rates if u in usual + longer and not u.startswith("ticks")), "us")
     msg = (
-        f"time column '{name}': nothing states its unit, and it cannot be told: {shown}; pass the rate, such as "
+        f"time column '{name}': nothing states its unit, and it stays open: {shown}; pass the rate, such as "
         f"--rate {rates.get(best, 100.0):.6g}, or the unit, such as --columns 't={name} [{written}]'"
     )
     raise DataError(msg)

@@ -88,7 +88,7 @@ def listing_of_arrays(
 ) -> Listing:
     """Make the listing of arrays (NPZ, MAT, HDF5); only numbers of one or two dimensions count.
 
-    An array of three or six rows and many columns is turned round. Stored arrays are read when they are asked for.
+    An array of three or six rows and many columns is turned round. Stored arrays are read when they are used.
     """
     numbers: dict[str, tuple[tuple[int, ...], bool, NDArray[Any] | StoredArray]] = {}
     said = list(notes)

@@ -27,8 +27,8 @@ MAX_ELEMENTS = 100_000
 MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
 """Decompressed ÷ compressed that a variable of more than `FREE_BYTES` may have: measured samples stay below 20."""
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_MATRIX, _COMPRESSED = 14, 15
-_CELL, _STRUCT, _CHAR, _NUMBERS = 1, 2, 4, frozenset(range(6, 16))
+_MATRIX_TYPE, _COMPRESSED_TYPE = 14, 15
+_STRUCT_CLASS, _CHAR_CLASS, _NUMBER_CLASSES = 2, 4, frozenset(range(6, 16))
 _CLASS_TYPES = {
     6: "f8",
     7: "f4",
@@ -71,7 +71,7 @@ def read_mat5(data: bytes, *, source: str) -> Iterator[tuple[str, NDArray[np.gen
     place = HEADER_BYTES
     while place + 8 <= len(data):
         kind, size = (int(n) for n in np.frombuffer(data, walk.order + "u4", 2, place))
-        if kind not in (_MATRIX, _COMPRESSED) or place + 8 + size > len(data):
+        if kind not in (_MATRIX_TYPE, _COMPRESSED_TYPE) or place + 8 + size > len(data):
             msg = (
                 f"{source}: cannot be read as a MAT file: expected a variable of {size} bytes at byte {place}, got "
                 f"kind {kind} and {len(data) - place - 8} bytes; was the file cut off? save it anew"
@@ -80,9 +80,9 @@ def read_mat5(data: bytes, *, source: str) -> Iterator[tuple[str, NDArray[np.gen
         body = data[place + 8 : place + 8 + size]
         place += 8 + size
         try:
-            if kind == _COMPRESSED:
+            if kind == _COMPRESSED_TYPE:
                 inner = _decompressed(body)
-                if len(inner) < 8 or int(np.frombuffer(inner, walk.order + "u4", 1)[0]) != _MATRIX:
+                if len(inner) < 8 or int(np.frombuffer(inner, walk.order + "u4", 1)[0]) != _MATRIX_TYPE:
                     continue
                 body = inner[8:]
             yield from _matrix(body, "", walk, 0)
@@ -109,7 +109,7 @@ def _element(body: bytes, place: int, walk: _Walk) -> tuple[int, bytes, int]:
         if size > 4:
             raise _DamagedError
     else:
-        start, behind = place + 8, place + 8 + size + (-size % 8 if kind != _COMPRESSED else 0)
+        start, behind = place + 8, place + 8 + size + (-size % 8 if kind != _COMPRESSED_TYPE else 0)
     if start + size > len(body):
         raise _DamagedError
     return kind, body[start : start + size], behind
@@ -136,7 +136,7 @@ def _matrix(
     _, raw_name, place = _element(body, place, walk)
     name = prefix or raw_name.decode("latin-1")
     count = math.prod(shape)
-    if content in _NUMBERS and not is_complex:
+    if content in _NUMBER_CLASSES and not is_complex:
         kind, numbers, _ = _element(body, place, walk)
         if kind not in _TYPES:
             raise _DamagedError
@@ -144,14 +144,14 @@ def _matrix(
         if len(found) != count:
             raise _DamagedError
         yield name, found.astype(_CLASS_TYPES[content]).reshape(shape, order="F")
-    elif content == _CHAR:
+    elif content == _CHAR_CLASS:
         kind, text, _ = _element(body, place, walk)
         if kind not in _TEXT_CODECS:
             raise _DamagedError
         codec = _TEXT_CODECS[kind]
         ordered = f"{codec}-{'le' if walk.order == '<' else 'be'}" if codec in ("utf-16", "utf-32") else codec
         yield name, text.decode(ordered, errors="replace")
-    elif content == _STRUCT:
+    elif content == _STRUCT_CLASS:
         yield from _struct(body, place, name, count, walk, depth)
 
 
@@ -167,6 +167,6 @@ def _struct(
     for start in range(0, len(names), width):
         field = names[start : start + width].split(b"\0")[0].decode("latin-1")
         kind, inner, place = _element(body, place, walk)
-        if kind != _MATRIX:
+        if kind != _MATRIX_TYPE:
             raise _DamagedError
         yield from _matrix(inner, f"{name}/{field}", walk, depth + 1)

@@ -1,4 +1,4 @@
-"""The arrays of an NPZ archive, read one at a time, with every size checked before memory is asked for."""
+"""The arrays of an NPZ archive, read one at a time, with every size checked before memory is taken."""
 
 from __future__ import annotations
 

@@ -188,10 +188,10 @@ def _open_rate(
             )
             raise DataError(msg)
     possible = [u for u in rates if possible_rate(u, found, interval, read_in)]
-    told = {unit_of_step(step_of(y, factor)) for y in record.y.T} - {None}
+    by_step = {unit_of_step(step_of(y, factor)) for y in record.y.T} - {None}
     shown = f"{found.mean / factor:.3g} ± {found.noise / factor:.2g}"
     why = ""
-    stepped = [u for u in possible if told == {u}]
+    stepped = [u for u in possible if by_step == {u}]
     if stepped:
         why, possible = f"has samples at multiples of a step that gyroscopes have in {stepped[0]}", stepped
     elif not possible_rate(read_in, found, interval, read_in):
@@ -203,13 +203,13 @@ def _open_rate(
         msg = f"{source}: gyro {why}, and nothing states its unit: pass {option}, or {ANSWER} if it is {read_in}"
         raise DataError(msg)
     foreign = accel is not None and accel.basis != "assumed" and accel.unit not in ("m/s^2", "m/s")
-    if foreign and accel is not None and possible and told != {read_in}:
+    if foreign and accel is not None and possible and by_step != {read_in}:
         msg = (
             f"{source}: accel is in {accel.unit}, and nothing states the unit of gyro: pass "
             f"--gyro-unit {possible[0]}, or --gyro-unit {read_in}"
         )
         raise DataError(msg)
-    if told == {read_in}:
+    if by_step == {read_in}:
         return f"gyro: {read_in} assumed, as the step of its samples is that of gyroscopes in {read_in}"
     others = ", ".join(f"in {u} {factor / si_value(u, interval):.3g} times too large" for u in possible[:3])
     if not others:

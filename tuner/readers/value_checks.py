@@ -17,10 +17,10 @@ from tuner.types.records import DataError
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-SPIKE = 200.0
+SPIKE_DISTANCE = 200.0
 """Distance from the neighbours, in noise sds and in spreads of the neighbours, that no reading has: normal noise ends
 at 7, the largest outliers that sensors make are at some 50, and a broken cell begins at 1000."""
-NEIGHBOURS = 3
+NEIGHBOURS_EACH_SIDE = 3
 """Samples on either side that say where a sample should be."""
 MAX_SPIKE_SHARE = 0.01
 """Share of such rows above which a file is refused."""
@@ -28,6 +28,14 @@ ROWS_AT_ONCE = 1 << 16
 """Rows treated at a time, so that memory stays bounded."""
 NOISE_SAMPLES = 20_000
 """Steps from which the noise is taken: its median is then known to 1 %."""
+
+WELL_DITHERED = 0.35
+"""Sd in steps from which the variance of the samples is that of the noise plus step²/12, within 5 %."""
+QUANTIZER_SAMPLES = 1 << 16
+"""Samples from which a limiting quantizer is seen."""
+MAX_LEVELS, MIN_REPEATED = 5, 0.7
+"""Different values, and share of samples equal to the one before, of an axis that a quantizer limits: at an sd of 0.3
+steps at most four values come up in 65536 samples, and 80 % of the neighbours are equal where one value prevails."""
 
 
 def without_spikes(
@@ -68,12 +76,12 @@ def without_spikes(
     place = f"first: {axis} {column[mine[0]]:.4g} in data row {mine[0] + 1}"
     if len(every) > MAX_SPIKE_SHARE * count:
         msg = (
-            f"{path}: {len(every)} of {count} rows hold a reading more than {SPIKE:g} noise sds from its neighbours "
-            f"({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them, or choose other columns"
+            f"{path}: {len(every)} of {count} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its "
+            f"neighbours ({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them, or choose other columns"
         )
         raise DataError(msg)
     notes.append(
-        f"{len(every)} rows hold a reading more than {SPIKE:g} noise sds from its neighbours ({place}): "
+        f"{len(every)} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its neighbours ({place}): "
         "they count as missing samples"
     )
     usable = np.ones(count, bool) if valid is None else valid.copy()
@@ -83,10 +91,10 @@ def without_spikes(
 
 def spikes(y: NDArray[Any]) -> IntArray:
     """Return the places of single readings that no sensor makes; `y` has no gaps of numbers, shape (n,)."""
-    if len(y) < 2 * NEIGHBOURS + 1:
+    if len(y) < 2 * NEIGHBOURS_EACH_SIDE + 1:
         return np.zeros(0, np.int64)
-    limit = SPIKE * _noise(y)
-    reach = np.concatenate([np.arange(-NEIGHBOURS, 0), np.arange(1, NEIGHBOURS + 1)])
+    limit = SPIKE_DISTANCE * _noise(y)
+    reach = np.concatenate([np.arange(-NEIGHBOURS_EACH_SIDE, 0), np.arange(1, NEIGHBOURS_EACH_SIDE + 1)])
     found = []
     for start in range(0, len(y) - 1, ROWS_AT_ONCE):
         piece = y[start : start + ROWS_AT_ONCE + 1].astype(float)
@@ -95,7 +103,7 @@ def spikes(y: NDArray[Any]) -> IntArray:
         places = np.unique(np.concatenate([jumps, jumps + 1]))
         if not len(places):
             continue
-        begin = np.clip(places, NEIGHBOURS, len(y) - 1 - NEIGHBOURS)
+        begin = np.clip(places, NEIGHBOURS_EACH_SIDE, len(y) - 1 - NEIGHBOURS_EACH_SIDE)
         around = begin[:, None] + reach
         around = np.where(around == places[:, None], begin[:, None], around)
         near = y[around].astype(float)
@@ -103,8 +111,28 @@ def spikes(y: NDArray[Any]) -> IntArray:
         with np.errstate(over="ignore"):
             spread = np.median(np.abs(near - middle[:, None]), axis=1)
             off = np.abs(y[places].astype(float) - middle)
-        found.append(places[off > np.maximum(limit, SPIKE * spread)])
+        found.append(places[off > np.maximum(limit, SPIKE_DISTANCE * spread)])
     return np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+
+
+def quantizer_limited(axis: str, y: NDArray[Any], interval: float, unit: str) -> str | None:
+    """Return what to know of an axis that mostly repeats one value of its quantizer; None where it does not.
+
+    White noise of sd s on a step q shows as s² + q²/12 from s = 0.35 q on; below, the variance of what is left depends
+    on where between two values the mean lies, and tells next to nothing about s.
+    """
+    some = y[:QUANTIZER_SAMPLES]
+    levels = np.unique(some)
+    if not 2 <= len(levels) <= MAX_LEVELS or float(np.mean(np.diff(some) == 0.0)) < MIN_REPEATED:
+        return None
+    step = float(np.diff(levels).min())
+    if float(some.std()) >= WELL_DITHERED * step:
+        return None
+    bound = WELL_DITHERED * step * float(np.sqrt(interval))
+    return (
+        f"{axis} is limited by its quantizer: steps of {step:.4g} {unit} hide noise below {WELL_DITHERED * step:.3g}; "
+        f"its white noise is known as a bound only: at most {bound:.3g} {unit}/√Hz"
+    )
 
 
 def _noise(y: NDArray[Any]) -> float:

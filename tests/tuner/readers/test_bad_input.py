@@ -304,6 +304,21 @@ def test_an_axis_that_slips_once_holds_no_noise(tmp_path: Path) -> None:
     assert any("1 axes that change fewer than 16 times hold no noise" in note for note in record.notes)
 
 
+@pytest.mark.parametrize(
+    ("sd", "limited"), [(0.15, True), (0.2, True), (0.25, True), (0.5, False), (1.0, False)]
+)
+def test_noise_below_the_step_of_a_quantizer_is_known_as_a_bound(
+    tmp_path: Path, sd: float, limited: bool
+) -> None:
+    """The sd of what a quantizer leaves of 0.2 steps is 41 % low; the bound that is told holds."""
+    step, count = 1e-3, 20_000
+    y = np.rint(RNG.normal(0.0, sd, count)) * step
+    np.savez(tmp_path / "log.npz", t=0.01 * np.arange(count), gyro_x=y, gyro_unit="rad/s")
+    found = re.search(r"at most (\S+) rad/s/√Hz", notes(tmp_path / "log.npz"))
+    assert (found is not None) == limited
+    assert found is None or sd * step * 0.1 <= float(found[1])
+
+
 def test_constant_axis_is_left_out(tmp_path: Path) -> None:
     gyro = GYRO * np.array([1.0, 0.0, 1.0])
     record, _ = read(write(tmp_path / "log.csv", rows(gyro=gyro)))
