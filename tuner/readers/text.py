@@ -133,6 +133,8 @@ def find_dialect(path: Path) -> Dialect:
     if b"\0" in head:
         msg = f"{path}: not a text file: expected a header and rows of numbers"
         raise DataError(msg)
+    if b"\r" in (body := head.replace(b"\r\n", b"\n")).rstrip(b"\r"):
+        raise DataError(_lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r\n|\r|\n", head.decode("utf-8-sig", errors="replace"))
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
@@ -266,16 +268,19 @@ def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes
         piece += file.readline(MAX_LINE_BYTES)
         if b"\r" in piece and b"\r" in (piece := piece.replace(b"\r\n", b"\n")):
             at = line + piece[: piece.index(b"\r")].count(b"\n")
-            msg = (
-                f"{path}:{at}: expected lines that end in LF or CR LF, found a CR alone: convert the file, such as by "
-                "tr '\\r' '\\n'"
-            )
-            raise DataError(msg)
+            raise DataError(_lone_return(path, at))
         if piece[-1:] != b"\n" and len(piece) > MAX_LINE_BYTES and b"\n" not in piece[-MAX_LINE_BYTES:]:
             msg = f"{path}:{line + piece.count(chr(10).encode())}: expected lines of up to {MAX_LINE_BYTES} bytes"
             raise DataError(msg)
         yield line, piece
         line += piece.count(b"\n")
+
+
+def _lone_return(path: Path, line: int) -> str:
+    return (
+        f"{path}:{line}: expected lines that end in LF or CR LF, found a CR alone: convert the file, such as by "
+        "tr '\\r' '\\n'"
+    )
 
 
 def _has_rows(text: bytes) -> bool:

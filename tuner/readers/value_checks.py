@@ -77,7 +77,7 @@ def without_spikes(
     if len(every) > MAX_SPIKE_SHARE * count:
         msg = (
             f"{path}: {len(every)} of {count} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its "
-            f"neighbours ({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them, or choose other columns"
+            f"neighbours ({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them"
         )
         raise DataError(msg)
     notes.append(

@@ -1,0 +1,92 @@
+"""What a process meets beside its input: streams, signals, mistakes of its own, no place for kernels."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tuner import cli
+from tuner.cli import process, run
+
+CURVE = [sys.executable, "-m", "tuner", "curve"]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "we$ird$.npz"
+    np.savez(
+        path, t=0.01 * np.arange(900), gyro_x=np.random.default_rng(5).normal(0, 1e-3, 900), gyro_unit="rad/s"
+    )
+    return path
+
+
+def test_own_mistakes_are_one_line_and_status_3(
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("a\x1b[31m\nb")
+
+    monkeypatch.setattr("tuner.readers.read", broken)
+    assert run(["curve", str(log), "--quiet"]) == 3
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "a mistake of this program, not of the input: ZeroDivisionError" in line
+    assert "report it" in line
+    assert "\x1b" not in line
+
+
+def test_a_reader_of_tables_may_leave_and_know_no_greek(log: Path) -> None:
+    """The heading has a tau, which code page 1252 lacks; nobody reads beyond the fifth line."""
+    done = subprocess.run(
+        f"{' '.join(CURVE)} '{log}' --json '{log.with_suffix('.json')}' --quiet | head -5; exit ${{PIPESTATUS[0]}}",
+        env=os.environ | {"PYTHONIOENCODING": "cp1252"},
+        shell=True,
+        executable="/bin/bash",
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"?, s" in done.stdout, done.stdout
+    assert log.with_suffix(".json").stat().st_size > 1000
+
+
+def test_a_request_to_end(tmp_path: Path) -> None:
+    running = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "tuner",
+            "simulate",
+            "mpu9250",
+            "--hours",
+            "20",
+            "-o",
+            str(tmp_path / "log.csv"),
+        ],
+        stderr=subprocess.PIPE,
+    )
+    time.sleep(2.0)
+    running.send_signal(signal.SIGTERM)
+    _, said = running.communicate(timeout=30)
+    assert (running.returncode, said.splitlines()[-1]) == (
+        143,
+        b"tuner: terminated; files already finished were kept",
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_place_for_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setattr(process, "_cache_is_writable", lambda: False)
+    with process.kernel_cache():
+        folder = Path(os.environ["NUMBA_CACHE_DIR"])
+        assert folder.is_dir()
+    assert not folder.exists()
+    assert cli.COMMANDS
