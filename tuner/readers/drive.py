@@ -179,7 +179,7 @@ def _folder(path: Path) -> Drive:
         imu,
         table(_existing(path / "gnss.csv"), GNSS_COLUMNS, 4),
         table(truth, _TRUTH_COLUMNS, 4) if truth.exists() else None,
-        notes=gyro.notes,
+        notes=tuple(note.replace("as --assume si says", "as nothing states it") for note in gyro.notes),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tuner.cli.commands.inputs import load_records
+from tuner.cli.commands.inputs import assumed, load_records
 from tuner.cli.commands.options import Output, Reading, common, reading
 from tuner.cli.progress import Messages
 from tuner.types.records import DataError
@@ -58,6 +58,7 @@ def command(
         raise DataError(f"{log}: {error}") from error  # noqa: EM102
     output.write(curves_json(found))
     if output.tables:
+        show(assumed(records))
         for one in found:
             show(statistic_tables(one))
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tuner.cli.commands.inputs import load_data, load_records
+from tuner.cli.commands.inputs import assumed, load_data, load_records
 from tuner.cli.commands.options import Output, Reading, common, reading, replicas, strict, verbose
 from tuner.cli.progress import Messages
 
@@ -72,6 +72,7 @@ def command(
     )
     output.write(diagnosis_json(found))
     if output.tables:
+        show(assumed(data))
         if isinstance(found, DriveDiagnosis):
             show(drive_tables(found))
         else:

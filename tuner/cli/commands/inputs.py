@@ -33,6 +33,12 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
     return records
 
 
+def assumed(data: object) -> list[str]:
+    """Return lines on what nobody states and was assumed of records, to stand before the tables; none of a drive."""
+    records = data if isinstance(data, tuple) else ()
+    return list(dict.fromkeys(f"  assumed: {text}" for record in records for text in record.assumptions))
+
+
 def load_source(source: str | None, reading: Reading, messages: Messages) -> tuple[Record, ...] | str | None:
     """Read a source if it is a log; the name of a grade and the path of anything else stay as they are."""
     from tuner.readers.source_kind import is_log
