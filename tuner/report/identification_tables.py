@@ -30,9 +30,7 @@ SENSOR_TITLES = {"rad/s": "Gyro", "m/s^2": "Accelerometer"}
 def identification_tables(identification: Identification) -> list[Table | str]:
     """Return what was assumed of the log, one table a sensor, the reasons of the bounds and the warnings."""
     channels = list(identification.channels.values())
-    answer: list[Table | str] = [
-        f"  assumed: {text}" for text in identification.source.get("assumptions", ())
-    ]
+    answer: list[Table | str] = [f"  {text}" for text in identification.source.get("assumptions", ())]
     for unit in dict.fromkeys(c.unit for c in channels):
         answer.append(_sensor_table([c for c in channels if c.unit == unit]))
     for text, axes in _gather(

@@ -36,7 +36,7 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
 def assumed(data: object) -> list[str]:
     """Return lines on what nobody states and was assumed of records, to stand before the tables; none of a drive."""
     records = data if isinstance(data, tuple) else ()
-    return list(dict.fromkeys(f"  assumed: {text}" for record in records for text in record.assumptions))
+    return list(dict.fromkeys(f"  {text}" for record in records for text in record.assumptions))
 
 
 def load_source(source: str | None, reading: Reading, messages: Messages) -> tuple[Record, ...] | str | None:
