@@ -18,13 +18,15 @@ from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import assemble_records
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Progress, digest
-from tuner.readers.log_format import FORMATS, LogFormat, columns_of
+from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of
+from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.types.records import DataError, Record
 
 __all__ = ["FORMATS", "LogFormat", "is_curve", "parse_columns", "read", "read_curve"]
 
-FORMATS.extend((npz.FORMAT, mat.FORMAT, hdf5.FORMAT, parquet.FORMAT, text.FORMAT))
+FORMATS.extend((npz.FORMAT, mat.FORMAT, hdf5.FORMAT, parquet.FORMAT))
+FORMATS.extend((ulog.FORMAT, rosbag.FORMAT, ardupilot.FORMAT, text.FORMAT))
 
 
 def read(
@@ -74,7 +76,7 @@ def read(
     DataError
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
-    path = Path(path)
+    path = file_of(Path(path))
     for name, value in (("--rate", rate), ("--gyro-scale", gyro_scale), ("--accel-scale", accel_scale)):
         if value is not None and not 0.0 < value < float("inf"):
             msg = f"{name}: expected a positive number, got {value}"

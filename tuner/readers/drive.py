@@ -29,8 +29,9 @@ from tuner.formats.guard import input_guard
 from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
-from tuner.readers.drive_npz import read_drive_npz
+from tuner.readers.drive_npz import DriveArrays, read_drive_npz
 from tuner.readers.kf_gins import read_kf_gins
+from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.types.numbers import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
@@ -85,7 +86,7 @@ def read_drive(path: str | Path) -> Drive:
     DataError
         What cannot be used, in one line.
     """
-    path = Path(path)
+    path = file_of(Path(path))
     if path.is_dir():
         with input_guard(path, "a drive: imu.csv, gnss.csv and perhaps truth.csv"):
             return _folder(path)
@@ -93,11 +94,8 @@ def read_drive(path: str | Path) -> Drive:
         msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         raise DataError(msg)
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
-    if path.suffix.lower() not in readers:
-        msg = f"{path}: expected a drive (folder, .npz or .yaml), got '{path.suffix}'"
-        raise DataError(msg)
     with input_guard(path, "a drive: arrays and settings, one row a sample or fix"):
-        return readers[path.suffix.lower()](path)
+        return readers.get(path.suffix.lower(), _messages)(path)
     raise AssertionError
 
 
@@ -148,8 +146,23 @@ def with_mounting(
     )
 
 
+def _messages(path: Path) -> Drive:
+    declared = format_of(path)
+    if declared.drive is None:
+        msg = (
+            f"{path}: expected a drive (folder, .npz, .yaml of KF-GINS, or a log of messages: .ulg .bag .mcap .bin), "
+            f"got {declared.title}; make a folder with imu.csv and gnss.csv of it"
+        )
+        raise DataError(msg)
+    with library_of(declared, path):
+        return _of_arrays(path, declared.drive(path))
+
+
 def _npz(path: Path) -> Drive:
-    found = read_drive_npz(path)
+    return _of_arrays(path, read_drive_npz(path))
+
+
+def _of_arrays(path: Path, found: DriveArrays) -> Drive:
     nameless = found.frame and mounting_of(found.frame, None) is None
     notes = (f"the frame of the unit, '{found.frame}', is none of {' '.join(FRAMES)}: unknown",)
     return _drive(

@@ -13,13 +13,15 @@ Another package names it in its ``pyproject.toml``::
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from models.registry import Registry
 from tuner.formats.guard import guarded, input_guard
 from tuner.readers.columns import Listing, Progress
+from tuner.readers.drive_npz import DriveArrays
 from tuner.types.records import DataError
 
 HEAD_BYTES = 4096
@@ -44,6 +46,8 @@ class LogFormat:
         Tells from the first `HEAD_BYTES` bytes whether a file of another ending is of this format.
     extra : str, optional
         Extra of this package (``pip install 'ins-noise-tuner[EXTRA]'``) with the library that `read` imports.
+    drive : callable, optional
+        Returns the arrays of a drive, of a format that can hold fixes beside inertial samples.
     any_text : bool, optional
         Whether it reads any table in text: its endings and first bytes then leave others the first choice.
     """
@@ -55,6 +59,7 @@ class LogFormat:
     recognizes: Callable[[bytes], bool] = lambda _: False
     extra: str | None = None
     any_text: bool = False
+    drive: Callable[[Path], DriveArrays] | None = None
 
 
 def _check(declared: object) -> None:
@@ -79,6 +84,13 @@ FORMATS: Registry[LogFormat] = Registry(
     check=_check,
 )
 """Every log format by name; `tuner.readers` adds the built-in ones."""
+
+
+def file_of(path: Path) -> Path:
+    """Return the file that stands for a source: of a ROS 2 bag, which is a folder, the first file with its messages."""
+    if not (path / "metadata.yaml").is_file():
+        return path
+    return min((f for kind in ("*.db3", "*.mcap") for f in path.glob(kind)), default=path)
 
 
 def format_of(path: Path) -> LogFormat:
@@ -117,10 +129,17 @@ def columns_of(path: Path, progress: Progress | None) -> Listing:
         Where no format fits, a library is missing, or the file is damaged.
     """
     declared = format_of(path)
+    with library_of(declared, path), input_guard(path, declared.title):
+        listing = declared.read(path, progress)
+        return replace(listing, load=guarded(path, declared.title, listing.load))
+    raise AssertionError
+
+
+@contextmanager
+def library_of(declared: LogFormat, path: Path) -> Iterator[None]:
+    """Say in one line which extra to install where the library of a format is missing."""
     try:
-        with input_guard(path, declared.title):
-            listing = declared.read(path, progress)
-            return replace(listing, load=guarded(path, declared.title, listing.load))
+        yield
     except ImportError as error:
         if declared.extra is None:
             raise

@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path
 
 from tuner.formats.guard import printable
+from tuner.types.records import DataError
 
 
 def source_name(source: str | Path) -> str:
@@ -30,8 +31,13 @@ def is_log(source: str | Path) -> bool:
 
 
 def is_drive(source: str | Path) -> bool:
-    """Tell a drive (a folder, an NPZ with fixes, a YAML of KF-GINS) from a log of the inertial unit alone."""
-    path = Path(source)
+    """Tell a drive from a log of the inertial unit alone.
+
+    A drive is a folder, an NPZ or message log (ULog, bag, …) with fixes, or a YAML of KF-GINS.
+    """
+    from tuner.readers.log_format import file_of
+
+    path = file_of(Path(source))
     if path.is_dir():
         return True
     if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
@@ -43,4 +49,19 @@ def is_drive(source: str | Path) -> bool:
     if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         head = path.read_text(encoding="utf-8", errors="replace")
         return "imupath" in head and "gnsspath" in head
-    return False
+    return path.is_file() and _is_flight(path)
+
+
+def _is_flight(path: Path) -> bool:
+    """Tell whether a message log holds fixes that make it a drive."""
+    from tuner.readers.log_format import format_of, library_of
+
+    try:
+        declared = format_of(path)
+        if declared.drive is None:
+            return False
+        with library_of(declared, path):
+            declared.drive(path)
+    except DataError:
+        return False
+    return True

@@ -119,14 +119,15 @@ def test_a_file_without_a_known_ending_is_recognized_by_its_content(tmp_path: Pa
     np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-15)
 
 
-@pytest.mark.parametrize("suffix", ["bag", "ulg", "bin", "mcap"])
+@pytest.mark.parametrize("suffix", ["raw", "xlsx", "sqlite"])
 def test_what_is_not_readable_says_which_formats_are(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"log.{suffix}"
-    path.write_bytes(b"ULog\x01\x12\x35\0\0\1" * 50)
+    path.write_bytes(b"\x7fXYZ\0\0\1" * 50)
     with pytest.raises(DataError) as caught:
         read(path)
     assert str(caught.value) == (
         f"{path}: expected a log as NPZ (.npz), MAT (.mat), HDF5 (.h5 .hdf5 .hdf), Parquet (.parquet .pq), "
+        "ULog of PX4 (.ulg .ulog), ROS bag or MCAP (.bag .mcap .db3), dataflash log of ArduPilot (.bin .log.bin), "
         "text (.csv .tsv .txt .csv.gz .tsv.gz .txt.gz), got none of these; convert it to one of them"
     )
 

@@ -1,0 +1,190 @@
+"""Logs of messages hold the numbers that were written into them: units, axes, clocks, accuracies."""
+
+import numpy as np
+import pytest
+
+from tests.tuner.readers.messages.writers import write_bag, write_dataflash, write_ulog
+from tuner.readers import read
+from tuner.readers.drive import read_drive
+from tuner.readers.source_kind import is_drive
+from tuner.types.records import DataError
+
+RATE, FIX_RATE, SECONDS = 100, 5, 30
+RNG = np.random.default_rng(11)
+T = np.arange(RATE * SECONDS) / RATE
+GYRO = RNG.normal(0.0, 1e-3, (len(T), 3))
+ACCEL = RNG.normal(0.0, 1e-2, (len(T), 3)) + np.array([0.0, 0.0, -9.81])
+FIX_T = np.arange(1, FIX_RATE * (SECONDS - 1)) / FIX_RATE
+LLH = np.column_stack(
+    [47.0 + 1e-7 * np.arange(len(FIX_T)), 8.0 + 2e-7 * np.arange(len(FIX_T)), 400.0 + FIX_T]
+)
+VEL = np.column_stack([1.0 + 0.1 * np.sin(FIX_T), 2.0 + 0.0 * FIX_T, -0.3 + 0.0 * FIX_T])
+
+
+def ulog(path, *, fixes=True, instances=1):
+    topics = {}
+    for i in range(instances):
+        dt = np.full(len(T), 1e6 / RATE)
+        topics["vehicle_imu", i] = {
+            "timestamp": (1e6 * T + 5e6).astype(np.uint64),
+            **{f"delta_angle[{j}]": GYRO[:, j] / RATE for j in range(3)},
+            **{f"delta_velocity[{j}]": ACCEL[:, j] / RATE for j in range(3)},
+            "delta_angle_dt": dt,
+            "delta_velocity_dt": dt,
+        }
+    if fixes:
+        topics["vehicle_gps_position", 0] = {
+            "timestamp": (1e6 * FIX_T + 5e6).astype(np.uint64),
+            "lat": np.round(1e7 * LLH[:, 0]).astype(np.int32),
+            "lon": np.round(1e7 * LLH[:, 1]).astype(np.int32),
+            "alt_ellipsoid": np.round(1e3 * LLH[:, 2]).astype(np.int32),
+            **{f"vel_{axis}_m_s": VEL[:, i] for i, axis in enumerate("ned")},
+            "eph": np.full(len(FIX_T), 0.8),
+            "epv": np.full(len(FIX_T), 1.5),
+            "s_variance_m_s": np.full(len(FIX_T), 0.2),
+            "fix_type": np.full(len(FIX_T), 3, dtype=np.int32),
+            "vel_ned_valid": np.where(FIX_T < 2.0, 0, 1).astype(np.int32),
+        }
+    write_ulog(path, topics)
+    return path
+
+
+def dataflash(path, *, fixes=True, instances=1):
+    rows = []
+    for k, t in enumerate(T):
+        for i in range(instances):
+            values = {"TimeUS": ("Q", round(1e6 * t) + 5_000_000), "I": ("B", i)}
+            values |= {f"Gyr{a}": ("f", GYRO[k, j]) for j, a in enumerate("XYZ")}
+            values |= {f"Acc{a}": ("f", ACCEL[k, j]) for j, a in enumerate("XYZ")}
+            rows.append((t, ("IMU", values)))
+    for k, t in enumerate(FIX_T if fixes else ()):
+        stamp = ("Q", round(1e6 * t) + 5_000_000)
+        speed, course = np.hypot(*VEL[k, :2]), np.degrees(np.arctan2(VEL[k, 1], VEL[k, 0]))
+        gps = {"TimeUS": stamp, "I": ("B", 0), "Status": ("B", 3)}
+        gps |= {
+            "Lat": ("L", round(1e7 * LLH[k, 0])),
+            "Lng": ("L", round(1e7 * LLH[k, 1])),
+            "Alt": ("d", LLH[k, 2]),
+        }
+        gps |= {"Spd": ("d", speed), "GCrs": ("d", course), "VZ": ("d", VEL[k, 2])}
+        rows.append((t, ("GPS", gps)))
+        gpa = {"TimeUS": stamp, "I": ("B", 0), "HAcc": ("d", 0.8), "VAcc": ("d", 1.5), "SAcc": ("d", 0.2)}
+        rows.append((t, ("GPA", gpa)))
+    write_dataflash(path, [message for _, message in sorted(rows, key=lambda row: row[0])])
+    return path
+
+
+def bag(path, kind, *, fixes=True, instances=1):
+    def stamp(t):
+        return round(1e9 * t) + 1_700_000_000_000_000_000
+
+    topics = {
+        f"/imu{i}": (
+            "sensor_msgs/msg/Imu",
+            [(stamp(t), {"gyro": w, "accel": f}) for t, w, f in zip(T, GYRO, ACCEL, strict=True)],
+        )
+        for i in range(instances)
+    }
+    if fixes:
+        topics["/fix"] = (
+            "sensor_msgs/msg/NavSatFix",
+            [(stamp(t), {"llh": llh, "sd_enu": (0.8, 0.8, 1.5)}) for t, llh in zip(FIX_T, LLH, strict=True)],
+        )
+        enu = VEL[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+        topics["/vel"] = (
+            "geometry_msgs/msg/TwistStamped",
+            [(stamp(t), {"enu": v}) for t, v in zip(FIX_T, enu, strict=True)],
+        )
+    write_bag(path, topics, kind=kind)
+    if path.is_dir():
+        return next(path.glob("*.mcap"), path)
+    return path
+
+
+MAKERS = {
+    "ulog": lambda folder, **how: ulog(folder / "log.ulg", **how),
+    "dataflash": lambda folder, **how: dataflash(folder / "log.bin", **how),
+    "ros1": lambda folder, **how: bag(folder / "log.bag", "ros1", **how),
+    "ros2": lambda folder, **how: bag(folder / "log", "sqlite3", **how),
+    "mcap": lambda folder, **how: bag(folder / "log", "mcap", **how),
+}
+LIBRARY = {
+    "ulog": "pyulog",
+    "dataflash": "pymavlink",
+    "ros1": "rosbags",
+    "ros2": "rosbags",
+    "mcap": "rosbags",
+}
+KINDS = pytest.mark.parametrize("kind", MAKERS)
+
+
+@KINDS
+def test_a_static_log_holds_its_samples(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    gyro, accel = read(MAKERS[kind](tmp_path, fixes=False))
+    exact = 1e-7 if kind == "dataflash" else 1e-12  # dataflash keeps single precision
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=exact, atol=1e-11)
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=exact, atol=1e-9)
+    assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-9)
+
+
+@KINDS
+def test_a_drive_holds_its_fixes(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    path = MAKERS[kind](tmp_path)
+    assert is_drive(path)
+    drive = read_drive(path)
+    # ULog and dataflash keep degrees · 10⁷: half a unit is 9e-10 rad.
+    np.testing.assert_allclose(drive.gnss.llh[:, :2], np.radians(LLH[:, :2]), atol=1e-9)
+    np.testing.assert_allclose(drive.gnss.llh[:, 2], LLH[:, 2], atol=6e-4)
+    np.testing.assert_allclose(drive.gnss.t, FIX_T, atol=1e-6)
+    known = np.isfinite(drive.gnss.vel_n[:, 0])
+    assert np.count_nonzero(~known) == (9 if kind == "ulog" else 0)  # velocities marked as invalid
+    np.testing.assert_allclose(drive.gnss.vel_n[known], VEL[known], atol=1e-9)
+    np.testing.assert_allclose(drive.gnss.position_sd, np.tile([0.8, 0.8, 1.5], (len(FIX_T), 1)), rtol=1e-6)
+    np.testing.assert_allclose(drive.rates[:, 3:], ACCEL, rtol=1e-6, atol=1e-9)
+    framed = kind in ("ulog", "dataflash")
+    assert (drive.mounting is not None) == framed
+
+
+@KINDS
+def test_a_second_unit_is_named_and_can_be_chosen(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    path = MAKERS[kind](tmp_path, fixes=False, instances=2)
+    gyro, _ = read(path)
+    note = next(note for note in gyro.notes if "the file also holds" in note)
+    option = note.split("--columns '")[1].split("'")[0]
+    chosen = dict(part.split("=") for part in option.split(","))
+    again, accel = read(path, columns=chosen)
+    np.testing.assert_array_equal(again.y, gyro.y)
+    assert accel.axes == ("accel_x", "accel_y", "accel_z")
+
+
+@KINDS
+def test_a_drive_without_fixes_is_one_line(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    path = MAKERS[kind](tmp_path, fixes=False)
+    assert not is_drive(path)
+    with pytest.raises(DataError, match="expected a receiver with 10 fixes or more"):
+        read_drive(path)
+
+
+@KINDS
+def test_a_truncated_file_is_read_to_its_end_or_refused_in_one_line(kind, tmp_path):
+    pytest.importorskip(LIBRARY[kind])
+    path = MAKERS[kind](tmp_path)
+    if path.is_dir():
+        path = next(path.glob("*.db3"))
+    data = path.read_bytes()
+    for share in (0.5, 0.02, 0.0001):
+        short = tmp_path / f"short{path.suffix}"
+        short.write_bytes(data[: int(share * len(data))])
+        try:
+            gyro, *_ = read(short)
+        except DataError as error:
+            said = str(error)
+        else:
+            np.testing.assert_allclose(gyro.y, GYRO[: len(gyro.y)], rtol=1e-7, atol=1e-9)
+            continue
+        assert str(short) in said
+        assert "\n" not in said

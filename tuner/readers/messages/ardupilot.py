@@ -1,0 +1,141 @@
+"""ArduPilot dataflash logs (BIN), read with pymavlink: messages IMU by instance, GPS with its accuracies GPA.
+
+Axes are forward, right, down; `TimeUS` is µs since boot. Heights of GPS are above mean sea level: over a drive, a
+constant offset to the ellipsoid. IMU is logged at the rate of `LOG_BITMASK`: set its bit "fast IMU" or "raw IMU" for
+noise, for otherwise the log has 10 to 50 samples a second that alias all above half of that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tuner.readers.log_format import LogFormat
+from tuner.readers.messages.streams import (
+    FixStream,
+    InertialStream,
+    MessageLog,
+    drive_of_log,
+    listing_of_log,
+)
+from tuner.types.records import DataError
+
+SIGNATURE = b"\xa3\x95\x80"
+"""Head of a message (A3 95) of type 128, FMT: every log begins with the formats of its messages."""
+FIX_3D = 3
+"""Least status of a position in three dimensions."""
+WANTED = ["IMU", "GPS", "GPA"]
+
+
+def read_dataflash(path: Path) -> MessageLog:
+    """Return the inertial samples and fixes of a dataflash log.
+
+    Raises
+    ------
+    DataError
+        What is no such log, or a damaged one.
+    """
+    imu: dict[int, list[tuple[float, ...]]] = {}
+    gps: dict[int, list[tuple[float, ...]]] = {}
+    accuracy: dict[tuple[int, int], tuple[float, float, float]] = {}
+    names: set[str] = set()
+    try:
+        for message in _messages(path):
+            kind, instance = message.get_type(), int(getattr(message, "I", 0))
+            names.add(f"{kind}.{instance}")
+            if kind == "IMU":
+                imu.setdefault(instance, []).append(_imu(message))
+            elif kind == "GPA":
+                accuracy[instance, message.TimeUS] = (message.HAcc, message.VAcc, message.SAcc)
+            elif message.Status >= FIX_3D:
+                gps.setdefault(instance, []).append(_gps(message))
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        AttributeError,
+        TypeError,
+        ArithmeticError,
+        struct.error,
+    ) as error:
+        msg = f"{path}: cannot be read as a dataflash log: {error}; download the log again"
+        raise DataError(msg) from None
+    inertial = []
+    for instance, values in sorted(imu.items()):
+        table = np.array(values)
+        arrays = {"gyro": table[:, 1:4], "accel": table[:, 4:7]}
+        units = {"gyro": "rad/s", "accel": "m/s^2"}
+        if np.isfinite(table[:, 7]).all():
+            arrays["temperature"], units["temperature"] = table[:, 7], "degC"
+        inertial.append(
+            InertialStream(f"IMU.{instance}", table[:, 0].astype(np.int64), arrays, units, "us", instance)
+        )
+    fixes = tuple(
+        FixStream(f"GPS.{instance}", np.array([_with_sds(row, instance, accuracy) for row in values]))
+        for instance, values in sorted(gps.items())
+    )
+    return MessageLog(tuple(inertial), fixes, "FRD", tuple(sorted(names)))
+
+
+def _messages(path: Path) -> Iterator[Any]:
+    """Yield the messages that are used; the library's remarks on bytes between messages are kept off the terminal."""
+    from pymavlink.DFReader import DFReader_binary
+
+    log = DFReader_binary.__new__(
+        DFReader_binary
+    )  # so that the file can be closed where reading its index fails
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            log.__init__(str(path), zero_time_base=True)
+            while (message := log.recv_match(type=WANTED)) is not None:
+                yield message
+    finally:
+        for handle in ("data_map", "filehandle"):
+            if hasattr(log, handle):
+                getattr(log, handle).close()
+
+
+def _imu(message: Any) -> tuple[float, ...]:
+    return (
+        float(message.TimeUS),
+        *(float(getattr(message, f"Gyr{axis}")) for axis in "XYZ"),
+        *(float(getattr(message, f"Acc{axis}")) for axis in "XYZ"),
+        float(getattr(message, "T", math.nan)),
+    )
+
+
+def _gps(message: Any) -> tuple[float, ...]:
+    """Return t, µs, latitude, longitude, deg, height, m, velocity north, east, down, m/s."""
+    course = math.radians(message.GCrs)
+    speed = message.Spd
+    velocity = (speed * math.cos(course), speed * math.sin(course), message.VZ)
+    return (float(message.TimeUS), message.Lat, message.Lng, message.Alt, *velocity)
+
+
+def _with_sds(
+    row: tuple[float, ...], instance: int, accuracy: dict[tuple[int, int], tuple[float, float, float]]
+) -> tuple[float, ...]:
+    """Return a row of a `FixStream`: accuracies are those of the same epoch, NaN where none was logged."""
+    horizontal, vertical, speed = (
+        value if value > 0.0 else math.nan
+        for value in accuracy.get((instance, int(row[0])), (math.nan, math.nan, math.nan))
+    )
+    return (1e-6 * row[0], *row[1:], horizontal, horizontal, vertical, speed, speed, speed)
+
+
+FORMAT = LogFormat(
+    "dataflash",
+    "dataflash log of ArduPilot",
+    (".bin", ".log.bin"),
+    lambda path, _: listing_of_log(path, read_dataflash(path)),
+    lambda head: head.startswith(SIGNATURE),
+    extra="ardupilot",
+    drive=lambda path: drive_of_log(path, read_dataflash(path)),
+)

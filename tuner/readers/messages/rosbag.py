@@ -1,0 +1,156 @@
+"""ROS 1 and ROS 2 bags and MCAP files, read with rosbags: `sensor_msgs/Imu`, `sensor_msgs/NavSatFix`, velocities.
+
+Stamps are those of the headers; where a driver leaves them 0, the time of recording is taken. Velocities are those of a
+`TwistStamped` or `TwistWithCovarianceStamped` topic that is stamped as the fixes are: a receiver publishes both
+for one epoch, east, north, up.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.log_format import LogFormat
+from tuner.readers.messages.streams import (
+    FixStream,
+    InertialStream,
+    MessageLog,
+    drive_of_log,
+    listing_of_log,
+    variances_to_sds,
+)
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+IMU, FIX = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"
+VELOCITIES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
+SAME_EPOCH = 0.02
+"""Stamps of a position and a velocity this close, s, are of one epoch: receivers report every 50 ms at most."""
+MIN_COMMON_SHARE = 0.9
+"""Share of fixes with a velocity of the same epoch from which a topic is taken for the receiver's velocity."""
+METADATA = "metadata.yaml"
+"""File that makes a folder a ROS 2 bag."""
+SIGNATURES = (b"#ROSBAG V2.0", b"\x89MCAP")
+
+
+def read_bag(path: Path) -> MessageLog:
+    """Return the inertial samples and fixes of a bag.
+
+    Raises
+    ------
+    DataError
+        What is no bag, or a damaged one.
+    """
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    samples: dict[str, list[tuple[float, ...]]] = {}
+    stamps: dict[str, list[tuple[int, int]]] = {}
+    try:
+        with AnyReader([_whole(path)], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+            wanted = [c for c in bag.connections if c.msgtype in (IMU, FIX, *VELOCITIES)]
+            kinds = {c.topic: c.msgtype for c in wanted}
+            topics = tuple(
+                f"{name} ({topic.msgtype}, {topic.msgcount})" for name, topic in bag.topics.items()
+            )
+            for connection, recorded, raw in bag.messages(connections=wanted) if wanted else ():
+                message: Any = bag.deserialize(raw, connection.msgtype)
+                stamp = message.header.stamp
+                stamps.setdefault(connection.topic, []).append(
+                    (stamp.sec * 1_000_000_000 + stamp.nanosec, recorded)
+                )
+                samples.setdefault(connection.topic, []).append(_numbers(message, connection.msgtype))
+    except (
+        AnyReaderError,
+        OSError,
+        ValueError,
+        LookupError,
+        AttributeError,
+        TypeError,
+        AssertionError,
+    ) as error:
+        reason = " ".join(str(error).split())
+        msg = f"{path}: cannot be read as a ROS bag: {reason}; `ros2 bag info` or `rosbag check` tell more"
+        raise DataError(msg) from None
+    rows = {topic: np.array(values) for topic, values in samples.items()}
+    clocks = {topic: _clock(np.array(pairs, dtype=np.int64)) for topic, pairs in stamps.items()}
+    inertial = tuple(
+        InertialStream(
+            topic,
+            clocks[topic],
+            {"gyro": rows[topic][:, :3], "accel": rows[topic][:, 3:]},
+            {"gyro": "rad/s", "accel": "m/s^2"},
+            "ns",
+        )
+        for topic in rows
+        if kinds[topic] == IMU
+    )
+    velocities = {topic: rows[topic] for topic in rows if kinds[topic] in VELOCITIES}
+    fixes = tuple(_fixes(topic, clocks, rows[topic], velocities) for topic in rows if kinds[topic] == FIX)
+    return MessageLog(inertial, fixes, None, topics)
+
+
+def _whole(path: Path) -> Path:
+    """Return what rosbags opens: of a ROS 2 bag, a folder with ``metadata.yaml``, the folder, not a file in it."""
+    return path.parent if (path.parent / METADATA).is_file() else path
+
+
+def _clock(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the header's stamps, ns, those of recording where a driver left the header's empty."""
+    header, recorded = pairs.T
+    chosen: NDArray[np.int64] = recorded if np.count_nonzero(header) < 0.5 * len(header) else header
+    return chosen
+
+
+def _numbers(message: Any, kind: str) -> tuple[float, ...]:
+    """Return what is used of a message: six rates; or position, sds, status; or velocity and sds."""
+    if kind == IMU:
+        w, f = message.angular_velocity, message.linear_acceleration
+        return (w.x, w.y, w.z, f.x, f.y, f.z)
+    if kind == FIX:
+        known = message.position_covariance_type > 0
+        variances = [message.position_covariance[i] if known else 0.0 for i in (4, 0, 8)]
+        return (message.latitude, message.longitude, message.altitude, *variances, message.status.status)
+    with_covariance = hasattr(message.twist, "covariance")
+    linear = message.twist.twist.linear if with_covariance else message.twist.linear
+    variances = [message.twist.covariance[i] if with_covariance else 0.0 for i in (7, 0, 14)]
+    return (linear.y, linear.x, -linear.z, *variances)
+
+
+def _fixes(
+    topic: str, clocks: dict[str, NDArray[np.int64]], rows: FloatArray, velocities: dict[str, FloatArray]
+) -> FixStream:
+    t = 1e-9 * clocks[topic].astype(float)
+    table = np.full((len(t), 13), math.nan)
+    table[:, 0], table[:, 1:4], table[:, 7:10] = t, rows[:, :3], variances_to_sds(rows[:, 3:6])
+    notes: tuple[str, ...] = ()
+    for name, values in velocities.items():
+        theirs = clocks[name]
+        order = np.argsort(theirs)
+        place = np.clip(np.searchsorted(theirs[order], clocks[topic]), 1, max(1, len(order) - 1))
+        before, after = order[place - 1], order[np.minimum(place, len(order) - 1)]
+        early = np.abs(theirs[before] - clocks[topic]) <= np.abs(theirs[after] - clocks[topic])
+        nearest = np.where(early, before, after)
+        same = np.abs(theirs[nearest] - clocks[topic]) * 1e-9 <= SAME_EPOCH
+        if np.count_nonzero(same) >= MIN_COMMON_SHARE * len(t) and len(theirs) <= 2 * len(t):
+            table[same, 4:7] = values[nearest[same], :3]
+            table[same, 10:13] = variances_to_sds(values[nearest[same], 3:])
+            notes = (f"velocities of the fixes are those of '{name}', east, north, up",)
+            break
+    return FixStream(topic, table[rows[:, 6] >= 0], notes)
+
+
+FORMAT = LogFormat(
+    "ros-bag",
+    "ROS bag or MCAP",
+    (".bag", ".mcap", ".db3"),
+    lambda path, _: listing_of_log(path, read_bag(path)),
+    lambda head: head.startswith(SIGNATURES),
+    extra="ros",
+    drive=lambda path: drive_of_log(path, read_bag(path)),
+)

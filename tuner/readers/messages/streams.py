@@ -1,0 +1,181 @@
+"""Streams of a message log, and how a static log or a drive is made of them.
+
+A message log may hold several inertial units. The first of the format's order that has most samples is used; a note
+names the others and how to choose one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.drive_npz import DriveArrays
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+SECONDS = {"s": 1.0, "us": 1e-6, "ns": 1e-9}
+"""Seconds in one unit of a clock."""
+MIN_FIXES = 10
+"""Fixes from which a log counts as a drive: fewer do not align a filter."""
+
+
+@dataclass(frozen=True)
+class InertialStream:
+    """Samples of one inertial unit.
+
+    Attributes
+    ----------
+    name : str
+        Topic or message with its instance, such as ``vehicle_imu.0`` or ``/imu/data``.
+    t : ndarray, shape (n,)
+        Stamps in `clock_unit`.
+    arrays : mapping of str to ndarray
+        ``gyro`` and ``accel``, (n, 3), one of them at least, and perhaps ``temperature``, (n,), °C.
+    units : mapping of str to str
+        Units of the arrays.
+    clock_unit : str
+        A key of `SECONDS`.
+    rank : int
+        Place in the format's order of preference, 0 first.
+    """
+
+    name: str
+    t: NDArray[Any]
+    arrays: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+    clock_unit: str
+    rank: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether it has both gyroscope and accelerometer."""
+        return {"gyro", "accel"} <= set(self.arrays)
+
+    def seconds(self) -> FloatArray:
+        """Return the stamps, s."""
+        return np.asarray(self.t, dtype=float) * SECONDS[self.clock_unit]
+
+
+@dataclass(frozen=True)
+class FixStream:
+    """Fixes of one receiver.
+
+    Attributes
+    ----------
+    name : str
+        Topic or message with its instance.
+    rows : ndarray, shape (k, 13)
+        t, s, on the clock of the inertial samples; latitude, longitude, deg, height above the ellipsoid, m; velocity
+        north, east, down, m/s; sds of both; NaN where there is none.
+    notes : tuple of str
+        How the rows were understood.
+    """
+
+    name: str
+    rows: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class MessageLog:
+    """What a message log holds for this package.
+
+    Attributes
+    ----------
+    inertial : tuple of InertialStream
+        Inertial units.
+    fixes : tuple of FixStream
+        Receivers.
+    frame : str or None
+        Axes of the units where the format defines them, such as FRD.
+    topics : tuple of str
+        Everything the file holds, for messages about what is missing.
+    """
+
+    inertial: tuple[InertialStream, ...]
+    fixes: tuple[FixStream, ...]
+    frame: str | None = None
+    topics: tuple[str, ...] = ()
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether a receiver reports enough fixes for a filter."""
+        return any(len(stream.rows) >= MIN_FIXES for stream in self.fixes)
+
+
+def listing_of_log(path: Path, log: MessageLog) -> Listing:
+    """Return the columns of the preferred inertial unit as ``t, gyro, accel, temperature``, others by their topic.
+
+    Raises
+    ------
+    DataError
+        Where the log holds no inertial samples.
+    """
+    chosen = _preferred(path, log)
+    arrays: dict[str, NDArray[Any]] = {"t": chosen.t, **chosen.arrays}
+    units = {"t": chosen.clock_unit, **chosen.units}
+    others = [stream for stream in log.inertial if stream is not chosen]
+    for stream in others:
+        arrays |= {f"{stream.name}/{part}": array for part, array in {"t": stream.t, **stream.arrays}.items()}
+        units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
+        units[f"{stream.name}/t"] = stream.clock_unit
+    found = listing_of_arrays(path, arrays, units=units, meta={})
+    if not others:
+        return found
+    other = max(others, key=lambda stream: (stream.complete, len(stream.t)))
+    option = ",".join(f"{part}={other.name}/{part}" for part in ("t", *other.arrays))
+    note = (
+        f"inertial samples of '{chosen.name}' ({len(chosen.t)} of them); the file also holds "
+        f"{', '.join(f'{s.name} ({len(s.t)})' for s in others)}: choose one with --columns '{option}'"
+    )
+    return replace(found, notes=(*found.notes, note))
+
+
+def drive_of_log(path: Path, log: MessageLog) -> DriveArrays:
+    """Return the arrays of a drive: the preferred inertial unit and the receiver with most fixes.
+
+    Raises
+    ------
+    DataError
+        Where the log holds no complete inertial unit, or no fixes.
+    """
+    chosen = _preferred(path, log)
+    if not chosen.complete:
+        msg = f"{path}: expected gyroscope and accelerometer in one stream, found {', '.join(chosen.arrays)}"
+        raise DataError(msg)
+    if not log.is_drive:
+        counts = ", ".join(f"{s.name} with {len(s.rows)}" for s in log.fixes) or "none"
+        msg = (
+            f"{path}: expected a receiver with {MIN_FIXES} fixes or more, found {counts} among {_some(log.topics)}; "
+            "without fixes it is a static log: `tuner tune FILE`"
+        )
+        raise DataError(msg)
+    fixes = max(log.fixes, key=lambda stream: len(stream.rows))
+    imu = np.column_stack([chosen.seconds(), chosen.arrays["gyro"], chosen.arrays["accel"]])
+    return DriveArrays(imu, fixes.rows, None, log.frame, None, None)
+
+
+def _preferred(path: Path, log: MessageLog) -> InertialStream:
+    if not log.inertial:
+        msg = f"{path}: expected messages of an inertial unit, found {_some(log.topics)}"
+        raise DataError(msg)
+    return min(log.inertial, key=lambda s: (not s.complete, s.rank, -len(s.t)))
+
+
+def _some(topics: Sequence[str], shown: int = 12) -> str:
+    more = f" and {len(topics) - shown} more" if len(topics) > shown else ""
+    return (", ".join(topics[:shown]) or "nothing") + more
+
+
+def variances_to_sds(values: FloatArray) -> FloatArray:
+    """Return square roots of variances; NaN for those that are 0 or negative, which stand for unknown."""
+    known = np.where(values > 0.0, values, math.nan)
+    return np.sqrt(known)
