@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from tuner.formats.guard import input_guard
-from tuner.readers import hdf5, mat, npz, parquet, text
+from tuner.readers import hdf5, kitti, mat, npz, parquet, phone_folders, text
 from tuner.readers.allan_curve import is_curve, read_curve
 from tuner.readers.assemble import assemble_records
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Progress, digest
-from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of
+from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
 from tuner.types.records import DataError, Record
@@ -26,7 +26,8 @@ from tuner.types.records import DataError, Record
 __all__ = ["FORMATS", "LogFormat", "is_curve", "parse_columns", "read", "read_curve"]
 
 FORMATS.extend((npz.FORMAT, mat.FORMAT, hdf5.FORMAT, parquet.FORMAT))
-FORMATS.extend((ulog.FORMAT, rosbag.FORMAT, ardupilot.FORMAT, text.FORMAT))
+FORMATS.extend((ulog.FORMAT, rosbag.FORMAT, ardupilot.FORMAT))
+FORMATS.extend((phone_folders.FORMAT, kitti.FORMAT, text.FORMAT))
 
 
 def read(
@@ -87,8 +88,11 @@ def read(
     if not path.exists():
         msg = f"{path}: no such file"
         raise DataError(msg)
-    if not path.is_file():
-        msg = f"{path}: not a file"
+    if not path.is_file() and log_folder(path) is None:
+        msg = (
+            f"{path}: expected a file, or a folder of EuRoC, KITTI, phyphox, Sensor Logger or a ROS 2 bag, found a "
+            "folder without their files; name the file in it"
+        )
         raise DataError(msg)
     listing = columns_of(path, progress)
     options = Options(

@@ -101,12 +101,12 @@ def _nothing_found(listing: Listing) -> str:
 
 
 def _by_name(parsed: Parsed, taken: set[str]) -> dict[str, list[tuple[int, str]]]:
-    """Return the arrays of each role with their rank, best first."""
+    """Return the arrays of each role with their rank, best first; rates go before increments of the same rank."""
     found: dict[str, list[tuple[int, str]]] = {}
     for array, name in parsed.items():
         role = names.role_of(name)
         if role is not None and array not in taken:
-            found.setdefault(role[0], []).append((role[1], array))
+            found.setdefault(role[0], []).append((2 * role[1] + names.increments(name.plain), array))
     return {role: sorted(arrays, key=lambda a: a[0]) for role, arrays in found.items()}
 
 

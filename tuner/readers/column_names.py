@@ -60,6 +60,11 @@ TIME = (
     "seconds_of_week",
     "gps_tow",
     "itow",
+    "time_startup",
+    "zeit",
+    "temps",
+    "tiempo",
+    "tempo",
 )
 WEEK = ("week", "gps_week", "gpsweek", "week_number", "wn", "weekno")
 TIME_OF_WEEK = (
@@ -175,7 +180,8 @@ def is_count(text: str) -> bool:
 def parse_name(written: str) -> ColumnName:
     """Take a column name apart: ``Gyro X [deg/s]`` is plain ``gyro_x`` in ``deg/s``."""
     if (index := _INDEX.match(written)) is not None:
-        inner, number = parse_name(index["name"]), int(index["index"])
+        # VectorNav writes the components of a vector as ``gyro.c[0]``.
+        inner, number = parse_name(index["name"].removesuffix(".c")), int(index["index"])
         last = "xyz"[number] if number < 3 else str(number)
         return ColumnName(written, f"{inner.plain}_{last}", inner.unit, inner.angle)
     match = _BRACKET.match(written)

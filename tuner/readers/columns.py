@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from tuner.types.records import DataError
 
+BYTES_AT_ONCE = 1 << 20
+"""Bytes of a file that are read at a time for its digest."""
 Progress = Callable[[int, int], None]
 """Called with (bytes done, bytes in total)."""
 
@@ -143,6 +145,10 @@ def listing_of_arrays(
 
 
 def digest(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """Return the SHA-256 of the bytes of a file, or of all files of a folder in the order of their names."""
+    found = hashlib.sha256()
+    for part in [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file()):
+        with part.open("rb") as file:
+            while piece := file.read(BYTES_AT_ONCE):
+                found.update(piece)
+    return found.hexdigest()

@@ -48,6 +48,8 @@ class LogFormat:
         Extra of this package (``pip install 'ins-noise-tuner[EXTRA]'``) with the library that `read` imports.
     drive : callable, optional
         Returns the arrays of a drive, of a format that can hold fixes beside inertial samples.
+    folder : callable, optional
+        Tells whether a folder is a log of this format.
     any_text : bool, optional
         Whether it reads any table in text: its endings and first bytes then leave others the first choice.
     """
@@ -60,6 +62,7 @@ class LogFormat:
     extra: str | None = None
     any_text: bool = False
     drive: Callable[[Path], DriveArrays] | None = None
+    folder: Callable[[Path], bool] = lambda _: False
 
 
 def _check(declared: object) -> None:
@@ -86,11 +89,20 @@ FORMATS: Registry[LogFormat] = Registry(
 """Every log format by name; `tuner.readers` adds the built-in ones."""
 
 
+EUROC_FILES = ("imu0/data.csv", "mav0/imu0/data.csv")
+"""Where data sets in the form of EuRoC keep the samples of the IMU."""
+
+
 def file_of(path: Path) -> Path:
-    """Return the file that stands for a source: of a ROS 2 bag, which is a folder, the first file with its messages."""
-    if not (path / "metadata.yaml").is_file():
-        return path
-    return min((f for kind in ("*.db3", "*.mcap") for f in path.glob(kind)), default=path)
+    """Return the file that stands for a folder: of a ROS 2 bag the first with its messages, of EuRoC the IMU's."""
+    if (path / "metadata.yaml").is_file():
+        return min((f for kind in ("*.db3", "*.mcap") for f in path.glob(kind)), default=path)
+    return next((f for f in (path / name for name in EUROC_FILES) if f.is_file()), path)
+
+
+def log_folder(path: Path) -> LogFormat | None:
+    """Return the format of a folder that is a log, or None."""
+    return next((one for one in FORMATS.values() if one.folder(path)), None)
 
 
 def format_of(path: Path) -> LogFormat:
@@ -103,6 +115,8 @@ def format_of(path: Path) -> LogFormat:
     DataError
         Where no format fits: one line that says which there are.
     """
+    if path.is_dir() and (whole := log_folder(path)) is not None:
+        return whole
     name = path.name.lower()
     fitting = [(len(s), one) for one in FORMATS.values() for s in one.suffixes if name.endswith(s)]
     declared = max(fitting, key=lambda pair: pair[0])[1] if fitting else None

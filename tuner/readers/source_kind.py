@@ -35,11 +35,11 @@ def is_drive(source: str | Path) -> bool:
 
     A drive is a folder, an NPZ or message log (ULog, bag, …) with fixes, or a YAML of KF-GINS.
     """
-    from tuner.readers.log_format import file_of
+    from tuner.readers.log_format import file_of, log_folder
 
     path = file_of(Path(source))
     if path.is_dir():
-        return True
+        return log_folder(path) is None
     if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
         try:
             with zipfile.ZipFile(path) as file:

@@ -1,4 +1,4 @@
-"""Text logs: CSV, TSV, semicolons or blanks between columns, gzip allowed, in bounded memory.
+"""Text logs: CSV, TSV, semicolons or blanks between columns, decimal commas, gzip allowed, in bounded memory.
 
 The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM); lines that
 begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `BYTES_AT_ONCE` bytes into
@@ -15,7 +15,7 @@ import gzip
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Any
@@ -45,6 +45,12 @@ _STAMP = re.compile(
     r"(?:(?P<day>\d{4}[-/]\d{2}[-/]\d{2})[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?(?:Z|UTC|[+-]\d{2}:?\d{2})?"
 )
 """A date with time of ISO 8601, or a clock time alone."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+"""A number with a comma before its fraction, as spreadsheets of many countries write between semicolons or tabs."""
+_STATED_RATE = re.compile(
+    r"(?:update|output|sample|sampling)[ _]?rate\D{0,5}(?P<hz>\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE
+)
+"""A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz``."""
 _KF_GINS_COLUMNS = (
     "t",
     "dtheta_x [rad]",
@@ -72,6 +78,10 @@ class Dialect:
         Whether the last of them names the columns.
     dates : mapping of int to str
         Columns of ISO 8601 stamps or clock times, each with the day of its first one (empty for a clock time).
+    decimal : str
+        Point or comma before fractions.
+    rate : float or None
+        Sampling rate that is stated above the header, Hz.
     """
 
     names: tuple[str, ...]
@@ -79,6 +89,8 @@ class Dialect:
     skip: int
     header: bool
     dates: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    decimal: str = "."
+    rate: float | None = None
 
 
 def list_text(path: Path, progress: Progress | None = None) -> Listing:
@@ -108,7 +120,13 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         since = f"since {day} 00:00 UTC" if day else "of the day"
         notes += (f"'{names[j]}' holds {'dates' if day else 'clock times'}: read as seconds {since}",)
     return Listing(
-        path=path, units=units, shapes=dict.fromkeys(names, (0,)), load=load, notes=notes, guessed=guessed
+        path=path,
+        units=units,
+        shapes=dict.fromkeys(names, (0,)),
+        load=load,
+        meta={} if dialect.rate is None else {"rate_hz": dialect.rate},
+        notes=notes,
+        guessed=guessed,
     )
 
 
@@ -142,7 +160,15 @@ def find_dialect(path: Path) -> Dialect:
         msg = f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'"
         raise DataError(msg)
     skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
-    return _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
+    dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
+    rate = next((m["hz"] for line in lines[:skip] if (m := _STATED_RATE.search(line))), None)
+    return replace(
+        dialect,
+        decimal=","
+        if any(_has_decimal_comma(line, dialect.separator) for line in lines[at:-1] or lines[at:])
+        else ".",
+        rate=None if rate is None else float(rate.replace(",", ".")),
+    )
 
 
 def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
@@ -200,6 +226,7 @@ def read_numbers(
                     comment="#",
                     engine="c",
                     skipinitialspace=True,
+                    decimal=dialect.decimal,
                     index_col=False,
                     low_memory=False,
                     on_bad_lines="error",
@@ -299,6 +326,8 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
             return f"{path}:{number}: expected {width} columns, found {len(cells)}: repair or remove the line"
         for j in used:
             cell = cells[j].strip() if j < len(cells) else ""
+            if dialect.decimal == ",":
+                cell = cell.replace(",", ".")
             if not (_STAMP.fullmatch(cell.strip('"')) if j in dialect.dates and cell else _is_number(cell)):
                 return (
                     f"{path}:{number}:{j + 1}: expected a number in column '{dialect.names[j]}', "
@@ -309,7 +338,20 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
 
 def _separator(line: str) -> str | None:
     """Return what separates the columns of a line; None for blanks."""
+    for separator in (";", "\t"):
+        if _has_decimal_comma(line, separator):
+            return separator
     return next((s for s in (",", ";", "\t") if s in line), None)
+
+
+def _has_decimal_comma(line: str, separator: str | None) -> bool:
+    """Return whether every comma of a line is that of a number between semicolons or tabs."""
+    if separator not in (";", "\t") or separator not in line or "," not in line:
+        return False
+    with_comma = [cell.strip() for cell in line.split(separator) if "," in cell]
+    return all(_DECIMAL_COMMA.fullmatch(cell) or _STAMP.fullmatch(cell) for cell in with_comma) and any(
+        map(_DECIMAL_COMMA.fullmatch, with_comma)
+    )
 
 
 def _split(line: str, separator: str | None) -> list[str]:
@@ -338,7 +380,10 @@ def _is_data(line: str) -> bool:
     bare = line.strip()
     if not bare or bare.startswith(("#", "%")):
         return False
-    cells = [cell.strip().lower() for cell in _split(bare, _separator(bare))]
+    separator = _separator(bare)
+    if _has_decimal_comma(bare, separator):
+        bare = bare.replace(",", ".")
+    cells = [cell.strip().lower() for cell in _split(bare, separator)]
     numbers = sum(
         cell not in _MISSING_NUMBERS
         and (_is_number(cell) or _STAMP.fullmatch(cell.strip('"').upper()) is not None)

@@ -1,0 +1,117 @@
+"""Files as instruments, applications and spreadsheets write them hold the samples that were put in."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from tuner.readers import read
+from tuner.readers.source_kind import is_drive
+from tuner.types.records import DataError
+
+RATE, N = 100.0, 600
+RNG = np.random.default_rng(3)
+T = np.arange(N) / RATE
+GYRO = RNG.normal(0.0, 1e-3, (N, 3))
+ACCEL = RNG.normal(0.0, 1e-2, (N, 3)) + np.array([0.0, 0.0, 9.81])
+EPOCH = 1_700_000_000_000_000_000
+
+
+def table(path, header, rows, separator=",", above=""):
+    lines = [separator.join(x if isinstance(x, str) else f"{x:.12g}" for x in row) for row in rows]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(above + header + "\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def spreadsheet(folder):
+    """Semicolons and decimal commas."""
+    header = "Zeit [s];gyro_x [deg/s];gyro_y [deg/s];gyro_z [deg/s];accel_x [g];accel_y [g];accel_z [g]"
+    rows = np.column_stack([T, np.degrees(GYRO), ACCEL / 9.80665])
+    path = table(folder / "excel.csv", header, rows, ";")
+    return path.write_text(path.read_text().replace(".", ",")) and path
+
+
+def xsens(folder):
+    above = "// General information:\n// Update Rate: 100.0Hz\n"
+    header = "PacketCounter\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
+    rows = [(str(i), *ACCEL[i], *GYRO[i]) for i in range(N)]
+    return table(folder / "MT.txt", header, rows, "\t", above)
+
+
+def vectornav(folder):
+    names = [f"imuGroup.{kind}.c[{i}]" for kind in ("gyro", "accel") for i in range(3)]
+    rows = [(str(round(1e9 * T[i])), *GYRO[i], *ACCEL[i]) for i in range(N)]
+    return table(folder / "vn.csv", ",".join(["imuGroup.timeStartup [ns]", *names]), rows)
+
+
+def sbg(folder):
+    """Rates beside increments."""
+    names = [f"{kind}{axis}" for kind in ("accel", "gyro", "deltaVel", "deltaAngle") for axis in "XYZ"]
+    rows = [
+        (str(round(1e6 * T[i])), *ACCEL[i], *GYRO[i], *ACCEL[i] / RATE, *GYRO[i] / RATE) for i in range(N)
+    ]
+    return table(folder / "sbg.txt", "\t".join(["timestamp [us]", *names]), rows, "\t")
+
+
+def euroc(folder):
+    names = [f"w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f"a_RS_S_{a} [m s^-2]" for a in "xyz"]
+    rows = [(str(EPOCH + round(1e9 * T[i])), *GYRO[i], *ACCEL[i]) for i in range(N)]
+    table(folder / "mav0/imu0/data.csv", ",".join(["#timestamp [ns]", *names]), rows)
+    return folder
+
+
+def phyphox(folder):
+    for name, values, late in (("Gyroscope", GYRO, 0.003), ("Accelerometer", ACCEL, 0.0)):
+        header = ",".join(['"Time (s)"', *(f'"{name} {a} (unit)"' for a in "xyz")])
+        table(folder / f"{name}.csv", header, np.column_stack([T + late, values]))
+    return folder
+
+
+def sensor_logger(folder):
+    """Axes from z to x; the calibrated gyroscope differs from the uncalibrated one."""
+    uncalibrated = {"GyroscopeUncalibrated": GYRO, "Gyroscope": GYRO - 1.0, "TotalAcceleration": ACCEL}
+    for name, values in uncalibrated.items():
+        rows = [(str(EPOCH), T[i], *values[i, ::-1]) for i in range(N)]
+        table(folder / f"{name}.csv", "time,seconds_elapsed,z,y,x", rows)
+    return folder
+
+
+def packed(folder):
+    """The same as a ZIP."""
+    sensor_logger(folder)
+    with zipfile.ZipFile(folder / "log.zip", "w") as archive:
+        for file in folder.glob("*.csv"):
+            archive.write(file, file.name)
+    return folder / "log.zip"
+
+
+def kitti(folder):
+    data = folder / "oxts/data"
+    data.mkdir(parents=True)
+    for i in range(N):
+        fields = [*np.zeros(11), *ACCEL[i], *np.ones(3), *GYRO[i], *np.ones(10)]
+        (data / f"{i:010d}.txt").write_text(" ".join(f"{x:.15g}" for x in fields))
+    stamps = [f"2011-09-26 13:02:{s:012.9f}" for s in T]
+    (folder / "oxts/timestamps.txt").write_text("\n".join(stamps) + "\n")
+    return folder
+
+
+WRITERS = (spreadsheet, xsens, vectornav, sbg, euroc, phyphox, sensor_logger, packed, kitti)
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_the_samples_come_back(write, tmp_path):
+    path = write(tmp_path)
+    assert not is_drive(path)
+    gyro, accel = read(path)
+    np.testing.assert_allclose(gyro.y, GYRO, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9, atol=1e-12)
+    assert gyro.interval == pytest.approx(1.0 / RATE, rel=1e-6)
+
+
+def test_phone_sensors_of_different_rates_are_refused_with_the_way_out(tmp_path):
+    phyphox(tmp_path)
+    table(tmp_path / "Accelerometer.csv", "time,x,y,z", np.column_stack([T[:300] * 2.0, ACCEL[:300]]))
+    with pytest.raises(DataError, match=r"not sampled together: .*one at a time"):
+        read(tmp_path)

@@ -1,0 +1,169 @@
+"""Recordings of phones: a folder or ZIP with one CSV a sensor, as phyphox and Sensor Logger export.
+
+Gyroscope and accelerometer are stamped each by itself. Samples are paired by their order from the first common stamp
+on, so that none is repeated, left out or interpolated; where the two clocks part by more than a sample, each file must
+be read alone.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.log_format import LogFormat
+from tuner.readers.text import find_dialect, read_numbers
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+MAX_UNPACKED = 1 << 32
+"""Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
+
+
+@dataclass(frozen=True)
+class _App:
+    """Files of an application, the preferred first, and the columns of time and axes in them."""
+
+    title: str
+    gyro: tuple[str, ...]
+    accel: tuple[str, ...]
+    columns: tuple[str, str, str, str]
+
+
+APPS = (
+    _App(
+        "Sensor Logger",
+        ("GyroscopeUncalibrated.csv", "Gyroscope.csv"),
+        ("TotalAcceleration.csv", "AccelerometerUncalibrated.csv"),
+        ("seconds_elapsed", "x", "y", "z"),
+    ),
+    _App(
+        "phyphox",
+        ("Gyroscope.csv",),
+        ("Accelerometer.csv", "Acceleration.csv"),
+        ("time", "x", "y", "z"),
+    ),
+)
+"""Uncalibrated readings go first: a phone subtracts from the others a bias that it estimates as it goes."""
+
+
+def is_phone_folder(path: Path) -> bool:
+    """Tell a folder with a gyroscope's CSV."""
+    return path.is_dir() and any((path / name).is_file() for app in APPS for name in app.gyro)
+
+
+def list_phone(path: Path) -> Listing:
+    """Return the samples of gyroscope and accelerometer on the gyroscope's stamps.
+
+    Raises
+    ------
+    DataError
+        Where no application's files are there, or their clocks part.
+    """
+    if path.is_dir():
+        return _list(path, path)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            with zipfile.ZipFile(path) as archive:
+                wanted = {name for app in APPS for name in (*app.gyro, *app.accel)}
+                for member in archive.infolist():
+                    name = Path(member.filename).name
+                    if name not in wanted or member.is_dir():
+                        continue
+                    if member.file_size > MAX_UNPACKED:
+                        size = member.file_size
+                        msg = (
+                            f"{path}: {name} unpacks to {size} bytes: unpack it yourself and name the folder"
+                        )
+                        raise DataError(msg)
+                    (Path(folder) / name).write_bytes(archive.read(member))
+        except (
+            OSError,
+            zipfile.BadZipFile,
+            NotImplementedError,
+            RuntimeError,
+            EOFError,
+            ValueError,
+        ) as error:
+            msg = f"{path}: cannot be unpacked: {error}; unpack it yourself and name the folder"
+            raise DataError(msg) from None
+        return _list(path, Path(folder))
+
+
+def _list(path: Path, folder: Path) -> Listing:
+    for app in APPS:
+        gyro = next((folder / name for name in app.gyro if (folder / name).is_file()), None)
+        if gyro is None:
+            continue
+        found = _columns(gyro, app.columns)
+        if found is None:
+            continue
+        accel = next((folder / name for name in app.accel if (folder / name).is_file()), None)
+        force = None if accel is None else _columns(accel, app.columns)
+        notes = (
+            f"{app.title}: gyroscope of {gyro.name}"
+            + ("" if accel is None else f", accelerometer of {accel.name}"),
+        )
+        arrays: Mapping[str, FloatArray]
+        if force is None:
+            arrays = {"t": found[:, 0], "gyro": found[:, 1:]}
+        else:
+            first, second = _paired(path, found, force)
+            arrays = {"t": first[:, 0], "gyro": first[:, 1:], "accel": second[:, 1:]}
+        units = {"t": "s", "gyro": "rad/s", "accel": "m/s^2"}
+        listing = listing_of_arrays(path, arrays, units={k: units[k] for k in arrays}, meta={})
+        return Listing(path, listing.shapes, listing.load, listing.units, listing.integer, notes=notes)
+    msg = (
+        f"{path}: expected Gyroscope.csv as phyphox or Sensor Logger export it; of another application name one CSV "
+        "with its --columns"
+    )
+    raise DataError(msg)
+
+
+def _columns(path: Path, wanted: tuple[str, str, str, str]) -> FloatArray | None:
+    """Return time and axes of a CSV, (n, 4), or None where it has other columns."""
+    dialect = find_dialect(path)
+    plain = [name.split("(")[0].strip().lower() for name in dialect.names]
+    places = [
+        next((j for j, name in enumerate(plain) if name == word or name.endswith(f" {word}")), None)
+        for word in wanted
+    ]
+    if any(place is None for place in places):
+        return None
+    (rows,) = read_numbers(path, dialect, [[place for place in places if place is not None]])
+    return rows
+
+
+def _paired(path: Path, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of both sensors that belong together."""
+    step = float(np.median(np.diff(gyro[:, 0]))) if len(gyro) > 1 else 0.0
+    begin = max(gyro[0, 0], accel[0, 0]) - 0.5 * step
+    first, second = (x[int(np.searchsorted(x[:, 0], begin)) :] for x in (gyro, accel))
+    count = min(len(first), len(second))
+    first, second = first[:count], second[:count]
+    apart = np.abs(first[:, 0] - second[:, 0])
+    if count < 2 or apart.max() > 1.5 * step:
+        rates = [1.0 / float(np.median(np.diff(x[:, 0]))) if len(x) > 1 else 0.0 for x in (gyro, accel)]
+        msg = (
+            f"{path}: gyroscope ({len(gyro)} samples, {rates[0]:.4g} Hz) and accelerometer ({len(accel)}, "
+            f"{rates[1]:.4g} Hz) are not sampled together: unpack it and read Gyroscope.csv and the accelerometer's "
+            "file one at a time"
+        )
+        raise DataError(msg)
+    return first, second
+
+
+FORMAT = LogFormat(
+    "phone",
+    "ZIP or folder of phyphox or Sensor Logger",
+    (".zip",),
+    lambda path, _: list_phone(path),
+    folder=is_phone_folder,
+)
