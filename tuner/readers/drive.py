@@ -3,7 +3,8 @@
 =============  ================================================================================================
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
                sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw;
-               a unit may follow in brackets: ``vn [km/h]``
+               a unit may follow in brackets: ``vn [km/h]``; in place of ``gnss.csv`` a solution of RTKLIB
+               (``.pos``), an NMEA log (``.nmea``) or a UBX log (``.ubx``): `tuner.readers.fixes`
 NPZ            its arrays: `tuner.readers.drive_npz`
 KF-GINS        its YAML: `tuner.readers.kf_gins`
 =============  ================================================================================================
@@ -30,6 +31,10 @@ from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
+from tuner.readers.fixes import EXTRAS as FIX_EXTRAS
+from tuner.readers.fixes import READERS as FIX_READERS
+from tuner.readers.fixes import fix_files
+from tuner.readers.fixes.gps_time import on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.text import find_dialect, read_numbers
@@ -187,13 +192,37 @@ def _folder(path: Path) -> Drive:
     gyro, accel = records["gyro"], records["accel"]
     imu = np.column_stack([gyro.t, gyro.y, accel.y])
     truth = path / "truth.csv"
+    fixes, notes = _fixes_beside(path, imu)
     return _drive(
         path,
         imu,
-        table(_existing(path / "gnss.csv"), GNSS_COLUMNS, 4),
+        fixes,
         table(truth, _TRUTH_COLUMNS, 4) if truth.exists() else None,
-        notes=tuple(note.replace("as --assume si says", "as nothing states it") for note in gyro.notes),
+        notes=(
+            *(note.replace("as --assume si says", "as nothing states it") for note in gyro.notes),
+            *notes,
+        ),
     )
+
+
+def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the fixes in the folder of a drive, of ``gnss.csv`` or the one file of a receiver, on the IMU's clock."""
+    if (path / "gnss.csv").is_file():
+        return table(path / "gnss.csv", GNSS_COLUMNS, 4), ()
+    found = fix_files(path)
+    if len(found) != 1:
+        names = ", ".join(file.name for file in found) or "nothing"
+        msg = f"{path}: expected gnss.csv or one file {' '.join(FIX_READERS)} beside imu.csv, found {names}"
+        raise DataError(msg)
+    (file,) = found
+    kind = file.suffix.lower()
+    try:
+        fixes = FIX_READERS[kind](file)
+    except ImportError as error:
+        msg = f"{file}: needs {error.name}: pip install 'ins-noise-tuner[{FIX_EXTRAS[kind]}]'"
+        raise DataError(msg) from None
+    rows, note = on_clock_of(file, fixes, float(imu[0, 0]), float(imu[-1, 0]))
+    return rows, (*fixes.notes, note)
 
 
 def _kf_gins(path: Path) -> Drive:

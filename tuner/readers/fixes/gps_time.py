@@ -1,0 +1,106 @@
+"""Fixes on GPS time, and the clock of an inertial record that they are put on.
+
+An inertial record may count GPS seconds of the week, UNIX time, seconds of the day or GPS time itself. Which it is
+follows from where the fixes fall into it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+WEEK, DAY = 604800.0, 86400.0
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+UNIX_OF_GPS_EPOCH = GPS_EPOCH.timestamp()
+LEAP_SECONDS = (
+    (datetime(2017, 1, 1, tzinfo=UTC), 18),
+    (datetime(2015, 7, 1, tzinfo=UTC), 17),
+    (datetime(2012, 7, 1, tzinfo=UTC), 16),
+    (datetime(2009, 1, 1, tzinfo=UTC), 15),
+    (datetime(2006, 1, 1, tzinfo=UTC), 14),
+    (datetime(1999, 1, 1, tzinfo=UTC), 13),
+)
+"""GPS time minus UTC, s, since a day (IERS Bulletin C)."""
+MIN_COMMON_SHARE = 0.5
+"""Share of the fixes that must fall into the inertial record on the right clock."""
+
+
+@dataclass(frozen=True)
+class GpsFixes:
+    """Fixes of one file.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        GPS time since 6 January 1980, s.
+    rows : ndarray, shape (k, 12)
+        Latitude, longitude, deg, height above the ellipsoid, m; velocity north, east, down, m/s; sds of both; NaN where
+        there is none.
+    notes : tuple of str
+        How the file was understood.
+    """
+
+    t: FloatArray
+    rows: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+def leap_seconds(when: datetime) -> int:
+    """Return GPS time minus UTC, s; 13 before 1999."""
+    return next((seconds for since, seconds in LEAP_SECONDS if when >= since), 13)
+
+
+def gps_seconds(when: datetime) -> float:
+    """Return the GPS time of an instant in UTC, s since 6 January 1980."""
+    return (when - GPS_EPOCH).total_seconds() + leap_seconds(when)
+
+
+def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[FloatArray, str]:
+    """Return the fixes on the clock of an inertial record that lasts from `begin` to `end`, s, and a note which it is.
+
+    Returns
+    -------
+    rows : ndarray, shape (k, 13)
+        t and the columns of `GpsFixes.rows`.
+    note : str
+        The clock.
+
+    Raises
+    ------
+    DataError
+        Where the fixes fall into the record on none of the clocks.
+    """
+    unix = fixes.t + UNIX_OF_GPS_EPOCH
+    leap = leap_seconds(datetime.fromtimestamp(float(unix[0]), tz=UTC))
+    of_week = fixes.t - WEEK * math.floor(fixes.t[0] / WEEK)
+    of_day = (fixes.t - leap) - DAY * math.floor((fixes.t[0] - leap) / DAY)
+    clocks = {
+        "GPS seconds of the week": of_week,
+        f"UNIX time (UTC, {leap} s behind GPS time)": unix - leap,
+        "GPS time since 1980": fixes.t,
+        "seconds of the day in UTC": of_day,
+    }
+    inside = {name: float(np.mean((t >= begin) & (t <= end))) for name, t in clocks.items()}
+    best = max(inside, key=lambda name: inside[name])
+    if inside[best] >= MIN_COMMON_SHARE:
+        # On a Sunday GPS seconds of the week and of the day are 18 s apart: a longer record fits both.
+        also = [name for name, share in inside.items() if share == inside[best] and name != best]
+        doubt = f" (or {also[0]}: the fixes fall into it as well)" if also else ""
+        return np.column_stack([clocks[best], fixes.rows]), (
+            f"{path.name}: the inertial record counts {best}{doubt}"
+        )
+    spans = "; ".join(f"{t[0]:.1f} … {t[-1]:.1f} in {name}" for name, t in clocks.items())
+    msg = (
+        f"{path}: expected fixes of the time of the inertial record, {begin:.1f} … {end:.1f} s, found {spans}; stamp "
+        "the inertial record on one of these clocks"
+    )
+    raise DataError(msg)

@@ -1,0 +1,78 @@
+"""Solutions of RTKLIB (``.pos``): latitude, longitude in decimal degrees, height, sds, perhaps velocities.
+
+The header's last line names the columns (RTKLIB manual 2.4.2, appendix B.1): time as date and clock time or as GPS week
+and second, in GPST or UTC; sds of north, east, up. Solutions as baseline or ECEF are refused.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from tuner.readers.fixes.gps_time import GPS_EPOCH, WEEK, GpsFixes, leap_seconds
+from tuner.types.records import DataError
+
+
+def read_rtklib(path: Path) -> GpsFixes:
+    """Return the fixes of a solution.
+
+    Raises
+    ------
+    DataError
+        What is no such file, or is in other coordinates.
+    """
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    header = next((line for line in reversed(lines) if line.startswith("%") and "(" in line), "")
+    if "latitude(deg)" not in header:
+        found = header.strip("% ")[:60] or (lines[0][:60] if lines else "an empty file")
+        msg = (
+            f"{path}: expected a solution of RTKLIB with latitude(deg) and longitude(deg), found '{found}'; set the "
+            "solution format to Lat/Lon/Height, degrees"
+        )
+        raise DataError(msg)
+    utc = " UTC " in f" {header[1:]} "
+    t, rows = [], []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or line.startswith("%"):
+            continue
+        cells = line.replace(",", " ").split()
+        try:
+            t.append(_gps_time(cells[0], cells[1], utc=utc))
+            values = [float(cell) for cell in cells[2:]]
+            if len(values) < 3:
+                raise ValueError
+        except (ValueError, IndexError):
+            msg = f"{path}:{number}: expected time, latitude, longitude, height, found '{line[:60]}': remove the line"
+            raise DataError(msg) from None
+        rows.append(_row(values))
+    if not rows:
+        msg = f"{path}: expected fixes below the header, found none"
+        raise DataError(msg)
+    return GpsFixes(np.array(t), np.array(rows))
+
+
+def _gps_time(first: str, second: str, *, utc: bool) -> float:
+    """Return GPS time, s since 1980, of a date and clock time, or of a week and its second."""
+    if "/" not in first:
+        return int(first) * WEEK + float(second)
+    year, month, day = map(int, first.split("/"))
+    hour, minute, seconds = second.split(":")
+    when = datetime(year, month, day, tzinfo=UTC)
+    since = (when - GPS_EPOCH).total_seconds() + 3600.0 * int(hour) + 60.0 * int(minute) + float(seconds)
+    return since + (leap_seconds(when) if utc else 0)
+
+
+def _row(values: list[float]) -> list[float]:
+    """Return a row of `GpsFixes` of the numbers after the time: velocities, up positive, follow age and ratio."""
+    lat, lon, height = values[:3]
+    sd = values[5:8] if len(values) >= 8 else [math.nan] * 3
+    velocity, velocity_sd = [math.nan] * 3, [math.nan] * 3
+    if len(values) >= 16:  # Q ns, 6 sds, age, ratio, then vn ve vu and 3 sds
+        velocity = [values[13], values[14], -values[15]]
+    if len(values) >= 19:
+        velocity_sd = values[16:19]
+    known = [x if x > 0.0 else math.nan for x in (*sd, *velocity_sd)]
+    return [lat, lon, height, *velocity, *known]
