@@ -43,7 +43,7 @@ def refused(path: Path, pattern: str, **options: object) -> str:
 
 def test_no_file(tmp_path: Path) -> None:
     refused(tmp_path / "nowhere.csv", "nowhere.csv: no such file")
-    refused(tmp_path, "not a file")
+    refused(tmp_path, "expected a file, or a folder of EuRoC, .* found a folder without")
 
 
 @pytest.mark.parametrize(

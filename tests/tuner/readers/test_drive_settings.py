@@ -106,7 +106,7 @@ def test_what_is_no_npz(small, tmp_path, capsys, content):
     path = tmp_path / "wrong.npz"
     np.savez(path, **small)
     path.write_bytes(path.read_bytes()[:5000] if content == b"part" else content)
-    assert "expected an NPZ" in refused(path, tmp_path, capsys)
+    assert "cannot be read as NPZ: expected an archive of arrays" in refused(path, tmp_path, capsys)
 
 
 def test_a_text_of_bytes_is_read(data, tmp_path):

@@ -230,7 +230,7 @@ def test_the_program_reads_what_it_wrote(written, tmp_path):
     out = tmp_path / "out.json"
     assert run(["navigate", str(written), "--config", str(written), "--quiet", "--json", str(out)]) == 0
     found = json.loads(out.read_text(encoding="utf-8"))
-    assert abs(found["source"]["estimates"]["time_offset"][0]["value"]) < 0.1
+    assert "time_offset" not in found["source"]["estimates"]  # the clocks of a clean drive agree
     drive = read_drive(written)
     result = navigate_drive(drive, kf_gins_settings.load(written))
     assert not result.consistency.diverged
