@@ -5,6 +5,7 @@
 Times are processor time of one thread; only the ratios mean anything elsewhere. SECONDS of the drive defaults
 to 600, RUNS of the Monte-Carlo study to 48; both are scaled to an hour and to a hundred runs. "alone" is one
 filter, "among many" each of RUNS that fly together, both without sensor noise; predict is the same with no fix.
+Then the filter with a lever arm, with scale factors among the states, and where the gate refuses each tenth fix.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from tuner.synthesis import synthesize
 from tuner.types import FilterConfig
 
 INTERVAL = 0.01
+LEVER_ARM = (0.3, -0.2, -1.0)
+SCALE_FACTORS = {"gyro_scale": 0.01, "accel_scale": 0.01}
 
 
 def seconds(work: Callable[[], object], repeats: int = 3) -> float:
@@ -47,6 +50,12 @@ def plain(config: FilterConfig) -> FilterConfig:
     channels = {axis: replace(c, markov=()) for axis, c in config.channels.items()}
     assert config.gnss is not None
     return replace(config, channels=channels, gnss=replace(config.gnss, correlated=()))
+
+
+def refused(fixes: Fixes) -> Fixes:
+    """Return the fixes with each tenth 100 m too high."""
+    off = np.arange(len(fixes.t)) % 10 == 9
+    return replace(fixes, llh=fixes.llh + np.outer(off, [0.0, 0.0, 100.0]))
 
 
 def predict_alone(size: int) -> float:
@@ -86,12 +95,18 @@ def main(duration: float, runs: int) -> None:
             slow = seconds(lambda s=settings, f=few: reference.run(s, short.start, short.steps, f), 1) / keep
             name = f"{title}, covariance every {step:g} s"
             print(f"{name:34s}{settings.size:7d}")
-            for what, given in (("predict", no_fixes), ("filter", fixes)):
-                alone = seconds(lambda s=settings, f=given: engine.run(s, plan.start, plan.steps, f))
+            lever_arm = filter_settings(believed, covariance_step=step, lever_arm=LEVER_ARM)
+            scale = filter_settings(believed, covariance_step=step, constants=SCALE_FACTORS)
+            for what, own, given in (
+                ("predict", settings, no_fixes),
+                ("filter", settings, fixes),
+                ("lever arm", lever_arm, fixes),
+                ("scale factors", scale, fixes),
+                ("gate", settings, refused(fixes)),
+            ):
+                alone = seconds(lambda s=own, f=given: engine.run(s, plan.start, plan.steps, f))
                 many = seconds(
-                    lambda s=settings, f=given: engine.run_together(
-                        s, [plan.start] * runs, plan.steps, [f] * runs
-                    )
+                    lambda s=own, f=given: engine.run_together(s, [plan.start] * runs, plan.steps, [f] * runs)
                 )
                 for number, spent in (("alone", alone), ("among many", many / runs)):
                     each = spent / len(plan.steps.dt)

@@ -67,9 +67,7 @@ def command(
     configured = load_config(config, gnss=gnss, default_gnss=DEFAULT_RECEIVER)
     sensor, receiver = (None, None) if truth is None else load_sensor(truth)
     motion = load_trajectory(trajectory, duration)
-    messages.say(
-        f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about half a minute)"
-    )
+    messages.say(f"simulating {runs} × {duration:g} s (kernels are compiled on first use: about 20 s)")
     with messages.bar("simulating") as advance:
         found = check(
             configured,

@@ -96,7 +96,7 @@ def command(
     from tuner.report.terminal import show
 
     measured = with_mounting(read_drive(drive), frame=imu_frame, rpy_deg=mounting_rpy, lever_arm=lever_arm)
-    messages.say("navigating (kernels are compiled on first use: about half a minute)")
+    messages.say("navigating (kernels are compiled on first use: about 20 s)")
     vehicle = Vehicle(non_holonomic, zero_velocity)
     found = navigate(measured, config, gnss=gnss, states=states, vehicle=vehicle)
     if directory is not None:

@@ -35,7 +35,7 @@ from tuner.navigation.engine import (
 from tuner.navigation.engine import (
     state as state_module,
 )
-from tuner.navigation.engine.compilation import checksum, compiling, entry
+from tuner.navigation.engine.compilation import checksum, compiling, entry, prefer_small_code
 from tuner.navigation.engine.fixes import AFTER, FixBatch, Output, use_fixes
 from tuner.navigation.engine.further_couplings import accelerate_down, add_to_calibration
 from tuner.navigation.engine.layout import Layout
@@ -72,6 +72,7 @@ def _cached(number: int) -> Callable[..., None]:
         dt: FloatArray,
         increments: FloatArray,
         slow: FloatArray,
+        unsteady: bool,
         drawn: bool,
         every: int,
         fastest: float,
@@ -80,6 +81,7 @@ def _cached(number: int) -> Callable[..., None]:
         output: Output,
     ) -> None:
         """Run as many filters as the records contain over the steps; arguments are those of `run_filters` in parts."""
+        prefer_small_code()
         if number == 0:
             return
         m, p, a, e = memory[0], covariance[0], inputs[0], each[0]
@@ -128,7 +130,7 @@ def _cached(number: int) -> Callable[..., None]:
                 set_biases(m)
                 if m.further_count > 0:
                     add_to_calibration(m, False)
-                if mixed:
+                if unsteady or (mixed and k == 0):
                     invert_calibration(m)
                 start_step(m)
                 changed = False
@@ -192,9 +194,12 @@ def run_filters(
         Whether all use the gain of the first at a fix, for their covariances alone.
     """
     alone = True if m.rows.shape[1] == 1 else None
+    # Between fixes A stays, but where its states decay or follow a slope.
+    mixing = np.append(np.flatnonzero(lay.source >= 0), lay.further[lay.further[:, 2] >= 0, 0])
+    unsteady = bool(m.states[RATE][mixing].any() or (lay.slope[mixing] >= 0).any())
     arguments = (
         m.memory, m.covariance, m.inputs, m.each, alone, lay.covariance_step, sensed.dt, sensed.increments,
-        sensed.slow, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
+        sensed.slow, unsteady, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
     with nullcontext() if m.memory.dtype in _loaded else compiling():
         _filter_steps(*arguments)

@@ -7,7 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.navigation.engine.compilation import block, merged, put, put_quaternion, quaternion, vector
+from tuner.navigation.engine.compilation import (
+    block,
+    merged,
+    prefer_small_code,
+    put,
+    put_quaternion,
+    quaternion,
+    vector,
+)
 from tuner.navigation.engine.layout import (
     GATE_INDEX,
     KIND_COLUMN,
@@ -101,6 +109,7 @@ def model_fix(m: Any, w: int, alone: bool | None) -> None:
 @block
 def summarise(m: Any, e: Any, w: int, out: FloatArray, row: int) -> None:
     """Set the covariance of the errors of filter w: navigation, total biases, further states."""
+    prefer_small_code()
     P, total, d = e.P_each, m.table, out.shape[2]
     for i in range(d):
         for j in range(d):
@@ -185,6 +194,7 @@ def use_fix(m: Any, e: Any, w: int, t: float, available: int, withheld: bool, tr
 @block
 def store(m: Any, w: int, row: int, available: int, values: FloatArray, S: FloatArray, use: IntArray) -> None:
     """Store the state after a fix, its innovation and its use: `Output.values`, `S` and `use`."""
+    prefer_small_code()
     T = m.scratch
     for c in range(10):
         values[w, row, c] = m.rows[c, w]
@@ -218,6 +228,7 @@ def use_fixes(
     alone : bool, optional
         As of `propagation.advance`.
     """
+    prefer_small_code()
     flags, sd, given, t = fixes.flags, fixes.sd, fixes.values, fixes.t
     values, P, S, use, aided = output.values, output.P, output.S, output.use, output.aided
     gather(m, p, e)

@@ -18,7 +18,7 @@ from models.error_state import coupling
 from models.strapdown import rates
 from models.taylor import exponential
 from models.vector3 import add, cross, matrix, product, scale, transform
-from tuner.navigation.engine.compilation import inlined
+from tuner.navigation.engine.compilation import inlined, prefer_small_code
 from tuner.navigation.engine.further_couplings import (
     add_down_derivative,
     add_receiver_errors,
@@ -67,6 +67,7 @@ def _skew_into(H: FloatArray, row: int, column: int, a: Any, sign: float) -> Non
 @inlined
 def _sensor_rows(m: Any, mat: Any) -> None:
     """Set `SENSOR_ROWS` to C δω and C δf of the states: −C A⁻¹ S."""
+    prefer_small_code()
     T, mixed = m.scratch, m.ideal == 0
     for i in range(6):
         for j in range(m.size):
@@ -98,6 +99,7 @@ def _metres(pos: Any) -> Any:
 @inlined
 def _delay_rows(m: Any, pos: Any, vel: Any, force: Any, delay: float) -> None:
     """Add the effect of velocity and acceleration errors on the fixes of a delayed receiver."""
+    prefer_small_code()
     _, f_vr, f_vv, _, _, _ = coupling(pos, vel)
     T, H, F = m.scratch, JACOBIAN_ROWS, INNOVATION_ROWS
     for i in range(3):
@@ -130,6 +132,7 @@ def constraint_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     The first has two components only: z = 0 and H = 0 in the third. Arguments as of `fix_model`, `row` being the
     constraint.
     """
+    prefer_small_code()
     T, row, n, kind = m.scratch, m.fix, m.size, int(m.fix[KIND_COLUMN])
     for i in range(6):
         T[INNOVATION, i] = 0.0
@@ -229,6 +232,7 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     scratch : ndarray
         `State.scratch` with estimates, calibrated rates and forces and A⁻¹; z and H are set in it.
     """
+    prefer_small_code()
     T, n = m.scratch, m.size
     mat = matrix(quat)
     _sensor_rows(m, mat)

@@ -17,6 +17,7 @@ from tuner.navigation.engine.compilation import (
     count,
     inlined,
     merged,
+    prefer_small_code,
     prefer_wide_vectors,
     put,
     put_quaternion,
@@ -70,6 +71,7 @@ def set_biases(m: Any) -> None:
 @block
 def invert_calibration(m: Any) -> None:
     """Set A and, by Gauss–Jordan elimination, its inverse: A is near the identity and needs no pivots."""
+    prefer_small_code()
     N, S, filters = m.rows, m.states, m.rows.shape[1]
     for i in range(36):
         for w in range(filters):

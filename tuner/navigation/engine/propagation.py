@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tuner.navigation.engine.compilation import block, count, merged
+from tuner.navigation.engine.compilation import block, count, merged, prefer_small_code
 from tuner.navigation.engine.further_couplings import add_inputs
 from tuner.navigation.engine.layout import NAVIGATION_STATES, SLOPE
 from tuner.navigation.engine.sensor_inputs import (
@@ -57,6 +57,7 @@ LONGEST_DECAY = 100.0
 @block
 def set_decay(m: Any, dt: float) -> None:
     """Set decay and process noise of every state for a step dt."""
+    prefer_small_code()
     states = m.states
     for j in range(NAVIGATION_STATES, m.size):
         for w in range(states.shape[2]):
@@ -85,6 +86,7 @@ def add_process_noise(m: Any, p: Any) -> None:
 @block
 def add_slopes(m: Any, p: Any, dt: float) -> None:
     """Add dt times its slope to every state that has one."""
+    prefer_small_code()
     P, S, size, filters = p.P, m.states, m.size, m.rows.shape[1]
     for j in range(NAVIGATION_STATES, size):
         k = m.table[SLOPE, j]
@@ -103,6 +105,7 @@ def add_slopes(m: Any, p: Any, dt: float) -> None:
 @block
 def gather(m: Any, p: Any, e: Any) -> None:
     """Copy the covariance of every filter, unscaled and symmetric, to a matrix of its own with contiguous rows."""
+    prefer_small_code()
     P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
     for i in range(size):
         for j in range(i, size):
@@ -121,6 +124,7 @@ def gather(m: Any, p: Any, e: Any) -> None:
 @block
 def scatter(m: Any, p: Any, e: Any) -> None:
     """Copy these matrices back; the scale of every state is then 1."""
+    prefer_small_code()
     P, S, each, filters, size = p.P, m.states, e.P_each, count(m), m.size
     for i in range(size):
         for j in range(size):

@@ -123,6 +123,7 @@ def record_types(filters: int, length: int) -> tuple[np.dtype[np.void], ...]:
         ("further_count", i, ()),
         ("ramps", i, ()),
         ("filters", i, ()),
+        ("batches", i, ()),  # 1, which LLVM does not know
     ]
     inputs: Field = ("inputs", f, (DOWN_INPUT + 1, columns, filters))
     each: Field = ("P_each", f, (1, length, columns) if one else (filters, length, length))
@@ -181,6 +182,7 @@ def new_state(lay: Layout, filters: int) -> State:
     m["further"][:further], m["factor"][:further], m["further_count"] = lay.further, lay.factor, further
     for name, value in zip(NUMBERS, lay.numbers(), strict=True):
         m[name] = value
+    m["batches"] = 1
     m["group_count"], m["ramps"], m["filters"] = len(lay.groups), len(lay.ramps), filters
     return State(memory, covariance, inputs, each, rows, states, covariance[0]["P"], m["stream"])
 
