@@ -68,6 +68,7 @@ def _cached(number: int) -> Callable[..., None]:
         inputs: NDArray[np.void],
         each: NDArray[np.void],
         alone: bool | None,
+        full: bool | None,
         longest: float,
         dt: FloatArray,
         increments: FloatArray,
@@ -80,7 +81,10 @@ def _cached(number: int) -> Callable[..., None]:
         shared: bool,
         output: Output,
     ) -> None:
-        """Run as many filters as the records contain over the steps; arguments are those of `run_filters` in parts."""
+        """Run as many filters as the records contain over the steps; arguments are those of `run_filters` in parts.
+
+        `alone` and `full` are as of `propagation.advance`.
+        """
         prefer_small_code()
         if number == 0:
             return
@@ -96,7 +100,7 @@ def _cached(number: int) -> Callable[..., None]:
                 take_sample(m, increments, k - 1, d)
                 if drawn:
                     disturb_sample(m, slow, (k - 1) // every, d)
-                if mixed:
+                if full is not None and mixed:
                     calibrate_sample(m)
                 stretch = 2.0 * d * d / (last_dt + d) / last_dt if last_dt > 0.0 else 0.0
                 mechanise(m, d, stretch)
@@ -109,7 +113,7 @@ def _cached(number: int) -> Callable[..., None]:
                 if elapsed != decay_dt:
                     set_decay(m, elapsed)
                     decay_dt = elapsed
-                advance(m, p, a, elapsed, alone)
+                advance(m, p, a, elapsed, alone, full)
                 aged += elapsed * fastest
                 if k == steps or aged > LONGEST_DECAY:
                     gather(m, p, e)
@@ -122,15 +126,15 @@ def _cached(number: int) -> Callable[..., None]:
                 for r in range(6):
                     for w in range(m.rows.shape[1]):
                         m.rows[CALIBRATED_ROW + r, w] = inverse * m.rows[SAMPLE_ROW + r, w]
-                i = use_fixes(m, p, e, fixes, i, shared, output, alone)
+                i = use_fixes(m, p, e, fixes, i, shared, output, alone, full)
                 due = after[i] if i < len(after) else -1
                 aged = 0.0
                 changed = True
             if changed:
                 set_biases(m)
-                if m.further_count > 0:
+                if full is not None and m.further_count > 0:
                     add_to_calibration(m, False)
-                if unsteady or (mixed and k == 0):
+                if full is not None and (unsteady or (mixed and k == 0)):
                     invert_calibration(m)
                 start_step(m)
                 changed = False
@@ -149,8 +153,8 @@ _filter_steps = _cached(
 )  # fmt: skip
 
 
-_loaded: set[np.dtype[np.void]] = set()
-"""Records for which the compiled run is in memory: it need not say that it compiles."""
+_loaded: set[tuple[np.dtype[np.void], bool | None]] = set()
+"""Variants, by record and `full`, that are in memory: a run need not say that it compiles."""
 
 
 @dataclass(frozen=True)
@@ -197,10 +201,11 @@ def run_filters(
     # Between fixes A stays, but where its states decay or follow a slope.
     mixing = np.append(np.flatnonzero(lay.source >= 0), lay.further[lay.further[:, 2] >= 0, 0])
     unsteady = bool(m.states[RATE][mixing].any() or (lay.slope[mixing] >= 0).any())
+    full = None if lay.ideal and lay.delay < 0 and not len(lay.ramps) and not len(lay.further) else True
     arguments = (
-        m.memory, m.covariance, m.inputs, m.each, alone, lay.covariance_step, sensed.dt, sensed.increments,
+        m.memory, m.covariance, m.inputs, m.each, alone, full, lay.covariance_step, sensed.dt, sensed.increments,
         sensed.slow, unsteady, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
-    with nullcontext() if m.memory.dtype in _loaded else compiling():
+    with nullcontext() if (m.memory.dtype, full) in _loaded else compiling():
         _filter_steps(*arguments)
-    _loaded.add(m.memory.dtype)
+    _loaded.add((m.memory.dtype, full))

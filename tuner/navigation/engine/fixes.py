@@ -88,7 +88,7 @@ def new_output(w: int, e: int, lay: Layout) -> Output:
 
 
 @merged
-def model_fix(m: Any, w: int, alone: bool | None) -> None:
+def model_fix(m: Any, w: int, alone: bool | None, full: bool | None) -> None:
     """Set z and H of the measurement of filter w in the scratch; only a filter that is alone has constraints."""
     N, T = m.rows, m.scratch
     for j in range(m.size):
@@ -99,11 +99,11 @@ def model_fix(m: Any, w: int, alone: bool | None) -> None:
             T[SENSOR_INVERSE_ROWS + r, c] = N[INVERSE_ROW + 6 * r + c, w]
     pos, vel, quat = vector(N, POSITION_ROW, w), vector(N, VELOCITY_ROW, w), quaternion(N, ATTITUDE_ROW, w)
     if alone is None:
-        fix_model(m, pos, vel, quat)
+        fix_model(m, pos, vel, quat, full)
     elif m.fix[KIND_COLUMN] > 0.0:
         constraint_model(m, pos, vel, quat)
     else:
-        fix_model(m, pos, vel, quat)
+        fix_model(m, pos, vel, quat, full)
 
 
 @block
@@ -209,7 +209,15 @@ def store(m: Any, w: int, row: int, available: int, values: FloatArray, S: Float
 
 @block
 def use_fixes(
-    m: Any, p: Any, e: Any, fixes: FixBatch, i: int, shared: bool, output: Output, alone: bool | None
+    m: Any,
+    p: Any,
+    e: Any,
+    fixes: FixBatch,
+    i: int,
+    shared: bool,
+    output: Output,
+    alone: bool | None,
+    full: bool | None,
 ) -> int:
     """Use the fixes and constraints of one instant from the i-th on; return the index of the first of a later one.
 
@@ -225,7 +233,7 @@ def use_fixes(
         Whether all filters use the gain of the first.
     output : Output
         Results, stored in the rows of the fixes.
-    alone : bool, optional
+    alone, full : bool, optional
         As of `propagation.advance`.
     """
     prefer_small_code()
@@ -241,14 +249,16 @@ def use_fixes(
         for w in range(1 if shared else m.filters):
             for c in range(given.shape[2]):
                 m.fix[c] = given[w, i, c]
-            model_fix(m, w, alone)
+            model_fix(m, w, alone, full)
             if shared:
                 share_gain(m, e, available, withheld, row, P, S, aided)
             else:
                 use_fix(m, e, w, t[i], available, withheld, flags[i, TRUSTED] != 0)
                 store(m, w, row, available, values, S, use)
                 summarise(m, e, w, P, row)
-        if m.ideal == 0:  # the next measurement of this instant needs the new calibration
+        if (
+            full is not None and m.ideal == 0
+        ):  # the next measurement of this instant needs the new calibration
             invert_calibration(m)
         i += 1
     scatter(m, p, e)

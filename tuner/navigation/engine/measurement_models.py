@@ -218,25 +218,23 @@ def _left_jacobian(m: Any, a: Any) -> Any:
 
 
 @inlined
-def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
+def fix_model(m: Any, pos: Any, vel: Any, quat: Any, full: bool | None) -> None:
     """Set z (6,) and H (6, n) of a fix (llh, velocity): `models.measurements.position_fix` and `velocity_fix`.
 
     Parameters
     ----------
-    numbers, table, constants : ndarray
-        Of the layout.
+    m : record
+        See `state`; the scratch contains estimates, calibrated rates and forces and A⁻¹, and z and H are set in it.
     pos, vel, quat : tuple of floats
         State of the filter: latitude, longitude, height; velocity; attitude.
-    fix : ndarray, shape (6,) or (CONSTRAINT_LENGTH,)
-        Row of `FixBatch.values`.
-    scratch : ndarray
-        `State.scratch` with estimates, calibrated rates and forces and A⁻¹; z and H are set in it.
+    full : bool, optional
+        As of `propagation.advance`.
     """
     prefer_small_code()
     T, n = m.scratch, m.size
     mat = matrix(quat)
     _sensor_rows(m, mat)
-    if m.further_count > 0:
+    if full is not None and m.further_count > 0:
         add_to_sensor_rows(m, mat)
     arm = (m.constants[0], m.constants[1], m.constants[2])
     if m.lever >= 0:
@@ -279,7 +277,7 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     shift = (0.0, 0.0, 0.0)
     delay = 0.0
     acc = (0.0, 0.0, 0.0)
-    if m.delay >= 0:
+    if full is not None and m.delay >= 0:
         delay = T[ESTIMATES, m.delay]
         _, acc, _ = rates(pos, vel, mat, omega_b, force_b)
         acc = (acc[0], acc[1], acc[2] + down_estimate(m))
@@ -297,7 +295,7 @@ def fix_model(m: Any, pos: Any, vel: Any, quat: Any) -> None:
     for i in range(3):
         T[INNOVATION, i] = (m.fix[i] - pos[i]) * metres[i] - u[i] - shift[i]
         T[INNOVATION, 3 + i] = m.fix[3 + i] - (antenna[i] - delay * acc[i])
-    if m.further_count > 0:
+    if full is not None and m.further_count > 0:
         add_receiver_errors(m)
 
 

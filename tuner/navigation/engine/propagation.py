@@ -136,7 +136,7 @@ def scatter(m: Any, p: Any, e: Any) -> None:
 
 
 @merged
-def advance(m: Any, p: Any, a: Any, dt: float, alone: bool | None) -> None:
+def advance(m: Any, p: Any, a: Any, dt: float, alone: bool | None, full: bool | None) -> None:
     """Advance the covariance and the estimates of b by one covariance step, with the sums in `State.rows`.
 
     Parameters
@@ -147,36 +147,41 @@ def advance(m: Any, p: Any, a: Any, dt: float, alone: bool | None) -> None:
         Length of the step, s.
     alone : bool, optional
         None for many filters: numba compiles no branch that only one filter takes.
+    full : bool, optional
+        None where A = I, no state has a slope, fixes no delay and `Layout.further` no entry: numba compiles nothing for
+        them.
     """
     size, mixed = m.size, m.ideal == 0
     end = (size + COLUMN_MULTIPLE - 1) // COLUMN_MULTIPLE * COLUMN_MULTIPLE if m.filters == 1 else size
     linearise(m, dt)
-    if mixed:
+    if full is not None and mixed:
         set_sensitivity(m, dt)
     set_coupling(m)
     inputs_by_rows(m, p, a)
-    if m.further_count > 0:
+    if full is not None and m.further_count > 0:
         add_inputs(m, p, a, 0 * end, 0 * end + NAVIGATION_STATES, 0 * end + 1)
     begin = 0 * end  # no constant, for which numba would compile once more
     first = begin + NAVIGATION_STATES
     while begin < end:
         last = end if m.filters == 1 or first + COLUMNS_AT_ONCE > end else first + COLUMNS_AT_ONCE
         inputs_by_columns(m, p, a, first, last, alone)
-        if m.further_count > 0:
+        if full is not None and m.further_count > 0:
             add_inputs(m, p, a, first, last if last < size else size, 0 * end)
-        if mixed:
+        if full is not None and mixed:
             calibrate_inputs(m, a, begin, last)
         columns_through_step(m, p, a, begin, last, dt)
         begin, first = last, last
     inputs_by_rows(m, p, a)
-    if m.further_count > 0:
+    if full is not None and m.further_count > 0:
         add_inputs(m, p, a, 0 * end, 0 * end + NAVIGATION_STATES, 0 * end + 1)
-    if mixed:
+    if full is None:
+        add_white(m, a, dt)
+    elif mixed:
         add_mixed_white(m, a, dt)
         calibrate_inputs(m, a, 0 * end, 0 * end + NAVIGATION_STATES)
     else:
         add_white(m, a, dt)
     rows_through_step(m, p, a, dt)
     add_process_noise(m, p)
-    if m.ramps > 0:
+    if full is not None and m.ramps > 0:
         add_slopes(m, p, dt)
