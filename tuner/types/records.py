@@ -20,14 +20,6 @@ class DataError(ValueError):
     """Input that cannot be used: one line that says file, place, expected, found and what to do."""
 
 
-class IdentificationError(RuntimeError):
-    """An estimation that could not be finished; carries what was reached in `partial`."""
-
-    def __init__(self, message: str, *, partial: object = None) -> None:
-        super().__init__(message)
-        self.partial = partial
-
-
 @dataclass(frozen=True)
 class Record:
     """Samples of one sensor in SI units.

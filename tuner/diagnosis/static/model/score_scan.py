@@ -139,11 +139,6 @@ def _cosine_sums(g: FloatArray, m: int) -> FloatArray:
     return np.concatenate((half, half[1 : m - len(half) + 1][::-1]))
 
 
-def step_column(fitted: Residual, boundary: int) -> FloatArray:
-    """Return a step on the blocks, shape (M,)."""
-    return (np.arange(fitted.channel.blocks) >= boundary).astype(float)
-
-
 def judge(fitted: Residual, template: FloatArray, correlation: FloatArray, *, price: float) -> Judgement:
     """Test a template (K,) by refits; `price` is what the gain pays for the choice, nats."""
     ratio = max(0.0, 2.0 * (fitted.refit(template).log_likelihood - fitted.fit.log_likelihood))
