@@ -73,7 +73,7 @@ Read in the sources above, against what tables and forums state:
 - *RotorS*: the plugin reads `gyroscopeBiasRandomWalk`, while its own models write `gyroscopeRandomWalk`: their gyro
   walks at the default.
 - *AirSim*: "bias stability" is a random walk of the density stability/√Tau; it never comes back.
-- *Gazebo*: turn-on bias and drift are one state, so that the turn-on fades with the drift's time constant.
+- *Gazebo*: `bias_mean` and `bias_stddev` are the first value of the drift, and fade with its time constant.
 - *gnss-ins-sim*: an infinite correlation time draws white noise, and the state starts at zero.
 - *PSINS*: of the filters of `kfinit` only some use the bias noise at all; the bias does not fade while `ins.tauG`
   is infinite.

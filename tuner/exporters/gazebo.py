@@ -1,8 +1,10 @@
 """Gazebo SDF: noise elements of an IMU sensor, per sample, with one Gauss–Markov bias an axis.
 
 stddev = N/√dt of a sample; dynamic_bias_stddev = σ√(2/T), the driving density and not the sd of the bias;
-dynamic_bias_correlation_time = T. The one state also holds the turn-on bias, which fades with it: bias_stddev is the
-sd of both together. σ and T are those of `tuner.exporters.one_state`.
+dynamic_bias_correlation_time = T. σ and T are those of `tuner.exporters.one_state`. bias_mean and bias_stddev are the
+state's first value and fade with it: the sd written is σ, so that the state starts stationary, or where that is
+smaller the sd of constant and states together, as of a walk. A turn-on bias that stays goes into mean, and the header
+says its sd.
 
 Source: gazebosim/gz-sensors src/GaussianNoiseModel.cc (Load, ApplyImpl).
 """
@@ -15,7 +17,7 @@ from tuner.exporters.dialect import Dialect, Target
 from tuner.exporters.header import provenance
 from tuner.exporters.one_state import OneState, drawn_words, simulated_state
 from tuner.exporters.scripts import xml_comment
-from tuner.exporters.triad_values import longest_time, triad
+from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad
 from tuner.formats.digits import rounded
 from tuner.types import ChannelNoise, FilterConfig
 
@@ -27,7 +29,8 @@ def write(config: FilterConfig, target: Target) -> str:
     header = (
         *provenance(config, "Gazebo SDF: noise of an IMU sensor"),
         "stddev = N/√dt; dynamic_bias_stddev = σ√(2/T), a driving density",
-        "bias_stddev: turn-on and state together, in one state that fades with T: a constant bias goes into bias_mean",
+        "bias_mean and bias_stddev fade with T: for a turn-on bias that stays draw one of this sd into mean: "
+        + ", ".join(f"{c.axis} {c.constant_sd:.4g} {c.unit}" for c in config.channels.values()),
         f"dt = {target.interval:g} s",
         *drawn_words(states),
     )
@@ -45,7 +48,7 @@ def _axis(channel: ChannelNoise, state: OneState, target: Target) -> str:
         "mean": 0.0,
         "stddev": channel.white_density / math.sqrt(target.interval),
         "bias_mean": 0.0,
-        "bias_stddev": math.hypot(channel.constant_sd, state.sd),
+        "bias_stddev": min(state.sd, initial_bias_sd(channel) or state.sd),
         "dynamic_bias_stddev": state.sd * math.sqrt(2.0 / state.time_constant),
         "dynamic_bias_correlation_time": state.time_constant,
     }
