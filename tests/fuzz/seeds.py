@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -17,6 +18,7 @@ import pyarrow as pa
 import scipy.io
 from pyarrow import parquet
 
+from tests.tuner.readers.messages import writers
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, load_grade, parse_gnss
 from tuner.formats import noise_yaml
@@ -24,6 +26,7 @@ from tuner.formats.documents import json_text, parse_json, read_text
 from tuner.formats.identification import identification_json
 from tuner.readers import is_curve, kf_gins_settings, read, read_curve
 from tuner.readers.drive import read_drive
+from tuner.readers.fixes.rtklib import read_rtklib
 from tuner.readers.gnss_log import is_fixes, read_fixes
 from tuner.readers.source_kind import is_drive, is_log
 from tuner.readers.stored_identification import is_stored, read_stored
@@ -146,6 +149,40 @@ def _gnss_csv() -> bytes:
     return _text(rows, "t,lat,lon,height,vn,ve,vd,sd_n,sd_e,sd_d")
 
 
+def _message_logs() -> list[Seed]:
+    """Return a ULog, a dataflash log, a bag and an MCAP of the samples, and files of receivers."""
+    stamps = np.round(1e6 * T).astype(int) + 5_000_000
+    fields = {f"gyro_rad[{j}]": GYRO[:, j] for j in range(3)}
+    fields |= {f"accelerometer_m_s2[{j}]": ACCEL[:, j] for j in range(3)}
+    imu = [(1000 * int(t), {"gyro": w, "accel": f}) for t, w, f in zip(stamps, GYRO, ACCEL, strict=True)]
+    messages = [
+        (
+            "IMU",
+            {"TimeUS": ("Q", int(t)), "I": ("B", 0)}
+            | {f"Gyr{a}": ("f", w[j]) for j, a in enumerate("XYZ")}
+            | {f"Acc{a}": ("f", f[j]) for j, a in enumerate("XYZ")},
+        )
+        for t, w, f in zip(stamps, GYRO, ACCEL, strict=True)
+    ]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        topic = {"timestamp": stamps.astype(np.uint64), **fields}
+        writers.write_ulog(folder / "log.ulg", {("sensor_combined", 0): topic})
+        writers.write_dataflash(folder / "log.bin", messages)
+        topics = {"/imu": ("sensor_msgs/msg/Imu", imu)}
+        writers.write_bag(folder / "log.bag", topics, kind="ros1")
+        writers.write_bag(folder / "ros2", topics, kind="mcap")
+        logs = {path.name: path.read_bytes() for path in folder.glob("log.*")}
+        logs["log.mcap"] = next((folder / "ros2").glob("*.mcap")).read_bytes()
+    solution = "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns\n" + "".join(
+        f"2022/03/20 10:00:{k:02d}.000 47.{k:09d} 8.0 430.0 1 9 0.01 0.02 0.03 0 0 0 0 9\n" for k in range(40)
+    )
+    return [
+        *(Seed(name, content, _classified) for name, content in sorted(logs.items())),
+        Seed("rover.pos", solution.encode(), read_rtklib, text=True),
+    ]
+
+
 @cache
 def seeds() -> tuple[Seed, ...]:
     """Return a valid file for each reader and document."""
@@ -197,6 +234,7 @@ def seeds() -> tuple[Seed, ...]:
         ),
         Seed("log.h5", _hdf5(), _classified),
         Seed("log.parquet", _parquet(), _classified),
+        *_message_logs(),
         Seed("noise.yaml", noise_yaml.dumps(config).encode(), noise_yaml.load, text=True),
         Seed("sheet.yaml", (CONFIGS / "examples" / "datasheet.yaml").read_bytes(), read_datasheet, text=True),
         Seed(

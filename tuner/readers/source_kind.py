@@ -5,7 +5,7 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
-from tuner.formats.guard import printable
+from tuner.formats.guard import input_guard, printable
 from tuner.types.records import DataError
 
 
@@ -60,7 +60,7 @@ def _is_flight(path: Path) -> bool:
         declared = format_of(path)
         if declared.drive is None:
             return False
-        with library_of(declared, path):
+        with library_of(declared, path), input_guard(path, declared.title):
             declared.drive(path)
     except DataError:
         return False

@@ -92,13 +92,14 @@ def _messages(path: Path) -> Iterator[Any]:
         DFReader_binary
     )  # so that the file can be closed where reading its index fails
     try:
-        with contextlib.redirect_stderr(io.StringIO()):
+        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
             log.__init__(str(path), zero_time_base=True)
             while (message := log.recv_match(type=WANTED)) is not None:
                 yield message
     finally:
         for handle in ("data_map", "filehandle"):
-            if hasattr(log, handle):
+            # A failed read may still hold a view of the mapped file: then it is closed with the last of them.
+            with contextlib.suppress(AttributeError, BufferError):
                 getattr(log, handle).close()
 
 

@@ -98,12 +98,15 @@ class MessageLog:
         Axes of the units where the format defines them, such as FRD.
     topics : tuple of str
         Everything the file holds, for messages about what is missing.
+    notes : tuple of str
+        What was found damaged.
     """
 
     inertial: tuple[InertialStream, ...]
     fixes: tuple[FixStream, ...]
     frame: str | None = None
     topics: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def is_drive(self) -> bool:
@@ -128,6 +131,7 @@ def listing_of_log(path: Path, log: MessageLog) -> Listing:
         units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
         units[f"{stream.name}/t"] = stream.clock_unit
     found = listing_of_arrays(path, arrays, units=units, meta={})
+    found = replace(found, notes=(*found.notes, *log.notes))
     if not others:
         return found
     other = max(others, key=lambda stream: (stream.complete, len(stream.t)))

@@ -7,6 +7,8 @@ Body axes are forward, right, down; time is µs since boot.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -51,7 +53,9 @@ def read_ulog(path: Path) -> MessageLog:
     from pyulog import ULog
 
     try:
-        log = ULog(str(path), disable_str_exceptions=True)
+        # The library prints what it finds damaged.
+        with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(file, disable_str_exceptions=True)
     except (OSError, TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
         msg = f"{path}: cannot be read as ULog: {error}; download the log again"
         raise DataError(msg) from None
@@ -74,7 +78,8 @@ def read_ulog(path: Path) -> MessageLog:
     topics = tuple(
         f"{name}.{instance} ({len(fields['timestamp'])})" for (name, instance), fields in data.items()
     )
-    return MessageLog(tuple(inertial), tuple(fixes), "FRD", topics)
+    damaged = ("the file is damaged: what could be read of it is used",) if log.file_corruption else ()
+    return MessageLog(tuple(inertial), tuple(fixes), "FRD", topics, damaged)
 
 
 def _stream(name: str, fields: Fields, arrays: dict[str, NDArray[Any]], rank: int) -> InertialStream:
