@@ -17,6 +17,7 @@ from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.findings import figure
 from tuner.formats.customary_units import digits
+from tuner.report.settings_rows import axes_text
 from tuner.types import Finding, Gain
 
 MAX_HEADLINES = 7
@@ -42,8 +43,8 @@ class FindingGroup:
 
     Attributes
     ----------
-    title : str
-        Causes, axes and number, in words.
+    title, short : str
+        Causes, axes and number, in words; the title of a finding that stands alone with its figures.
     findings : tuple of Finding
         All of them.
     changes : str
@@ -53,6 +54,7 @@ class FindingGroup:
     """
 
     title: str
+    short: str
     findings: tuple[Finding, ...]
     changes: str
     drift: Mapping[str, tuple[float, float]]
@@ -115,11 +117,10 @@ def _group(findings: tuple[Finding, ...], span: float | None) -> FindingGroup:
     causes = list(dict.fromkeys(finding.cause for finding in findings))
     axes = list(dict.fromkeys(axis for finding in findings for axis in finding.channels))
     largest = max(findings, key=lambda one: max((a - b for a, b in one.drift.values()), default=0.0))
-    parts = [
-        f"{' and '.join(causes)} in {', '.join(axes)}{_figures(findings)}",
-        *_count(findings, causes, span),
-    ]
-    return FindingGroup(": ".join(parts), findings, changed_entry(causes[0]), largest.drift)
+    names, count = " and ".join(causes), _count(findings, causes, span)
+    title = ": ".join([f"{names} in {', '.join(axes)}{_figures(findings)}", *count])
+    short = ": ".join([f"{names.replace('_', ' ')} in {axes_text(axes)}", *count])
+    return FindingGroup(title, short, findings, changed_entry(causes[0]), largest.drift)
 
 
 def _figures(findings: tuple[Finding, ...]) -> str:

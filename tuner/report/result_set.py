@@ -117,16 +117,13 @@ def tune_json(result: TuneResult) -> dict[str, Any]:
     return {**content, "config": config_json(result.config), "absent": dict(result.absent)}
 
 
-def tune_sections(result: TuneResult, *, verbose: bool = True) -> list[Section]:
-    """Return the parts of the result beyond noise and configuration, each with its heading.
-
-    Findings of the static log are given in full only where `verbose`.
-    """
+def tune_sections(result: TuneResult) -> list[Section]:
+    """Return the parts of the result beyond noise and configuration, each with its heading."""
     sections: list[Section] = []
     if result.diagnosis is not None:
         judged = [] if result.key is None else judge_hidden(result.key, result.diagnosis)
         content = headline_lines(result.diagnosis, result.records)
-        content += diagnosis_tables(result.diagnosis) if verbose else []
+        content += diagnosis_tables(result.diagnosis)
         content += hidden_effect_lines(judged)
         if content:
             sections.append(("Diagnosis: what a simulation of the noise gets wrong", content))
@@ -142,9 +139,9 @@ def tune_sections(result: TuneResult, *, verbose: bool = True) -> list[Section]:
     return sections
 
 
-def tune_tables(result: TuneResult, directory: Path, *, verbose: bool = False) -> list[Table | str]:
-    """Return everything `tune` prints: noise, each section, and a summary of the configuration in `directory`."""
-    tables = [block for _, content in tune_sections(result, verbose=verbose) for block in content]
+def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
+    """Return everything that `tune --verbose` prints: noise, each section, a summary of what is in `directory`."""
+    tables = [block for _, content in tune_sections(result) for block in content]
     noise = [
         *identification_tables(result.identification),
         *settings_tables(result.config, result.identification),

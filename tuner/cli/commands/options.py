@@ -105,11 +105,11 @@ def strict(verdict: str) -> Callable[[Command], Command]:
 
 
 def verbose(command: Command) -> Command:
-    """Add ``--verbose``; the command receives whether every finding is to be shown in full."""
+    """Add ``--verbose``; the command receives whether everything is to be shown in full."""
     return click.option(
         "--verbose",
         is_flag=True,
-        help="Show every finding of a static log in full, not only what it changes.",
+        help="Show every table in full, not only the answer and what the findings change.",
     )(command)
 
 

@@ -48,6 +48,7 @@ def command(
 ) -> None:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
 
+    Prints the verdict, the numbers and what matters most in ten lines; --verbose prints every table.
     Writes noise.yaml, the same for other filters, figures, report.html and result.json. LOG may also be a datasheet.
     With --drive, what a measured drive shows to be wrong with the filter enters the configuration too; without LOG,
     the stationary parts of the drive stand in for it. With neither, an IMU is simulated, with an effect drawn from
@@ -56,10 +57,11 @@ def command(
     from tuner import tune
     from tuner.report.result_set import tune_json, tune_tables, write_tune_result
     from tuner.report.terminal import show
+    from tuner.report.tune_answer import answer_lines
 
     result = tune(load_source(log, reading, messages), progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
     write_tune_result(result, directory)
     output.write(tune_json(result))
     if output.tables:
-        show(tune_tables(result, directory, verbose=verbose))
+        show(tune_tables(result, directory) if verbose else answer_lines(result, directory))

@@ -1,0 +1,93 @@
+"""The answer of `tune`: its width, rows of axes that agree, marks with their legend, findings by what they change."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner.identification import identify
+from tuner.pipeline import TuneResult
+from tuner.report.settings_rows import Setting, axes_text, settings_rows
+from tuner.report.tune_answer import HALF_LIMIT, answer_lines
+from tuner.simulation.static import simulate
+from tuner.synthesis import synthesize
+from tuner.types import Coefficient, Diagnosis, Finding
+
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+ALIKE = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+NOISIER = NoiseModel([White(2e-4), RandomWalk(1e-6)])
+
+
+@pytest.fixture(scope="module")
+def result():
+    models = dict(zip(AXES, (ALIKE, NOISIER, ALIKE), strict=True))
+    records, _ = simulate(models, duration=600.0, rate=50.0, seed=7)
+    noise = identify(records, arma=None)
+    step = Finding(
+        "step", ("gyro_x",), "a statistic", 9.0, 1e-9, {"time": Coefficient.known(150.0, 149.0, 151.0, "s")},
+        "step in gyro_x", drift={"60 s": (31.0, 12.0)},
+    )  # fmt: skip
+    lines = tuple(replace(step, cause="line", channels=(a,), parameters={}, drift={}) for a in AXES)
+    config = synthesize(noise, name="unit")
+    absent = {"consistency": "unit: expected GNSS figures, found none; name a receiver (--gnss GRADE)"}
+    diagnosis = Diagnosis((*lines, step), base=models, models=models)
+    return TuneResult("unit", records, noise, diagnosis, None, None, config, None, {}, absent, {})
+
+
+def printed(lines):
+    console = Console(width=80, highlight=False, markup=False, emoji=False)
+    with console.capture() as capture:
+        for line in lines:
+            console.print(line)
+    return capture.get()
+
+
+def test_axes_whose_intervals_overlap_share_a_row(result):
+    rows = settings_rows(result.config)
+    # N of 1e-4 and 2e-4 is known to 0.4 % each (1/√(2n), 30 000 samples): the outer axes agree, the middle one cannot.
+    assert [row.axes for row in rows] == [("gyro_x", "gyro_z"), ("gyro_y",)]
+    for row in rows:
+        own = [result.config.channels[axis].white_density for axis in row.axes]
+        assert len(row.white.used) == len(own)
+        assert row.white.low <= min(row.white.used) <= max(row.white.used) <= row.white.high
+
+
+def test_the_answer_fits_a_terminal_and_leaves_nothing_out(result):
+    text = printed(answer_lines(result, Path("out")))
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
+    assert len(text.splitlines()) <= 16
+    assert "…" not in text
+    assert "The filter is not checked" in text.splitlines()[0]
+    for said in ("gyro x z", "gyro y", "deg/√h", "out/report.html", "out/noise.yaml", "--gnss GRADE"):
+        assert said in text
+
+
+def test_the_finding_that_moves_the_position_most_stands_first(result):
+    text = " ".join(printed(answer_lines(result, Path("out"))).split())
+    assert "drift after 60 s 31 → 12 m without it" in text
+    assert text.index("Found step in gyro x") < text.index("Found line in gyro x y z")
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        (Setting((20.0,), 18.0, 22.0), "20.0 ± 2.0"),
+        (Setting((20.0,)), "20.0"),
+        (Setting((20.0, 30.0)), "20.0 to 30.0"),
+        (Setting((32.5,), 0.0, 65.0, bounded=True), "32.5*"),
+    ],
+)
+def test_a_setting_shows_its_interval_or_that_it_has_none(setting, text):
+    assert setting.text == text
+
+
+def test_a_star_is_explained_where_it_stands(result):
+    text = printed(answer_lines(result, Path("out")))
+    assert ("*" in text.replace(HALF_LIMIT, "")) == (HALF_LIMIT in text)
+
+
+def test_axes_in_few_words():
+    assert axes_text(["gyro_x", "gyro_z", "accel_y"]) == "gyro x z, accel y"
+    assert axes_text(["gyro"]) == "gyro"
