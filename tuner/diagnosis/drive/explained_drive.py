@@ -17,7 +17,7 @@ def examine_and_explain(
     drive: Drive, config: FilterConfig, *, wheels: bool = False, progress: Progress
 ) -> ExaminedDrive:
     """Diagnose a drive and explain the factor that each noise setting needs; see `examine_drive`."""
-    progress("diagnosing the drive (kernels are compiled on first use: about half a minute)")
+    progress("diagnosing the drive (kernels are compiled on first use: some 20 s)")
     examined = examine_drive(drive, config, wheels=wheels, progress=progress)
     progress("estimating the scale of each noise setting")
     scales = estimate_noise_scales(examined, stationary_noise(drive).vibration)

@@ -13,7 +13,7 @@ import logging
 import threading
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -38,9 +38,15 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": True}
 _INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
+def _hint(builder: Any, attribute: str) -> None:
+    """Give LLVM a hint on the function that is being compiled; a release that refuses it compiles without."""
+    with suppress(AttributeError, TypeError, ValueError):
+        builder.function.attributes.update([attribute])
+
+
 def _widen(_context: Any) -> Any:
     def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        builder.function.attributes.update([WIDE_VECTORS])
+        _hint(builder, WIDE_VECTORS)
         return context.get_dummy_value()
 
     return types.none(), generate
@@ -56,7 +62,7 @@ Other processors ignore it."""
 
 def _small(_context: Any) -> Any:
     def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        builder.function.attributes.add("optsize")
+        _hint(builder, "optsize")
         return context.get_dummy_value()
 
     return types.none(), generate
