@@ -2,8 +2,8 @@
 
     python benchmarks/consumers.py > docs/consumers.md
 
-What each program does with a number is a formula of `tests/consumers/programs.py`, read in its source; the tests
-beside it run the programs that a package index offers.
+What each program does with a number is a formula of `tests/consumers/filters.py` and `simulators.py`, read in its
+source; the tests beside it run the programs that a package index offers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.consumers.examples import EXAMPLES, LAGS, modelled_allan_variance, text_of
-from tests.consumers.programs import PROGRAMS, SIMULATORS, Program, Simulator
+from tests.consumers.filters import FILTERS, Filter
+from tests.consumers.simulators import SIMULATORS, Simulator
 from tuner.exporters.error_growth import fading_growth, modelled_growth
 
 CLUSTER_TIMES = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
@@ -88,7 +89,7 @@ Read in the sources above, against what tables and forums state:
 """
 
 
-def numbers(program: Program | Simulator) -> str:
+def numbers(program: Filter | Simulator) -> str:
     """Return key and value of the numbers of an export."""
     text = text_of("walk", program.dialect)
     # The first number behind the key: of a YAML or XML entry, a parameter, a vector.
@@ -97,7 +98,7 @@ def numbers(program: Program | Simulator) -> str:
     return "<br>".join(f"`{key}` {match[1]}" for key, match in found.items() if match)
 
 
-def growth(program: Program, example: str) -> str:
+def growth(program: Filter, example: str) -> str:
     """Return the ratio at each horizon, gyro and accelerometer."""
     cells = []
     for sensor in ("gyro", "accel"):
@@ -153,7 +154,7 @@ def table() -> Iterator[str]:
     yield HEAD.format(two=two, one=one, time=time)
     yield f"| dialect | numbers | use | how | *walk* at {horizons} s | *flicker* |"
     yield "|---|---|---|---|---|---|"
-    for program in PROGRAMS:
+    for program in FILTERS:
         how = program.run or "formula"
         cells = (numbers(program), program.use, how, growth(program, "walk"), growth(program, "flicker"))
         yield f"| {program.dialect} | {' | '.join(cells)} |"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.consumers.programs import STEP
+from tests.consumers.filters import STEP
 from tuner.exporters import export
 from tuner.synthesis.load_config import load_config
 from tuner.types import ChannelNoise, FilterConfig, GnssNoise, InitialUncertainty

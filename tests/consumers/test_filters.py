@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from tests.consumers.examples import EXAMPLES, LAGS, text_of
-from tests.consumers.programs import PROGRAMS, SIMULATORS, Program
+from tests.consumers.filters import FILTERS, Filter
+from tests.consumers.simulators import SIMULATORS
 from tuner.exporters import DIALECTS
 from tuner.exporters.error_growth import modelled_growth
 
-BY_NAME = {program.dialect: program for program in PROGRAMS}
+BY_NAME = {program.dialect: program for program in FILTERS}
 FADING = ("kf-gins", "ob-gins", "navego")
 
 
@@ -25,7 +26,7 @@ def test_every_dialect_has_a_consumer_whose_use_of_its_numbers_was_read() -> Non
     assert known == set(DIALECTS)
 
 
-def ratios(program: Program, example: str, sensor: str) -> np.ndarray:
+def ratios(program: Filter, example: str, sensor: str) -> np.ndarray:
     channel = EXAMPLES[example]().channels[f"{sensor}_x"]
     predicted = program.growth(text_of(example, program.dialect), sensor, LAGS)
     if not program.has_bias:
@@ -55,7 +56,7 @@ def test_one_state_does_what_its_header_says(dialect: str, sensor: str) -> None:
 
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
 def test_two_numbers_for_flicker_are_the_same_in_every_filter(sensor: str) -> None:
-    others = [p for p in PROGRAMS if p.has_bias and p.dialect not in FADING]
+    others = [p for p in FILTERS if p.has_bias and p.dialect not in FADING]
     found = np.array([ratios(program, "flicker", sensor) for program in others])
     assert np.ptp(found, axis=0).max() < 2e-3
 

@@ -9,7 +9,7 @@ import pytest
 
 from models.units import STANDARD_GRAVITY as G
 from tests.consumers.examples import EXAMPLES, text_of
-from tests.consumers.programs import PROGRAMS, STEP
+from tests.consumers.filters import FILTERS, STEP
 
 gtsam = pytest.importorskip("gtsam", reason="GTSAM is not installed (pip install gtsam)")
 REST = np.array([0.0, 0.0, G])
@@ -82,7 +82,7 @@ def test_predicted_spread_is_that_of_integrated_noise() -> None:
 @pytest.mark.parametrize("horizon", [0.1, 0.5])
 def test_programs_on_its_imu_factor_predict_as_modelled(dialect: str, horizon: float) -> None:
     # They set N² as covariances, and between two frames a walk of the bias of K √Δt: the horizon is that of frames.
-    program = next(program for program in PROGRAMS if program.dialect == dialect)
+    program = next(program for program in FILTERS if program.dialect == dialect)
     gyro, accel = (program.step(text_of("walk", dialect), sensor) for sensor in ("gyro", "accel"))
     params = gtsam.PreintegrationParams.MakeSharedU(G)
     params.setGyroscopeCovariance(gyro.angle / STEP * np.eye(3))

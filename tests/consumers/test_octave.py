@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.consumers.examples import EXAMPLES, text_of
-from tests.consumers.programs import STEP
+from tests.consumers.filters import STEP
 from tuner.exporters.error_growth import modelled_growth
 
 pytestmark = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.consumers.examples import EXAMPLES, text_of
-from tests.consumers.programs import SIMULATORS, STEP
+from tests.consumers.filters import STEP
+from tests.consumers.simulators import SIMULATORS
 from tuner.curves.allan import overlapping_allan
 
 

@@ -10,8 +10,9 @@ from scipy.signal import lfilter
 
 from models.units import to_si
 from tests.consumers.examples import EXAMPLES, modelled_allan_variance, text_of
+from tests.consumers.filters import STEP
 from tests.consumers.numbers import from_assignments
-from tests.consumers.programs import SIMULATORS, STEP
+from tests.consumers.simulators import SIMULATORS
 from tuner.curves.allan import overlapping_allan
 
 TAU = np.geomspace(1.0, 300.0, 16)

@@ -1,8 +1,8 @@
-"""What each program that reads an export makes of its numbers: noise of a step, fading of the bias, from its source.
+"""What each filter that reads an export makes of its numbers: noise of a step, fading of the bias, from its source.
 
 A filter is described by what one step of ``dt`` adds to the variance of an angle (or velocity) and of a bias, and by
-the factor of the bias over the step; a simulator by the Allan deviation of its draws. Each description is the
-program's own formula, with repository, file and line of the snapshot that was read.
+the factor of the bias over the step: the program's own formula, with repository, file and line of the snapshot that
+was read.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.noise import BiasInstability, GaussMarkov
 from models.units import to_si
 from tests.consumers.numbers import (
     from_assignments,
     from_ini,
     from_json,
     from_parameters,
-    from_xml,
     from_yaml,
 )
 
@@ -39,7 +37,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Program:
+class Filter:
     """A program that predicts: from the text of an export and a sensor to its step; `run` says what it did itself."""
 
     dialect: str
@@ -63,17 +61,6 @@ class Program:
             ]
         )
         return np.array([np.linalg.matrix_power(recursion, round(lag / dt))[0, 3] for lag in lags])
-
-
-@dataclass(frozen=True)
-class Simulator:
-    """A program that draws: from the text of an export and a sensor to the Allan variance of its samples."""
-
-    dialect: str
-    keys: str
-    use: str
-    allan_variance: Callable[[str, str, np.ndarray], np.ndarray]
-    run: str = ""
 
 
 def _densities(values: dict, n: str, k: str) -> Step:
@@ -214,104 +201,104 @@ def _orbslam3(text: str, sensor: str) -> Step:
     return Step(STEP, sample**2 * STEP**2, walk**2)
 
 
-PROGRAMS = (
-    Program(
+FILTERS = (
+    Filter(
         "kalibr",
         "gyroscope_noise_density gyroscope_random_walk accelerometer_noise_density accelerometer_random_walk",
         "ethz-asl/kalibr kalibr_common/ConfigReader.py:473, 491",
         lambda text, sensor: _kalibr(from_yaml(text), sensor),
     ),
-    Program(
+    Filter(
         "openvins",
         "gyroscope_noise_density gyroscope_random_walk accelerometer_noise_density accelerometer_random_walk",
         "rpng/open_vins ov_msckf/src/state/Propagator.cpp:225–228",
         lambda text, sensor: _kalibr(from_yaml(text, "imu0"), sensor),
     ),
-    Program(
+    Filter(
         "mins",
         "gyro_noise gyro_bias accel_noise accel_bias",
         "rpng/MINS mins/src/state/Propagator.cpp:234–240",
         _mins,
     ),
-    Program(
+    Filter(
         "vins",
         "gyr_n gyr_w acc_n acc_w",
         "HKUST-Aerial-Robotics/VINS-Fusion integration_base.h:117–134",
         _vins,
         run="its integration_base.h compiled: 1.0000",
     ),
-    Program(
+    Filter(
         "okvis2",
         "sigma_g_c sigma_gw_c sigma_a_c sigma_aw_c",
         "smartroboticslab/okvis2 okvis_ceres/src/ImuError.cpp:708–727",
         _okvis2,
     ),
-    Program(
+    Filter(
         "basalt",
         "gyro_noise_std gyro_bias_std accel_noise_std accel_bias_std",
         "basalt-headers calibration.hpp:151–160; basalt sqrt_keypoint_vio.cpp:115, 161, imu_block.hpp:76",
         _basalt,
     ),
-    Program(
+    Filter(
         "kimera-vio",
         "gyroscope_noise_density gyroscope_random_walk accelerometer_noise_density accelerometer_random_walk",
         "MIT-SPARK/Kimera-VIO ImuFrontend.cpp:229–234, VioBackend.cpp:943–948",
         lambda text, sensor: _kalibr(from_yaml(text), sensor),
         run="GTSAM's ImuFactor: test_gtsam.py",
     ),
-    Program(
+    Filter(
         "dm-vio",
         "gyroscope_noise_density gyroscope_random_walk accelerometer_noise_density accelerometer_random_walk",
         "lukasvst/dm-vio IMUIntegration.cpp:47–55, IMUUtils.cpp:46–47",
         lambda text, sensor: _kalibr(from_yaml(text), sensor),
         run="GTSAM's ImuFactor: test_gtsam.py",
     ),
-    Program(
+    Filter(
         "orbslam3",
         "IMU.NoiseGyro IMU.GyroWalk IMU.NoiseAcc IMU.AccWalk IMU.Frequency",
         "UZ-SLAMLab/ORB_SLAM3 src/Tracking.cc, src/ImuTypes.cc",
         _orbslam3,
     ),
-    Program(
+    Filter(
         "orbslam3-old",
         "IMU.NoiseGyro IMU.GyroWalk IMU.NoiseAcc IMU.AccWalk IMU.Frequency",
         "UZ-SLAMLab/ORB_SLAM3 src/Tracking.cc (ParseIMUParamFile)",
         _orbslam3,
     ),
-    Program(
+    Filter(
         "liosam",
         "imuGyrNoise imuGyrBiasN imuAccNoise imuAccBiasN",
         "TixiaoShan/LIO-SAM src/imuPreintegration.cpp:215–225, 375",
         lambda text, sensor: _liosam(from_yaml(text, "lio_sam"), sensor),
         run="GTSAM's ImuFactor: test_gtsam.py",
     ),
-    Program(
+    Filter(
         "liosam-ros2",
         "imuGyrNoise imuGyrBiasN imuAccNoise imuAccBiasN",
         "TixiaoShan/LIO-SAM (ros2) src/imuPreintegration.cpp:249–259, 409",
         lambda text, sensor: _liosam(from_yaml(text, "/**", "ros__parameters"), sensor),
         run="GTSAM's ImuFactor: test_gtsam.py",
     ),
-    Program(
+    Filter(
         "lvi-sam",
         "imuGyrNoise imuGyrBiasN imuAccNoise imuAccBiasN",
         "TixiaoShan/LVI-SAM src/lidar_odometry/imuPreintegration.cpp:89–98, 254",
         lambda text, sensor: _liosam(from_yaml(text, "lvi_sam"), sensor),
         run="GTSAM's ImuFactor: test_gtsam.py",
     ),
-    Program(
+    Filter(
         "lvi-sam-camera",
         "gyr_n gyr_w acc_n acc_w",
         "TixiaoShan/LVI-SAM visual_estimator/factor/integration_base.h:59–64",
         _vins,
     ),
-    Program(
+    Filter(
         "fastlio",
         "gyr_cov b_gyr_cov acc_cov b_acc_cov",
         "hku-mars/FAST_LIO IMU_Processing.hpp:281, esekfom.hpp:378–381",
         lambda text, sensor: _fastlio(from_yaml(text, "mapping"), FASTLIO_WHITE, FASTLIO_WALK, sensor),
     ),
-    Program(
+    Filter(
         "fastlio-ros2",
         "gyr_cov b_gyr_cov acc_cov b_acc_cov",
         "hku-mars/FAST_LIO (ROS2) laserMapping.cpp:820–858",
@@ -319,79 +306,79 @@ PROGRAMS = (
             from_yaml(text, "/**", "ros__parameters", "mapping"), FASTLIO_WHITE, FASTLIO_WALK, sensor
         ),
     ),
-    Program(
+    Filter(
         "fast-livo2",
         "gyr_cov acc_cov",
         "hku-mars/FAST-LIVO2 LIVMapper.cpp:81, 150–154, IMU_Processing.cpp:396–399",
         _fast_livo2,
         has_bias=False,
     ),
-    Program(
+    Filter(
         "point-lio",
         "gyr_cov_input b_gyr_cov acc_cov_input b_acc_cov imu_meas_omg_cov imu_meas_acc_cov",
         "hku-mars/Point-LIO Estimator.cpp:30–33, 329, esekfom.hpp:180",
         _point_lio,
     ),
-    Program(
+    Filter(
         "kf-gins",
         "arw gbstd vrw abstd corrtime",
         "i2Nav-WHU/KF-GINS gi_engine.cpp:47–52, 291–297, 369",
         lambda text, sensor: _gins(from_yaml(text, "imunoise"), sensor),
         run="its gi_engine.cpp compiled: 1.00 to 1.01",
     ),
-    Program(
+    Filter(
         "ob-gins",
         "arw gbstd vrw abstd corrtime",
         "i2Nav-WHU/OB_GINS preintegration_normal.cc:215, 229–231, 248–253 (IC-GVINS the same)",
         lambda text, sensor: _gins(from_yaml(text, "imumodel"), sensor),
     ),
-    Program(
+    Filter(
         "ginav",
         "psd_gyro psd_bg psd_acce psd_ba",
         "kaichen686/GINav ins_init.m:42–49, ins_time_updata.m:15–17",
         _ginav,
     ),
-    Program(
+    Filter(
         "psins",
         "web sqrtR0G TauG wdb sqrtR0A TauA",
         "WangShanpeng/PSINS imuerrset.m, kfinit.m (kfinit186), kfinit0.m:14",
         _psins,
         run="its imuerrset in Octave: 1.00000; test_octave.py",
     ),
-    Program(
+    Filter(
         "navego",
         "arw gb_psd gb_corr vrw ab_psd ab_corr",
         "rodralez/NaveGo ins_gnss.m:202, F_update.m:164–171, kf_prediction.m",
         _navego,
         run="its F_update, kf_prediction in Octave: 0.999 to 1.002; test_octave.py",
     ),
-    Program(
+    Filter(
         "gtsam",
         "setGyroscopeCovariance setBiasOmegaCovariance setAccelerometerCovariance setBiasAccCovariance",
         "borglab/gtsam gtsam/navigation/CombinedImuFactor.cpp:146–190",
         _gtsam,
         run="GTSAM 4.3.0 and 4.2.2: 0.9991 to 1.0000; test_gtsam.py",
     ),
-    Program(
+    Filter(
         "px4",
         "EKF2_GYR_NOISE EKF2_GYR_B_NOISE EKF2_ACC_NOISE EKF2_ACC_B_NOISE",
         "PX4/PX4-Autopilot src/modules/ekf2/EKF/covariance.cpp",
         _px4,
     ),
-    Program(
+    Filter(
         "ardupilot",
         "EK3_GYRO_P_NSE EK3_GBIAS_P_NSE EK3_ACC_P_NSE EK3_ABIAS_P_NSE",
         "ArduPilot/ardupilot AP_NavEKF3_core.cpp (CovariancePrediction)",
         _ardupilot,
     ),
-    Program(
+    Filter(
         "robot-localization",
         "angular_velocity_covariance linear_acceleration_covariance",
         "cra-ros-pkg/robot_localization src/ros_filter.cpp:605, 2670",
         _robot_localization,
         has_bias=False,
     ),
-    Program(
+    Filter(
         "pyins",
         "noise bias_walk",
         "nmayorov/pyins pyins/inertial_sensor.py:94–129",
@@ -400,87 +387,3 @@ PROGRAMS = (
     ),
 )
 """Every filter a dialect is written for."""
-
-
-def _one_state(density: float, driving: float, time: float, tau: np.ndarray) -> np.ndarray:
-    state = GaussMarkov(driving * math.sqrt(time / 2.0), time)
-    return density**2 / tau + state.allan_variance(tau, interval=STEP)
-
-
-def _gnss_ins_sim(text: str, sensor: str, tau: np.ndarray) -> np.ndarray:
-    v = from_assignments(text)
-    if sensor == "gyro":
-        n, sd = to_si(v["gyro_arw"][0], "deg/sqrt(h)"), to_si(v["gyro_b_stability"][0], "deg/h")
-    else:
-        n, sd = v["accel_vrw"][0] / 60.0, v["accel_b_stability"][0]
-    time = v[f"{sensor}_b_corr"][0]
-    return _one_state(n, sd * math.sqrt(2.0 / time), time, tau)
-
-
-def _gazebo(text: str, sensor: str, tau: np.ndarray) -> np.ndarray:
-    element = {"gyro": "angular_velocity", "accel": "linear_acceleration"}[sensor]
-    v = from_xml(text, f"{element}/x/noise")
-    density = v["stddev"] * math.sqrt(STEP)
-    return _one_state(density, v["dynamic_bias_stddev"], v["dynamic_bias_correlation_time"], tau)
-
-
-def _rotors(text: str, sensor: str, tau: np.ndarray) -> np.ndarray:
-    v, name = from_xml(text, "."), {"gyro": "gyroscope", "accel": "accelerometer"}[sensor]
-    return _one_state(v[f"{name}NoiseDensity"], v[f"{name}RandomWalk"], v[f"{name}BiasCorrelationTime"], tau)
-
-
-def _airsim(text: str, sensor: str, tau: np.ndarray) -> np.ndarray:
-    v, g = from_json(text, "DefaultSensors", "Imu"), 9.80665
-    if sensor == "gyro":
-        n, sd = to_si(v["AngularRandomWalk"], "deg/sqrt(h)"), to_si(v["GyroBiasStability"], "deg/h")
-        walk = sd / math.sqrt(v["GyroBiasStabilityTau"])
-    else:
-        n = v["VelocityRandomWalk"] * g / 1e3
-        walk = v["AccelBiasStability"] * 1e-6 * g / math.sqrt(v["AccelBiasStabilityTau"])
-    return n**2 / tau + walk**2 * tau / 3.0
-
-
-def _matlab(text: str, sensor: str, tau: np.ndarray) -> np.ndarray:
-    v = from_assignments(text.split("imu.Accelerometer")[0 if sensor == "gyro" else 1])
-    found = v["NoiseDensity"][0] ** 2 / tau + v["RandomWalk"][0] ** 2 * tau / 3.0
-    if v["BiasInstability"][0]:
-        found = found + BiasInstability(v["BiasInstability"][0]).allan_variance(tau)
-    return found
-
-
-SIMULATORS = (
-    Simulator(
-        "gnss-ins-sim",
-        "gyro_arw gyro_b_stability gyro_b_corr accel_vrw accel_b_stability accel_b_corr",
-        "Aceinna/gnss-ins-sim gnss_ins_sim/pathgen/pathgen.py:496, 583–590",
-        _gnss_ins_sim,
-        run="its gyro_gen, acc_gen: 0.98 to 1.01 of the formula, 1 to 30 s; test_python.py",
-    ),
-    Simulator(
-        "gazebo",
-        "stddev dynamic_bias_stddev dynamic_bias_correlation_time",
-        "gazebosim/gz-sensors src/GaussianNoiseModel.cc:114–139",
-        _gazebo,
-    ),
-    Simulator(
-        "rotors",
-        "gyroscopeNoiseDensity gyroscopeBiasRandomWalk gyroscopeBiasCorrelationTime "
-        "accelerometerNoiseDensity accelerometerRandomWalk accelerometerBiasCorrelationTime",
-        "ethz-asl/rotors_simulator gazebo_imu_plugin.cpp:95, 221–239",
-        _rotors,
-    ),
-    Simulator(
-        "airsim",
-        "AngularRandomWalk GyroBiasStability GyroBiasStabilityTau "
-        "VelocityRandomWalk AccelBiasStability AccelBiasStabilityTau",
-        "microsoft/AirSim AirLib/include/sensors/imu/ImuSimple.hpp (addNoise)",
-        _airsim,
-    ),
-    Simulator(
-        "matlab",
-        "NoiseDensity BiasInstability RandomWalk",
-        "MathWorks imuSensor, reference page (code not public)",
-        _matlab,
-    ),
-)
-"""Every simulator a dialect is written for."""
