@@ -7,6 +7,7 @@ at all.
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,8 +47,13 @@ def write_csv(records: Sequence[Record], path: Path) -> None:
     for name, values in _covariates(records).items():
         unit = COVARIATE_UNITS.get(name)
         columns[f"{name} [{unit}]" if unit else name] = values
-    with whole_file(path) as temporary:
-        pd.DataFrame(columns).to_csv(temporary, index=False, compression="infer")
+    frame = pd.DataFrame(columns)
+    with whole_file(path) as temporary, temporary.open("wb") as raw:
+        if path.suffix.lower() == ".gz":  # without name and time: the same log gives the same bytes
+            with gzip.GzipFile("", "wb", fileobj=raw, mtime=0) as packed:
+                frame.to_csv(packed, index=False, mode="wb")
+        else:
+            frame.to_csv(raw, index=False, mode="wb")
 
 
 def write_npz(records: Sequence[Record], path: Path) -> None:

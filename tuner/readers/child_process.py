@@ -6,6 +6,7 @@ fork (Windows), reading happens in this process.
 
 from __future__ import annotations
 
+import faulthandler
 import mmap
 import os
 import select
@@ -97,6 +98,7 @@ def _work_and_leave(work: Callable[[], object], sender: int) -> None:
     """Do the work of the child and end it, without what a process does at its end."""
     code = 1
     try:
+        faulthandler.disable()  # the parent says that it crashed
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         work()
         code = 0

@@ -64,3 +64,14 @@ def test_other_formats_and_clocks_are_refused(tmp_path):
         with pytest.raises(ValueError, match="must hold one record or more"):
             write((), tmp_path / "log.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz", "log.npz"])
+def test_the_same_log_has_the_same_bytes(tmp_path, name, monkeypatch):
+    """Packed files carry a time; theirs is fixed."""
+    written = []
+    for hour in (1.0, 2.0):
+        monkeypatch.setattr("time.time", lambda hour=hour: 1.7e9 + 3600.0 * hour)
+        write_log(records()[:2], tmp_path / name)
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1]

@@ -1,6 +1,7 @@
 """Figures of findings and the HTML page: self-contained, one figure for each cause."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
+from tuner.report.allan_figure import draw_allan
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.html_page import write_page
 from tuner.report.static_diagnosis_figures import draw_findings
@@ -153,3 +155,14 @@ def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
     ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
     assert cell == "frequency 20.000000 (19.999999 … 20.000002) Hz"
     assert digits_to(1.465e-4, 9.1e-6) == "0.000147"
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png"])
+def test_the_same_figure_has_the_same_bytes(suffix):
+    """No date, and names of its parts that do not change from one run to the next."""
+    noise = identify(record(), arma=None)
+    drawn = []
+    for _ in range(2):
+        draw_allan(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
+    assert drawn[0] == drawn[1]
+    assert b"<dc:date>" not in drawn[0]
