@@ -15,6 +15,7 @@ from models.noise import GaussMarkov
 from models.units import to_si
 from tuner.formats.codec import load as load_content
 from tuner.formats.documents import parse_yaml, read_text
+from tuner.formats.guard import input_guard
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
 from tuner.types.numbers import NonNegative, Positive
 from tuner.types.records import DataError
@@ -74,6 +75,13 @@ def load(path: Path) -> FilterConfig:
     """
     content = parse_yaml(read_text(path, expected=_EXPECTED), source=str(path), expected=_EXPECTED)
     stated = load_content(content, _Settings, source=str(path))
+    with input_guard(path, f"{_EXPECTED} with numbers of sensors"):
+        return _configuration(path.stem, stated)
+    raise AssertionError
+
+
+def _configuration(name: str, stated: _Settings) -> FilterConfig:
+    """Return the configuration that settings mean."""
     noise = stated.imunoise
     channels = {}
     for sensor, unit, white, sd, start, units in (
@@ -84,8 +92,10 @@ def load(path: Path) -> FilterConfig:
             state = GaussMarkov(to_si(sd[i], units[1]), 3600.0 * noise.corrtime)
             first = to_si((start or sd)[i], units[1])
             constant = math.sqrt(max(first**2 - state.sd**2, 0.0))
-            name = f"{sensor}_{axis}"
-            channels[name] = ChannelNoise(name, unit, to_si(white[i], units[0]), (state,), 0.0, constant)
+            channel = f"{sensor}_{axis}"
+            channels[channel] = ChannelNoise(
+                channel, unit, to_si(white[i], units[0]), (state,), 0.0, constant
+            )
     attitude = [to_si(sd, "deg") for sd in stated.initattstd]
     scales = {
         name: 1e-6 * max(of_start or sds)
@@ -96,7 +106,7 @@ def load(path: Path) -> FilterConfig:
         if sds is not None
     }
     return FilterConfig(
-        path.stem,
+        name,
         1.0 / stated.imudatarate,
         channels,
         InitialUncertainty(max(stated.initposstd), max(stated.initvelstd), max(attitude[:2]), attitude[2]),

@@ -18,7 +18,7 @@ from pyarrow import parquet
 
 from tuner.formats.documents import parse_json, parse_yaml
 from tuner.formats.guard import LONGEST_LINE, printable
-from tuner.readers import child_process, mat5, npz_members, read, text
+from tuner.readers import child_process, kf_gins_settings, mat5, npz_members, read, text
 from tuner.readers.child_process import array_from_child, check_in_child
 from tuner.types.records import DataError
 
@@ -218,3 +218,13 @@ def test_json_that_breaks(content: str) -> None:
     with pytest.raises(DataError, match=r"mine.json: expected JSON, got "):
         parse_json(content, source="mine.json")
     assert parse_json(json.dumps({"a": 1}), source="") == {"a": 1}
+
+
+@pytest.mark.parametrize(("sd", "found"), [("1e200", "OverflowError"), ("1e-320", "must be positive")])
+def test_settings_of_kf_gins_with_impossible_numbers(tmp_path: Path, sd: str, found: str) -> None:
+    path = tmp_path / "kf-gins.yaml"
+    path.write_text(
+        f"imunoise: {{arw: [1, 1, 1], vrw: [1, 1, 1], gbstd: [{sd}, 1, 1], abstd: [1, 1, 1], corrtime: 1.0}}\n"
+    )
+    with pytest.raises(DataError, match=f"kf-gins.yaml: cannot be read as a YAML of KF-GINS.*{found}"):
+        kf_gins_settings.load(path)
