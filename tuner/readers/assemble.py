@@ -50,25 +50,27 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
     count = len(blocks[0])
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
     valid = _valid_rows(listing, groups if time is None else groups | {"t": time}, notes)
-    axes = [axis for sensor in layout.sensors for axis in sensor.axes]
-    valid = without_spikes(listing.path, groups, axes, valid, notes)
+    week = covariates.pop("week", None)
 
     def equal(i: IntArray, j: IntArray) -> BoolArray:
         same: BoolArray = np.logical_and.reduce([(b[i] == b[j]).all(axis=1) for b in blocks])
         return same
 
+    axes = [axis for sensor in layout.sensors for axis in sensor.axes]
     try:
         if time is None or layout.time is None:
             if rate is None:
                 msg = "no time column and no rate: pass --rate HZ, or --columns t=NAME"
                 raise DataError(msg)
+            valid = without_spikes(groups, axes, valid, notes, interval=1.0 / rate)
             origin, base = 0.0, even_timebase(count, 1.0 / rate, valid)
         else:
-            clock = _clock(listing, layout.time, time, covariates.pop("week", None), rate, options)
+            clock = _clock(listing, layout.time, time, week, rate, options)
             notes += [*clock.assumptions, *clock.notes]
             assumptions += clock.assumptions
             on = clock.on
             usable = valid if on is None else on if valid is None else valid & on
+            usable = without_spikes(groups, axes, usable, notes, interval=clock.step)
             base, origin = _timebase(clock, usable, equal, options.rate, notes), clock.origin
             _check_rate(base.interval, rate, notes, explicit=options.rate is not None)
     except DataError as error:

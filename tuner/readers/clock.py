@@ -55,6 +55,8 @@ class Clock:
         Seconds since the origin; no meaning where `on` is False.
     on : ndarray of bool, shape (n,), or None
         Which stamps are on the clock; None where all are.
+    step : float
+        Mean step of the stamps, s, gaps apart.
     resolution : float
         To which stamps of single precision are rounded, s; 0 where that does not show.
     notes, assumptions : tuple of str
@@ -64,6 +66,7 @@ class Clock:
     origin: float
     stamps: FloatArray
     on: BoolArray | None
+    step: float
     resolution: float
     notes: tuple[str, ...]
     assumptions: tuple[str, ...]
@@ -132,7 +135,10 @@ def read_clock(
         origin = float(first) * factor
     if not by_user:
         _check(relative[on], name)
-    return Clock(origin, relative, None if on.all() else on, resolution, tuple(notes), tuple(assumptions))
+    step = _mean_step(relative[on])
+    return Clock(
+        origin, relative, None if on.all() else on, step, resolution, tuple(notes), tuple(assumptions)
+    )
 
 
 def _stated_factor(unit: str | None, name: str) -> float | None:
@@ -168,7 +174,7 @@ def _mean_step(time: Stamps) -> float:
     """Return the mean step without gaps and steps back; stamps that repeat count as steps of nothing."""
     step = np.diff(time)
     usual = _usual_step(time)
-    inner = step[(step >= 0) & (step <= 10.0 * usual)]
+    inner = step[(step >= 0) & (step <= 10.0 * usual)].astype(float)
     return float(np.mean(inner)) if len(inner) else usual
 
 

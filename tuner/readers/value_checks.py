@@ -1,7 +1,7 @@
 """Single readings that no sensor makes: far from their neighbours, which agree with one another.
 
-A broken cell or a glitch of the bus stands alone; what a sensor feels does not, as its filter spreads it over several
-samples. Smaller outliers are the diagnosis's subject (`tuner.diagnosis`), not the reader's.
+A broken cell or a glitch of the bus stands alone; what a sensor feels does not: it moves several axes at once, and its
+filter spreads it over several samples. Smaller outliers are the diagnosis's subject (`tuner.diagnosis`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,12 @@ IntArray = NDArray[np.int64]
 SPIKE_DISTANCE = 200.0
 """Distance from the neighbours, in noise sds and in spreads of the neighbours, that no reading has: normal noise ends
 at 7, the largest outliers that sensors make are at some 50, and a broken cell begins at 1000."""
+MOVED_DISTANCE = 20.0
+"""Distance in a second column from which a row is one in which the unit moved."""
+SURE_DISTANCE = 1e5
+"""Distance of a broken row: the whole range of a consumer gyroscope, 2000 deg/s, is 4e4 noise sds."""
+SLOW_INTERVAL = 0.11
+"""Interval, s, from which a motion can lie between two samples: hands move a unit within some tenths of a second."""
 NEIGHBOURS_EACH_SIDE = 3
 """Samples on either side that say where a sample should be."""
 MAX_SPIKE_SHARE = 0.01
@@ -39,18 +45,17 @@ steps at most four values come up in 65536 samples, and 80 % of the neighbours a
 
 
 def without_spikes(
-    path: object,
     groups: Mapping[str, NDArray[Any]],
     axes: Sequence[str],
     valid: BoolArray | None,
     notes: list[str],
+    *,
+    interval: float,
 ) -> BoolArray | None:
     """Return which rows are usable, without those of single readings that no sensor makes.
 
     Parameters
     ----------
-    path : object
-        The file, for messages.
     groups : mapping of str to ndarray, shape (n, k)
         Samples of each sensor as the file has them.
     axes : sequence of str
@@ -59,6 +64,8 @@ def without_spikes(
         Rows that hold numbers; None where all do.
     notes : list of str
         Notes, to which this adds.
+    interval : float
+        Of the samples, s: in slow logs a short motion is a single reading.
 
     Raises
     ------
@@ -68,7 +75,8 @@ def without_spikes(
     count = len(next(iter(groups.values())))
     rows = np.arange(count) if valid is None else np.flatnonzero(valid)
     columns = [group[:, j] for group in groups.values() for j in range(group.shape[1])]
-    found = [rows[spikes(column if valid is None else column[rows])] for column in columns]
+    chosen = columns if valid is None else [column[rows] for column in columns]
+    found = [rows[at] for at in spikes(chosen, slow=interval > SLOW_INTERVAL)]
     every = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
     if not len(every):
         return valid
@@ -76,7 +84,7 @@ def without_spikes(
     place = f"first: {axis} {column[mine[0]]:.4g} in data row {mine[0] + 1}"
     if len(every) > MAX_SPIKE_SHARE * count:
         msg = (
-            f"{path}: {len(every)} of {count} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its "
+            f"{len(every)} of {count} rows hold a reading more than {SPIKE_DISTANCE:g} noise sds from its "
             f"neighbours ({place}); more than {100 * MAX_SPIKE_SHARE:g} % cannot be repaired: remove them"
         )
         raise DataError(msg)
@@ -89,30 +97,47 @@ def without_spikes(
     return usable
 
 
-def spikes(y: NDArray[Any]) -> IntArray:
-    """Return the places of single readings that no sensor makes; `y` has no gaps of numbers, shape (n,)."""
-    if len(y) < 2 * NEIGHBOURS_EACH_SIDE + 1:
-        return np.zeros(0, np.int64)
-    limit = SPIKE_DISTANCE * _noise(y)
-    reach = np.concatenate([np.arange(-NEIGHBOURS_EACH_SIDE, 0), np.arange(1, NEIGHBOURS_EACH_SIDE + 1)])
-    found = []
+def spikes(columns: Sequence[NDArray[Any]], *, slow: bool = False) -> list[IntArray]:
+    """Return for each column the rows in which it alone has a reading that no sensor makes; columns have no gaps.
+
+    Where several columns leave their neighbours in one row, or the log is slow, that is motion, unless one does by
+    `SURE_DISTANCE`.
+    """
+    if not columns or len(columns[0]) < 2 * NEIGHBOURS_EACH_SIDE + 1:
+        return [np.zeros(0, np.int64) for _ in columns]
+    limits = [_noise(y) for y in columns]
+    far = [_far(y, noise) for y, noise in zip(columns, limits, strict=True)]
+    rows = np.unique(np.concatenate(far))
+    if not len(rows):
+        return far
+    distances = np.array([_distances(y, rows, noise) for y, noise in zip(columns, limits, strict=True)])
+    alone = (distances > MOVED_DISTANCE).sum(axis=0) == 1
+    likely = alone & (not slow)
+    return [rows[(d > SURE_DISTANCE) | ((d > SPIKE_DISTANCE) & likely)] for d in distances]
+
+
+def _far(y: NDArray[Any], noise: float) -> IntArray:
+    """Return rows beside which a column jumps by `SPIKE_DISTANCE` noise sds, shape (m,)."""
+    found = [np.zeros(0, np.int64)]
     for start in range(0, len(y) - 1, ROWS_AT_ONCE):
         piece = y[start : start + ROWS_AT_ONCE + 1].astype(float)
         with np.errstate(over="ignore"):
-            jumps = start + np.flatnonzero(np.abs(np.diff(piece)) > limit)
-        places = np.unique(np.concatenate([jumps, jumps + 1]))
-        if not len(places):
-            continue
-        begin = np.clip(places, NEIGHBOURS_EACH_SIDE, len(y) - 1 - NEIGHBOURS_EACH_SIDE)
-        around = begin[:, None] + reach
-        around = np.where(around == places[:, None], begin[:, None], around)
-        near = y[around].astype(float)
-        middle = np.median(near, axis=1)
-        with np.errstate(over="ignore"):
-            spread = np.median(np.abs(near - middle[:, None]), axis=1)
-            off = np.abs(y[places].astype(float) - middle)
-        found.append(places[off > np.maximum(limit, SPIKE_DISTANCE * spread)])
-    return np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+            jumps = start + np.flatnonzero(np.abs(np.diff(piece)) > SPIKE_DISTANCE * noise)
+        found += [jumps, jumps + 1]
+    return np.unique(np.concatenate(found))
+
+
+def _distances(y: NDArray[Any], rows: IntArray, noise: float) -> NDArray[np.float64]:
+    """Return how far rows are from the median of their neighbours, in noise sds or spreads of these, shape (m,)."""
+    reach = np.concatenate([np.arange(-NEIGHBOURS_EACH_SIDE, 0), np.arange(1, NEIGHBOURS_EACH_SIDE + 1)])
+    begin = np.clip(rows, NEIGHBOURS_EACH_SIDE, len(y) - 1 - NEIGHBOURS_EACH_SIDE)
+    around = begin[:, None] + reach
+    near = y[np.where(around == rows[:, None], begin[:, None], around)].astype(float)
+    middle = np.median(near, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        spread = np.median(np.abs(near - middle[:, None]), axis=1)
+        distance: NDArray[np.float64] = np.abs(y[rows].astype(float) - middle) / np.maximum(noise, spread)
+    return distance
 
 
 def quantizer_limited(axis: str, y: NDArray[Any], interval: float, unit: str) -> str | None:

@@ -296,6 +296,19 @@ def test_motion_and_steps_are_no_broken_cells(tmp_path: Path) -> None:
     ]
 
 
+def test_a_short_motion_is_no_broken_cell(tmp_path: Path) -> None:
+    """A slow log of a unit that was turned for a second: one row moves on several axes, none of it is lost."""
+    y, f = GYRO.copy(), ACCEL.copy()
+    y[500] += [9.0, -4.0, 1.0]
+    f[500] += [3.0, 8.0, -9.0]
+    record, _ = read(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))
+    np.testing.assert_array_equal(record.y, y)
+    y[500] += 1e6
+    assert "1 rows hold a reading more than 200 noise sds" in notes(
+        write(tmp_path / "b.csv", rows(gyro=y, accel=f))
+    )
+
+
 def test_an_axis_that_slips_once_holds_no_noise(tmp_path: Path) -> None:
     gyro = GYRO * np.array([1.0, 0.0, 1.0])
     gyro[500:, 1] = 1e-3
