@@ -85,7 +85,9 @@ def test_tune_writes_everything_and_names_what_is_absent(tuned):
     files = {path.name for path in tuned.iterdir()}
     assert {"noise.yaml", "kalibr.yaml", "kf-gins.yaml", "allan.png", "allan.svg", "result.json"} <= files
     result = json.loads((tuned / "result.json").read_text())
+    written = result.pop("files")
     assert result == json.loads((tuned / "all.json").read_text())
+    assert set(written) == files - {"result.json", "all.json"}
     assert result["schema"] == "tuner.result/1"
     for part in ("identification", "diagnosis", "consistency", "config"):
         assert (part in result) != (part in result["absent"])
