@@ -13,6 +13,7 @@ and its parts, in the order of the work::
     config = tuner.synthesize(noise, records=records)   # settings of a navigation filter that predict the log
     verdict = tuner.check(config)                       # Monte-Carlo consistency of that filter
     scores = tuner.navigate("drive.npz", config)        # the same filter on a measured drive
+    judged = tuner.score(errors, covariances)           # anyone's Monte Carlo: NEES, and each state
     table = tuner.compare("static.csv", "mpu9250")      # sensors side by side
     text = tuner.export(config, "kalibr")               # the dialect of another filter
 
@@ -28,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tuner.consistency.check import check
     from tuner.consistency.drive import navigate_drive as navigate
+    from tuner.consistency.score_output import score_arrays as score
     from tuner.diagnosis import diagnose
     from tuner.exporters import export
     from tuner.identification import identify
@@ -44,6 +46,7 @@ __all__ = [
     "identify",
     "navigate",
     "read",
+    "score",
     "synthesize",
     "tune",
 ]
@@ -56,6 +59,7 @@ _HOMES = {
     "synthesize": ("tuner.synthesis", "synthesize"),
     "check": ("tuner.consistency.check", "check"),
     "navigate": ("tuner.consistency.drive", "navigate_drive"),
+    "score": ("tuner.consistency.score_output", "score_arrays"),
     "compare": ("tuner.identification.compare_sources", "compare"),
     "export": ("tuner.exporters", "export"),
 }

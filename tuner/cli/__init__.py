@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "diagnose": "What a simulation of the noise, or a filter on a drive, gets wrong, and why.",
         "check": "Is the filter consistent? Monte-Carlo on simulated trajectories.",
         "navigate": "Filter a measured drive: innovations, errors, outages.",
+        "score": "Any filter on trial: is its output as uncertain as it says, and if not, why?",
         "plan": "How long a static test must be.",
         "curve": "One empirical curve: Allan family, spectrum, correlation.",
         "compare": "Logs, identifications and built-in grades side by side.",

@@ -108,15 +108,31 @@ def score(
         share = weights / weights.sum()
         variance = float(np.sum(share**2 * (means - mean) ** 2)) * len(runs) / (len(runs) - 1)
         effective = min(count, 2.0 * mean**2 / variance) if variance > 0.0 else count
-    tail = 0.5 * FALSE_ALARM_RATE / tests
     sure = effective
     if 1 < len(runs) < count:
         # The scatter of few groups is itself hardly known; each has one square of its own at least.
+        tail = 0.5 * FALSE_ALARM_RATE / tests
         sure = effective * (ndtri(tail) / stdtrit(len(runs) - 1, tail)) ** 2
         sure = min(max(sure, (components or dof) * len(runs)), effective)
-    low, high = 2.0 * gammaincinv(0.5 * sure, tail) / sure, chdtri(sure, tail) / sure
+    return Score(name, mean, dof, float(effective), mean_band(dof, sure, tests=tests))
+
+
+def mean_band(dof: int, effective: float, *, tests: int = TEST_COUNT) -> tuple[float, float]:
+    """Return the means of squares that do not speak against a filter: χ² with `effective` degrees, and the margin.
+
+    Parameters
+    ----------
+    dof : int
+        What a square is ideally.
+    effective : float
+        Degrees of freedom of the mean.
+    tests : int
+        Scores that share the family-wise error.
+    """
+    tail = 0.5 * FALSE_ALARM_RATE / tests
+    low, high = 2.0 * gammaincinv(0.5 * effective, tail) / effective, chdtri(effective, tail) / effective
     wide = (1.0 + EQUIVALENCE_MARGIN) ** 2
-    return Score(name, mean, dof, float(effective), (float(dof * low / wide), float(dof * high * wide)))
+    return float(dof * low / wide), float(dof * high * wide)
 
 
 def squares(error: FloatArray, covariance: FloatArray) -> FloatArray:

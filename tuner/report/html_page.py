@@ -80,6 +80,21 @@ def write_page(
     if absent:
         parts.append("<h2>What was not done</h2>")
         parts.append(_list([f"{part}: {reason}" for part, reason in absent.items()]))
+    return _whole(title, parts)
+
+
+def write_sections_page(
+    title: str, sections: Sequence[tuple[str, Sequence[Table | str]]], figures: Sequence[tuple[str, Path]]
+) -> str:
+    """Return a page of sections and SVG figures with their captions, without an identification."""
+    parts = [f"<h1>{html.escape(title)}</h1>"]
+    for heading, content in sections:
+        parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
+    parts += [_figure(path.read_text(encoding="utf-8"), caption) for caption, path in figures]
+    return _whole(title, parts)
+
+
+def _whole(title: str, parts: Sequence[str]) -> str:
     head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{PAGE_STYLE}</style>"
     body = "\n".join(parts)
     language = '<html lang="en">'

@@ -1,0 +1,110 @@
+"""Scores of any filter's output: the verdicts of `check` on its own runs, laws on arrays, alignment, bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tuner
+from models import rotation
+from models.earth import llh_displaced
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.score_output import score_outputs
+from tuner.consistency.scores import evaluate
+from tuner.navigation.data import USED
+from tuner.navigation.settings import filter_settings
+from tuner.simulation.imu import sensor_of_config
+from tuner.simulation.monte_carlo import scenario, simulate
+from tuner.synthesis import synthesize
+from tuner.types.filter_output import filter_output
+from tuner.types.records import DataError
+
+
+def outputs_of(runs, plan):
+    """Estimates of simulated runs as any filter would write them, and the truth."""
+    truth = plan.truth
+    outputs = []
+    for i in range(len(runs.error)):
+        e = runs.error[i]
+        used = np.repeat(runs.use[i] == USED, 3, axis=1)
+        z = np.where(used, runs.innovation[i], np.nan)
+        outputs.append(
+            filter_output(
+                f"run {i}",
+                runs.t,
+                llh=llh_displaced(truth.llh, -e[:, :3]),
+                vel_n=truth.vel_n - e[:, 3:6],
+                quat_nb=rotation.quat_multiply(rotation.quat_from_rotvec(-e[:, 6:9]), truth.quat_nb),
+                bias=-e[:, 9:],
+                covariance=runs.covariance[i].astype(float),
+                correlated=True,
+                innovation=z,
+                innovation_covariance=runs.innovation_covariance[i].astype(float),
+                outages=plan.outages,
+            )
+        )
+    reference = filter_output(
+        "truth",
+        runs.t,
+        llh=truth.llh,
+        vel_n=truth.vel_n,
+        quat_nb=truth.quat_nb,
+        bias=np.zeros((len(runs.t), 6)),
+    )
+    return outputs, reference
+
+
+def check_and_score(*, q=1.0, runs=12, duration=1500.0):
+    config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
+    plan = scenario(TRAJECTORIES["city"](duration), load_gnss("spp"), 0.02)
+    settings = filter_settings(config)
+    simulated = simulate(settings, sensor_of_config(config), plan, runs=runs, seed=11)
+    if q != 1.0:
+        from dataclasses import replace
+
+        simulated = replace(simulated, covariance=simulated.covariance * np.float32(q))
+    outputs, truth = outputs_of(simulated, plan)
+    return evaluate(simulated, plan.outages), score_outputs(outputs, [truth]).consistency
+
+
+@pytest.mark.parametrize("q", [1.0, 0.5])
+def test_runs_of_our_filter_get_the_verdicts_of_check(q):
+    own, scored = check_and_score(q=q)
+    assert scored.consistent is own.consistent is (q == 1.0)
+    assert [s.name for s in scored.scores] == [s.name for s in own.scores]
+    for one, other in zip(scored.scores, own.scores, strict=True):
+        assert one.mean == pytest.approx(other.mean, rel=1e-3), one.name
+        assert one.consistent is other.consistent
+    assert scored.whiteness.correlation == pytest.approx(own.whiteness.correlation, rel=1e-6)
+
+
+def test_arrays_of_a_consistent_monte_carlo_pass_and_a_small_covariance_does_not():
+    rng = np.random.default_rng(3)
+    a = rng.standard_normal((4, 4))
+    p = a @ a.T + np.eye(4)
+    e = rng.standard_normal((50, 20, 4)) @ np.linalg.cholesky(p).T
+    assert tuner.score(e, p).consistent
+    found = tuner.score(e, p / 2.0)
+    assert not found.consistent
+    assert found.nees.ratio == pytest.approx(np.sqrt(2.0), rel=0.03)
+
+
+def test_correlation_in_time_widens_the_band_of_one_run():
+    rng = np.random.default_rng(4)
+    white = rng.standard_normal((2000, 2))
+    slow = np.empty_like(white)
+    slow[0] = white[0]
+    for k in range(1, len(white)):
+        slow[k] = 0.99 * slow[k - 1] + np.sqrt(1.0 - 0.99**2) * white[k]
+    one, other = tuner.score(white, np.eye(2)).nees, tuner.score(slow, np.eye(2)).nees
+    # 1 + 2 Σ ρ² = (1 + a²)/(1 − a²) = 99.5 of a first-order process with a = 0.99
+    assert one.effective == pytest.approx(4000.0, rel=0.1)
+    assert other.effective == pytest.approx(4000.0 / 99.5, rel=0.4)
+
+
+def test_nothing_to_score_by_is_said_in_one_line():
+    t = np.arange(10.0)
+    output = filter_output("a.csv", t, local=np.zeros((10, 3)))
+    with pytest.raises(DataError, match=r"a\.csv: expected a truth .* or innovations"):
+        score_outputs([output])

@@ -1,0 +1,134 @@
+"""`tuner score`: any filter on trial, by the file that it wrote."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from tuner.cli.commands.options import DIRECTORY, Output, common, strict
+from tuner.cli.progress import Messages
+
+
+def _columns(_context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, str] | None:
+    """Turn ``sd_n=stdN,t=stamp`` into columns by our name (a callback of click)."""
+    if value is None:
+        return None
+    pairs = [part.partition("=") for part in value.split(",")]
+    if any(not equals or not name.strip() or not column.strip() for name, equals, column in pairs):
+        msg = f"{parameter.opts[0]} {value}: expected NAME=COLUMN with commas between"
+        raise click.UsageError(msg)
+    return {name.strip(): column.strip() for name, _, column in pairs}
+
+
+def _windows(
+    _context: click.Context, parameter: click.Parameter, values: tuple[str, ...]
+) -> list[tuple[float, float]]:
+    """Turn ``BEGIN,END`` texts into windows of time (a callback of click)."""
+    windows = []
+    for text in values:
+        try:
+            begin, end = (float(part) for part in text.split(","))
+        except ValueError:
+            begin = end = math.nan
+        if not begin < end < math.inf:
+            msg = f"{parameter.opts[0]} {text}: expected BEGIN,END, s, the second larger"
+            raise click.UsageError(msg)
+        windows.append((begin, end))
+    return windows
+
+
+@click.command("score", short_help="Any filter on trial: is its output as uncertain as it says?")
+@click.argument("estimates", metavar="ESTIMATE…", nargs=-1, required=True)
+@click.option(
+    "--truth",
+    "truths",
+    multiple=True,
+    metavar="FILE",
+    help="Better solution: one for all, or one for each estimate; without it innovations are scored.",
+)
+@click.option(
+    "--columns", callback=_columns, metavar="NAME=COLUMN,…", help="Columns of a CSV of the estimate."
+)
+@click.option(
+    "--truth-columns", callback=_columns, metavar="NAME=COLUMN,…", help="Columns of a CSV of the truth."
+)
+@click.option("--frame", metavar="AXES", help="Axes of x, y, z of the estimate: NED, ENU, NWU, ECEF, …")
+@click.option("--truth-frame", metavar="AXES", help="The same of the truth.")
+@click.option("--body", metavar="AXES", help="Axes of the body of the estimate: FRD (default), FLU, RFU, …")
+@click.option("--truth-body", metavar="AXES", help="The same of the truth.")
+@click.option(
+    "--align",
+    type=click.Choice(["none", "yaw", "se3"]),
+    default="none",
+    show_default=True,
+    help="Motion taken out of the estimate: shift and turn about the vertical, or about all axes.",
+)
+@click.option("--align-time", is_flag=True, help="Take out the offset between the clocks.")
+@click.option(
+    "--outage",
+    "outages",
+    multiple=True,
+    callback=_windows,
+    metavar="BEGIN,END",
+    help="Time without fixes, s; may be repeated.",
+)
+@click.option(
+    "-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Write report.html, score.svg, score.json."
+)
+@strict("the filter is not consistent")
+@common
+def command(
+    estimates: tuple[str, ...],
+    truths: tuple[str, ...],
+    columns: dict[str, str] | None,
+    truth_columns: dict[str, str] | None,
+    frame: str | None,
+    truth_frame: str | None,
+    body: str | None,
+    truth_body: str | None,
+    align: str,
+    align_time: bool,
+    outages: list[tuple[float, float]],
+    output_dir: Path | None,
+    strict: bool,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> int:
+    """Score the output of any filter by its errors, or by its innovations.
+
+    ESTIMATE is a CSV with columns t, lat, lon, height or n, e, d, vn, ve, vd, roll, pitch, yaw, their sds sd_NAME, an
+    NPZ, a trajectory of TUM, KITTI or EuRoC, or what KF-GINS or NaveGo write. Several are runs of a Monte Carlo.
+    """
+    from tuner.consistency.score_output import score_outputs
+    from tuner.consistency.trajectory_alignment import Alignment
+    from tuner.readers.estimate import read_estimate
+    from tuner.report.json.output_score import output_score_json
+    from tuner.report.output_score_tables import output_score_tables
+    from tuner.report.terminal import show
+
+    outputs = [read_estimate(path, frame=frame, body=body, columns=columns) for path in estimates]
+    references = [
+        read_estimate(path, frame=truth_frame, body=truth_body, columns=truth_columns) for path in truths
+    ]
+    found = score_outputs(outputs, references, how=Alignment(align), align_time=align_time, outages=outages)
+    source = {
+        "estimates": list(estimates),
+        "truths": list(truths),
+        "align": align,
+        "align_time": align_time,
+        "runs": len(outputs),
+        "seed": seed,
+    }
+    content = output_score_json(found, source=source)
+    if output_dir is not None:
+        from tuner.report.output_score_page import write_output_score
+
+        write_output_score(found, content, output_dir)
+        messages.say(f"written: {output_dir}")
+    if output.tables:
+        show(output_score_tables(found))
+    output.write(content)
+    return 1 if strict and not found.consistency.consistent else 0

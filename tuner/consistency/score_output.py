@@ -1,0 +1,283 @@
+"""Score any filter by what it wrote: errors against a truth, or innovations against their S.
+
+Several outputs are runs of a Monte Carlo. Scores, verdicts and their words are those of `tuner check`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
+
+from tuner.consistency.output_errors import OutputErrors, find_time_offset, output_errors
+from tuner.consistency.output_scores import (
+    MIN_INDEPENDENT_RUNS,
+    error_scores,
+    outage_scores,
+    output_innovation_scores,
+    output_whiteness,
+    rms_errors,
+    state_scores,
+    time_score,
+    whitened,
+)
+from tuner.consistency.scores import DIVERGED_RATIO, score
+from tuner.consistency.trajectory_alignment import Alignment
+from tuner.consistency.verdicts import verdicts
+from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
+from tuner.types.filter_output import FilterOutput
+from tuner.types.output_score import OutputCause, TimeOffset
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+OFFSET_BLOCKS = 10
+"""Parts of a record whose time offsets give the interval of their mean, by the jackknife."""
+MIN_COARSE_OFFSET = 0.3
+"""Offset, s, from which stamps are shifted before the errors are taken: a smaller one acts linearly on them."""
+
+
+@dataclass(frozen=True)
+class OutputScore:
+    """The outcome of scoring a filter by its output.
+
+    Attributes
+    ----------
+    consistency : Consistency
+        Scores and verdicts.
+    states : tuple of Score
+        Of each state alone.
+    causes : tuple of OutputCause
+        What explains the errors of an inconsistent filter, the likeliest first.
+    time_offset : TimeOffset or None
+        None without a truth or motion.
+    runs : tuple of OutputErrors
+        Errors over time; none without a truth.
+    outputs : tuple of FilterOutput
+        What was scored.
+    notes : tuple of str
+        What was assumed, found and done.
+    """
+
+    consistency: Consistency
+    states: tuple[Score, ...]
+    causes: tuple[OutputCause, ...]
+    time_offset: TimeOffset | None
+    runs: tuple[OutputErrors, ...]
+    outputs: tuple[FilterOutput, ...]
+    notes: tuple[str, ...]
+
+
+def score_outputs(
+    outputs: Sequence[FilterOutput],
+    truths: Sequence[FilterOutput] = (),
+    *,
+    how: Alignment = Alignment.NONE,
+    align_time: bool = False,
+    outages: ArrayLike = (),
+) -> OutputScore:
+    """Score the output of a filter.
+
+    Parameters
+    ----------
+    outputs : sequence of FilterOutput
+        Runs of one filter.
+    truths : sequence of FilterOutput
+        One for all runs, one for each, or none: then the innovations are scored alone.
+    how : Alignment
+        What is taken out of the positions.
+    align_time : bool
+        Whether an offset of the clocks is taken out.
+    outages : array_like, shape (w, 2)
+        Begin and end of outages beyond those that the outputs mark, s.
+
+    Raises
+    ------
+    DataError
+        Where there is nothing to score, in one line.
+    """
+    windows = np.asarray(outages, dtype=float).reshape(-1, 2)
+    outputs = [replace(o, outages=np.concatenate([o.outages, windows])) for o in outputs]
+    if len(truths) not in (0, 1, len(outputs)):
+        msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
+        raise DataError(msg)
+    notes = [note for output in outputs for note in output.notes]
+    offset: TimeOffset | None = None
+    runs: list[OutputErrors] = []
+    if truths:
+        every = list(truths) if len(truths) == len(outputs) else [truths[0]] * len(outputs)
+        offset, runs = _errors(outputs, every, how, align_time)
+        notes += [note for run in runs for note in run.notes]
+        if offset is not None and not offset.removed and offset.interval[0] * offset.interval[1] > 0.0:
+            late = "late" if offset.value > 0.0 else "early"
+            low, high = sorted(map(abs, offset.interval))
+            notes.append(
+                f"the estimate is {abs(offset.value):.3g} s ({low:.3g} … {high:.3g}) {late} against the truth; "
+                "--align-time takes it out"
+            )
+    innovative = [output for output in outputs if output.has_innovations]
+    if not runs and not innovative:
+        msg = (
+            f"{outputs[0].name}: expected a truth (--truth) or innovations with their sds (z_n, …, sd_z_n, …), found "
+            "neither: there is nothing to score by"
+        )
+        raise DataError(msg)
+    nees, blocks = error_scores(runs) if runs else (None, ())
+    if runs and not blocks:
+        notes.append("the estimate states no sds of what the truth has: only its errors are shown")
+    found = Consistency(
+        nees,
+        blocks,
+        output_innovation_scores(innovative) if innovative else (),
+        output_whiteness(innovative) if innovative else None,
+        outage_scores(runs) if runs else (),
+        rms_errors(runs) if runs else {},
+        0.0,
+        False,
+    )
+    lost = any(_not_finite(output) for output in outputs)
+    found = replace(found, diverged=lost or any(s.ratio > DIVERGED_RATIO for s in found.scores))
+    said = verdicts(found)
+    if lost:
+        said = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+    return OutputScore(
+        replace(found, verdicts=said),
+        state_scores(runs) if runs else (),
+        (),
+        offset,
+        tuple(runs),
+        tuple(outputs),
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def score_arrays(
+    errors: ArrayLike, covariances: ArrayLike, *, names: Sequence[str] | None = None
+) -> Consistency:
+    """Score errors of any states against the covariances that a filter predicts for them.
+
+    Parameters
+    ----------
+    errors : array_like, shape (n, k) or (m, n, k)
+        Of one run at n epochs, of m runs; of m runs at one epoch: ``errors[:, None]``.
+    covariances : array_like, shape (..., k, k), or that of `errors`
+        Covariances, one for all or one each; or sds.
+    names : sequence of str, optional
+        Of the k states; by default ``state 1`` and so on.
+
+    Raises
+    ------
+    DataError
+        Shapes that do not fit, or covariances that are not positive definite, in one line.
+    """
+    e = np.atleast_2d(np.asarray(errors, dtype=float))
+    e = e[None] if e.ndim == 2 else e
+    k = e.shape[-1]
+    p = np.asarray(covariances, dtype=float)
+    if p.shape == np.shape(errors) and p.ndim > 1:
+        p = p[..., None] ** 2 * np.eye(k)
+    if e.ndim != 3 or p.shape[-2:] != (k, k) or p.ndim > 4:
+        shapes = f"{np.shape(errors)} and {np.shape(covariances)}"
+        msg = f"expected errors (m, n, k) and covariances (m, n, k, k), found shapes {shapes}"
+        raise DataError(msg)
+    try:
+        p = np.broadcast_to(p, (*e.shape, k))
+        w = whitened(e, p)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        msg = f"expected positive definite covariances of shape {(*e.shape, k)}, found {p.shape}: {error}"
+        raise DataError(msg) from None
+    states = tuple(names) if names is not None else tuple(f"state {j + 1}" for j in range(k))
+    if len(states) != k:
+        msg = f"expected {k} names of states, found {len(states)}"
+        raise DataError(msg)
+    if not np.isfinite(w).all():
+        lost = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+        return Consistency(None, (), (), None, (), {}, 0.0, True, lost)
+    single = e / np.sqrt(np.einsum("mnii->mni", p))
+    tests = k + 1 if k > 1 else 1
+
+    def one(name: str, values: FloatArray) -> Score | None:
+        d = values.shape[-1]
+        if len(values) >= MIN_INDEPENDENT_RUNS or values.shape[1] == 1:
+            return score(name, list(np.sum(values**2, axis=-1)), d, tests=tests)
+        return time_score(name, list(values), tests=tests)
+
+    nees = one("nees", w)
+    each = [one(name, single[..., j : j + 1]) for j, name in enumerate(states)] if k > 1 else []
+    rms = np.sqrt(np.mean(e**2, axis=(0, 1)))
+    found = Consistency(
+        nees,
+        tuple(s for s in each if s is not None),
+        (),
+        None,
+        (),
+        {f"{name}_rms": (float(v),) for name, v in zip(states, rms, strict=True)},
+        0.0,
+        nees is not None and nees.ratio > DIVERGED_RATIO,
+    )
+    return replace(found, verdicts=verdicts(found))
+
+
+def _errors(
+    outputs: Sequence[FilterOutput], truths: Sequence[FilterOutput], how: Alignment, align_time: bool
+) -> tuple[TimeOffset | None, list[OutputErrors]]:
+    """Return the offset of the clocks and the errors of each run, without the offset where that is wanted."""
+    coarse = []
+    for output, truth in zip(outputs, truths, strict=True):
+        value = find_time_offset(output, truth)
+        coarse.append(0.0 if value is None or abs(value) < MIN_COARSE_OFFSET else value)
+    rough = [
+        output_errors(o, t, how=how, time_offset=c) for o, t, c in zip(outputs, truths, coarse, strict=True)
+    ]
+    offset = _mean_offset(rough, coarse)
+    shift = offset.value if offset is not None and align_time else 0.0
+    if offset is not None:
+        offset = replace(offset, removed=align_time)
+    if shift == 0.0 and not any(coarse):
+        return offset, rough
+    return offset, [
+        output_errors(o, t, how=how, time_offset=shift) for o, t in zip(outputs, truths, strict=True)
+    ]
+
+
+def _mean_offset(runs: Sequence[OutputErrors], coarse: Sequence[float]) -> TimeOffset | None:
+    """Return how late the positions are, by their errors along the velocity; the interval from parts of the runs."""
+    tops, bottoms = [], []
+    for run, first in zip(runs, coarse, strict=True):
+        v, e = run.estimate.vel_n, run.error[:, :3]
+        local = run.estimate.local
+        if not np.isfinite(v).any() and local is not None:
+            v = np.gradient(local, run.t, axis=0)
+        good = np.isfinite(v).all(axis=1) & np.isfinite(e).all(axis=1)
+        for rows in np.array_split(np.flatnonzero(good), max(2, OFFSET_BLOCKS // len(runs))):
+            squared = float(np.sum(v[rows] ** 2))
+            bottoms.append(squared)
+            tops.append(float(np.sum(v[rows] * e[rows])) + first * squared)
+    top, bottom = np.array(tops), np.array(bottoms)
+    if not bottom.sum() > 0.0:
+        return None
+    value = float(top.sum() / bottom.sum())
+    left = (top.sum() - top) / np.where(bottom.sum() > bottom, bottom.sum() - bottom, np.nan)
+    left = left[np.isfinite(left)]
+    if len(left) < 2:
+        return None
+    sd = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
+    wide = sd * float(stdtrit(len(left) - 1, 0.975))
+    return TimeOffset(value, (value - wide, value + wide), removed=False)
+
+
+def _not_finite(output: FilterOutput) -> bool:
+    """Tell whether estimates that the filter had become infinite or NaN at the end."""
+    parts: Mapping[str, FloatArray | None] = {
+        "position": output.llh if output.llh is not None else output.local,
+        "velocity": output.vel_n,
+        "attitude": output.quat_nb,
+    }
+    return any(
+        part is not None and np.isfinite(part).any() and not np.isfinite(part[-1]).all()
+        for part in parts.values()
+    )

@@ -1,0 +1,123 @@
+"""The output of any filter, and truths to score it by: which file is what, and rows in order of time."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tuner.readers.estimate_columns import Frames
+from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
+from tuner.readers.estimate_npz import read_estimate_npz
+from tuner.readers.kf_gins_output import read_kf_gins_output
+from tuner.readers.navego_output import read_navego_output
+from tuner.readers.text import find_dialect
+from tuner.readers.trajectory_files import is_euroc, read_euroc, read_kitti, read_tum
+from tuner.types.filter_output import FilterOutput
+from tuner.types.records import DataError
+
+MAX_UNUSABLE_SHARE = 0.01
+"""Share of rows without a time or out of order above which a file is refused."""
+KNOWN_FORMS = "CSV with named columns, NPZ, TUM, KITTI, EuRoC, *.nav of KF-GINS, nav_e of NaveGo as .mat"
+"""What can be read, for messages."""
+
+
+def read_estimate(
+    path: str | Path,
+    *,
+    frame: str | None = None,
+    body: str | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> FilterOutput:
+    """Read the output of a filter, or a truth.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in one of the forms of `KNOWN_FORMS`, or a folder with the output of KF-GINS.
+    frame : str, optional
+        Axes of the world for columns x, y, z: three letters such as ENU, or ECEF.
+    body : str, optional
+        Axes of the body: three letters such as FLU; by default FRD.
+    columns : mapping of str to str, optional
+        Columns of a CSV by our name.
+
+    Raises
+    ------
+    DataError
+        What cannot be used, in one line.
+    """
+    path = Path(path)
+    found = _read(path, Frames(frame, body or "FRD"), body is not None, columns)
+    return in_order(found)
+
+
+def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, str] | None) -> FilterOutput:
+    if path.is_dir():
+        results = sorted(path.glob("*Navresult*.nav")) or sorted(path.glob("*.nav"))
+        if len(results) != 1:
+            msg = f"{path}: expected a folder with one .nav of KF-GINS, found {len(results)}; name the file"
+            raise DataError(msg)
+        return read_kf_gins_output(results[0])
+    if not path.is_file():
+        msg = f"{path}: expected the output of a filter ({KNOWN_FORMS}), found nothing"
+        raise DataError(msg)
+    suffix = path.suffix.lower()
+    if suffix == ".npz" or (suffix != ".csv" and zipfile.is_zipfile(path)):
+        return read_estimate_npz(path, frames)
+    if suffix == ".mat":
+        return read_navego_output(path)
+    if suffix == ".nav":
+        return read_kf_gins_output(path)
+    dialect = find_dialect(path)
+    if is_euroc(dialect):
+        return read_euroc(path, dialect, frames)
+    if columns or (names_known_columns(dialect) and not _is_tum(dialect.names)):
+        return read_estimate_csv(path, frames, columns=columns)
+    if len(dialect.names) == 8 and dialect.separator in (None, ","):
+        return read_tum(path, dialect, frames)
+    if len(dialect.names) == 12 and not dialect.header:
+        return read_kitti(path, dialect, frames, body_stated=body_stated)
+    msg = (
+        f"{path}: expected the output of a filter ({KNOWN_FORMS}), found {len(dialect.names)} columns: "
+        f"{', '.join(dialect.names[:6])}, …; name them in a header or with --columns"
+    )
+    raise DataError(msg)
+
+
+def _is_tum(names: tuple[str, ...]) -> bool:
+    """Tell the header that trajectories of TUM carry as a comment."""
+    return {"tx", "ty", "tz"} <= {name.lower() for name in names}
+
+
+def in_order(found: FilterOutput) -> FilterOutput:
+    """Return the epochs in order of time, without those that have no time or a doubled one; each repair is noted.
+
+    Raises
+    ------
+    DataError
+        Fewer than two epochs, or more than 1 % of them unusable.
+    """
+    t, notes = found.t, list(found.notes)
+    finite = np.isfinite(t)
+    behind = int(np.count_nonzero(t[finite] < np.maximum.accumulate(t[finite]))) if finite.any() else 0
+    unusable = int(np.count_nonzero(~finite)) + behind
+    if unusable > MAX_UNUSABLE_SHARE * len(t):
+        msg = (
+            f"{found.name}: expected times that rise, found {unusable} of {len(t)} rows without a time or behind an "
+            "earlier one"
+        )
+        raise DataError(msg)
+    order = np.flatnonzero(finite)[np.argsort(t[finite], kind="stable")]
+    fresh = np.concatenate([[True], np.diff(t[order]) > 0.0]) if len(order) else np.zeros(0, dtype=bool)
+    if unusable:
+        notes.append(f"{unusable} rows without a time or out of order sorted or removed")
+    if not fresh.all():
+        notes.append(f"{np.count_nonzero(~fresh)} rows with a doubled time removed")
+    if np.count_nonzero(fresh) < 2:
+        msg = f"{found.name}: expected two epochs or more, found {np.count_nonzero(fresh)}"
+        raise DataError(msg)
+    return replace(found.rows(order[fresh]), notes=tuple(notes))

@@ -1,0 +1,467 @@
+"""Columns of a filter's output, by name and unit, put into SI and into our frames.
+
+===================================================  ===================================================
+t                                                    s
+lat, lon, height | n, e, d | x, y, z                 deg, deg, m | m | m in the axes of `frame`
+vn, ve, vd | vx, vy, vz                              m/s; the latter in the axes of `frame`
+roll, pitch, yaw | qw, qx, qy, qz                    deg | body to world
+bg_x … bg_z, ba_x … ba_z                             rad/s, m/s²
+sd_NAME, cov_NAME_NAME                               of any of these, of n, e, d beside lat, lon, height, and of
+                                                     phi_n, phi_e, phi_d (rotation vector, deg)
+z_n … z_d, z_vn … z_vd                               innovations, m, m/s; sd_ and cov_ are those of S
+outage                                               1 where fixes are withheld
+===================================================  ===================================================
+
+A unit may follow in brackets: ``sd_roll [rad]``, ``cov_n_e [m^2]``. Without it an sd has the unit of its column.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.earth import llh_from_ecef, mat_en, metres_per_radian
+from models.units import canonical_unit, unit_value
+from tuner.readers.axes_letters import BODY_LETTERS, WORLD_LETTERS, axes_rotation
+from tuner.types.filter_output import FilterOutput, filter_output
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+_TRIPLES: Mapping[str, tuple[tuple[str, str, str], tuple[str, str, str]]] = {
+    "llh": (("lat", "lon", "height"), ("deg", "deg", "m")),
+    "ned": (("n", "e", "d"), ("m", "m", "m")),
+    "xyz": (("x", "y", "z"), ("m", "m", "m")),
+    "vned": (("vn", "ve", "vd"), ("m/s",) * 3),
+    "vxyz": (("vx", "vy", "vz"), ("m/s",) * 3),
+    "rpy": (("roll", "pitch", "yaw"), ("deg",) * 3),
+    "phi": (("phi_n", "phi_e", "phi_d"), ("deg",) * 3),
+    "bg": (("bg_x", "bg_y", "bg_z"), ("rad/s",) * 3),
+    "ba": (("ba_x", "ba_y", "ba_z"), ("m/s^2",) * 3),
+    "z": (("z_n", "z_e", "z_d"), ("m",) * 3),
+    "zv": (("z_vn", "z_ve", "z_vd"), ("m/s",) * 3),
+}
+"""Groups of three columns with their usual units."""
+_QUATERNION = ("qw", "qx", "qy", "qz")
+UNITS: Mapping[str, str] = {
+    "t": "s",
+    "outage": "1",
+    **dict.fromkeys(_QUATERNION, "1"),
+    **{name: unit for names, units in _TRIPLES.values() for name, unit in zip(names, units, strict=True)},
+}
+"""Unit of every column without brackets."""
+_ALIASES = {
+    "time": "t",
+    "timestamp": "t",
+    "stamp": "t",
+    "latitude": "lat",
+    "longitude": "lon",
+    "lng": "lon",
+    "alt": "height",
+    "altitude": "height",
+    "h": "height",
+    "north": "n",
+    "east": "e",
+    "down": "d",
+    "heading": "yaw",
+    "azimuth": "yaw",
+    "vel_n": "vn",
+    "vel_e": "ve",
+    "vel_d": "vd",
+    "v_n": "vn",
+    "v_e": "ve",
+    "v_d": "vd",
+}
+"""Other names of columns."""
+LATITUDE_SD_IN_DEGREES = 1e-3
+"""Sds of latitude below it are in degrees where no unit is stated: in metres they would be below a millimetre."""
+
+MAX_DENSE_ROWS = 20_000
+"""Rows with covariances that are all kept: 36 MB."""
+THINNED_INTERVAL = 0.1
+"""Time between rows of more than that, s: errors of a filter change little in it."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a file that does not name them: axes of the world and of the body, by letters; None where unknown."""
+
+    world: str | None = None
+    body: str = "FRD"
+
+
+def canonical_name(written: str) -> tuple[str, str | None]:
+    """Return our name of a column and the unit in its brackets: ``Sd_Latitude [m]`` gives ``sd_lat`` and ``m``."""
+    name, bracket, rest = written.partition("[")
+    if not bracket:
+        name, bracket, rest = written.partition("(")
+    unit = rest.strip(" ])") or None if bracket else None
+    plain = name.strip().lower().replace(" ", "_").replace("-", "_")
+    for prefix in ("sd_", "std_", "sigma_"):
+        if plain.startswith(prefix):
+            own = plain.removeprefix(prefix)
+            return f"sd_{_ALIASES.get(own, own)}", unit
+    return _ALIASES.get(plain, plain), unit
+
+
+def known_columns() -> dict[str, tuple[str, str | None]]:
+    """Return the names of all sds and covariances, each with the columns that it is of."""
+    states = [n for n in UNITS if n not in ("t", "outage")]
+    names: dict[str, tuple[str, str | None]] = {f"sd_{name}": (name, None) for name in states}
+    names |= {f"cov_{a}_{b}": (a, b) for a, b in itertools.product(states, repeat=2)}
+    return names
+
+
+_SPREADS = known_columns()
+
+
+def is_known(name: str) -> bool:
+    """Tell whether a name is that of a column that is read."""
+    return name in UNITS or name in _SPREADS
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Covariance of named columns in SI, shape (n, m, m), NaN where the file states none."""
+
+    names: tuple[str, ...]
+    mat: FloatArray
+
+    def of(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the covariance of some of the columns."""
+        at = [self.names.index(name) for name in names]
+        return np.asarray(self.mat[:, at][:, :, at])
+
+
+def assemble(
+    source: str,
+    columns: Mapping[str, tuple[FloatArray, str | None]],
+    frames: Frames,
+    *,
+    notes: tuple[str, ...] = (),
+) -> FilterOutput:
+    """Return the filter output of named columns.
+
+    Parameters
+    ----------
+    source : str
+        The file, for messages.
+    columns : mapping of str to (ndarray, str or None)
+        Values, shape (n,), and unit in brackets, by canonical name.
+    frames : Frames
+        Axes that the names do not state.
+
+    Raises
+    ------
+    DataError
+        A unit, a frame or columns that cannot be used, in one line.
+    """
+    messages = list(notes)
+    columns = _thinned(columns, messages)
+    units = {name: _unit(source, name, stated) for name, (_, stated) in columns.items() if name in UNITS}
+    values = {name: _factor(units[name]) * columns[name][0] for name in units}
+    if "t" not in values:
+        msg = f"{source}: expected a column t, s, found {', '.join(columns) or 'none that is known'}"
+        raise DataError(msg)
+    spread = _spread(source, columns, units, values, messages)
+    n = len(values["t"])
+
+    def triple(key: str) -> FloatArray | None:
+        names = _TRIPLES[key][0]
+        found = [name for name in names if name in values]
+        if found and len(found) < 3:
+            missing = ", ".join(name for name in names if name not in found)
+            msg = f"{source}: expected the columns {', '.join(names)} together, {missing} missing"
+            raise DataError(msg)
+        return np.column_stack([values[name] for name in names]) if found else None
+
+    llh, local, xyz, vel_n, vel_w, rpy = (triple(k) for k in ("llh", "ned", "xyz", "vned", "vxyz", "rpy"))
+    if llh is not None and not (np.nanmax(np.abs(llh[:, 0])) < 1.6):
+        msg = f"{source}: expected latitudes within ±90 deg, found {np.degrees(np.nanmax(np.abs(llh[:, 0]))):.5g} deg"
+        raise DataError(msg)
+    mat_bf = axes_rotation(frames.body, BODY_LETTERS, option="--body")
+    cov = np.full((n, 15, 15), np.nan)
+    parts: list[tuple[int, FloatArray, tuple[str, ...]]] = []
+    eye = np.broadcast_to(np.eye(3), (n, 3, 3))
+    mat_nw: FloatArray = np.asarray(eye)
+    if xyz is not None or vel_w is not None or (frames.world is not None and "qw" in values):
+        if frames.world is None:
+            which = "x, y, z" if xyz is not None else "vx, vy, vz"
+            msg = f"{source}: the columns {which} need their axes: --frame ENU, NED, ECEF or others"
+            raise DataError(msg)
+        if frames.world.strip().upper() == "ECEF":
+            if xyz is None:
+                msg = f"{source}: --frame ECEF: expected the columns x, y, z, found none"
+                raise DataError(msg)
+            llh = llh_from_ecef(xyz)
+            mat_nw = np.swapaxes(mat_en(llh[:, 0], llh[:, 1]), -1, -2)
+        else:
+            mat = axes_rotation(frames.world, WORLD_LETTERS, option="--frame")
+            mat_nw = np.asarray(np.broadcast_to(mat, (n, 3, 3)))
+            local = xyz @ mat.T if xyz is not None and llh is None else local
+    if vel_w is not None:
+        vel_n = np.einsum("nij,nj->ni", mat_nw, vel_w)
+    if llh is not None and {"sd_lat", "cov_lat_lat"} & columns.keys():
+        size = metres_per_radian(llh)
+        parts.append((0, np.einsum("ni,ij->nij", size, np.eye(3)), ("lat", "lon", "height")))
+    parts += [(0, np.asarray(eye), ("n", "e", "d")), (0, mat_nw, ("x", "y", "z"))]
+    parts += [(3, np.asarray(eye), ("vn", "ve", "vd")), (3, mat_nw, ("vx", "vy", "vz"))]
+    quat = None
+    if rpy is not None:
+        mat_nb = rotation.mat_from_rpy(rpy) @ mat_bf.T
+        quat = rotation.quat_from_mat(mat_nb)
+        parts.append((6, _rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))
+    elif all(name in values for name in _QUATERNION):
+        q = np.column_stack([values[name] for name in _QUATERNION])
+        length = np.linalg.norm(q, axis=1, keepdims=True)
+        if not np.nanmax(np.abs(length - 1.0)) < 0.05:
+            msg = f"{source}: expected unit quaternions in qw, qx, qy, qz, found lengths up to {np.nanmax(length):.3g}"
+            raise DataError(msg)
+        q = q / length
+        mat_nb = mat_nw @ rotation.mat_from_quat(q) @ mat_bf.T
+        quat = rotation.quat_from_mat(mat_nb)
+        parts.append((6, mat_nw @ _rotvec_of_quaternion(q), _QUATERNION))
+    parts.append((6, np.asarray(eye), ("phi_n", "phi_e", "phi_d")))
+    body = np.asarray(np.broadcast_to(mat_bf, (n, 3, 3)))
+    bias = np.full((n, 6), np.nan)
+    for i, key in enumerate(("bg", "ba")):
+        own = triple(key)
+        if own is not None:
+            bias[:, 3 * i : 3 * i + 3] = own @ mat_bf.T
+            parts.append((9 + 3 * i, body, _TRIPLES[key][0]))
+    correlated = False
+    if spread is not None:
+        correlated = _transform(cov, spread, parts)
+    innovation, s = _innovations(n, triple("z"), triple("zv"), spread)
+    return filter_output(
+        source,
+        values["t"],
+        llh=llh,
+        local=None if llh is not None else local,
+        vel_n=vel_n,
+        quat_nb=quat,
+        bias=bias,
+        covariance=cov,
+        correlated=correlated,
+        innovation=innovation,
+        innovation_covariance=s,
+        outages=_outages(values),
+        notes=tuple(messages),
+    )
+
+
+def _thinned(
+    columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]
+) -> Mapping[str, tuple[FloatArray, str | None]]:
+    """Return the rows some way apart in time, and all with innovations, where there are many with covariances."""
+    if "t" not in columns or not any(name in _SPREADS for name in columns):
+        return columns
+    t, unit = columns["t"]
+    seconds = t * _factor(_unit("", "t", unit))
+    if len(t) <= MAX_DENSE_ROWS or not np.isfinite(seconds).all():
+        return columns
+    number = np.floor((seconds - seconds[0]) / THINNED_INTERVAL + 1e-6)
+    keep = np.concatenate([[True], np.diff(number) != 0.0])
+    for name in ("z_n", "z_vn"):
+        if name in columns:
+            keep |= np.isfinite(columns[name][0])
+    notes.append(f"{np.count_nonzero(keep)} of {len(t)} rows used, {THINNED_INTERVAL:g} s apart")
+    return {name: (values[keep], unit) for name, (values, unit) in columns.items()}
+
+
+def _factor(unit: str) -> float:
+    return 1.0 if unit == "1" else unit_value(unit)
+
+
+def _unit(source: str, name: str, stated: str | None) -> str:
+    """Return the unit of a column as `models.units` writes it."""
+    usual = UNITS[name]
+    if stated is None or usual == "1":
+        return usual
+    try:
+        unit = canonical_unit(stated)
+    except ValueError:
+        unit = ""
+    if not unit or not _same_kind(unit, usual):
+        msg = f"{source}: column '{name} [{stated}]': expected a unit such as {usual}"
+        raise DataError(msg)
+    return unit
+
+
+_KINDS = (
+    ("s", "ms", "us", "ns", "min", "h"),
+    ("rad", "mrad", "urad", "deg", "arcmin", "arcsec"),
+    ("m", "cm", "mm", "km", "ft"),
+    ("m/s", "cm/s", "mm/s", "km/h", "kn", "mph", "ft/s"),
+    ("rad/s", "deg/s", "mdeg/s", "deg/h", "arcsec/s"),
+    ("m/s^2", "g", "mg", "ug", "Gal", "mGal"),
+)
+"""Units of one kind."""
+
+
+def _same_kind(unit: str, usual: str) -> bool:
+    return any(unit in kind and usual in kind for kind in _KINDS)
+
+
+def _spread(
+    source: str,
+    columns: Mapping[str, tuple[FloatArray, str | None]],
+    units: Mapping[str, str],
+    values: Mapping[str, FloatArray],
+    notes: list[str],
+) -> _Spread | None:
+    """Return the covariance of all columns whose sds or covariances the file states, SI."""
+    stated = {name: _SPREADS[name] for name in columns if name in _SPREADS}
+    names = tuple(dict.fromkeys(x for pair in stated.values() for x in pair if x is not None))
+    if not names:
+        return None
+    degrees = _horizontal_in_degrees(columns, notes)
+
+    def factor(name: str, unit: str | None) -> float:
+        if unit is not None and name in ("lat", "lon") and _same_kind(unit, "m"):
+            return unit_value(unit) / _metres(name, values)
+        if unit is None:
+            if name in ("lat", "lon") and not degrees:
+                return 1.0 / _metres(name, values)
+            return _factor(units.get(name, UNITS[name]))
+        if not _same_kind(unit, UNITS[name]):
+            msg = f"{source}: sd or covariance of {name} in {unit}: expected a unit such as {UNITS[name]}"
+            raise DataError(msg)
+        return _factor(unit)
+
+    mat = np.full((len(values["t"]), len(names), len(names)), np.nan)
+    for column, (a, b) in stated.items():
+        data, bracket = columns[column]
+        if b is None:
+            i = names.index(a)
+            unit = None if bracket is None else _canonical(source, column, bracket)
+            if np.nanmin(data) < 0.0:
+                msg = f"{source}: {column}: expected sds, found {np.nanmin(data):.3g}"
+                raise DataError(msg)
+            mat[:, i, i] = (factor(a, unit) * data) ** 2
+    for column, (a, b) in stated.items():
+        if b is not None:
+            data, bracket = columns[column]
+            ua, ub = (None, None) if bracket is None else _two_units(source, column, bracket)
+            i, j = names.index(a), names.index(b)
+            mat[:, i, j] = mat[:, j, i] = factor(a, ua) * factor(b, ub) * data
+    return _Spread(names, mat)
+
+
+def _horizontal_in_degrees(columns: Mapping[str, tuple[FloatArray, str | None]], notes: list[str]) -> bool:
+    """Tell whether sds of latitude without a unit are in degrees: in metres they would be impossibly small."""
+    for name, power in (("sd_lat", 1.0), ("cov_lat_lat", 0.5)):
+        if name in columns and columns[name][1] is None:
+            small = float(np.nanmedian(columns[name][0])) ** power < LATITUDE_SD_IN_DEGREES
+            notes.append(f"{name} without a unit is taken as {'deg' if small else 'm'}, by its size")
+            return bool(small)
+    return False
+
+
+def _metres(name: str, values: Mapping[str, FloatArray]) -> float:
+    """Return metres per radian of latitude or longitude, at the middle of the record."""
+    llh = np.array([np.nanmedian(values[k]) for k in ("lat", "lon", "height")])
+    return float(metres_per_radian(llh)[0 if name == "lat" else 1])
+
+
+def _canonical(source: str, column: str, unit: str) -> str:
+    try:
+        return canonical_unit(unit)
+    except ValueError:
+        msg = f"{source}: column '{column} [{unit}]': unknown unit"
+        raise DataError(msg) from None
+
+
+def _two_units(source: str, column: str, text: str) -> tuple[str, str]:
+    """Return the two units of a covariance: ``m^2``, ``(m/s)^2``, ``m*deg``."""
+    bare = text.replace("²", "^2").replace("·", "*").strip()
+    if bare.endswith("^2") and bare != "m/s^2":
+        inner = bare.removesuffix("^2").strip("()")
+        return _canonical(source, column, inner), _canonical(source, column, inner)
+    parts = [part.strip(" ()") for part in bare.split("*")]
+    if len(parts) != 2:
+        msg = f"{source}: column '{column} [{text}]': expected a square or a product of two units, such as m^2 or m*deg"
+        raise DataError(msg)
+    return _canonical(source, column, parts[0]), _canonical(source, column, parts[1])
+
+
+def _rotvec_of_angles(rpy: FloatArray) -> FloatArray:
+    """Return d(rotation vector about north, east, down)/d(roll, pitch, yaw), shape (n, 3, 3)."""
+    _, pitch, yaw = rpy.T
+    zero, one = np.zeros(len(rpy)), np.ones(len(rpy))
+    roll_axis = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], axis=-1)
+    pitch_axis = np.stack([-np.sin(yaw), np.cos(yaw), zero], axis=-1)
+    yaw_axis = np.stack([zero, zero, one], axis=-1)
+    return np.stack([roll_axis, pitch_axis, yaw_axis], axis=-1)
+
+
+def _rotvec_of_quaternion(q: FloatArray) -> FloatArray:
+    """Return d(rotation vector)/d(q) = 2 (δq q*)ᵥ, shape (n, 3, 4)."""
+    w, x, y, z = q.T
+    return 2.0 * np.stack(
+        [
+            np.stack([-x, w, -z, y], axis=-1),
+            np.stack([-y, z, w, -x], axis=-1),
+            np.stack([-z, -y, x, w], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def _transform(
+    cov: FloatArray, spread: _Spread, parts: list[tuple[int, FloatArray, tuple[str, ...]]]
+) -> bool:
+    """Fill the covariance of the states from that of the columns; return whether off-diagonal entries are known."""
+    used = [part for part in parts if all(name in spread.names for name in part[2])]
+    chosen: dict[int, tuple[FloatArray, tuple[str, ...]]] = {}
+    for first, jacobian, names in used:
+        chosen.setdefault(first, (jacobian, names))
+    given = any(np.isfinite(spread.of(names)[:, 0, 1]).any() for _, names in chosen.values())
+    for a, (ja, names_a) in chosen.items():
+        for b, (jb, names_b) in chosen.items():
+            at_a, at_b = ([spread.names.index(n) for n in names] for names in (names_a, names_b))
+            block = spread.mat[:, at_a][:, :, at_b]
+            if a == b:
+                diagonal = np.isfinite(np.einsum("nii->ni", block)).all(axis=1)
+                block = np.where(np.isfinite(block), block, 0.0)
+                block[~diagonal] = np.nan
+            else:
+                block = np.where(np.isfinite(block), block, 0.0)
+            cov[:, a : a + 3, b : b + 3] = ja @ block @ np.swapaxes(jb, -1, -2)
+    return given
+
+
+def _innovations(
+    n: int, position: FloatArray | None, velocity: FloatArray | None, spread: _Spread | None
+) -> tuple[FloatArray, FloatArray]:
+    z, s = np.full((n, 6), np.nan), np.full((n, 6, 6), np.nan)
+    names: tuple[str, ...] = ()
+    rows: list[int] = []
+    for i, (value, key) in enumerate(((position, "z"), (velocity, "zv"))):
+        own = _TRIPLES[key][0]
+        if value is not None and spread is not None and all(name in spread.names for name in own):
+            z[:, 3 * i : 3 * i + 3] = value
+            names += own
+            rows += [3 * i, 3 * i + 1, 3 * i + 2]
+    if names and spread is not None:
+        found = spread.of(names)
+        diagonal = np.isfinite(np.einsum("nii->ni", found))
+        both = diagonal[:, :, None] & diagonal[:, None, :]
+        found = np.where(both & ~np.isfinite(found), 0.0, found)
+        s[np.ix_(range(n), rows, rows)] = found
+    return z, s
+
+
+def _outages(values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return begin and end of the stretches that a column marks."""
+    if "outage" not in values:
+        return np.zeros((0, 2))
+    mark = np.concatenate([[False], values["outage"] > 0.5, [False]])
+    begin, end = np.flatnonzero(mark[1:] & ~mark[:-1]), np.flatnonzero(~mark[1:] & mark[:-1]) - 1
+    t = values["t"]
+    return np.column_stack([t[np.maximum(begin - 1, 0)], t[end]])

@@ -1,0 +1,121 @@
+"""A filter's output, or a truth, in an NPZ: the columns of a CSV as arrays, or whole vectors and matrices.
+
+=====================================  ====================================================================
+t                                      (n,), s
+llh | ned, vned, rpy | quat            (n, 3): deg, deg, m | m, m/s, deg; (n, 4): w, x, y, z
+bg, ba                                 (n, 3): rad/s, m/s²
+covariance                             (n, k, k), k = 3, 6, 9 or 15: position (m), velocity, attitude (rotation
+                                       about north, east, down, rad), gyro and accelerometer biases
+innovation, innovation_covariance      (n, 3 or 6), (n, 3 or 6, 3 or 6): position, velocity
+outages                                (w, 2): begin and end, s
+=====================================  ====================================================================
+
+A drive as an NPZ is a truth by its reference, ``ref_t``, ``ref_llh`` and so on.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.readers.estimate_columns import Frames, assemble, canonical_name, is_known
+from tuner.types.filter_output import FilterOutput
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+_VECTORS: Mapping[str, tuple[str, ...]] = {
+    "llh": ("lat", "lon", "height"),
+    "ned": ("n", "e", "d"),
+    "vned": ("vn", "ve", "vd"),
+    "rpy": ("roll", "pitch", "yaw"),
+    "quat": ("qw", "qx", "qy", "qz"),
+    "bg": ("bg_x", "bg_y", "bg_z"),
+    "ba": ("ba_x", "ba_y", "ba_z"),
+}
+_REFERENCE = {"ref_t": "t", "ref_llh": "llh", "ref_vned": "vned", "ref_rpy": "rpy"}
+
+
+def read_estimate_npz(path: Path, frames: Frames) -> FilterOutput:
+    """Read the arrays of a filter's output, or the reference of a drive.
+
+    Raises
+    ------
+    DataError
+        What cannot be used, in one line.
+    """
+    data = _arrays(path)
+    if "t" not in data and "ref_t" in data:
+        data = {new: data[old] for old, new in _REFERENCE.items() if old in data}
+    if "t" not in data or data["t"].ndim != 1 or not data["t"].size:
+        msg = f"{path}: expected an array t of times, s, found {', '.join(data) or 'no arrays of numbers'}"
+        raise DataError(msg)
+    n = len(data["t"])
+    columns: dict[str, tuple[FloatArray, str | None]] = {}
+    for name, array in data.items():
+        if name in _VECTORS:
+            wide = _shaped(path, name, array, (n, len(_VECTORS[name])))
+            columns |= {own: (wide[:, j], None) for j, own in enumerate(_VECTORS[name])}
+        elif array.shape == (n,) and is_known(canonical_name(name)[0]):
+            columns[canonical_name(name)[0]] = (array, None)
+    found = assemble(str(path), columns, frames)
+    if "covariance" in data:
+        found = replace(found, covariance=_covariance(path, data["covariance"], n), correlated=True)
+    if "innovation" in data:
+        z, s = _innovations(path, data, n)
+        found = replace(found, innovation=z, innovation_covariance=s)
+    if "outages" in data:
+        windows = data["outages"]
+        found = replace(found, outages=_shaped(path, "outages", windows, (len(windows), 2)))
+    return found
+
+
+def _arrays(path: Path) -> dict[str, FloatArray]:
+    if not zipfile.is_zipfile(path):
+        msg = f"{path}: expected an NPZ, an archive of arrays, got something else or a part of one; save it anew"
+        raise DataError(msg)
+    data = {}
+    with np.load(path, allow_pickle=False) as file:
+        for name in file.files:
+            try:
+                array = file[name]
+            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+                msg = f"{path}: {name}: expected an array of numbers, got objects or a damaged archive; save it anew"
+                raise DataError(msg) from None
+            if array.dtype.kind in "fiub":
+                data[name] = np.asarray(array, dtype=float)
+    return data
+
+
+def _shaped(path: Path, name: str, array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    if array.shape != shape:
+        msg = f"{path}: {name}: expected shape {shape}, found {array.shape}"
+        raise DataError(msg)
+    return array
+
+
+def _covariance(path: Path, array: FloatArray, n: int) -> FloatArray:
+    k = array.shape[-1]
+    if array.shape != (n, k, k) or k not in (3, 6, 9, 15):
+        msg = f"{path}: covariance: expected shape ({n}, k, k) with k = 3, 6, 9 or 15, found {array.shape}"
+        raise DataError(msg)
+    whole = np.full((n, 15, 15), np.nan)
+    whole[:, :k, :k] = array
+    return whole
+
+
+def _innovations(path: Path, data: Mapping[str, FloatArray], n: int) -> tuple[FloatArray, FloatArray]:
+    k = data["innovation"].shape[-1]
+    if k not in (3, 6) or "innovation_covariance" not in data:
+        msg = f"{path}: innovation: expected shape ({n}, 3 or 6) and innovation_covariance beside it"
+        raise DataError(msg)
+    z, s = np.full((n, 6), np.nan), np.full((n, 6, 6), np.nan)
+    z[:, :k] = _shaped(path, "innovation", data["innovation"], (n, k))
+    s[:, :k, :k] = _shaped(path, "innovation_covariance", data["innovation_covariance"], (n, k, k))
+    return z, s

@@ -1,0 +1,65 @@
+"""What explains the errors of a filter, and what to change, as English sentences."""
+
+from __future__ import annotations
+
+from tuner.types.output_score import OutputCause
+
+_NAMES = {
+    "gnss_noise_scale": "measurement noise R",
+    "imu_noise_scale": "process noise Q",
+    "time_constant": "time constant of the biases",
+    "missing_state": "a bias state is missing",
+    "time_offset": "delay",
+    "lever_arm": "lever arm",
+    "gnss_frame": "frame of the positions",
+    "mounting": "frame of the body",
+}
+MAX_ALTERNATIVES = 3
+"""Alternatives that a sentence names: more make it unreadable."""
+
+
+def cause_name(cause: OutputCause) -> str:
+    """Return the name of a cause in words."""
+    name = _NAMES.get(cause.cause, cause.cause.replace("_", " "))
+    return f"{name} ({cause.subject})" if cause.subject else name
+
+
+def cause_text(cause: OutputCause) -> str:
+    """Return a cause with its size, interval, gain and what is not distinguished from it."""
+    low, high = cause.interval
+    unit = "" if cause.unit == "1" else f" {cause.unit}"
+    words = f"{cause_name(cause)}: {cause.size:.3g} ({low:.3g} … {high:.3g}){unit}"
+    if cause.unit == "1":
+        words = f"{cause_name(cause)}: true sd {cause.size:.3g} ({low:.3g} … {high:.3g}) times the assumed"
+        if cause.cause == "time_constant":
+            words = words.replace("true sd", "true time").replace("assumed", "assumed one")
+    words += f", {cause.gain:.0f} nats better than the filter as it is"
+    if cause.alternatives:
+        others = ", ".join(cause_name(other) for other in cause.alternatives[:MAX_ALTERNATIVES])
+        words += f"; not distinguished from it: {others}"
+    return words
+
+
+def change_text(cause: OutputCause) -> str:
+    """Return what to change and by how much."""
+    size = cause.size
+    parts = ", ".join(f"{name} {value:+.3g}" for name, (value, _, _) in cause.parameters.items())
+    subject = f" of {cause.subject}" if cause.subject else ""
+    match cause.cause:
+        case "gnss_noise_scale":
+            return f"multiply the sds of the fixes{subject} by {size:.3g} (R by {size**2:.3g})"
+        case "imu_noise_scale":
+            return f"multiply the noise densities{subject} by {size:.3g} (Q by {size**2:.3g})"
+        case "time_constant":
+            return f"multiply the time constants{subject} by {size:.3g}"
+        case "missing_state":
+            return f"add a state{subject} of sd {size:.3g} {cause.unit}"
+        case "time_offset":
+            return f"shift the stamps of the fixes by {-size:+.3g} s, or give the filter this delay"
+        case "lever_arm":
+            return f"add to the lever arm (forward, right, down): {parts} m"
+        case "gnss_frame":
+            return f"put fixes and truth into one frame: {parts}"
+        case "mounting":
+            return f"turn the body frame of the estimate: {parts} rad"
+    return ""
