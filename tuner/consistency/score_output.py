@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
+from tuner.consistency.output_causes import Explanations, explain
 from tuner.consistency.output_errors import OutputErrors, find_time_offset, output_errors
 from tuner.consistency.output_scores import (
     MIN_INDEPENDENT_RUNS,
@@ -140,14 +141,24 @@ def score_outputs(
         False,
     )
     lost = any(_not_finite(output) for output in outputs)
-    found = replace(found, diverged=lost or any(s.ratio > DIVERGED_RATIO for s in found.scores))
+    why = (
+        Explanations()
+        if lost
+        else explain(runs or [_without_truth(o) for o in innovative], only_means=found.consistent)
+    )
+    found = replace(found, mean_errors=why.means)
+    causes = () if found.consistent else why.causes
+    far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
+    found = replace(found, diverged=lost or far)
     said = verdicts(found)
     if lost:
         said = (Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),)
+    if not found.consistent and not causes and not found.diverged:
+        said = (Verdict(VerdictCode.NOT_EXPLAINED, Severity.EXPLANATION), *said)
     return OutputScore(
         replace(found, verdicts=said),
         state_scores(runs) if runs else (),
-        (),
+        causes,
         offset,
         tuple(runs),
         tuple(outputs),
@@ -268,6 +279,12 @@ def _mean_offset(runs: Sequence[OutputErrors], coarse: Sequence[float]) -> TimeO
     sd = math.sqrt((len(left) - 1) / len(left) * float(np.sum((left - left.mean()) ** 2)))
     wide = sd * float(stdtrit(len(left) - 1, 0.975))
     return TimeOffset(value, (value - wide, value + wide), removed=False)
+
+
+def _without_truth(output: FilterOutput) -> OutputErrors:
+    """Return an output whose errors are not known."""
+    unknown = np.broadcast_to(np.nan, (len(output), 15))
+    return OutputErrors(output.name, output.t, unknown, output.covariance, output.correlated, output)
 
 
 def _not_finite(output: FilterOutput) -> bool:

@@ -17,6 +17,7 @@ from tuner.formats.document_errors import refuse, shown
 from tuner.types.consistency import (
     Consistency,
     Explanation,
+    MeanError,
     Outage,
     Score,
     Severity,
@@ -174,6 +175,7 @@ class _ConsistencyForm:
     outage: tuple[Outage, ...]
     errors: Mapping[str, tuple[float, ...]]
     gated: float
+    mean_errors: tuple[MeanError, ...] = ()
 
     @classmethod
     def of(cls, found: Consistency, /) -> Self:
@@ -192,6 +194,7 @@ class _ConsistencyForm:
             outage=found.outages,
             errors=found.errors,
             gated=found.gated,
+            mean_errors=found.mean_errors,
         )
 
     def restored(self) -> Consistency:
@@ -207,6 +210,7 @@ class _ConsistencyForm:
             gated=self.gated,
             diverged=self.diverged,
             verdicts=self.verdict_codes,
+            mean_errors=self.mean_errors,
         )
 
 

@@ -90,6 +90,25 @@ class Whiteness:
         return abs(self.correlation) <= self.band
 
 
+@dataclass(frozen=True)
+class MeanError:
+    """A mean of the errors of a part, as a delay, a lever arm or another frame makes it, beyond the margin.
+
+    Attributes
+    ----------
+    part : str
+        ``position``, ``velocity`` or ``attitude``.
+    ratio : float
+        Rms of the mean ÷ predicted sd.
+    limit : float
+        Ratio below which the rms of the errors stays within the margin.
+    """
+
+    part: str
+    ratio: float
+    limit: float
+
+
 class Severity(StrEnum):
     """How much a verdict weighs."""
 
@@ -126,6 +145,8 @@ class VerdictCode(StrEnum):
     """As `OPTIMISTIC`."""
     CORRELATED_INNOVATIONS = "correlated_innovations"
     """Of the part `subject`: `correlation`, `lag`, `band`."""
+    MEAN_ERROR = "mean_error"
+    """Of the part `subject`: `ratio` of the rms of the mean to the predicted sd, `limit`."""
     CONSISTENT = "consistent"
 
 
@@ -238,6 +259,8 @@ class Consistency:
         Whether the filter diverged.
     verdicts : tuple of Verdict
         Reasons first, then scores, the largest deviation first.
+    mean_errors : tuple of MeanError
+        Parts whose errors have a mean beyond the margin; only looked for in the output of other filters.
     """
 
     nees: Score | None
@@ -249,6 +272,7 @@ class Consistency:
     gated: float
     diverged: bool
     verdicts: tuple[Verdict, ...] = ()
+    mean_errors: tuple[MeanError, ...] = ()
 
     @property
     def shown(self) -> Consistency:
@@ -267,7 +291,8 @@ class Consistency:
     def consistent(self) -> bool:
         """Whether nothing speaks against the filter."""
         white = self.whiteness is None or self.whiteness.consistent
-        return white and not self.diverged and all(score.consistent for score in self.scores)
+        scores = all(score.consistent for score in self.scores)
+        return white and scores and not self.diverged and not self.mean_errors
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,127 @@
+"""Faults of filters that are not ours are flagged and named from their output alone; consistent ones pass.
+
+An unscented and a right-invariant filter (`tests.textbook_filters`) state sds only, and are compared with the truth in
+position, velocity and attitude. R × 3 and Q ÷ 10 are of the variances that the filter assumes, so that the true sds
+are 0.577 and 3.16 times those.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models import rotation
+from tests import textbook_filters as textbook
+from tuner.consistency.score_output import score_outputs
+from tuner.types.filter_output import filter_output
+
+FILTERS = (textbook.run_ukf, textbook.run_invariant)
+
+
+def output_of(o, i, *, innovations=False):
+    """One run as its filter would write it, with sds alone."""
+    return filter_output(
+        f"run {i}",
+        o.t,
+        local=o.p[i],
+        vel_n=o.v[i],
+        quat_nb=rotation.quat_from_mat(o.c[i]),
+        covariance=o.covariance[i] * np.eye(15),
+        innovation=o.innovation[i] if innovations else None,
+        innovation_covariance=o.innovation_covariance[i] if innovations else None,
+    )
+
+
+def truth_of(o):
+    at = np.searchsorted(o.truth.t, o.t - 1e-9)
+    quat = rotation.quat_from_mat(o.truth.c[at])
+    return filter_output("truth", o.t, local=o.truth.p[at], vel_n=o.truth.v[at], quat_nb=quat)
+
+
+def scored(run_filter, runs, seed, *, innovations=False, **faults):
+    rng = np.random.default_rng(seed)
+    o = run_filter(textbook.drive(400.0, rng), runs, rng, **faults)
+    truths = [] if innovations else [truth_of(o)]
+    return [score_outputs([output_of(o, i, innovations=innovations)], truths) for i in range(runs)]
+
+
+def test_what_the_filter_assumes_is_read_off_its_sds():
+    from tuner.consistency.output_causes.filter_model import course_of, fit_filter
+
+    (found,) = scored(textbook.run_invariant, 1, 2)
+    (run,) = found.runs
+    model = fit_filter(run, course_of(run))
+    drives = np.sqrt(2.0 / textbook.BIAS_TIME) * np.array([textbook.GYRO_BIAS, textbook.ACCEL_BIAS])
+    assert model.misfit < 0.01
+    assert np.sqrt(model.fix_variance[[0, 3]]) == pytest.approx(
+        [textbook.FIX_SD, textbook.FIX_VELOCITY_SD], rel=0.02
+    )
+    assert model.density[[0, 2, 3]] == pytest.approx([textbook.ARW, *drives], rel=0.15)
+
+
+@pytest.mark.parametrize("run_filter", FILTERS)
+def test_a_consistent_filter_passes_with_nothing_named(run_filter):
+    for found in scored(run_filter, 2, 3):
+        assert found.consistency.consistent, found.consistency.verdicts
+        assert found.causes == ()
+
+
+@pytest.mark.parametrize(
+    ("faults", "cause", "size"),
+    [
+        ({"r": 3.0}, "gnss_noise_scale", 1.0 / np.sqrt(3.0)),
+        ({"q": 0.1}, "imu_noise_scale", np.sqrt(10.0)),
+        ({"delay": 0.1}, "time_offset", 0.1),
+        ({"lever_arm": (0.4, 0.3, 0.0)}, "lever_arm", 0.5),
+    ],
+)
+def test_a_fault_is_flagged_named_and_measured(faults, cause, size):
+    run_filter = FILTERS[len(faults) == 1 and cause in ("imu_noise_scale", "lever_arm")]
+    (found,) = scored(run_filter, 1, 4, **faults)
+    assert not found.consistency.consistent
+    assert found.causes[0].cause == cause
+    assert found.causes[0].size == pytest.approx(size, rel=0.15)
+    low, high = found.causes[0].interval
+    assert low < high
+
+
+@pytest.mark.parametrize(
+    ("faults", "cause"),
+    [({"r": 3.0}, "gnss_noise_scale"), ({"q": 0.1}, "imu_noise_scale"), ({"delay": 0.1}, "time_offset")],
+)
+def test_innovations_alone_name_a_fault(faults, cause):
+    (found,) = scored(textbook.run_invariant, 1, 5, innovations=True, **faults)
+    assert not found.consistency.consistent
+    assert found.causes[0].cause == cause
+
+
+STUDY = {
+    "none": ({}, None),
+    "r": ({"r": 3.0}, "gnss_noise_scale"),
+    "q": ({"q": 0.1}, "imu_noise_scale"),
+    "delay": ({"delay": 0.1}, "time_offset"),
+    "lever_arm": ({"lever_arm": (0.0, 0.0, 0.0)}, "lever_arm"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", STUDY)
+@pytest.mark.parametrize("run_filter", FILTERS)
+def test_study_of_fifty_runs(run_filter, fault):
+    faults, cause = STUDY[fault]
+    rng = np.random.default_rng(77)
+    flagged = named = 0
+    for _ in range(5):
+        if fault == "lever_arm":
+            arm = rng.standard_normal(3) * [1.0, 1.0, 0.3]
+            faults = {"lever_arm": 0.5 * arm / np.linalg.norm(arm)}
+        o = run_filter(textbook.drive(600.0, rng), 10, rng, **faults)
+        for i in range(10):
+            found = score_outputs([output_of(o, i)], [truth_of(o)])
+            flagged += not found.consistency.consistent
+            named += bool(found.causes) and found.causes[0].cause == cause
+    if cause is None:
+        assert flagged <= 1
+    else:
+        assert flagged >= 48
+        assert named >= 45

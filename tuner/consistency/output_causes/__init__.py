@@ -1,0 +1,380 @@
+"""Which fault explains the errors of any filter, from its output alone.
+
+What the filter assumes is read off its sds (`filter_model`); then every fault has a likelihood (`error_model`): wrong
+R, wrong Q, wrong time constants, a process that the filter lacks, and constants of the installation, a delay, a lever
+arm, another frame. Gains are log likelihoods above that of the filter as it is, less ½ ln(epochs) for each parameter.
+The best is named, with those within a few nats as alternatives; with it in the model the search goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tuner.consistency.output_causes.error_model import (
+    MODEL_ERROR,
+    REGRESSORS,
+    ErrorModel,
+    ExtraProcess,
+    TrueNoise,
+    error_model,
+)
+from tuner.consistency.output_causes.filter_model import FilterModel, course_of, fit_filter
+from tuner.consistency.output_errors import OutputErrors
+from tuner.consistency.scores import EQUIVALENCE_MARGIN
+from tuner.types.consistency import MeanError
+from tuner.types.output_score import OutputCause
+
+FloatArray = NDArray[np.float64]
+
+MIN_GAIN = 15.0
+"""Nats from which a fault is named. By chance three constants gain 8 nats in one of a thousand runs; what the linear
+model of a filter leaves out gained up to 6 for constants in simulated runs of consistent filters."""
+SHORTLIST_NATS = 4.0
+"""Nats below the best within which a fault is not distinguished from it: odds of 50."""
+FURTHER_SHARE = 0.2
+"""Share of the gain of the first fault that a further one must have: what the first leaves, the linear model being off
+by some per cent, is not another fault."""
+LOG_MAX_SCALE = math.log(20.0)
+"""Largest ratio of true to assumed sd that is looked for, as a logarithm."""
+MAX_CAUSES = 3
+"""Faults that are looked for one after another."""
+MAX_RUNS = 2
+"""Runs of a Monte Carlo whose likelihoods are added: one tells a fault that scores show, and its size to some per cent,
+which is what the linear model of a filter is good for."""
+EXTRA_TIMES = (10.0, 60.0, 300.0)
+"""Time constants of processes that a filter may lack, s; halfway between, half the gain is still there."""
+SMALL_STEP = 0.15
+"""Change of a size, as a logarithm, over which a deviance is about a parabola; and distance to a bound of the search
+that counts as beyond it."""
+REFINED_COUNT = 6
+"""Hypotheses of one size whose best size is sought: those that promise most; only the likeliest are named."""
+INTERVAL_SDS = 1.96
+"""Half width of an interval of 95 %, sds."""
+_UNITS = {"gyro": "rad/s", "accel": "m/s^2", "fixes": "m"}
+
+
+@dataclass(frozen=True)
+class Explanations:
+    """What explains the errors of a filter.
+
+    Attributes
+    ----------
+    causes : tuple of OutputCause
+        One after another as they were found.
+    means : tuple of MeanError
+        Constants that shift the errors by more than the margin of the scores.
+    assumed : FilterModel or None
+        What the filter assumes, as its sds show; None where no such filter has these sds.
+    """
+
+    causes: tuple[OutputCause, ...] = ()
+    means: tuple[MeanError, ...] = ()
+    assumed: FilterModel | None = None
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """A hypothesis of one size s, as a logarithm: what the truth is then."""
+
+    cause: str
+    subject: str
+    true: Callable[[TrueNoise, float], TrueNoise]
+    unit: str = "1"
+    bounds: tuple[float, float] = (-LOG_MAX_SCALE, LOG_MAX_SCALE)
+    time_constant: float | None = None
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A hypothesis at its best."""
+
+    cause: OutputCause
+    base: TrueNoise
+    constants: FloatArray
+    names: tuple[str, ...]
+
+
+def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
+    """Return what explains the errors of runs of one filter; nothing where its sds are not those of such a filter.
+
+    Parameters
+    ----------
+    runs : sequence of OutputErrors
+        The runs.
+    only_means : bool
+        Whether only constants are looked for: where no score speaks against the filter.
+    """
+    runs = runs[:MAX_RUNS]
+    courses = [course_of(run) for run in runs]
+    pairs = [(run, course) for run, course in zip(runs, courses, strict=True) if course is not None]
+    stated = [run for run, _ in pairs if np.isfinite(np.einsum("kii->ki", run.covariance)[:, :6]).any()]
+    if not pairs or len(stated) < len(pairs):
+        return Explanations()
+    model = fit_filter(*pairs[0])
+    if not model.fits:
+        return Explanations()
+    models = [error_model(run, course, model) for run, course in pairs]
+    known = sum(int(one.known.any(axis=1).sum()) for one in models)
+    if known < 20:
+        return Explanations(assumed=model)
+    base = TrueNoise()
+    fixed: tuple[str, ...] = ()
+    causes: list[OutputCause] = []
+    means: list[MeanError] = []
+    while len(causes) < MAX_CAUSES:
+        fits = _candidates(models, base, fixed, known, [] if only_means else _scales(models[0], base))
+        fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
+        fits = [fit for fit in fits if fit.names or _matters(models[0], base, fit.base)]
+        least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
+        if not fits or fits[0].cause.gain < least:
+            break
+        best = fits[0]
+        rivals = [f.cause for f in fits[1:] if f.cause.gain > best.cause.gain - SHORTLIST_NATS]
+        causes.append(replace(best.cause, alternatives=tuple(rivals)))
+        if best.names:
+            means += _mean_errors(models[0], best)
+        base, fixed = best.base, (*fixed, *best.names)
+    return Explanations(tuple(causes), tuple(means), model)
+
+
+def _candidates(
+    models: Sequence[ErrorModel],
+    base: TrueNoise,
+    fixed: tuple[str, ...],
+    known: int,
+    scales: Sequence[_Scale],
+) -> list[_Fit]:
+    """Return the best fit of every cause, the likeliest first, with the names of constants already in the model."""
+    deviance, products = _regression(models, base)
+    deviance -= _reduction(products, fixed)[0]
+    price = 0.5 * math.log(known)
+    found = [
+        fit
+        for name in REGRESSORS
+        if name not in fixed and (fit := _constant(products, name, fixed, base, price)) is not None
+    ]
+    losses = [_loss(models, scale, base, fixed) for scale in scales]
+    promising = sorted(
+        ((_promise(loss, scale, deviance), i) for i, (scale, loss) in enumerate(losses)), reverse=True
+    )
+    for _, i in promising[:REFINED_COUNT]:
+        fit = _fitted(*losses[i], base, deviance, price)
+        if fit is not None:
+            found.append(fit)
+    best: dict[str, _Fit] = {}
+    for fit in sorted(found, key=lambda f: -f.cause.gain):
+        best.setdefault(fit.cause.cause, fit)
+    return list(best.values())
+
+
+def _regression(models: Sequence[ErrorModel], true: TrueNoise) -> tuple[float, FloatArray]:
+    """Return the deviance of all runs, and the products of data and regressors."""
+    each = [one.regression(true) for one in models]
+    return sum(deviance for deviance, _ in each), np.asarray(
+        np.sum([products for _, products in each], axis=0)
+    )
+
+
+def _reduction(products: FloatArray, names: Sequence[str]) -> tuple[float, FloatArray, FloatArray]:
+    """Return how far regression on constants lowers the deviance, their values and covariance."""
+    if not names:
+        return 0.0, np.zeros(0), np.zeros((0, 0))
+    at = np.concatenate([np.arange(REGRESSORS[n].start, REGRESSORS[n].stop) for n in names]) + 1
+    a, b = products[np.ix_(at, at)], products[at, 0]
+    covariance = np.linalg.pinv(a, hermitian=True)
+    x = covariance @ b
+    return float(b @ x), x, covariance
+
+
+_CONSTANTS = {
+    "delay of fixes": ("time_offset", "s", ("delay",), "fixes"),
+    "delay of output": ("time_offset", "s", ("delay",), "stamps of the output"),
+    "lever arm of fixes": ("lever_arm", "m", ("x", "y", "z"), "fixes"),
+    "lever arm of output": ("lever_arm", "m", ("x", "y", "z"), "output"),
+    "offset of positions": ("gnss_frame", "m", ("north", "east", "down"), "offset"),
+    "rotation of positions": ("gnss_frame", "rad", ("roll", "pitch", "yaw"), "rotation"),
+    "rotation of body": ("mounting", "rad", ("roll", "pitch", "yaw"), ""),
+}
+"""Cause, unit, names of parameters and subject of the constants."""
+
+
+def _constant(
+    products: FloatArray, name: str, fixed: tuple[str, ...], base: TrueNoise, price: float
+) -> _Fit | None:
+    before = _reduction(products, fixed)[0]
+    after, x, covariance = _reduction(products, (*fixed, name))
+    code, unit, parameters, subject = _CONSTANTS[name]
+    own = slice(len(x) - len(parameters), None)
+    value = x[own]
+    # The fixes' own errors scatter the estimate; what the model leaves out is relative to its size.
+    sd = np.sqrt(np.diag(covariance)[own] + (MODEL_ERROR * np.linalg.norm(value)) ** 2)
+    length = float(np.linalg.norm(value))
+    if not length > 0.0:
+        return None
+    spread = math.sqrt(float(value @ covariance[own, own] @ value) / length**2 + (MODEL_ERROR * length) ** 2)
+    size = float(value[0]) if len(value) == 1 else length
+    gain = 0.5 * (after - before) - price * len(value)
+    cause = OutputCause(
+        code,
+        size,
+        (size - INTERVAL_SDS * spread, size + INTERVAL_SDS * spread),
+        unit,
+        gain,
+        {
+            key: (float(v), float(v - INTERVAL_SDS * s), float(v + INTERVAL_SDS * s))
+            for key, v, s in zip(parameters, value, sd, strict=True)
+        },
+        subject,
+    )
+    return _Fit(cause, base, x, (name,))
+
+
+def _density(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
+    def true(base: TrueNoise, x: float) -> TrueNoise:
+        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.density)]
+        return replace(base, density=(scaled[0], scaled[1], scaled[2], scaled[3]))
+
+    return true
+
+
+def _fixes(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
+    def true(base: TrueNoise, x: float) -> TrueNoise:
+        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.fixes)]
+        return replace(base, fixes=(scaled[0], scaled[1]))
+
+    return true
+
+
+def _extra(place: str, time_constant: float) -> Callable[[TrueNoise, float], TrueNoise]:
+    return lambda base, x: replace(base, extra=ExtraProcess(place, math.exp(x), time_constant))
+
+
+def _times(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
+    def true(base: TrueNoise, x: float) -> TrueNoise:
+        ratio = [math.exp(x) if i in which else 1.0 for i in (0, 1)]
+        return replace(base, time_ratio=(ratio[0], ratio[1]))
+
+    return true
+
+
+def _scales(model: ErrorModel, base: TrueNoise) -> list[_Scale]:
+    """Return all hypotheses of one size; of processes that the filter lacks only one at a time."""
+    r, q = "gnss_noise_scale", "imu_noise_scale"
+    found = [
+        _Scale(r, "", _fixes(0, 1)),
+        _Scale(r, "position fixes", _fixes(0)),
+        _Scale(r, "velocity fixes", _fixes(1)),
+        _Scale(q, "", _density(0, 1, 2, 3)),
+        _Scale(q, "gyros", _density(0, 2)),
+        _Scale(q, "accelerometers", _density(1, 3)),
+        _Scale(q, "white noise", _density(0, 1)),
+        _Scale(q, "bias noise", _density(2, 3)),
+        _Scale(q, "gyro white noise", _density(0)),
+        _Scale(q, "accelerometer white noise", _density(1)),
+        _Scale(q, "gyro bias noise", _density(2)),
+        _Scale(q, "accelerometer bias noise", _density(3)),
+    ]
+    if base.extra is not None or base.time_ratio != (1.0, 1.0):
+        return found
+    found += [
+        _Scale("time_constant", "", _times(0, 1)),
+        _Scale("time_constant", "gyro biases", _times(0)),
+        _Scale("time_constant", "accelerometer biases", _times(1)),
+    ]
+    sizes = {"gyro": 9, "accel": 12, "fixes": 0}
+    for place, code in (("gyro", "missing_state"), ("accel", "missing_state"), ("fixes", "correlated_gnss")):
+        first = sizes[place]
+        usual = (
+            math.sqrt(float(model.model.fix_variance[0]))
+            if place == "fixes"
+            else math.sqrt(float(np.median(np.diag(model.start)[first : first + 3])))
+        )
+        middle = math.log(max(usual, 1e-12))
+        bounds = (middle - 2.0 * LOG_MAX_SCALE, middle + LOG_MAX_SCALE)
+        subject = {"gyro": "gyro bias", "accel": "accelerometer bias", "fixes": ""}[place]
+        if place == "fixes" and model.by_innovations:
+            continue
+        found += [
+            _Scale(code, subject, _extra(place, time), _UNITS[place], bounds, time) for time in EXTRA_TIMES
+        ]
+    return found
+
+
+def _loss(
+    models: Sequence[ErrorModel], scale: _Scale, base: TrueNoise, fixed: tuple[str, ...]
+) -> tuple[_Scale, Callable[[float], float]]:
+    """Return a hypothesis with its deviance as a function of its size."""
+
+    def loss(x: float) -> float:
+        true = scale.true(base, x)
+        if not fixed:
+            return sum(one.deviance(true) for one in models)
+        deviance, products = _regression(models, true)
+        return deviance - _reduction(products, fixed)[0]
+
+    return scale, loss
+
+
+def _promise(loss: Callable[[float], float], scale: _Scale, deviance: float) -> float:
+    """Return about what a hypothesis lowers the deviance by: on a coarse grid, and by a parabola about no change."""
+    low, high = scale.bounds
+    if scale.unit != "1":
+        return deviance - min(loss(float(x)) for x in np.linspace(low, high, 6))
+    best = deviance - min(loss(x) for x in (-2.2, -0.8, 0.8, 2.2))
+    below, above = loss(-SMALL_STEP), loss(SMALL_STEP)
+    slope, curvature = (above - below) / (2.0 * SMALL_STEP), (above + below - 2.0 * deviance) / SMALL_STEP**2
+    return max(best, 0.5 * slope**2 / curvature if curvature > 0.0 else 0.0)
+
+
+def _fitted(
+    scale: _Scale, loss: Callable[[float], float], base: TrueNoise, deviance: float, price: float
+) -> _Fit | None:
+    """Return a hypothesis at its best size, with the interval of the likelihood.
+
+    None where it gains nothing or its size lies beyond the bounds: then the pattern is another fault's.
+    """
+    from scipy.optimize import minimize_scalar  # loaded when used: slow to import
+
+    low, high = scale.bounds
+    best = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 5e-3})
+    x, least = float(best.x), float(best.fun)
+    number = 2 if scale.time_constant is not None else 1
+    gain = 0.5 * (deviance - least) - price * number
+    if gain <= 0.0 or min(x - low, high - x) < SMALL_STEP:
+        return None
+    step = 0.05
+    curvature = (loss(x + step) + loss(x - step) - 2.0 * least) / step**2
+    sd = math.sqrt(2.0 / curvature) if curvature > 0.0 else LOG_MAX_SCALE
+    wide = INTERVAL_SDS * math.hypot(sd, MODEL_ERROR)
+    parameters = {"ratio": (math.exp(x), math.exp(x - wide), math.exp(x + wide))}
+    if scale.time_constant is not None:
+        parameters = {"sd": parameters["ratio"], "time_constant": (scale.time_constant,) * 3}
+    size, interval = math.exp(x), (math.exp(x - wide), math.exp(x + wide))
+    cause = OutputCause(scale.cause, size, interval, scale.unit, gain, parameters, scale.subject)
+    return _Fit(cause, scale.true(base, x), np.zeros(0), ())
+
+
+def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
+    """Tell whether other noise changes the rms errors of a block by more than the margin of the scores."""
+    ratio = np.sqrt((model.variances(true) / model.variances(base)).reshape(5, 3).mean(axis=1))
+    return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
+
+
+def _mean_errors(model: ErrorModel, fit: _Fit) -> list[MeanError]:
+    """Return the blocks whose errors a constant shifts by more than the margin of the scores."""
+    constants = np.zeros(model.inputs.shape[2])
+    own = REGRESSORS[fit.names[0]]
+    constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
+    shift = model.response(constants) / model.sds
+    found = []
+    limit = math.sqrt((1.0 + EQUIVALENCE_MARGIN) ** 2 - 1.0)
+    for i, name in enumerate(("position", "velocity", "attitude")):
+        ratio = float(np.sqrt(np.mean(shift[:, 3 * i : 3 * i + 3] ** 2)))
+        if ratio > limit:
+            found.append(MeanError(name, ratio, limit))
+    return found

@@ -1,0 +1,355 @@
+"""How likely the errors of a filter are, where something that it assumes is wrong: the likelihood of every hypothesis.
+
+With the gains K of a filter (`filter_model`) its errors obey a linear model, whatever the truth is::
+
+    e⁻ = Φ e⁺ + w        e⁺ = e⁻ − K (H e⁻ + v)        w ~ Q_true, v ~ R_true
+
+so that they have a likelihood for any true noise, for processes that the filter lacks and for constants that act
+through the fixes or on the output. The errors of position, velocity and attitude are seen with a small white error,
+which stands for what the linear model leaves out. Without a truth the innovations z = H e⁻ + v are seen, and K z is
+known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from tuner.consistency.output_causes.filter_model import Course, FilterModel, start_covariance, transitions
+from tuner.consistency.output_causes.kernels import covariance_recursion, error_likelihood
+from tuner.consistency.output_errors import OutputErrors
+
+FloatArray = NDArray[np.float64]
+
+MODEL_ERROR = 0.03
+"""White error of what is seen, in sds of the filter: its sds are met to some per cent, and turns bend within a step."""
+REGRESSORS: Mapping[str, slice] = {
+    "delay of fixes": slice(0, 1),
+    "delay of output": slice(1, 2),
+    "lever arm of fixes": slice(2, 5),
+    "lever arm of output": slice(5, 8),
+    "offset of positions": slice(8, 11),
+    "rotation of positions": slice(11, 14),
+    "rotation of body": slice(14, 17),
+}
+"""Constants that may act, and their columns."""
+REGRESSOR_COUNT = 17
+"""Columns of all of them."""
+
+
+@dataclass(frozen=True)
+class ExtraProcess:
+    """First-order Gauss–Markov processes of three axes that a filter lacks.
+
+    Attributes
+    ----------
+    place : str
+        ``gyro``, ``accel`` or ``fixes``.
+    sd, time_constant : float
+        SI.
+    """
+
+    place: str
+    sd: float
+    time_constant: float
+
+
+@dataclass(frozen=True)
+class TrueNoise:
+    """What the truth is relative to what a filter assumes.
+
+    Attributes
+    ----------
+    density : tuple of 4 floats
+        True ÷ assumed density of each source of process noise.
+    fixes : tuple of 2 floats
+        True ÷ assumed sd of position and velocity fixes.
+    time_ratio : tuple of 2 floats
+        True ÷ assumed time constant of gyro and accelerometer biases of the assumed sd.
+    extra : ExtraProcess or None
+        What the filter lacks.
+    """
+
+    density: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    fixes: tuple[float, float] = (1.0, 1.0)
+    time_ratio: tuple[float, float] = (1.0, 1.0)
+    extra: ExtraProcess | None = None
+
+
+@dataclass(frozen=True)
+class _System:
+    """Dynamics, noise and start of the errors and of what drives them; (k, n, n) twice, (n, n)."""
+
+    dynamics: FloatArray
+    noise: FloatArray
+    start: FloatArray
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """A run, ready for its likelihood.
+
+    Attributes
+    ----------
+    model : FilterModel
+        What the filter assumes.
+    update : ndarray, shape (k, 15, 15)
+        I − K H of what happens to the errors between what is seen of them; I where innovations are seen.
+    phi, noise : ndarray, shapes (k, 15, 15), (k, 4, 15, 15)
+        Transition, and process noise of the assumed densities by source.
+    gain : ndarray, shape (k, 15, 6)
+        Gains of the fixes.
+    start : ndarray, shape (15, 15)
+        Covariance at the first epoch.
+    seen, variance : ndarray, shapes (k, c)
+        What is seen, and the variance of the white error with which it is.
+    known : ndarray of bool, shape (k, c)
+        Where it is.
+    shift : ndarray, shape (k, 15)
+        Known changes of the errors.
+    inputs, outputs : ndarray, shapes (k, 15, m), (k, c, m)
+        What the constants of `REGRESSORS` do to the errors, and to what is seen of them.
+    sds : ndarray, shape (k, 9)
+        Of position, velocity and attitude, as predicted.
+    dt : ndarray, shape (k,)
+        s.
+    by_innovations : bool
+        Whether innovations are seen.
+    """
+
+    model: FilterModel
+    update: FloatArray
+    phi: FloatArray
+    noise: FloatArray
+    gain: FloatArray
+    start: FloatArray
+    seen: FloatArray
+    variance: FloatArray
+    known: NDArray[np.bool_]
+    shift: FloatArray
+    inputs: FloatArray
+    outputs: FloatArray
+    sds: FloatArray
+    dt: FloatArray
+    by_innovations: bool = field(default=False)
+
+    def deviance(self, true: TrueNoise) -> float:
+        """Return −2 ln of the likelihood, up to a constant."""
+        logs, products = self._likelihood(true, 0)
+        return float(logs + products[0, 0])
+
+    def regression(self, true: TrueNoise) -> tuple[float, FloatArray]:
+        """Return the same, and the products of whitened data and regressors, shape (1 + m, 1 + m)."""
+        logs, products = self._likelihood(true, self.inputs.shape[2])
+        return float(logs + products[0, 0]), products
+
+    def variances(self, true: TrueNoise) -> FloatArray:
+        """Return the mean variances of the 15 errors in the second half of the run."""
+        update = np.tile(np.eye(15), (len(self.dt), 1, 1))
+        update[:, :, :6] -= self.gain
+        after = replace(self, update=update, by_innovations=False) if self.by_innovations else self
+        system = after._system(true)
+        p, found = system.start, np.zeros(15)
+        half = len(self.dt) // 2
+        for k in range(len(self.dt)):
+            p = system.dynamics[k] @ p @ system.dynamics[k].T + system.noise[k]
+            if k >= half:
+                found += np.diag(p)[:15]
+        return found / (len(self.dt) - half)
+
+    def response(self, constants: FloatArray) -> FloatArray:
+        """Return the mean of the errors of position, velocity and attitude that constants (m,) make; (k, 9)."""
+        mean, found = np.zeros(15), np.zeros((len(self.dt), 9))
+        through = self.inputs @ constants
+        if self.by_innovations:
+            through = -np.einsum("kij,kj->ki", self.gain, self.outputs @ constants)
+        update = np.tile(np.eye(15), (len(self.dt), 1, 1))
+        update[:, :, :6] -= self.gain
+        dynamics = update @ self.phi
+        for k in range(len(self.dt)):
+            mean = dynamics[k] @ mean + through[k]
+            found[k] = mean[:9]
+        return found if self.by_innovations else found + self.outputs @ constants
+
+    def _likelihood(self, true: TrueNoise, regressors: int) -> tuple[float, FloatArray]:
+        system = self._system(true)
+        k, n, _ = system.dynamics.shape
+        inputs, shift = np.zeros((k, n, regressors)), np.zeros((k, n))
+        inputs[:, :15] = self.inputs[:, :, :regressors]
+        shift[:, :15] = self.shift
+        variance = self.variance
+        if self.by_innovations:
+            variance = variance + np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
+        seen_of = np.ascontiguousarray(self.outputs[:, :, :regressors])
+        logs, products = error_likelihood(
+            system.dynamics,
+            system.noise,
+            shift,
+            system.start,
+            self.seen,
+            variance,
+            self.known,
+            inputs,
+            seen_of,
+        )
+        return float(logs), np.asarray(products)
+
+    @cached_property
+    def _own_dynamics(self) -> FloatArray:
+        """Dynamics of the errors where the filter lacks no process, shape (k, 15, 15)."""
+        return np.asarray(self.update @ self.phi)
+
+    @cached_property
+    def _own_noise(self) -> FloatArray:
+        """Their noise by source, of the fixes last, shape (4 + 2, k, 15, 15)."""
+        mats = [self.update @ self.noise[:, s] @ np.swapaxes(self.update, -1, -2) for s in range(4)]
+        for own in (slice(0, 3), slice(3, 6)):
+            part = self.gain[:, :, own]
+            scaled = part * self.model.fix_variance[own]
+            mats.append(0.0 * self.phi if self.by_innovations else scaled @ np.swapaxes(part, -1, -2))
+        return np.stack(mats)
+
+    def _system(self, true: TrueNoise) -> _System:
+        if true.extra is None and true.time_ratio == (1.0, 1.0):
+            squares = np.array([*true.density, *true.fixes]) ** 2
+            noise = np.tensordot(squares, self._own_noise, 1)
+            return _System(self._own_dynamics, noise, self.start)
+        q = np.array(true.density) ** 2
+        noise = np.einsum("s,ksij->kij", q, self.noise)
+        system = _System(self.phi, noise, self.start)
+        if true.time_ratio != (1.0, 1.0):
+            system = self._with_true_biases(system, true)
+        elif true.extra is not None and true.extra.place != "fixes":
+            system = self._with_missing_state(system, true.extra)
+        elif true.extra is not None:
+            system = self._with_fix_errors(system, true.extra)
+        if self.by_innovations:
+            return system
+        n = system.dynamics.shape[1]
+        wide = np.tile(np.eye(n), (len(self.dt), 1, 1))
+        wide[:, :15, :15] = self.update
+        if true.extra is not None and true.extra.place == "fixes":
+            wide[:, :15, 15:] = -self.gain[:, :, :3]
+        r = np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
+        after = wide @ system.noise @ np.swapaxes(wide, -1, -2)
+        after[:, :15, :15] += (self.gain * r) @ np.swapaxes(self.gain, -1, -2)
+        return _System(wide @ system.dynamics, after, system.start)
+
+    def _widened(self, system: _System, decay: FloatArray, variance: FloatArray) -> _System:
+        """Return the system with further stationary first-order states behind the 15."""
+        k, more = len(self.dt), len(variance)
+        n = 15 + more
+        dynamics, noise, start = np.zeros((k, n, n)), np.zeros((k, n, n)), np.zeros((n, n))
+        dynamics[:, :15, :15], noise[:, :15, :15], start[:15, :15] = (
+            system.dynamics,
+            system.noise,
+            system.start,
+        )
+        dynamics[:, range(15, n), range(15, n)] = decay
+        noise[:, range(15, n), range(15, n)] = (1.0 - decay**2) * variance
+        start[range(15, n), range(15, n)] = variance
+        return _System(dynamics, noise, start)
+
+    def _with_missing_state(self, system: _System, extra: ExtraProcess) -> _System:
+        first = 9 if extra.place == "gyro" else 12
+        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
+        wide = self._widened(system, decay, np.full(3, extra.sd**2))
+        response = self.phi[:, :, first : first + 3].copy()
+        response[:, 9:] = 0.0
+        wide.dynamics[:, :15, 15:] = response
+        return wide
+
+    def _with_fix_errors(self, system: _System, extra: ExtraProcess) -> _System:
+        decay = np.exp(-self.dt / extra.time_constant)[:, None] * np.ones(3)
+        return self._widened(system, decay, np.full(3, extra.sd**2))
+
+    def _with_true_biases(self, system: _System, true: TrueNoise) -> _System:
+        """Return the system with the true biases, whose time constants are not those assumed."""
+        assumed = np.repeat(self.model.time_constant, 3)
+        constant = assumed * np.repeat(true.time_ratio, 3)
+        scale = np.array(true.density[2:])
+        density = np.repeat(scale * self.model.density[2:], 3)
+        variance = 0.5 * density**2 * assumed
+        decay = np.exp(-self.dt[:, None] / constant)
+        wide = self._widened(system, decay, variance)
+        own, biases = range(9, 15), range(15, 21)
+        increment = (1.0 - decay**2) * variance
+        wide.dynamics[:, own, biases] = decay - np.exp(-self.dt[:, None] / assumed)
+        wide.noise[:, :15, :15] -= np.einsum("s,ksij->kij", scale**2, self.noise[:, 2:])
+        wide.noise[:, own, own] += increment
+        wide.noise[:, own, biases] = wide.noise[:, biases, own] = increment
+        known = np.minimum(np.diag(self.start)[9:], variance)
+        wide.start[own, biases] = wide.start[biases, own] = known
+        return wide
+
+
+def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorModel:
+    """Return a run with the gains of a filter, ready for the likelihood of its errors, or else of its innovations."""
+    phi, noise = transitions(course, model.time_constant)
+    noise = noise * (model.density**2)[:, None, None]
+    start = start_covariance(run, course)
+    covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
+    rows = course.rows[1:]
+    sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
+    by_fixes, outputs = _regressors(course)
+    error = run.error[rows, :9]
+    by_innovations = not np.isfinite(error).any()
+    update = np.tile(np.eye(15), (len(phi), 1, 1))
+    shift = np.zeros((len(phi), 15))
+    if by_innovations:
+        seen = run.estimate.innovation[rows]
+        known = np.isfinite(seen)
+        seen = np.where(known, seen, 0.0)
+        # Innovations are of the errors before the fix: the change by the fix belongs to the step after it.
+        shift[1:] = -np.einsum("kij,kjl,kl->ki", phi[1:], gain[:-1], seen[:-1])
+        inputs = np.zeros((len(phi), 15, REGRESSOR_COUNT))
+        outputs = by_fixes
+        variance = MODEL_ERROR**2 * sds[:, :6] ** 2
+    else:
+        known = np.isfinite(error)
+        seen = np.where(known, error, 0.0)
+        update[:, :, :6] -= gain
+        inputs = -gain @ by_fixes
+        stated = np.einsum("kii->ki", run.covariance)[rows, :9]
+        variance = MODEL_ERROR**2 * np.where(stated > 0.0, stated, sds**2)
+    return ErrorModel(
+        model,
+        update,
+        phi,
+        np.ascontiguousarray(noise),
+        gain,
+        start,
+        seen,
+        variance,
+        known,
+        shift,
+        np.ascontiguousarray(inputs),
+        np.ascontiguousarray(outputs),
+        sds,
+        course.dt,
+        by_innovations,
+    )
+
+
+def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
+    """Return what constants do to fixes, (k, 6, m), and to output errors, (k, 9, m)."""
+    k = len(course.dt)
+    fixes, outputs = np.zeros((k, 6, REGRESSOR_COUNT)), np.zeros((k, 9, REGRESSOR_COUNT))
+    at = REGRESSORS
+    motion = np.concatenate([course.vel, course.acc, course.rate], axis=1)[:, :, None]
+    fixes[:, :, at["delay of fixes"]] = -motion[:, :6]
+    outputs[:, :, at["delay of output"]] = motion
+    arm = np.concatenate([course.body, rotation.skew(course.rate) @ course.body], axis=1)
+    fixes[:, :, at["lever arm of fixes"]] = arm
+    outputs[:, :6, at["lever arm of output"]] = -arm
+    fixes[:, :3, at["offset of positions"]] = np.eye(3)
+    place = np.cumsum(course.vel * course.dt[:, None], axis=0)
+    turn = np.concatenate([-rotation.skew(place - place.mean(axis=0)), -rotation.skew(course.vel)], axis=1)
+    fixes[:, :, at["rotation of positions"]] = turn
+    outputs[:, 6:, at["rotation of body"]] = course.body
+    return fixes, outputs

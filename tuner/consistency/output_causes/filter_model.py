@@ -1,0 +1,268 @@
+"""The filter behind an output: the error-state filter whose sds are those that the output states.
+
+Along the trajectory the errors of any inertial filter obey the same linear dynamics: position, velocity, attitude and
+biases, driven by white noise of gyros and accelerometers and by that of their biases [1]_. What a filter assumes, the
+densities of four noises, the time constants of the biases and the variances of position and velocity fixes, horizontal
+and vertical, is found by least squares of the logarithms of its sds. Its gains follow.
+
+References
+----------
+.. [1] P. D. Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd ed., ch. 14.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from tuner.consistency.output_causes.kernels import covariance_recursion
+from tuner.consistency.output_errors import OutputErrors
+
+FloatArray = NDArray[np.float64]
+
+GRAVITY = np.array([0.0, 0.0, 9.80665])
+"""m/s²: its change from place to place is far below the noise of the errors."""
+SOURCES = ("gyro white noise", "accelerometer white noise", "gyro bias noise", "accelerometer bias noise")
+"""Process noise, in the order of the sources of a model."""
+DEFAULT_SD = np.repeat([3.0, 0.3, 0.03, 1e-3, 0.03], 3)
+"""Sds at the start of states for which none are stated, SI: after a coarse alignment of a consumer unit."""
+FIRST_GUESS = np.log([1e-4, 3e-3, 3e-5, 3e-4])
+"""Densities from which the search begins, SI: a consumer unit."""
+LOG_SPAN = 12.0
+"""How far, as a logarithm, the search may go from its first guess: from a consumer unit to a navigation grade."""
+MIN_EPOCHS = 40
+"""Epochs from which a filter is modelled: four times the numbers that are sought."""
+MAX_EPOCHS = 1200
+"""Epochs that are modelled: twenty minutes of fixes tell every fault that scores show."""
+MAX_FITTED_EPOCHS = 400
+"""Epochs of a run that are fitted: eight numbers follow from far fewer."""
+MAX_MISFIT = 0.15
+"""Rms difference of the logarithms of sds above which no such filter explains them: 15 %."""
+MIN_FIXED_DROP = 1e-4
+"""Relative drop of the position variance that shows a fix."""
+STEADY_GROWTH = 0.05
+"""Relative growth of the position variance from epoch to epoch above which there was no fix between."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """The epochs of a run as a linear filter passes them.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (k + 1,)
+        Epochs of the errors; the model starts at the first.
+    dt : ndarray, shape (k,)
+        s.
+    mat_nb, force, vel, acc, rate : ndarray, shapes (k, 3, 3), (k, 3) four times
+        Attitude, specific force, velocity and its derivative, angular rate, in north-east-down, at the later epoch
+        or, of attitude and force, in the middle.
+    body : ndarray, shape (k, 3, 3)
+        Attitude at the later epoch.
+    fixed : ndarray of bool, shape (k,)
+        Epochs with a fix.
+    """
+
+    rows: NDArray[np.intp]
+    dt: FloatArray
+    mat_nb: FloatArray
+    force: FloatArray
+    vel: FloatArray
+    acc: FloatArray
+    rate: FloatArray
+    body: FloatArray
+    fixed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FilterModel:
+    """What a filter assumes, as its sds show (SI).
+
+    Attributes
+    ----------
+    density : ndarray, shape (4,)
+        Of `SOURCES`.
+    time_constant : ndarray, shape (2,)
+        Of gyro and accelerometer biases, s.
+    fix_variance : ndarray, shape (6,)
+        Of position and velocity fixes.
+    misfit : float
+        Rms difference of the logarithms of its sds and those stated.
+    """
+
+    density: FloatArray
+    time_constant: FloatArray
+    fix_variance: FloatArray
+    misfit: float
+
+    @property
+    def fits(self) -> bool:
+        """Whether the sds are those of such a filter."""
+        return self.misfit < MAX_MISFIT
+
+
+def course_of(run: OutputErrors) -> Course | None:
+    """Return the epochs of a run with their dynamics; None where it has no velocity or too few epochs."""
+    estimate = run.estimate
+    vel = estimate.vel_n
+    if not np.isfinite(vel).any() and estimate.local is not None:
+        vel = np.gradient(estimate.local, run.t, axis=0)
+    quat = estimate.quat_nb
+    if not np.isfinite(quat).any():
+        heading = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0]))
+        quat = rotation.quat_from_rpy(np.column_stack([0.0 * heading, 0.0 * heading, heading]))
+    rows = np.flatnonzero(np.isfinite(vel).all(axis=1) & np.isfinite(quat).all(axis=1))
+    if len(rows) < MIN_EPOCHS:
+        return None
+    rows, fixed = _at_fixes(run.t, rows, fixes_of(run, rows))
+    if len(rows) < MIN_EPOCHS:
+        return None
+    t, vel, quat = run.t[rows], vel[rows], quat[rows]
+    dt = np.diff(t)
+    turn = rotation.rotvec_from_quat(rotation.quat_multiply(quat[1:], rotation.quat_conjugate(quat[:-1])))
+    middle = rotation.quat_multiply(rotation.quat_from_rotvec(0.5 * turn), quat[:-1])
+    mean_acc = np.diff(vel, axis=0) / dt[:, None]
+    acc = np.gradient(vel, t, axis=0)[1:]
+    rate = np.concatenate([turn / dt[:, None], turn[-1:] / dt[-1]])
+    return Course(
+        rows,
+        dt,
+        rotation.mat_from_quat(middle),
+        mean_acc - GRAVITY,
+        vel[1:],
+        acc,
+        0.5 * (rate[:-1] + rate[1:]),
+        rotation.mat_from_quat(quat[1:]),
+        fixed[1:],
+    )
+
+
+def _at_fixes(
+    t: FloatArray, rows: NDArray[np.intp], fixed: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return the first epochs with fixes and, where there are none, some as far apart; and which have one."""
+    where = np.flatnonzero(fixed)
+    if 2 < len(where) < 0.9 * len(rows):
+        spacing = float(np.median(np.diff(t[rows[where]])))
+        keep, last = np.zeros(len(rows), dtype=bool), -np.inf
+        for i, now in enumerate(t[rows]):
+            if fixed[i] or now - last > 1.5 * spacing:
+                keep[i], last = True, now
+        rows, fixed = rows[keep], fixed[keep]
+    return rows[:MAX_EPOCHS], fixed[:MAX_EPOCHS]
+
+
+def fixes_of(run: OutputErrors, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return at which epochs the filter used a fix: by innovations, else by drops of its position variance."""
+    estimate = run.estimate
+    outside = np.ones(len(rows), dtype=bool)
+    for begin, end in estimate.outages:
+        outside &= (run.t[rows] <= begin) | (run.t[rows] >= end)
+    if estimate.has_innovations:
+        return np.asarray(np.isfinite(estimate.innovation[rows, :3]).all(axis=1))
+    variance = np.trace(run.covariance[rows][:, :3, :3], axis1=1, axis2=2)
+    if not np.isfinite(variance).all():
+        return outside
+    growth = np.concatenate([[0.0], np.diff(np.log(variance))])
+    drops = np.flatnonzero(growth < -MIN_FIXED_DROP)
+    spacing = np.diff(drops)
+    if len(spacing) > 10 and np.median(spacing) >= 2:
+        fixed = np.zeros(len(rows), dtype=bool)
+        fixed[drops] = True
+        return fixed
+    return outside & (growth < STEADY_GROWTH)
+
+
+def transitions(course: Course, time_constant: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return transition matrices and process noise of unit density by source; (k, 15, 15), (k, 4, 15, 15).
+
+    The errors are truth minus estimate: p' = v, v' = −[f ×] φ − C δa, φ' = −C δg, biases decaying.
+    """
+    k = len(course.dt)
+    half, whole = (_transition(course, time_constant, share) for share in (0.5, 1.0))
+    noise = np.zeros((k, 4, 15, 15))
+    for s, (first, mat) in enumerate(((6, course.mat_nb), (3, course.mat_nb), (9, None), (12, None))):
+        g = np.zeros((k, 15, 3))
+        g[:, first : first + 3] = np.eye(3) if mat is None else mat
+        for weight, phi in ((1.0 / 6.0, None), (4.0 / 6.0, half), (1.0 / 6.0, whole)):
+            column = g if phi is None else phi @ g
+            noise[:, s] += weight * course.dt[:, None, None] * (column @ np.swapaxes(column, -1, -2))
+    return whole, noise
+
+
+def _transition(course: Course, time_constant: FloatArray, share: float) -> FloatArray:
+    dt = share * course.dt[:, None, None]
+    f, c = rotation.skew(course.force), course.mat_nb
+    phi = np.tile(np.eye(15), (len(course.dt), 1, 1))
+    phi[:, 0:3, 3:6] = dt * np.eye(3)
+    phi[:, 0:3, 6:9] = -0.5 * dt**2 * f
+    phi[:, 0:3, 9:12] = dt**3 / 6.0 * (f @ c)
+    phi[:, 0:3, 12:15] = -0.5 * dt**2 * c
+    phi[:, 3:6, 6:9] = -dt * f
+    phi[:, 3:6, 9:12] = 0.5 * dt**2 * (f @ c)
+    phi[:, 3:6, 12:15] = -dt * c
+    phi[:, 6:9, 9:12] = -dt * c
+    for i, constant in enumerate(time_constant):
+        own = slice(9 + 3 * i, 12 + 3 * i)
+        phi[:, own, own] *= np.exp(-dt / constant)
+    return phi
+
+
+def start_covariance(run: OutputErrors, course: Course) -> FloatArray:
+    """Return P at the first epoch: as stated, `DEFAULT_SD` of what is not; (15, 15)."""
+    stated = run.covariance[course.rows[0]]
+    good = np.diag(stated) > 0.0
+    start = np.where(good[:, None] & good[None, :], stated, 0.0)
+    start[~good, ~good] = DEFAULT_SD[~good] ** 2
+    return np.asarray(start)
+
+
+def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
+    """Return the filter whose sds are nearest to those of a run."""
+    from scipy.optimize import least_squares  # loaded when used: slow to import
+
+    count = min(len(course.dt), MAX_FITTED_EPOCHS)
+    variance = np.einsum("kii->ki", run.covariance)[course.rows[1 : count + 1]]
+    stated = np.log(np.where(variance > 0.0, variance, np.nan))
+    states = np.flatnonzero(np.isfinite(stated).all(axis=0))
+    late = np.zeros(count, dtype=bool)
+    late[count // (20 if len(states) == 15 else 3) :] = True
+    start = start_covariance(run, course)
+    settled = np.exp(np.nanmedian(stated, axis=0))
+    position = settled[[0, 2]] if 0 in states else np.ones(2)
+    velocity = settled[[3, 5]] if 3 in states else np.full(2, 0.01)
+    guess = np.concatenate(
+        [FIRST_GUESS, np.log([300.0, 300.0]), 0.5 * np.log(10.0 * np.concatenate([position, velocity]))]
+    )
+    part = _head(course, count)
+
+    def residual(x: FloatArray) -> FloatArray:
+        model = _model(x, 0.0)
+        phi, noise = transitions(part, model.time_constant)
+        p, _ = covariance_recursion(phi, noise, part.fixed, model.density**2, model.fix_variance, start)
+        own = np.log(np.maximum(np.einsum("kii->ki", p), 1e-30))
+        return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
+
+    found = least_squares(
+        residual, guess, bounds=(guess - LOG_SPAN, guess + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
+    )
+    return _model(found.x, float(np.sqrt(np.mean(found.fun**2))))
+
+
+def _model(x: FloatArray, misfit: float) -> FilterModel:
+    variance = np.exp(2.0 * x[6:])[[0, 0, 1, 2, 2, 3]]
+    return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit)
+
+
+def _head(course: Course, count: int) -> Course:
+    """Return the first epochs of a course."""
+    return Course(
+        course.rows[: count + 1],
+        *(
+            getattr(course, name)[:count]
+            for name in ("dt", "mat_nb", "force", "vel", "acc", "rate", "body", "fixed")
+        ),
+    )
