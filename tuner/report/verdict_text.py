@@ -142,13 +142,9 @@ def _explained(explanations: Sequence[Explanation]) -> str:
 
 def _scored(verdict: Verdict) -> str:
     what = _SCORED.get(verdict.subject)
-<<<<<<< HEAD
     if what is None and verdict.subject in FILTER_STATES:
         what = f"the error of the state {FILTER_STATES[verdict.subject].meaning}"
-    if what is None:
-=======
-    if what is None and verdict.subject.startswith("outage "):
->>>>>>> 8785c7a (Score any filter by what it wrote, against a truth or by innovations)
+    elif what is None and verdict.subject.startswith("outage "):
         what = f"the position error after {verdict.subject.removeprefix('outage ')} without fixes"
     elif what is None:
         what = f"the error of {verdict.subject}"
