@@ -4,6 +4,7 @@
 t                                      (n,), s
 llh | ned, vned, rpy | quat            (n, 3): deg, deg, m | m, m/s, deg; (n, 4): w, x, y, z
 bg, ba                                 (n, 3): rad/s, m/s²
+sd_ned, sd_vned, sd_rpy                (n, 3): sds, m, m/s, deg
 covariance                             (n, k, k), k = 3, 6, 9 or 15: position (m), velocity, attitude (rotation
                                        about north, east, down, rad), gyro and accelerometer biases
 innovation, innovation_covariance      (n, 3 or 6), (n, 3 or 6, 3 or 6): position, velocity
@@ -38,8 +39,20 @@ _VECTORS: Mapping[str, tuple[str, ...]] = {
     "quat": ("qw", "qx", "qy", "qz"),
     "bg": ("bg_x", "bg_y", "bg_z"),
     "ba": ("ba_x", "ba_y", "ba_z"),
+    "sd_ned": ("sd_n", "sd_e", "sd_d"),
+    "sd_vned": ("sd_vn", "sd_ve", "sd_vd"),
+    "sd_rpy": ("sd_roll", "sd_pitch", "sd_yaw"),
 }
-_REFERENCE = {"ref_t": "t", "ref_llh": "llh", "ref_vned": "vned", "ref_rpy": "rpy"}
+"""Arrays of several columns."""
+_REFERENCE = {
+    "ref_t": "t",
+    "ref_llh": "llh",
+    "ref_vned": "vned",
+    "ref_rpy": "rpy",
+    "ref_pstd": "sd_ned",
+    "ref_vstd": "sd_vned",
+    "ref_astd": "sd_rpy",
+}
 
 
 def read_estimate_npz(path: Path, frames: Frames) -> FilterOutput:

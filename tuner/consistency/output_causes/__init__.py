@@ -129,7 +129,6 @@ def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
     while len(causes) < MAX_CAUSES:
         fits = _candidates(models, base, fixed, known, [] if only_means else _scales(models[0], base))
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
-        fits = [fit for fit in fits if fit.names or _matters(models[0], base, fit.base)]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
             break
@@ -168,7 +167,10 @@ def _candidates(
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
-        best.setdefault(fit.cause.cause, fit)
+        if fit.cause.cause not in best and (
+            _shifts(models[0], fit) if fit.names else _matters(models[0], base, fit.base)
+        ):
+            best[fit.cause.cause] = fit
     return list(best.values())
 
 
@@ -365,12 +367,30 @@ def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
     return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
 
 
-def _mean_errors(model: ErrorModel, fit: _Fit) -> list[MeanError]:
-    """Return the blocks whose errors a constant shifts by more than the margin of the scores."""
+def _shift(model: ErrorModel, fit: _Fit) -> FloatArray:
+    """Return the mean that a constant gives to the errors of position, velocity, attitude, in sds; (k, 9)."""
     constants = np.zeros(model.inputs.shape[2])
     own = REGRESSORS[fit.names[0]]
     constants[own] = fit.constants[len(fit.constants) - (own.stop - own.start) :]
-    shift = model.response(constants) / model.sds
+    return np.asarray(model.response(constants) / model.sds)
+
+
+def _shifts(model: ErrorModel, fit: _Fit) -> bool:
+    """Tell whether errors without the mean that a constant gives them are smaller.
+
+    Where the noise is far larger than assumed, changes of the errors are given too much weight, and a constant may
+    fit them at the cost of the errors themselves.
+    """
+    if model.by_innovations:
+        return True
+    error = np.where(model.known, model.seen / model.sds, 0.0)
+    left = np.where(model.known, error - _shift(model, fit), 0.0)
+    return float(np.sum(left**2)) < float(np.sum(error**2))
+
+
+def _mean_errors(model: ErrorModel, fit: _Fit) -> list[MeanError]:
+    """Return the blocks whose errors a constant shifts by more than the margin of the scores."""
+    shift = _shift(model, fit)
     found = []
     limit = math.sqrt((1.0 + EQUIVALENCE_MARGIN) ** 2 - 1.0)
     for i, name in enumerate(("position", "velocity", "attitude")):

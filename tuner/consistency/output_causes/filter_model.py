@@ -231,7 +231,7 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     late = np.zeros(count, dtype=bool)
     late[count // (20 if len(states) == 15 else 3) :] = True
     start = start_covariance(run, course)
-    settled = np.exp(np.nanmedian(stated, axis=0))
+    settled = np.exp(np.median(stated, axis=0))
     position = settled[[0, 2]] if 0 in states else np.ones(2)
     velocity = settled[[3, 5]] if 3 in states else np.full(2, 0.01)
     guess = np.concatenate(
