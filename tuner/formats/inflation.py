@@ -12,7 +12,7 @@ from typing import Any, Literal
 from tuner.formats.codec import dump, store, structured
 from tuner.formats.document_errors import refuse, shown
 from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
-from tuner.types.numbers import Finite
+from tuner.types.numbers import Finite, Share
 
 Kind = Literal["bound_used", "enlargement", "noise_scale"]
 
@@ -27,6 +27,7 @@ class _InflationForm:
     kind: Kind | None = None
     interval: tuple[float, float] | None = None
     causes: tuple[str, ...] = ()
+    time_share: Share | None = None
 
 
 def _load_inflation(content: object) -> Inflation:
@@ -35,7 +36,7 @@ def _load_inflation(content: object) -> Inflation:
     if kind == "bound_used":
         return BoundUsed(form.quantity, form.factor, form.reason)
     if kind == "enlargement":
-        return Enlargement(form.quantity, form.factor, form.reason, form.causes)
+        return _enlargement(form)
     return AppliedNoiseScale(form.quantity, form.factor, form.reason, form.interval, form.causes)
 
 
@@ -47,14 +48,17 @@ def _kind_of(form: _InflationForm) -> Kind:
 
 
 def _load_enlargement(content: object) -> Enlargement:
-    form = structured(content, _InflationForm)
-    return Enlargement(form.quantity, form.factor, form.reason, form.causes)
+    return _enlargement(structured(content, _InflationForm))
+
+
+def _enlargement(form: _InflationForm) -> Enlargement:
+    return Enlargement(form.quantity, form.factor, form.reason, form.causes, form.time_share)
 
 
 def _dump_as(kind: Kind) -> Any:
     def dump_inflation(one: Inflation) -> dict[str, Any]:
         entries = vars(one)
-        return {
+        content = {
             "quantity": str(one.quantity),
             "kind": kind,
             "factor": one.factor,
@@ -62,6 +66,9 @@ def _dump_as(kind: Kind) -> Any:
             "causes": dump(entries.get("causes", ())),
             "reason": one.reason,
         }
+        if entries.get("time_share") is not None:
+            content["time_share"] = entries["time_share"]
+        return content
 
     return dump_inflation
 

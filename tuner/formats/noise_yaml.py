@@ -194,4 +194,8 @@ def _inflation(inflation: Inflation) -> dict[str, Any]:
         content["interval"] = Noted(
             Inline(content["interval"]), "95 %, estimated from the drive as it stands"
         )
+    if content.get("time_share"):
+        content["time_share"] = Noted(
+            content["time_share"], "share of the record in which the noise is larger"
+        )
     return {key: entry for key, entry in content.items() if entry or key not in {"interval", "causes"}}

@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from tuner.formats.configuration import config_json
+from tuner.formats.customary_units import digits
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
@@ -149,6 +150,11 @@ def tune_tables(result: TuneResult, directory: Path) -> list[Table | str]:
     return [*noise, *tables, *_summary(result, directory)]
 
 
+def _while(worst: Enlargement) -> str:
+    """Return for what part of the record the noise is larger, in words; empty where that is not known."""
+    return "" if worst.time_share is None else f" for {digits(100.0 * worst.time_share, 2)} % of the record"
+
+
 def _summary(result: TuneResult, directory: Path) -> list[str]:
     config = result.config
     lines = [f"  configuration: {directory / 'noise.yaml'} ({len(config.channels)} channels)"]
@@ -161,7 +167,7 @@ def _summary(result: TuneResult, directory: Path) -> list[str]:
         if isinstance(i, Enlargement)
     ]
     lines += [
-        f"  at its worst {i.quantity} × {i.factor:.4g}, not in the settings: {i.reason}"
+        f"  at its worst {i.quantity} × {i.factor:.4g}{_while(i)}, not in the settings: {i.reason}"
         for i in config.worst_case
     ]
     lines += [f"  {note}" for note in config.notes if note not in result.identification.notes]

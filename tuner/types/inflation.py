@@ -43,12 +43,16 @@ class Enlargement:
         Why.
     causes : tuple of str
         Codes of the findings that ask for it, where there are any.
+    time_share : float or None
+        Share of the record, 0 … 1, in which the cause makes the noise larger than its rms over the record; None for
+        what is not noise of a record.
     """
 
     quantity: Quantity
     factor: float
     reason: str
     causes: tuple[str, ...] = ()
+    time_share: float | None = None
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ LONGEST_LEVER_ARM = 100.0
 Finite = Annotated[float, Limits("a number")]
 Positive = Annotated[float, Limits("a positive number", 0.0, open_low=True)]
 NonNegative = Annotated[float, Limits("a number not below 0", 0.0)]
+Share = Annotated[float, Limits("a number from 0 to 1", 0.0, 1.0)]
 Vector3 = Annotated[tuple[float, float, float], VectorLimits()]
 LeverArm = Annotated[tuple[float, float, float], VectorLimits(LONGEST_LEVER_ARM)]
 """m."""

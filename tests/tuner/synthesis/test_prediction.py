@@ -13,7 +13,7 @@ import tuner
 from models.noise import GaussMarkov, NoiseModel, White
 from tuner.formats import noise_yaml
 from tuner.identification import identify
-from tuner.report.result_set import tune_json
+from tuner.report.result_set import tune_json, tune_tables
 from tuner.segments.conditions import at_rest
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
@@ -60,7 +60,13 @@ def test_the_noise_at_its_worst_is_advice_beside_the_settings(result):
     true = 1e-4 * np.sqrt(101.0)
     written = result.config.channels["gyro_y"].white_density
     assert worst.factor * written == pytest.approx(true, rel=0.15)
-    assert noise_yaml.loads(noise_yaml.dumps(result.config)).worst_case[0].quantity == worst.quantity
+    assert worst.time_share == pytest.approx(0.01, rel=0.1)
+    stored = noise_yaml.loads(noise_yaml.dumps(result.config)).worst_case[0]
+    assert stored.quantity == worst.quantity
+    assert stored.time_share == pytest.approx(worst.time_share, rel=1e-4)
+    assert "for 1.00 % of the record, not in the settings" in "\n".join(
+        str(row) for row in tune_tables(result, Path("out"))
+    )
 
 
 def test_conservative_settings_use_the_worst_throughout(result):

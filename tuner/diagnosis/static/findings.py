@@ -113,7 +113,10 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
     factor, reason = enlargement
     needed = factor * outcome.base.model.white_density() * outcome.base.channel.scale
     factor = needed / base.white_density()
-    return Enlargement(Quantity(axis, "white_density"), factor, reason) if factor > MIN_ENLARGEMENT else None
+    if factor <= MIN_ENLARGEMENT:
+        return None
+    share = accepted.extension.enlarged_share(outcome.final.channel)
+    return Enlargement(Quantity(axis, "white_density"), factor, reason, time_share=share)
 
 
 def _shared(group: Sequence[_Single], single: _Single) -> bool:

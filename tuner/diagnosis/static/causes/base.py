@@ -185,6 +185,10 @@ class Extension(Cause):
         """
         return None
 
+    def enlarged_share(self, channel: Channel) -> float:  # noqa: ARG002
+        """Return the share of a record, 0 … 1, in which the cause makes the noise larger than its rms over it."""
+        return 1.0
+
     def refit(self, fitted: Residual, index: int) -> Extension:  # noqa: ARG002
         """Return the extension, number `index` of a residual that has it, with its parameters fitted again."""
         return self

@@ -24,6 +24,7 @@ from scipy.stats import norm
 
 from models.effects.static.distribution import Burst as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.null_distributions import EDGE_NATS
 from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, robust_sd
 from tuner.diagnosis.static.outcome import TestResult
@@ -83,6 +84,10 @@ class Burst(Extension):
         share = (self.last - self.first) / len(after.channel)
         enlarged = float(np.sqrt(ratio / (1.0 + share * (ratio - 1.0))))
         return (enlarged, "burst: the noise while it lasts") if ratio > 1.0 else None
+
+    def enlarged_share(self, channel: Channel) -> float:
+        """Return its length ÷ that of the record."""
+        return (self.last - self.first) / len(channel)
 
     def whiten(self, e: FloatArray) -> FloatArray:
         """Bring the stretch to the variance of the rest."""

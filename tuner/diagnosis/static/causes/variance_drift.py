@@ -75,6 +75,11 @@ class VarianceDrift(Extension):
         rms = float(np.sqrt(np.mean(np.exp(self.course))))
         return self.largest_ratio / rms, "variance_drift: the noise where it is largest"
 
+    def enlarged_share(self, channel: Channel) -> float:  # noqa: ARG002
+        """Return the share of the parts of the record whose variance is above the mean of all."""
+        variance = np.exp(self.course)
+        return float(np.mean(variance > variance.mean()))
+
     @classmethod
     def test(cls, fitted: Residual) -> TestResult:
         """Regress the log variance of blocks on time, and on the temperature where it was measured."""
