@@ -19,6 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
+from tuner.diagnosis.drive.held_out_choice import choose_config
 from tuner.diagnosis.static.drift import found_signals
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats import noise_yaml
@@ -31,6 +32,7 @@ from tuner.readers.drive import read_drive
 from tuner.readers.source_kind import is_log, source_name
 from tuner.segments.conditions import at_rest
 from tuner.segments.multi_position import PoseCalibration, calibrate
+from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.static import demo
 from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.calibration import with_calibration
@@ -214,14 +216,17 @@ def tune(
     examined = None
     if inputs.drive is not None:
         examined = examine_and_explain(inputs.drive, config, progress=progress)
-        config = config_after_drive(examined)
+        choice = choose_config(inputs.drive, examined, config, config_after_drive(examined), progress)
+        config = replace(choice.config, notes=(*choice.config.notes, choice.note))
     exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {
         f"{dialect}.yaml": export(config, dialect)
         for dialect in EXPORTED_DIALECTS
         if not lacking(config, DIALECTS[dialect])
     }
-    checked, unchecked = check_or_reason(config, seed=seed, progress=progress)
+    checked, unchecked = check_or_reason(
+        config, after_drive=examined is not None, seed=seed, progress=progress
+    )
     return TuneResult(
         inputs.name,
         inputs.records,
@@ -351,12 +356,24 @@ def configure(
     return config, predictions
 
 
+def in_motion(config: FilterConfig) -> FilterConfig:
+    """Return a configuration without the terms identified at rest: what is simulated is what is configured."""
+    channels = {axis: replace(channel, identified=()) for axis, channel in config.channels.items()}
+    return replace(config, channels=channels)
+
+
 def check_or_reason(
-    config: FilterConfig, *, seed: int, progress: Progress
+    config: FilterConfig, *, after_drive: bool, seed: int, progress: Progress
 ) -> tuple[Check | None, Mapping[str, str]]:
-    """Return the consistency check of a configuration, or None and the reason why it cannot be checked."""
+    """Return the consistency check of a configuration, or None and the reason why it cannot be checked.
+
+    After a drive the simulated unit has the noise that the drive showed, as configured, not that of the unit at rest.
+    """
     progress(f"checking the filter on {CHECK_RUNS} simulated hours")
     try:
-        return check(config, CHECK_TRAJECTORY, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed), {}
+        truth = sensor_of_config(in_motion(config)) if after_drive else None
+        return check(
+            config, CHECK_TRAJECTORY, truth=truth, duration=CHECK_DURATION, runs=CHECK_RUNS, seed=seed
+        ), {}
     except DataError as error:
         return None, {"consistency": str(error)}

@@ -12,7 +12,12 @@ from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
 from tuner.diagnosis.drive.causes.registry import significance_threshold
 from tuner.diagnosis.drive.causes.sensor_bias import biases_beyond_prior
-from tuner.diagnosis.drive.causes.time_offset import clock_drift, clocks_are_suspicious, coarse_clock_search
+from tuner.diagnosis.drive.causes.time_offset import (
+    clock_coefficients,
+    clock_drift,
+    clocks_are_suspicious,
+    coarse_clock_search,
+)
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
 from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter, thin_fixes
@@ -88,9 +93,19 @@ def _examine(
     suspicious_clocks = clocks_are_suspicious(base)
     if suspicious_clocks:
         refuse_wrong_axes(drive)
-    coarse, notes = coarse_clock_search(in_sensor_axes(drive), base.hypothesis)
+    coarse, clock = coarse_clock_search(in_sensor_axes(drive), base.hypothesis)
     outcome = search_causes(sensor, base, coarse, progress)
-    notes = (*base.notes, *notes, *outcome.notes, *coarse_quantizer_notes(sensor))
+    measured = clock_coefficients(clock, config.compensation)
+    outcome = replace(
+        outcome,
+        accepted=tuple(replace(a, parameters=measured.get(a.cause, a.parameters)) for a in outcome.accepted),
+    )
+    notes = (
+        *base.notes,
+        *((clock.note,) if clock.note else ()),
+        *outcome.notes,
+        *coarse_quantizer_notes(sensor),
+    )
     if every > 1:
         notes = (*notes, f"one fix of {every} is looked at")
     if config.constants:

@@ -61,7 +61,7 @@ def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
         return None
     cut = float(t[0] + FITTED_SHARE * (t[-1] - t[0]))
     try:
-        after = run_filter(drive, _fitted_before(drive, outcome, cut))
+        after = run_filter(drive, fitted_before(drive, outcome, cut))
     except DataError:
         return None
     before = outcome.base
@@ -81,7 +81,7 @@ def held_out_gain(drive: Drive, outcome: SearchResult) -> Gain | None:
     )
 
 
-def _fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis:
+def fitted_before(drive: Drive, outcome: SearchResult, cut: float) -> Hypothesis:
     """Return the final hypothesis with its values fitted to the fixes before a time."""
     final = outcome.final.hypothesis
     kept = drive.gnss.t < cut

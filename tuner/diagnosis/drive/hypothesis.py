@@ -107,7 +107,7 @@ class Hypothesis:
             name: scaled_factor(before, name, factor) if name in ROW_GROUPS else factor
             for name, factor in factors.items()
         }
-        config = _with_density_factors(
+        config = with_density_factors(
             config, dict(zip(NOISE_GROUPS, noise.process_noise_scale.tolist(), strict=True))
         )
         if np.any(noise.markov_sd > 0.0) and config.gnss is not None:
@@ -144,7 +144,7 @@ class Hypothesis:
         return replace(self, position_out=none, velocity_out=none)
 
 
-def _with_density_factors(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
+def with_density_factors(config: FilterConfig, factor: Mapping[str, float]) -> FilterConfig:
     """Return the configuration with its densities times factors by group."""
 
     def channel(axis: str, noise: ChannelNoise) -> ChannelNoise:

@@ -20,7 +20,7 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ GOOD_HEADING_SD, MAX_HEADING_SD = math.radians(12.0), math.radians(60.0)
 """Sd of the heading above which more motion is used, and above which there is no heading, rad."""
 MAX_STATIONARY = 120.0
 """Longest part of a stationary period that is used, s."""
+MIN_SECONDS_AT_REST = 10
+"""Seconds at rest from which their scatter gives the sd of the mean of the gyros."""
 MIN_BIAS_ROTATION = math.radians(2.0)
 """Rotation by the gyro biases from which they are estimated from motion, rad."""
 MAX_CLOCK_OFFSET = 3.0
@@ -85,6 +87,8 @@ class Alignment:
         Time it was stationary before, s.
     accel_bias : ndarray, shape (3,)
         Excess of the specific force at rest over gravity, along itself, m/s².
+    gyro_bias_sd : ndarray, shape (3,)
+        Sd of the gyro biases as measured at rest, rad/s; infinite where the vehicle hardly stood.
     """
 
     t: float
@@ -95,6 +99,7 @@ class Alignment:
     delay: float
     still: float
     accel_bias: FloatArray
+    gyro_bias_sd: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
 
 
 def velocities(gnss: Gnss) -> FloatArray:
@@ -163,7 +168,7 @@ def align_once(
     begin = max(float(gnss.t[0]), still_end - MAX_STATIONARY)
     stop = min(still_end + STATIONARY_MARGIN + moving, float(gnss.t[-1]), float(ends[-1]))
     last = np.searchsorted(ends, stop + offset + 0.1)
-    bias, excess = np.zeros(6), np.zeros(3)
+    bias, excess, bias_known = np.zeros(6), np.zeros(3), np.full(3, np.inf)
     # Biases that rotate the unit by less than an alignment resolves are not estimated.
     unknown = bias_sd if bias_sd[:3].max() * (stop - begin) > MIN_BIAS_ROTATION else KNOWN_BIAS_SD
     down = float(gravity(np.sin(gnss.llh[0, 0]), gnss.llh[0, 2]))
@@ -174,6 +179,7 @@ def align_once(
         bias[:3], force = means[:3], float(np.linalg.norm(means[3:]))
         if rest > SUFFICIENT_STATIONARY or not unknown.any():
             excess, unknown = means[3:] * (1.0 - down / force), KNOWN_BIAS_SD
+            bias_known = _sd_at_rest(steps, quiet)
         else:  # noise counts as one value a second: what shakes a unit at rest is not white
             scatter = np.std(steps.increments[quiet, :3] / steps.dt[quiet, None], axis=0)
             unknown = np.concatenate([np.minimum(bias_sd[:3], scatter / np.sqrt(rest)), bias_sd[3:]])
@@ -246,7 +252,19 @@ def align_once(
         delay,
         rest,
         excess + found.bias[3:],
+        bias_known,
     )
+
+
+def _sd_at_rest(steps: Steps, quiet: slice) -> FloatArray:
+    """Return the sd of the mean of the gyros at rest from that of means over a second, infinite below ten of them."""
+    second = max(1, round(1.0 / float(np.median(steps.dt[quiet])))) if steps.dt[quiet].size else 1
+    count = len(steps.dt[quiet]) // second
+    if count < MIN_SECONDS_AT_REST:
+        return np.full(3, np.inf)
+    rates = steps.increments[quiet][: count * second, :3] / steps.dt[quiet][: count * second, None]
+    means = rates.reshape(count, second, 3).mean(axis=1)
+    return np.asarray(np.std(means, axis=0, ddof=1) / np.sqrt(count))
 
 
 def _positions_are_better(gnss: Gnss) -> bool:

@@ -67,7 +67,7 @@ CORRELATION_TIME = 5.0
 """Time after which fixes of the coarse search count as independent, s: receivers smooth over seconds."""
 MIN_COARSE_GAIN = 10.0
 """Nats by which an offset of the coarse search must beat clocks that agree: half of the χ²₁ that the
-largest of 61 exceeds with a probability of `SIGNIFICANCE`, 9.3, rounded up."""
+largest of 61 exceeds with a probability of `FALSE_OFFSET_PROBABILITY`, 9.3, rounded up."""
 MAX_COARSE_SEGMENTS = 24
 """Segments that the coarse search uses, those with the largest accelerations."""
 MAX_STEPS = 12
@@ -76,8 +76,8 @@ MAX_STEP = 0.5
 """Longest of them, s."""
 MIN_STEP = 0.05
 """Step, in sds, below which it ends."""
-SIGNIFICANCE = 1e-3
-"""Probability that clocks that agree are told to differ."""
+FALSE_OFFSET_PROBABILITY = 1e-3
+"""Probability with which clocks that agree are said to differ."""
 KNOWN_ARM_SD, UNKNOWN_ARM_SD = 0.1, 1.0
 """Prior sd of a lever arm that was measured, and of one that nobody gave, m: the size of a car."""
 MAX_DELAY_SD, GYRO_BIAS_SD = 1e3, 0.1
@@ -124,7 +124,7 @@ class ClockOffset:
     @property
     def significant(self) -> bool:
         """Whether clocks that agree are refuted."""
-        return not self.at_bound and self.p_value < SIGNIFICANCE
+        return not self.at_bound and self.p_value < FALSE_OFFSET_PROBABILITY
 
     @property
     def sd(self) -> FloatArray:
@@ -199,7 +199,7 @@ def chosen_clock(found: ClockOffset) -> Clock:
         value = covariance @ design.T @ np.linalg.solve(c, d)
         left, more = d - design @ value, len(d) - design.shape[1]
         statistic = float(left @ np.linalg.solve(c, left))
-        if not more or fisher.sf(statistic / more, more, found.freedom) > SIGNIFICANCE:
+        if not more or fisher.sf(statistic / more, more, found.freedom) > FALSE_OFFSET_PROBABILITY:
             break
     names = (
         ("delay",)
@@ -213,11 +213,11 @@ def chosen_clock(found: ClockOffset) -> Clock:
     values = dict(zip(names, zip(value.tolist(), half.tolist(), sds.tolist(), strict=True), strict=True))
     delay, delay_half, delay_sd = values.get("delay", (0.0, 0.0, 0.0))
     lag, lag_half, _ = values.get("lag", (0.0, 0.0, 0.0))
-    told = []
+    described = []
     if "delay" in values:
-        told.append(f"fixes are {_interval_text(delay, delay_half)} late")
+        described.append(f"fixes are {_interval_text(delay, delay_half)} late")
     if "lag" in values:
-        told.append(
+        described.append(
             f"velocities of the receiver are {_interval_text(lag, lag_half)} later than its positions"
         )
     return Clock(
@@ -226,7 +226,7 @@ def chosen_clock(found: ClockOffset) -> Clock:
         (delay - delay_half, delay + delay_half),
         (lag - lag_half, lag + lag_half),
         delay_sd,
-        f"{', '.join(told)}, by the motion alone: taken out",
+        f"{', '.join(described)}, by the motion alone: taken out",
     )
 
 
@@ -413,7 +413,7 @@ def _solve(rows: Sequence[Rows], prior: FloatArray, free: NDArray[np.bool_]) -> 
     left = scores - information @ value
     left = np.linalg.solve(np.eye(len(use)) - information @ inverse, left[..., None])[..., 0]
     covariance = inverse @ (left.T @ left + prior[at]) @ inverse
-    # Scatter by chance smaller than that of independent rows is not believed.
+    # Scatter by chance smaller than that of independent rows is not accepted.
     widened = np.sqrt(np.maximum(np.diag(inverse) / np.diag(covariance), 1.0))
     covariance = covariance * np.outer(widened, widened)
     share = np.einsum("i,kij,j->k", inverse[0], information, inverse[0])

@@ -191,7 +191,18 @@ def initial_estimates(
     x[at["accel_bias"]] = a.accel_bias
     own = range(at["accel_bias"].start, at["accel_bias"].stop)
     p[own, own] = np.maximum(p[own, own], float(a.accel_bias @ a.accel_bias))
+    gyros = range(at["gyro_bias"].start, at["gyro_bias"].stop)
+    p[gyros, gyros] = np.minimum(p[gyros, gyros], a.gyro_bias_sd**2 + _wandering(settings))
     return x, _initial_covariance(p, settings, stretch, x)
+
+
+def _wandering(settings: FilterSettings) -> FloatArray:
+    """Return the variance of the Gauss–Markov biases of each gyro, (3,): a mean at rest holds what they were then."""
+    at, model = settings.model.layout, settings.model
+    variance = np.zeros(3)
+    if "gyro_markov" in at:
+        np.add.at(variance, np.array(model.gyro_markov_axes), settings.initial_sd[at["gyro_markov"]] ** 2)
+    return variance
 
 
 def initial_state(settings: FilterSettings, stretch: Stretch, parameters: FloatArray) -> NavigationState:

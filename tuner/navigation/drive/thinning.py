@@ -18,4 +18,5 @@ def irregular_rows(count: int, most: int) -> NDArray[np.intp]:
     if count <= most:
         return np.arange(count)
     i = np.arange(most)
-    return np.minimum(((i + i * GOLDEN_RATIO % 1.0) * count / most).astype(np.intp), count - 1)
+    # Neighbouring parts of less than two rows may draw the same row.
+    return np.unique(np.minimum(((i + i * GOLDEN_RATIO % 1.0) * count / most).astype(np.intp), count - 1))

@@ -5,13 +5,15 @@ Only the first minutes in motion are searched, and only where a run with the sta
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.clock_offset import clock_of_drive
-from tuner.types import Parameter, Unexplained
+from tuner.navigation.drive.clock_offset import Clock, clock_of_drive
+from tuner.types import Coefficient, Compensation, FilterConfig, Parameter, Unexplained
 from tuner.types.records import Drive
 
 MEDIAN_CHI2_1 = 0.455
@@ -67,8 +69,8 @@ def clock_drift(run: FilterRun, accepted: tuple[str, ...], threshold: float) -> 
     return (Unexplained(text, ("drive",), trend.p_value),)
 
 
-def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], tuple[str, ...]]:
-    """Return delay and lag by the motion alone, with notes; empty where clocks that agree are not refuted.
+def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter, float], Clock]:
+    """Return delay and lag by the motion alone, and their clock; empty where clocks that agree are not refuted.
 
     Parameters
     ----------
@@ -80,4 +82,24 @@ def coarse_clock_search(drive: Drive, start: Hypothesis) -> tuple[dict[Parameter
     clock = clock_of_drive(compensate(drive, start.compensation))
     found = {OFFSET_DELAY: clock.delay, LAG_DELAY: clock.lag}
     values = {p: start.compensation.get(p, 0.0) + value for p, value in found.items() if value}
-    return values, (clock.note,) if clock.note else ()
+    return values, clock
+
+
+def clock_coefficients(clock: Clock, start: Compensation) -> dict[str, dict[str, Coefficient]]:
+    """Return what a clock says of the parameters of its causes, by cause: the same whatever the filter's noise."""
+    measured = {OFFSET_DELAY: (clock.delay, clock.delay_interval), LAG_DELAY: (clock.lag, clock.lag_interval)}
+    out = {}
+    for parameter, (value, (low, high)) in measured.items():
+        if value:
+            begun = start.get(parameter, 0.0)
+            coefficient = Coefficient.known(begun + value, begun + low, begun + high, "s")
+            out[parameter.cause] = {parameter.name: coefficient}
+    return out
+
+
+def with_clock(config: FilterConfig, clock: Clock) -> FilterConfig:
+    """Return a configuration whose delay and lag of the fixes are those of a clock, absent where not significant."""
+    compensation = config.compensation.without(("time_offset", "velocity_lag"))
+    values = {Parameter("time_offset", "delay"): clock.delay, Parameter("velocity_lag", "delay"): clock.lag}
+    described = {parameter: value for parameter, value in values.items() if value}
+    return replace(config, compensation=compensation.with_values(described))

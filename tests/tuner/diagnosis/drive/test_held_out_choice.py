@@ -1,0 +1,96 @@
+"""What a drive keeps of its findings: only what predicts its last part better and harms nothing."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.diagnosis.drive.causes.time_offset import with_clock
+from tuner.diagnosis.drive.held_out_choice import choose_config, is_better, with_noise_factors
+from tuner.diagnosis.drive.predictive_score import (
+    OutageErrors,
+    PredictiveScore,
+    configured_run,
+    predictive_score,
+)
+from tuner.navigation.drive.clock_offset import AGREEING, Clock
+from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
+from tuner.types import Parameter
+from tuner.types.progress import silent
+
+RECEIVER = load_gnss("rtk")
+NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()))
+"""A diagnosis without findings."""
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return simulate_drive(load_grade("adis16465"), TRAJECTORIES["city"](600.0), RECEIVER, rate=50.0, seed=2)[
+        0
+    ]
+
+
+@pytest.fixture(scope="module")
+def right():
+    return load_config("adis16465", gnss=RECEIVER)
+
+
+def _nats(drive, config, first=0.0, last=600.0):
+    return predictive_score(configured_run(drive, config, AGREEING), first, last).nats
+
+
+def test_the_right_noise_predicts_outages_best(drive, right):
+    """A proper score: settings 5 times too large or too small lose, each of some 60 windows and blocks a little."""
+    true = _nats(drive, right)
+    for name in ("white", "position_horizontal", "velocity_horizontal"):
+        for factor in (0.2, 5.0):
+            assert true > _nats(drive, with_noise_factors(right, {name: factor}))
+
+
+def test_outages_of_the_right_filter_are_consistent(drive, right):
+    """Ratios of root mean squares; few windows of long outages, so within a factor of 2."""
+    score = predictive_score(configured_run(drive, right, AGREEING), 0.0, 600.0)
+    assert [one.seconds for one in score.outages] == [10.0, 30.0, 60.0]
+    assert all(0.5 < one.ratio < 2.0 for one in score.outages)
+
+
+def test_noise_that_is_far_too_small_is_mended(drive, right):
+    wrong = with_noise_factors(right, {"white": 0.1, "bias": 0.05})
+    choice = choose_config(drive, NOTHING_FOUND, wrong, wrong, silent)
+    assert choice.kept == "as it began, factors for outages"
+    assert max(choice.factors.values()) >= 3.0
+    assert choice.after.nats > choice.before.nats + 10.0
+    assert any("outages" in record.reason for record in choice.config.inflations)
+    assert "true ÷ predicted" in choice.note
+
+
+def test_a_right_configuration_stays_as_it_began(drive, right):
+    choice = choose_config(drive, NOTHING_FOUND, right, right, silent)
+    assert all(0.3 < factor < 3.0 for factor in choice.factors.values())
+
+
+def _score(rms, ratio, tracking=1.0, nats=0.0):
+    square = np.full(8, rms**2)
+    outage = OutageErrors(30.0, square, square / ratio**2, np.full(8, nats / 8.0))
+    return PredictiveScore((outage,), tracking, np.zeros(4))
+
+
+def test_a_better_likelihood_does_not_excuse_larger_errors():
+    before = _score(10.0, 3.0)
+    assert is_better(before, _score(10.0, 1.0, nats=20.0))
+    assert not is_better(before, _score(10.0, 1.0, nats=-1.0))
+    assert not is_better(before, _score(20.0, 1.0, nats=20.0))
+    assert not is_better(before, _score(10.0, 1.0, tracking=1.2, nats=20.0))
+
+
+def test_clocks_of_a_configuration_are_those_of_the_motion(right):
+    late = with_clock(right, Clock(0.2, 0.1))
+    assert late.compensation.value("time_offset", "delay") == 0.2
+    assert late.compensation.value("velocity_lag", "delay") == 0.1
+    assert Parameter("time_offset", "delay") not in with_clock(late, AGREEING).compensation
