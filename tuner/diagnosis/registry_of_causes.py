@@ -24,7 +24,7 @@ class RegistryOfCauses(Registry[C]):
     effects : Registry
         Where the effects of causes are declared.
     lacking : callable
-        Returns the names of what a declaration needs and does not have.
+        Returns the names of what a declaration needs and does not have; raises TypeError where it is of no known kind.
     """
 
     def __init__(

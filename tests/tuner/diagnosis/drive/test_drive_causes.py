@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from models.earth import llh_displaced
 from models.effects.drive import EFFECTS, parse
+from models.noise import GaussMarkov, NoiseModel
 from models.registry import RegistryError
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.diagnosis.drive.causes.base import (
     DRIVE_CAUSES,
     ConstantCause,
     DriveCause,
+    FinalCause,
+    NoiseCause,
     constant_causes,
     constant_parameters,
 )
+from tuner.diagnosis.drive.causes.correlated_gnss import CorrelatedGnss
 from tuner.diagnosis.drive.causes.registry import FALSE_FINDING_PROBABILITY, significance_threshold
 from tuner.formats.configuration import config_json, load_config
 
@@ -68,10 +74,14 @@ def test_the_page_shows_the_example():
 
 
 def test_a_further_cause_lowers_the_threshold_of_the_others():
-    class Further(DriveCause):
-        """A cause without a test."""
+    class Further(NoiseCause):
+        """A cause that is never found."""
 
         cause, channels, meaning, consequence = "further", ("gnss",), "further", "none"
+
+        @classmethod
+        def test(cls, run, noise, threshold):
+            return ()
 
     before = significance_threshold()
     with DRIVE_CAUSES.added(Further):
@@ -103,3 +113,44 @@ def test_incomplete_and_unknown_causes_are_refused_in_one_line():
     unknown = re.escape("unknown cause of a drive 'lever_arms' (did you mean 'lever_arm'?)")
     with pytest.raises(RegistryError, match=unknown):
         DRIVE_CAUSES["lever_arms"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"),
+    [
+        (ConstantCause, "the class needs effect, units, prior_sd, largest"),
+        (NoiseCause, "the class needs test"),
+        (FinalCause, "expected a subclass of ConstantCause or NoiseCause: of FinalCause there are"),
+        (DriveCause, "expected a subclass of ConstantCause or NoiseCause: no stage tests any other"),
+    ],
+)
+def test_a_cause_that_no_stage_could_test_is_refused_in_one_line(kind, complaint):
+    told = {"cause": "further", "channels": ("gnss",), "meaning": "further", "consequence": "none"}
+    with pytest.raises(RegistryError, match=rf"^cause of a drive 'further': {complaint}[^\n]*$"):
+        DRIVE_CAUSES.add(type("Further", (kind,), told))
+
+
+def test_a_noise_cause_without_a_generative_model_is_found_and_not_simulated(simulated, drive_config):
+    """It takes the place of the built-in cause whose test it borrows: named and compensated like that."""
+
+    class Slow(NoiseCause):
+        cause, channels, meaning, consequence = "slow_fixes", ("gnss",), "slow errors", "a state"
+
+        @classmethod
+        def test(cls, run, noise, threshold):
+            return tuple(
+                replace(found, result=replace(found.result, cause=cls.cause, gain=found.result.gain + 1.0))
+                for found in CorrelatedGnss.test(run, noise, threshold)
+            )
+
+    drive = simulated(3)
+    slow = NoiseModel([GaussMarkov(3.0, 60.0)])
+    rng = np.random.default_rng(4)
+    metres = np.stack([slow.sample(len(drive.gnss.t), 1.0, rng) for _ in range(3)], axis=1)
+    drive = replace(drive, gnss=replace(drive.gnss, llh=llh_displaced(drive.gnss.llh, metres)))
+    with DRIVE_CAUSES.added(Slow):
+        diagnosis = diagnose_drive(drive, drive_config)
+        assert "slow_fixes" in [finding.cause for finding in diagnosis.findings]
+        assert diagnosis.after.gnss.correlated
+    with pytest.raises(ValueError, match=r"^an effect must be one of [^\n]*; got 'slow_fixes'$"):
+        parse("slow_fixes:sd=1")

@@ -144,11 +144,32 @@ class FinalCause(DriveCause):
     """A cause that is tested once, after the search, on the innovations that the other causes leave."""
 
 
+FINAL_CAUSES = ("sensor_bias", "mounting")
+"""Codes of these: `tuner.diagnosis.drive.diagnose` calls their tests by name, so that there are no others."""
+
+
 def _lacking(cause: type[DriveCause]) -> list[str]:
+    """Return the attributes that a declaration lacks; raise TypeError where no stage would test the cause."""
+    if not issubclass(cause, ConstantCause | NoiseCause | FinalCause):
+        msg = "expected a subclass of ConstantCause or NoiseCause: no stage tests any other"
+        raise TypeError(msg)
+    if issubclass(cause, FinalCause) and cause.cause not in FINAL_CAUSES:
+        only = " and ".join(FINAL_CAUSES)
+        msg = f"expected a subclass of ConstantCause or NoiseCause: of FinalCause there are {only} only"
+        raise TypeError(msg)
     needed = ["cause", "channels", "meaning", "consequence"]
     if issubclass(cause, ConstantCause):
         needed += ["effect", "units", "prior_sd", "largest"]
-    return [name for name in needed if getattr(cause, name, None) is None]
+    lacking = [name for name in needed if getattr(cause, name, None) is None]
+    if issubclass(cause, NoiseCause) and cause.tested_with is None and _inherits_test(cause):
+        lacking.append("test")
+    return lacking
+
+
+def _inherits_test(cause: type[NoiseCause]) -> bool:
+    """Return whether a cause of the noise has no test but the one that raises."""
+    line = cause.__mro__
+    return not any("test" in vars(one) for one in line[: line.index(NoiseCause)])
 
 
 DRIVE_CAUSES: RegistryOfCauses[type[DriveCause]] = RegistryOfCauses(
