@@ -103,9 +103,7 @@ def run(arguments: Sequence[str]) -> int:
     except (DataError, RegistryError, OSError) as error:
         return _refuse(str(error))
     except ImportError as error:
-        return _refuse(
-            f"a package that 'tuner {arguments[0]}' needs cannot be loaded ({error}); install it anew"
-        )
+        return _refuse(_missing(arguments[0], error))
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
@@ -117,6 +115,20 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         return _confess(error)
     return status if isinstance(status, int) else 0
+
+
+def _missing(command: str, error: ImportError) -> str:
+    """Say which package a command lacks, and what to install; every kernel needs numba, whatever the options are."""
+    last = error.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    raised_in = "" if last is None else str(last.tb_frame.f_globals.get("__name__"))
+    if "numba" in {(error.name or "").partition(".")[0], raised_in.partition(".")[0]}:
+        return (
+            f"'tuner {command}' needs numba, which cannot be loaded ({error}); install one that fits the installed "
+            "numpy: pip install --upgrade numba numpy; no option and no smaller number of runs does without it"
+        )
+    return f"a package that 'tuner {command}' needs cannot be loaded ({error}); install it anew"
 
 
 def _refuse(message: str) -> int:
