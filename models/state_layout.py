@@ -28,7 +28,7 @@ IntArray = NDArray[np.int64]
 NAVIGATION_BLOCKS = ("position", "velocity", "attitude")
 """Blocks of three that come first, and whose dynamics are those of `models.error_state`."""
 NO_PROCESSES: Mapping[str, Process] = MappingProxyType({})
-"""States asked for by name that change by themselves, where none does."""
+"""Named states that change by themselves, where none does."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def error_model(
     Raises
     ------
     ValueError
-        Not three axes; a name that is not declared, or not to be asked for (`RegistryError`); the slope of a state
+        Not three axes; a name not declared, or not open to configurations (`RegistryError`); the slope of a state
         that has another number of components, or that the filter does not have.
     """
     if len(gyro) != 3 or len(accel) != 3:
@@ -255,7 +255,7 @@ def error_model(
 
 
 _BUILT_IN_NAMES = tuple(state.name for state in BUILT_IN)
-"""In their order in a filter; states of other packages follow in the order in which they are asked for."""
+"""In their order in a filter; states of other packages follow in the order in which a configuration names them."""
 
 
 def _markov(state: GaussMarkov) -> Process:

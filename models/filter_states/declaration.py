@@ -34,7 +34,7 @@ DOWN_TARGET, FIX_TARGET = len(SENSORS), len(SENSORS) + 1
 
 
 class Origin(StrEnum):
-    """Where a configuration asks for a state, as paths in a ``noise.yaml``."""
+    """Where a configuration names a state, as paths in a ``noise.yaml``."""
 
     AXIS_CONSTANT = "sensors.*.*.filter.constant_sd, random_walk_density"
     """Always there: one for each axis of a sensor."""
@@ -96,7 +96,7 @@ class FilterState:
     slope_of : str
         State of as many components whose rate of change this one is.
     origin : Origin
-        Where a configuration asks for it.
+        Where a configuration names it.
     not_linear : str
         Module with the equations of a state of this project that adds to the measurements other than in proportion.
     """

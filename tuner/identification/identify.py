@@ -104,13 +104,13 @@ def with_terms_found(
                 about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
                 channels[axis] = replace(before, warnings=(*before.warnings, about))
             else:
-                told = _changed(before, after, further)
-                channels[axis] = replace(after, mean=before.mean, warnings=(*after.warnings, *told))
+                changes = _changed(before, after, further)
+                channels[axis] = replace(after, mean=before.mean, warnings=(*after.warnings, *changes))
     return replace(identification, channels=channels)
 
 
 CHANGE_WORTH_SAYING = 0.02
-"""Relative change of a coefficient from which it is told: the accuracy with which most records estimate N."""
+"""Relative change of a coefficient from which it is reported: the accuracy with which most records estimate N."""
 
 
 def _changed(

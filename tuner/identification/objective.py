@@ -40,7 +40,7 @@ Trial = tuple[tuple[float, ...], FloatArray]
 NEGLIGIBLE_SHARE = 1e-7
 """Share of the power everywhere at which the search for an amplitude ends: the term is zero there."""
 
-_RIDGE = 1e-10
+_DIAGONAL_RIDGE = 1e-10
 """Part of the information on a template that keeps the sizes of like templates finite."""
 
 _GRID_POINTS = 8
@@ -125,7 +125,7 @@ class Objective:
         """Return the sizes of the templates, shape (q,), and their covariance, (q, q)."""
         weighted = self.columns / expected[: len(self.columns), None]
         information = weighted.T @ self.columns
-        ridge = np.diag(_RIDGE * np.diag(information) + np.finfo(float).tiny)
+        ridge = np.diag(_DIAGONAL_RIDGE * np.diag(information) + np.finfo(float).tiny)
         covariance = np.asarray(np.linalg.inv(information + ridge), dtype=float)
         return covariance @ (weighted.T @ self.data.amplitude[: len(self.columns)]), covariance
 

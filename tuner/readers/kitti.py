@@ -14,8 +14,8 @@ from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
-ACCEL, GYRO = slice(11, 14), slice(17, 20)
-FIELDS = 30
+ACCEL_FIELDS, GYRO_FIELDS = slice(11, 14), slice(17, 20)
+FIELDS_A_SAMPLE = 30
 
 
 def oxts_folder(path: Path) -> Path | None:
@@ -43,13 +43,17 @@ def list_kitti(path: Path) -> Listing:
         stamps = pd.to_datetime((folder / "timestamps.txt").read_text().split("\n"), format="mixed").dropna()
         rows = np.array([file.read_text().split() for file in files], dtype=float)
     except (OSError, ValueError, OverflowError) as error:
-        msg = f"{path}: expected stamps and {FIELDS} numbers a sample as in KITTI's raw data: {error}"
+        msg = (
+            f"{path}: expected stamps and {FIELDS_A_SAMPLE} numbers a sample as in KITTI's raw data: {error}"
+        )
         raise DataError(msg) from None
-    if rows.ndim != 2 or rows.shape[1] != FIELDS or len(rows) != len(stamps):
-        msg = f"{path}: expected {FIELDS} numbers for each of {len(stamps)} stamps, found {rows.shape}"
+    if rows.ndim != 2 or rows.shape[1] != FIELDS_A_SAMPLE or len(rows) != len(stamps):
+        msg = (
+            f"{path}: expected {FIELDS_A_SAMPLE} numbers for each of {len(stamps)} stamps, found {rows.shape}"
+        )
         raise DataError(msg)
     t = stamps.as_unit("ns").astype(np.int64).to_numpy()
-    arrays = {"t": t, "gyro": rows[:, GYRO], "accel": rows[:, ACCEL]}
+    arrays = {"t": t, "gyro": rows[:, GYRO_FIELDS], "accel": rows[:, ACCEL_FIELDS]}
     return listing_of_arrays(path, arrays, units={"t": "ns", "gyro": "rad/s", "accel": "m/s^2"}, meta={})
 
 

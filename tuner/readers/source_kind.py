@@ -49,10 +49,10 @@ def is_drive(source: str | Path) -> bool:
     if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         head = path.read_text(encoding="utf-8", errors="replace")
         return "imupath" in head and "gnsspath" in head
-    return path.is_file() and _is_flight(path)
+    return path.is_file() and _holds_fixes(path)
 
 
-def _is_flight(path: Path) -> bool:
+def _holds_fixes(path: Path) -> bool:
     """Tell whether a message log holds fixes that make it a drive."""
     from tuner.readers.log_format import format_of, library_of
 

@@ -23,7 +23,7 @@ from tuner.types import Finding, Gain
 MAX_HEADLINES = 7
 """Groups that the headline shows: what one remembers."""
 MIN_DRIFT_CHANGE = 1.02
-"""Drift with ÷ without a cause from which it is told: the accuracy with which an hour tells either."""
+"""Drift with ÷ without a cause from which it is reported: the accuracy with which an hour shows either."""
 MIN_COMB_LINES = 3
 """Lines that can show a common spacing."""
 MIN_COMB_SPACING = 1e-3
@@ -31,7 +31,7 @@ MIN_COMB_SPACING = 1e-3
 COMB_TOLERANCE = 0.02
 """Largest distance of a line of a comb from a multiple of its spacing ÷ spacing; lines at random places are within it
 in one of 25 cases each."""
-SIMULTANEOUS = 5.0
+SIMULTANEOUS_WITHIN = 5.0
 """Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
 LASTING = ("thermal", "attitude")
 """Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
@@ -100,7 +100,7 @@ def _belong_together(a: Finding, b: Finding) -> bool:
     if a.cause == b.cause and _sensors(a) == _sensors(b):
         return True
     when, other = _time(a), _time(b)
-    return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS
+    return when is not None and other is not None and abs(when - other) <= SIMULTANEOUS_WITHIN
 
 
 def _sensors(finding: Finding) -> frozenset[str]:
@@ -205,8 +205,8 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
         return ""
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
         return "drift of position as without it"
-    told = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
-    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in told.items()]
+    reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
+    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in reported.items()]
     return f"drift after {', after '.join(parts)} without it"
 
 

@@ -27,11 +27,11 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
     answer: list[Table | str] = []
     if diagnosis.quiet:
         answer.append("  nothing found: the log agrees with a simulation of its noise terms")
-    if told := headlines(diagnosis.findings, span):
+    if lines := headlines(diagnosis.findings, span):
         answer.append(
             "What the simulation gets wrong, by what it does to the position (one sensor axis, no fixes)"
         )
-        answer += [f"  {line}" for line in told]
+        answer += [f"  {line}" for line in lines]
     unexplained: dict[str, list[Unexplained]] = {}
     for one in diagnosis.unexplained:
         unexplained.setdefault(one.statistic, []).append(one)

@@ -29,8 +29,8 @@ FloatArray = NDArray[np.float64]
 
 
 FELT_INTERVAL = 0.02
-"""Longest time for which an error in proportion to a true rate is held, s: the filter takes it out sample by sample,
-and turns of vehicles begin and end within tenths of a second."""
+"""Longest time for which an error in proportion to a true rate stays the same, s: the filter takes it out sample by
+sample, and turns of vehicles begin and end within tenths of a second."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class FurtherTruth:
 
 
 def drawn_states(model: ErrorModel) -> NDArray[np.bool_]:
-    """Return which states are drawn here, shape (n,): those asked for by name.
+    """Return which states are drawn here, shape (n,): those a configuration names.
 
     Ramps of an axis are not: the noise terms of the sensor have them.
     """
@@ -132,8 +132,8 @@ def _path(
         return np.full(rows, first)
     decay = np.exp(-step / constant)
     variance = step if np.isinf(constant) else -0.5 * constant * np.expm1(-2.0 * step / constant)
-    driven = density * np.sqrt(variance) * rng.standard_normal(rows - 1)
-    return np.asarray(lfilter([1.0], [1.0, -decay], np.concatenate([[first], driven])))
+    steps = density * np.sqrt(variance) * rng.standard_normal(rows - 1)
+    return np.asarray(lfilter([1.0], [1.0, -decay], np.concatenate([[first], steps])))
 
 
 def _perfect_fixes(

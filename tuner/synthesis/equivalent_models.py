@@ -35,12 +35,12 @@ FloatArray = NDArray[np.float64]
 
 FILTER_MEMORY = 100.0
 """Memory of the target filter assumed by exporters, s: about as long as GNSS aiding takes to renew a bias."""
-FORGOTTEN = 1.0 / 30.0
+WHITE_TIME_SHARE = 1.0 / 30.0
 """Time constant ÷ memory up to which a state is white noise: its Allan variance is then 2σ²T/τ to 5 % from half of
 the memory on."""
 SHORTEST_CLUSTER = 1.0
 """Shortest cluster time at which the models are compared, s: the usual interval of fixes."""
-CLUSTERS = 41
+COMPARED_CLUSTERS = 41
 """Cluster times that are compared, evenly spaced in their logarithm."""
 
 
@@ -80,13 +80,13 @@ def equivalent_noise(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) ->
     memory : float, optional
         Time over which the filter renews its biases, s.
     """
-    fast = [state for state in channel.markov if state.time_constant <= FORGOTTEN * memory]
+    fast = [state for state in channel.markov if state.time_constant <= WHITE_TIME_SHARE * memory]
     slow = [state for state in channel.markov if state.time_constant >= memory]
-    between = [state for state in channel.markov if FORGOTTEN * memory < state.time_constant < memory]
+    between = [state for state in channel.markov if WHITE_TIME_SHARE * memory < state.time_constant < memory]
     white = channel.white_density**2 + sum(2.0 * state.sd**2 * state.time_constant for state in fast)
     walk = channel.random_walk_density**2 + _wander(slow, memory) / memory
     shortest = min(SHORTEST_CLUSTER, 0.1 * memory)
-    tau = np.geomspace(shortest, memory, CLUSTERS)
+    tau = np.geomspace(shortest, memory, COMPARED_CLUSTERS)
     if between:
         own = NoiseModel((*between,)).allan_variance(tau)
         white, walk = _fitted(tau, own, white, walk, between, memory)

@@ -18,7 +18,7 @@ from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
-WEEK, DAY = 604800.0, 86400.0
+SECONDS_A_WEEK, SECONDS_A_DAY = 604800.0, 86400.0
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 UNIX_OF_GPS_EPOCH = GPS_EPOCH.timestamp()
 LEAP_SECONDS = (
@@ -81,8 +81,8 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
     """
     unix = fixes.t + UNIX_OF_GPS_EPOCH
     leap = leap_seconds(datetime.fromtimestamp(float(unix[0]), tz=UTC))
-    of_week = fixes.t - WEEK * math.floor(fixes.t[0] / WEEK)
-    of_day = (fixes.t - leap) - DAY * math.floor((fixes.t[0] - leap) / DAY)
+    of_week = fixes.t - SECONDS_A_WEEK * math.floor(fixes.t[0] / SECONDS_A_WEEK)
+    of_day = (fixes.t - leap) - SECONDS_A_DAY * math.floor((fixes.t[0] - leap) / SECONDS_A_DAY)
     clocks = {
         "GPS seconds of the week": of_week,
         f"UNIX time (UTC, {leap} s behind GPS time)": unix - leap,
@@ -94,9 +94,9 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
     if inside[best] >= MIN_COMMON_SHARE:
         # On a Sunday GPS seconds of the week and of the day are 18 s apart: a longer record fits both.
         also = [name for name, share in inside.items() if share == inside[best] and name != best]
-        doubt = f" (or {also[0]}: the fixes fall into it as well)" if also else ""
+        alternative = f" (or {also[0]}: the fixes fall into it as well)" if also else ""
         return np.column_stack([clocks[best], fixes.rows]), (
-            f"{path.name}: the inertial record counts {best}{doubt}"
+            f"{path.name}: the inertial record counts {best}{alternative}"
         )
     spans = "; ".join(f"{t[0]:.1f} … {t[-1]:.1f} in {name}" for name, t in clocks.items())
     msg = (

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tuner.readers.fixes.gps_time import GPS_EPOCH, WEEK, GpsFixes, leap_seconds
+from tuner.readers.fixes.gps_time import GPS_EPOCH, SECONDS_A_WEEK, GpsFixes, leap_seconds
 from tuner.types.records import DataError
 
 
@@ -57,7 +57,7 @@ def read_rtklib(path: Path) -> GpsFixes:
 def _gps_time(first: str, second: str, *, utc: bool) -> float:
     """Return GPS time, s since 1980, of a date and clock time, or of a week and its second."""
     if "/" not in first:
-        return int(first) * WEEK + float(second)
+        return int(first) * SECONDS_A_WEEK + float(second)
     year, month, day = map(int, first.split("/"))
     hour, minute, seconds = second.split(":")
     when = datetime(year, month, day, tzinfo=UTC)

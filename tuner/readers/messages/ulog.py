@@ -1,4 +1,4 @@
-"""PX4 flight logs (ULog), read with pyulog: inertial samples of all instances, fixes of all receivers.
+"""Logs of PX4 (ULog), read with pyulog: inertial samples of all instances, fixes of all receivers.
 
 Message fields as in PX4's ``msg`` folder: `sensor_combined` (rates and specific forces that the estimator uses),
 `vehicle_imu` (increments, by instance), `sensor_gyro` with `sensor_accel`; `vehicle_gps_position`, `sensor_gps`.
