@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from matplotlib.figure import Figure
 from models.noise import TERMS, NoiseModel, Term, White
 from models.registry import RegistryError
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
+from tuner.diagnosis.static.switching.models import Slow, block_noise
 from tuner.identification import identify
 from tuner.readers import read
 from tuner.report.allan_figure import draw_allan
@@ -171,3 +173,12 @@ def test_a_long_name_leaves_the_panels_of_the_allan_figure_their_width(
         draw_allan(found, [tmp_path / "allan.png"])
     assert len(widths) == 3
     assert min(widths) > 0.25
+
+
+@pytest.mark.parametrize("place", [lambda terms: Slow.of(terms, 1.0), lambda terms: block_noise(terms, 1.0)])
+def test_models_of_switching_levels_refuse_it_in_one_line(place: Callable[[list[Term]], object]) -> None:
+    """Left out in silence, its power would be taken for switches."""
+    with pytest.raises(
+        DataError, match=rf"^noise term '{NAME}' cannot be searched for [^\n]*; leave it out[^\n]*$"
+    ):
+        place([White(DENSITY), SecondOrderGaussMarkov(SD, TIME)])

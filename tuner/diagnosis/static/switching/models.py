@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from models.noise import BiasInstability, GaussMarkov, Quantization, RandomWalk, Term, White
 from tuner.diagnosis.static.switching.kim_filter import paired, still, switching
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
+KNOWN_TERMS = (White, Quantization, GaussMarkov, RandomWalk)
+"""Noise whose block means have states or a white part here; flicker noise is a ladder of the third."""
 NO_VALUES = np.empty(0)
 """Path that the filter need not fill."""
 
@@ -54,7 +57,14 @@ class Slow:
 
     @classmethod
     def of(cls, terms: Sequence[Term], step: float, offset: float = 1e6) -> Slow:
-        """Return the states of noise terms for blocks of `step` s; `offset` is the first variance of a random walk."""
+        """Return the states of noise terms for blocks of `step` s; `offset` is the first variance of a random walk.
+
+        Raises
+        ------
+        DataError
+            A term that has neither a state nor a white part here, such as one of another package.
+        """
+        _refuse_others(terms)
         phi, q, initial = [], [], []
         for term in terms:
             if isinstance(term, RandomWalk):
@@ -69,6 +79,17 @@ class Slow:
                 q.append(mean * (1.0 - decay**2))
                 initial.append(mean)
         return cls(np.array(phi), np.array(q), np.array(initial))
+
+
+def _refuse_others(terms: Sequence[Term]) -> None:
+    """Refuse terms that neither the states nor the white part of a block mean would contain."""
+    for term in terms:
+        if not isinstance(term, KNOWN_TERMS):
+            msg = (
+                f"noise term '{term.name}' cannot be searched for switching levels: expected "
+                f"{', '.join(known.name for known in KNOWN_TERMS)}; leave it out of the model of the diagnosis"
+            )
+            raise DataError(msg)
 
 
 def ladder(level: float, shortest: float, longest: float, per_decade: int = 3) -> tuple[GaussMarkov, ...]:
@@ -88,7 +109,8 @@ def expanded(terms: Sequence[Term], step: float, span: float) -> list[Term]:
 
 
 def block_noise(terms: Sequence[Term], step: float) -> float:
-    """Return the variance of the white part of a block mean."""
+    """Return the variance of the white part of a block mean; DataError for terms without a state in `Slow`."""
+    _refuse_others([term for term in terms if not isinstance(term, BiasInstability)])
     white = sum(t.density**2 / step for t in terms if isinstance(t, White))
     return float(
         white + sum(2.0 * (t.increment_sd / step) ** 2 for t in terms if isinstance(t, Quantization))
