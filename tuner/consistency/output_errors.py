@@ -47,8 +47,6 @@ class OutputErrors:
         The estimate at these epochs.
     removed : int
         Degrees of freedom that an alignment took out.
-    settled : float
-        Time from which the filter is scored, s.
     notes : tuple of str
         What was done.
     """

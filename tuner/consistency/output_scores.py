@@ -34,7 +34,6 @@ from tuner.consistency.scores import (
     innovation_scores,
     mean_band,
     score,
-    squares,
     whiteness,
 )
 from tuner.navigation.data import ABSENT, USED
@@ -295,16 +294,3 @@ def normalized(run: OutputErrors) -> FloatArray:
     """Return errors over their sds, shape (n, 15), NaN where either is unknown."""
     variance = np.einsum("kii->ki", run.covariance)
     return np.asarray(run.error / np.sqrt(np.where(variance > 0.0, variance, np.nan)))
-
-
-__all__ = [
-    "aided_rows",
-    "error_scores",
-    "normalized",
-    "outage_scores",
-    "output_innovation_scores",
-    "output_whiteness",
-    "rms_errors",
-    "squares",
-    "state_scores",
-]

@@ -7,6 +7,8 @@ from tuner.types.output_score import OutputCause
 _NAMES = {
     "gnss_noise_scale": "measurement noise R",
     "imu_noise_scale": "process noise Q",
+    "noise_scale": "the whole covariance, R and Q together",
+    "correlated_gnss": "errors of the fixes that stay",
     "time_constant": "time constant of the biases",
     "missing_state": "a bias state is missing",
     "time_offset": "delay",
@@ -50,6 +52,10 @@ def change_text(cause: OutputCause) -> str:
             return f"multiply the sds of the fixes{subject} by {size:.3g} (R by {size**2:.3g})"
         case "imu_noise_scale":
             return f"multiply the noise densities{subject} by {size:.3g} (Q by {size**2:.3g})"
+        case "noise_scale":
+            return f"multiply all stated sds by {size:.3g}, or R and Q by {size**2:.3g}"
+        case "correlated_gnss":
+            return f"add states for errors of the positions of sd {size:.3g} m, or multiply their sds"
         case "time_constant":
             return f"multiply the time constants{subject} by {size:.3g}"
         case "missing_state":

@@ -14,8 +14,8 @@ class OutputCause:
     Attributes
     ----------
     cause : str
-        Code: ``gnss_noise_scale`` (R), ``imu_noise_scale`` (Q), ``time_constant``, ``missing_state``,
-        ``time_offset``, ``lever_arm``, ``gnss_frame``, ``mounting``.
+        Code: ``gnss_noise_scale`` (R), ``imu_noise_scale`` (Q), ``noise_scale`` (both), ``time_constant``,
+        ``missing_state``, ``correlated_gnss``, ``time_offset``, ``lever_arm``, ``gnss_frame``, ``mounting``.
     size : float
         How large it is, in `unit`: of scales, true ÷ assumed sd; of vectors, the length.
     interval : (float, float)

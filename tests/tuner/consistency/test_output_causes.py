@@ -38,9 +38,9 @@ def truth_of(o):
     return filter_output("truth", o.t, local=o.truth.p[at], vel_n=o.truth.v[at], quat_nb=quat)
 
 
-def scored(run_filter, runs, seed, *, innovations=False, **faults):
+def scored(run_filter, runs, seed, *, innovations=False, duration=240.0, **faults):
     rng = np.random.default_rng(seed)
-    o = run_filter(textbook.drive(400.0, rng), runs, rng, **faults)
+    o = run_filter(textbook.drive(duration, rng), runs, rng, **faults)
     truths = [] if innovations else [truth_of(o)]
     return [score_outputs([output_of(o, i, innovations=innovations)], truths) for i in range(runs)]
 
@@ -48,7 +48,7 @@ def scored(run_filter, runs, seed, *, innovations=False, **faults):
 def test_what_the_filter_assumes_is_read_off_its_sds():
     from tuner.consistency.output_causes.filter_model import course_of, fit_filter
 
-    (found,) = scored(textbook.run_invariant, 1, 2)
+    (found,) = scored(textbook.run_invariant, 1, 2, duration=400.0)
     (run,) = found.runs
     model = fit_filter(run, course_of(run))
     drives = np.sqrt(2.0 / textbook.BIAS_TIME) * np.array([textbook.GYRO_BIAS, textbook.ACCEL_BIAS])
@@ -61,9 +61,9 @@ def test_what_the_filter_assumes_is_read_off_its_sds():
 
 @pytest.mark.parametrize("run_filter", FILTERS)
 def test_a_consistent_filter_passes_with_nothing_named(run_filter):
-    for found in scored(run_filter, 2, 3):
-        assert found.consistency.consistent, found.consistency.verdicts
-        assert found.causes == ()
+    (found,) = scored(run_filter, 1, 3)
+    assert found.consistency.consistent, found.consistency.verdicts
+    assert found.causes == ()
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_consistent_filter_passes_with_nothing_named(run_filter):
 )
 def test_a_fault_is_flagged_named_and_measured(faults, cause, size):
     run_filter = FILTERS[len(faults) == 1 and cause in ("imu_noise_scale", "lever_arm")]
-    (found,) = scored(run_filter, 1, 4, **faults)
+    (found,) = scored(run_filter, 1, 4, duration=400.0 if "r" in faults else 240.0, **faults)
     assert not found.consistency.consistent
     assert found.causes[0].cause == cause
     assert found.causes[0].size == pytest.approx(size, rel=0.15)
@@ -85,14 +85,18 @@ def test_a_fault_is_flagged_named_and_measured(faults, cause, size):
     assert low < high
 
 
-@pytest.mark.parametrize(
-    ("faults", "cause"),
-    [({"r": 3.0}, "gnss_noise_scale"), ({"q": 0.1}, "imu_noise_scale"), ({"delay": 0.1}, "time_offset")],
-)
-def test_innovations_alone_name_a_fault(faults, cause):
-    (found,) = scored(textbook.run_invariant, 1, 5, innovations=True, **faults)
+def test_a_covariance_that_is_too_small_as_a_whole_is_named_so():
+    rng = np.random.default_rng(6)
+    o = textbook.run_invariant(textbook.drive(240.0, rng), 1, rng, q=0.25, r=0.25)
+    found = score_outputs([output_of(o, 0)], [truth_of(o)])
+    assert found.causes[0].cause == "noise_scale"
+    assert found.causes[0].size == pytest.approx(2.0, rel=0.15)
+
+
+def test_innovations_alone_name_a_fault():
+    (found,) = scored(textbook.run_invariant, 1, 5, innovations=True, delay=0.1)
     assert not found.consistency.consistent
-    assert found.causes[0].cause == cause
+    assert found.causes[0].cause == "time_offset"
 
 
 STUDY = {

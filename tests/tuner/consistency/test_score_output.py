@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,8 @@ from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.consistency.output_errors import output_errors
+from tuner.consistency.output_scores import error_scores
 from tuner.consistency.score_output import score_outputs
 from tuner.consistency.scores import evaluate
 from tuner.navigation.data import USED
@@ -55,23 +59,28 @@ def outputs_of(runs, plan):
     return outputs, reference
 
 
-def check_and_score(*, q=1.0, runs=12, duration=1500.0):
+def checked_runs(*, q=1.0, runs=12, duration=1500.0):
     config = synthesize(grade_identification(load_grade("mpu9250")), gnss=load_gnss("spp"))
     plan = scenario(TRAJECTORIES["city"](duration), load_gnss("spp"), 0.02)
     settings = filter_settings(config)
     simulated = simulate(settings, sensor_of_config(config), plan, runs=runs, seed=11)
     if q != 1.0:
-        from dataclasses import replace
-
         simulated = replace(simulated, covariance=simulated.covariance * np.float32(q))
-    outputs, truth = outputs_of(simulated, plan)
-    return evaluate(simulated, plan.outages), score_outputs(outputs, [truth]).consistency
+    return evaluate(simulated, plan.outages), *outputs_of(simulated, plan)
 
 
-@pytest.mark.parametrize("q", [1.0, 0.5])
-def test_runs_of_our_filter_get_the_verdicts_of_check(q):
-    own, scored = check_and_score(q=q)
-    assert scored.consistent is own.consistent is (q == 1.0)
+def test_runs_of_our_filter_get_the_scores_of_check_where_it_is_not_consistent():
+    own, outputs, truth = checked_runs(q=0.5)
+    nees, blocks = error_scores([output_errors(output, truth) for output in outputs])
+    for one, other in zip((nees, *blocks), (own.nees, *own.blocks), strict=True):
+        assert one.mean == pytest.approx(other.mean, rel=1e-3), one.name
+        assert one.consistent is other.consistent
+
+
+def test_runs_of_our_filter_get_the_verdicts_of_check():
+    own, outputs, truth = checked_runs()
+    scored = score_outputs(outputs, [truth]).consistency
+    assert scored.consistent is own.consistent is True
     assert [s.name for s in scored.scores] == [s.name for s in own.scores]
     for one, other in zip(scored.scores, own.scores, strict=True):
         assert one.mean == pytest.approx(other.mean, rel=1e-3), one.name

@@ -252,6 +252,10 @@ def _fixes(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
     return true
 
 
+def _everything(base: TrueNoise, x: float) -> TrueNoise:
+    return _fixes(0, 1)(_density(0, 1, 2, 3)(base, x), x)
+
+
 def _extra(place: str, time_constant: float) -> Callable[[TrueNoise, float], TrueNoise]:
     return lambda base, x: replace(base, extra=ExtraProcess(place, math.exp(x), time_constant))
 
@@ -280,6 +284,7 @@ def _scales(model: ErrorModel, base: TrueNoise) -> list[_Scale]:
         _Scale(q, "accelerometer white noise", _density(1)),
         _Scale(q, "gyro bias noise", _density(2)),
         _Scale(q, "accelerometer bias noise", _density(3)),
+        _Scale("noise_scale", "", _everything),
     ]
     if base.extra is not None or base.time_ratio != (1.0, 1.0):
         return found
