@@ -19,7 +19,7 @@ from tuner.diagnosis import diagnose
 from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
-from tuner.diagnosis.drive.held_out_choice import choose_config
+from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
 from tuner.diagnosis.static.drift import found_signals
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats import noise_yaml
@@ -127,6 +127,8 @@ class TuneResult:
         Ground truth of a simulated log.
     replicas, seed : int
         As given.
+    choice : HeldOutChoice or None
+        What the drive keeps of its findings, by its last part.
     """
 
     name: str
@@ -143,6 +145,7 @@ class TuneResult:
     key: Mapping[str, Any] | None = None
     replicas: int = 0
     seed: int = 0
+    choice: HeldOutChoice | None = None
 
 
 def tune(
@@ -213,7 +216,7 @@ def tune(
         conservative=conservative,
         seed=seed,
     )
-    examined = None
+    examined, choice = None, None
     if inputs.drive is not None:
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         choice = choose_config(inputs.drive, examined, config, config_after_drive(examined), progress)
@@ -242,6 +245,7 @@ def tune(
         inputs.key,
         replicas,
         seed,
+        choice,
     )
 
 

@@ -133,6 +133,8 @@ def what_matters(result: TuneResult) -> list[str]:
         lines += [
             f"On the drive: {one.text} → {one.consequence}" for one in found.findings[:SHOWN_FINDINGS]
         ] or ["On the drive: nothing found that the filter does not expect"]
+    if result.choice is not None:
+        lines.append(f"After the drive: {result.choice.note}")
     return lines
 
 

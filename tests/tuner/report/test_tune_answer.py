@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
+from tuner.diagnosis.drive.held_out_choice import HeldOutChoice
 from tuner.identification import identify
 from tuner.pipeline import TuneResult
 from tuner.report.settings_rows import Setting, axes_text, settings_rows
@@ -91,3 +92,10 @@ def test_a_star_is_explained_where_it_stands(result):
 def test_axes_in_few_words():
     assert axes_text(["gyro_x", "gyro_z", "accel_y"]) == "gyro x z, accel y"
     assert axes_text(["gyro"]) == "gyro"
+
+
+def test_what_a_drive_keeps_is_said(result):
+    note = "the configuration stays as it began: no change predicts the last 40 % of the drive better"
+    choice = HeldOutChoice(result.config, "as it began", note=note)
+    text = printed(answer_lines(replace(result, choice=choice), Path("out")))
+    assert note in " ".join(text.split())
