@@ -90,7 +90,9 @@ def main() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status; bad usage and bad input are one line on standard error."""
     try:
-        status = tuner.main(args=list(arguments), prog_name="tuner", standalone_mode=False)
+        status = tuner.main(
+            args=list(arguments), prog_name="tuner", standalone_mode=False, obj=tuple(arguments)
+        )
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         sys.stderr.write(error.format_message() + "\n")

@@ -127,7 +127,7 @@ def _draw_model(
         variance = term.allan_variance(tau)
         colour = TERM_COLOURS.get(term.name, "0.4")
         panel.plot(
-            tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--", label=_label(channel, term.name)
+            tau, shown(np.sqrt(variance)), color=colour, lw=0.8, ls="--", label=term_label(channel, term.name)
         )
         at = int(np.argmax(np.where((tau > 2 * tau[0]) & (tau < 0.3 * tau[-1]), variance / total, 0.0)))
         mark = panel.annotate(
@@ -145,7 +145,8 @@ def _draw_model(
     legend.set_in_layout(False)
 
 
-def _label(channel: ChannelIdentification, name: str) -> str:
+def term_label(channel: ChannelIdentification, name: str) -> str:
+    """Return a term of an axis with its coefficients and slope, for a legend."""
     estimate = channel.term(name)
     if estimate is None:
         return name

@@ -1,193 +1,344 @@
-"""The report as one HTML page, complete in itself: noise, diagnosis, filter configuration and check.
+"""The report as one HTML page, complete in itself: verdict, settings, findings, curves, check, limits and provenance.
 
-The page carries its figures as inline SVG and its style in the head: it can be mailed, opened offline and
-printed.
+It makes no request: pictures, style, data and the drawing library are in the file, which can be mailed, opened offline
+and printed. The same result gives the same bytes. Layout: ``templates/report.html.j2``.
 """
 
 from __future__ import annotations
 
-import html
+import json
+import re
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
+from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
 from rich.table import Table
 
-from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, term_title
-from tuner.report.allan_figure import draw_allan
+from tuner.exporters import DIALECTS
+from tuner.formats.customary_units import digits, in_customary, term_title
+from tuner.pipeline import TuneResult
+from tuner.report.calibration_text import calibration_lines
+from tuner.report.consistency_tables import consistency_tables
+from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.finding_groups import FindingGroup, contradicted, finding_groups
 from tuner.report.identification_tables import identification_tables
-from tuner.types import ChannelNoise, FilterConfig, Identification
-from tuner.types.prediction import PredictedBlock
+from tuner.report.page_charts import charts
+from tuner.report.prediction_tables import prediction_tables
+from tuner.report.settings_rows import axes_text, settings_rows, units_of
+from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text
+from tuner.report.tune_answer import assumptions, hidden_lines, legend, recording_line, verdict_line
 
-PAGE_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1c1917; max-width: 1180px; margin: 2rem auto; padding:
-0 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: .2rem; }
-h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d6d3d1; padding-bottom: .2rem; }
-table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; font-size: .9rem; }
-caption { text-align: left; font-weight: 600; padding: .3rem 0; }
-th, td { border-bottom: 1px solid #e7e5e4; padding: .25rem .7rem; text-align: right; white-space: pre-line; }
-th:first-child, td:first-child { text-align: left; }
-th { background: #f5f5f4; font-weight: 600; }
-li { margin: .2rem 0; }
-.quiet { color: #57534e; }
-svg { max-width: 100%; height: auto; }
-.wide { overflow-x: auto; }
-"""
+PICTURE_BYTES = 300_000
+"""Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
+WORDED_FINDINGS = 2
+"""Findings of a group that stand in words: further ones differ in their figures only."""
+COORDINATES = re.compile(rb'\b(?:d|x|y)="[^"]*"')
+"""Coordinates of a drawing."""
+TOO_FINE = re.compile(rb"(\.\d\d)\d+")
+"""Decimals finer than a hundredth of a point."""
+KINDS = {
+    "allan": "Allan deviation: measured with its 95 % band, what the settings predict, and each identified term",
+    "spectrum": "Spectrum: root of the two-sided density with its 95 % band, and that of the identified noise",
+    "course": "Time course: from the smallest to the largest sample of each piece of time; events are marked",
+}
+"""Charts and their captions."""
+TIMING = {
+    "gap_count": "gaps",
+    "missing": "missing samples",
+    "duplicates": "repeated stamps",
+    "disordered": "disordered",
+}
+"""What time stamps can show to be wrong, in words."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on file: what it shows, its name beside the page, and its SVG."""
+
+    caption: str
+    name: str
+    svg: bytes
 
 
 def write_page(
-    identification: Identification,
-    config: FilterConfig,
-    *,
-    title: str,
-    sections: Sequence[tuple[str, Sequence[Table | str]]] = (),
-    figures: Sequence[tuple[str, str]] = (),
-    predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
-    absent: Mapping[str, str],
+    result: TuneResult, pictures: Sequence[Picture] = (), allan: bytes | None = None, command: str = ""
 ) -> str:
     """Return the page as text.
 
     Parameters
     ----------
-    identification : Identification
-        Noise of every channel.
-    config : FilterConfig
-        Settings chosen from it.
-    title : str
-        Name of the log.
-    sections : sequence of (str, sequence of Table or str)
-        Further parts, such as the diagnosis and the consistency check.
-    figures : sequence of (str, str)
-        Captions and text of further SVG figures.
-    predictions : mapping of str to PredictedBlock
-        How well the settings of each axis predict the record.
-    absent : mapping of str to str
-        Parts that were not run, each with the reason.
+    result : TuneResult
+        Of `tuner.tune`.
+    pictures : sequence of Picture
+        Of findings, captioned by their words; others belong to the drive.
+    allan : bytes, optional
+        SVG of the Allan figure, for print and for readers without scripts.
+    command : str
+        What was typed; empty where the page was made from Python.
     """
-    parts = [
-        f"<h1>{html.escape(title)}</h1>",
-        f'<p class="quiet">{html.escape(_origin(identification))}</p>',
-        "<h2>Noise in the log</h2>",
-        _blocks(identification_tables(identification)),
+    drawn = charts(result)
+    axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
+    noise = _blocks(identification_tables(result.identification))
+    checked = result.check
+    content = {
+        "name": result.name,
+        "verdict": verdict_line(result),
+        "standing": "open" if checked is None else "good" if _stands(result) else "bad",
+        "facts": _facts(result),
+        "settings": _settings(result),
+        "legend": legend(settings_rows(result.config)),
+        "reasons": _reasons(result),
+        "files": [{"name": name, "text": text} for name, text in result.exports.items()],
+        "dialects": list(DIALECTS),
+        **_findings(result, pictures),
+        "axes": axes,
+        "kinds": [(kind, KINDS[kind]) for kind in drawn],
+        "charts": _for_script(drawn),
+        "plotly": Markup(get_plotlyjs()),
+        "allan": None if allan is None else _shown(Picture(KINDS["allan"], "allan.svg", allan)),
+        "noise": [block for block in noise if "rows" in block],
+        "sections": _sections(result, pictures),
+        "limits": _limits(result, noise),
+        "provenance": _provenance(result, command),
+    }
+    content["contents"] = [
+        ("settings", "Settings"),
+        ("files", "Files"),
+        ("findings", "Findings"),
+        *([("curves", "Curves")] if axes else []),
+        ("noise", "Noise"),
+        *((anchor, heading) for anchor, heading, _, _ in content["sections"]),
+        ("limits", "Limits"),
+        ("provenance", "Provenance"),
     ]
-    if any(channel.allan.tau.size for channel in identification.channels.values()):
-        parts.append(_allan(identification, predictions))
-    for heading, content in sections:
-        parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
-    parts += [_figure(svg, caption) for caption, svg in figures]
-    parts += ["<h2>Filter configuration</h2>", _blocks([_settings(config)]), _reasons(config)]
-    if absent:
-        parts.append("<h2>What was not done</h2>")
-        parts.append(_list([f"{part}: {reason}" for part, reason in absent.items()]))
-    return _whole(title, parts)
+    return _filled("report.html.j2", content)
 
 
 def write_sections_page(
     title: str, sections: Sequence[tuple[str, Sequence[Table | str]]], figures: Sequence[tuple[str, Path]]
 ) -> str:
     """Return a page of sections and SVG figures with their captions, without an identification."""
-    parts = [f"<h1>{html.escape(title)}</h1>"]
-    for heading, content in sections:
-        parts += [f"<h2>{html.escape(heading)}</h2>", _blocks(content)]
-    parts += [_figure(path.read_text(encoding="utf-8"), caption) for caption, path in figures]
-    return _whole(title, parts)
-
-
-def _whole(title: str, parts: Sequence[str]) -> str:
-    head = f"<meta charset='utf-8'><title>{html.escape(title)}</title><style>{PAGE_STYLE}</style>"
-    body = "\n".join(parts)
-    language = '<html lang="en">'
-    return f"<!doctype html>\n{language}<head>{head}</head><body>\n{body}\n</body></html>\n"
-
-
-def _origin(identification: Identification) -> str:
-    source = identification.source
-    files = ", ".join(str(f) for f in source.get("files", ())) or str(source.get("name", ""))
-    digests = ", ".join(str(d)[:12] for d in source.get("digests", ()))
-    return files + (f" · SHA-256 {digests}…" if digests else "")
-
-
-def _blocks(content: Sequence[Table | str]) -> str:
-    """Render tables as they come and runs of lines as lists."""
-    answer: list[str] = []
-    lines: list[str] = []
-    for block in [*content, ""]:
-        if isinstance(block, str) and block:
-            lines.append(block.strip())
-            continue
-        if lines:
-            answer.append(_list(lines))
-            lines = []
-        if isinstance(block, Table):
-            answer.append(_table(block))
-    return "\n".join(answer)
-
-
-def _list(lines: Sequence[str]) -> str:
-    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
-
-
-def _table(table: Table) -> str:
-    head = "".join(f"<th>{html.escape(str(column.header))}</th>" for column in table.columns)
-    rows = zip(*(column.cells for column in table.columns), strict=True)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    caption = f"<caption>{html.escape(str(table.title))}</caption>" if table.title else ""
-    return f'<div class="wide"><table>{caption}<tr>{head}</tr>{body}</table></div>'
-
-
-def _allan(identification: Identification, predictions: Mapping[str, PredictedBlock]) -> str:
-    drawn: list[bytes] = []
-    draw_allan(
-        identification,
-        [Path("allan.svg")],
-        predictions=predictions,
-        put=lambda _, content: drawn.append(content),
-    )
-    return _figure(drawn[0].decode(), "Allan deviation with 95 % band, fitted sum and terms")
-
-
-def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{html.escape(caption)}</figcaption></figure>"
-
-
-def _settings(config: FilterConfig) -> Table:
-    table = Table(title="Settings (customary units)")
-    rows: dict[str, list[str]] = {}
-    for channel in config.channels.values():
-        for name, text in _of_channel(channel).items():
-            rows.setdefault(name, []).append(text)
-    table.add_column("")
-    for axis in config.channels:
-        table.add_column(axis)
-    for name, cells in rows.items():
-        table.add_row(name, *cells)
-    return table
-
-
-def _of_channel(channel: ChannelNoise) -> dict[str, str]:
-    def shown(value: float, quantity: str) -> str:
-        number = digits(in_customary(value, quantity, channel.unit))
-        return f"{number} {pretty(customary_unit(quantity, channel.unit))}"
-
-    ladder = "\n".join(f"{shown(s.sd, 'level')} over {digits(s.time_constant)} s" for s in channel.markov)
-    return {
-        "white noise": shown(channel.white_density, "white.density"),
-        "Gauss–Markov states": ladder or "none",
-        "random walk": shown(channel.random_walk_density, "random_walk.density"),
-        "turn-on constant (sd)": shown(channel.constant_sd, "level"),
+    content = {
+        "name": title,
+        "sections": [(heading, _blocks(content)) for heading, content in sections],
+        "pictures": [_shown(Picture(caption, path.name, path.read_bytes())) for caption, path in figures],
     }
+    return _filled("sections.html.j2", content)
 
 
-def _reasons(config: FilterConfig) -> str:
+def _filled(template: str, content: Mapping[str, Any]) -> str:
+    environment = Environment(
+        loader=PackageLoader("tuner.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(content).lstrip()
+
+
+def _for_script(data: Mapping[str, Any]) -> Markup:
+    """Return data as JSON that no text in it can end early."""
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False)
+    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))
+
+
+def _stands(result: TuneResult) -> bool:
+    predicted = all(found.passes for found in result.predictions.values())
+    return result.check is not None and result.check.consistency.consistent and predicted
+
+
+def _facts(result: TuneResult) -> list[tuple[str, str]]:
+    facts = [("Recording", recording_line(result))]
+    wrong = [
+        f"{record.name}: {record.timing[key]:.0f} {words}"
+        for record in result.records
+        for key, words in TIMING.items()
+        if record.timing.get(key)
+    ]
+    repairs = dict.fromkeys(note for record in result.records for note in record.notes)
+    if result.records:
+        facts.append(("Time stamps", "; ".join(wrong) or "no gap, no repetition"))
+    if repairs:
+        facts.append(("Read with", "; ".join(repairs)))
+    if result.records:
+        facts.append(("Units assumed", "; ".join(assumptions(result)) or "none"))
+    facts += [("Hidden in it", line) for line in hidden_lines(result)]
+    return facts
+
+
+def _settings(result: TuneResult) -> list[dict[str, Any]]:
+    rows = settings_rows(result.config)
+    answer = []
+    for unit in dict.fromkeys(row.unit for row in rows):
+        white, level, walk = units_of(unit)
+        head = ["axes", f"white noise N, {white}", f"bias states, {level}", f"random walk K, {walk}"]
+        head.append(f"turn-on constant (sd), {level}")
+        cells = [
+            [axes_text(row.axes), row.white.text, row.bias, row.walk.text, _constant(result, row.axes)]
+            for row in rows
+            if row.unit == unit
+        ]
+        answer.append({"title": "", "head": head, "rows": cells, "words": False})
+    return answer
+
+
+def _constant(result: TuneResult, axes: Sequence[str]) -> str:
+    channels = [result.config.channels[axis] for axis in axes]
+    values = dict.fromkeys(digits(in_customary(c.constant_sd, "level", c.unit)) for c in channels)
+    return ", ".join(values)
+
+
+def _reasons(result: TuneResult) -> list[str]:
+    config = result.config
     handling: dict[str, list[str]] = {}
     for channel in config.channels.values():
         for name, how in channel.handling.items():
-            label = term_title(name) or name
-            handling.setdefault(f"{label}: {how}", []).append(channel.axis)
-    lines = [f"{text} [{', '.join(axes)}]" for text, axes in handling.items()]
-    lines += [f"{i.quantity} × {i.factor:g}: {i.reason}" for i in config.inflations]
-    lines += [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
-    return "<h3>Why</h3>" + _list([*lines, *config.notes])
+            handling.setdefault(f"{term_title(name) or name}: {how}", []).append(channel.axis)
+    lines = [f"{text} [{axes_text(axes)}]" for text, axes in handling.items()]
+    lines += [f"{one.quantity} × {one.factor:g}: {one.reason}" for one in config.inflations]
+    lines += [
+        f"at its worst {one.quantity} × {one.factor:.4g}, not in the settings: {one.reason}"
+        for one in config.worst_case
+    ]
+    return lines + [f"{name}: {reason}" for name, reason in config.initial.reasons.items()]
+
+
+def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]:
+    """Return the findings in groups, each with its pictures as long as there is room, and what else there is."""
+    found = result.diagnosis
+    if found is None:
+        nothing = (
+            result.absent.get("diagnosis")
+            or result.absent.get("static diagnosis")
+            or "No diagnosis was made."
+        )
+        return {"groups": [], "remarks": [], "all_findings": [], "nothing_found": nothing}
+    span = max((record.span for record in result.records), default=None)
+    room, groups = PICTURE_BYTES, []
+    for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
+        own = [picture for picture in pictures if picture.caption in {one.text for one in group.findings}]
+        shown = []
+        for picture in own[:1]:
+            one = _shown(picture)
+            if len(one["address"]) <= room:
+                shown.append(one)
+                room -= len(one["address"])
+        left_out = [picture.name for picture in own if picture.name not in {one["name"] for one in shown}]
+        groups.append(
+            {
+                "title": group.short[:1].upper() + group.short[1:],
+                "drift": _drift(group),
+                "lines": _words(group),
+                "pictures": shown,
+                "left_out": left_out,
+            }
+        )
+    remarks = [
+        f"{one.cause} in {axes_text(one.channels)}: held-out data are less likely with it, so it is no finding"
+        for one in found.findings
+        if contradicted(one)
+    ]
+    remarks += [
+        f"unexplained: {one.statistic} in {axes_text(one.channels)}, p = {one.p_value:.1e}"
+        for one in found.unexplained
+    ]
+    return {
+        "groups": groups,
+        "remarks": [*remarks, *found.notes],
+        "all_findings": [block for block in _blocks(diagnosis_tables(found)) if "rows" in block],
+        "nothing_found": "Nothing: the log agrees with a simulation of its noise terms.",
+    }
+
+
+def _drift(group: FindingGroup) -> dict[str, Any] | None:
+    if not group.drift:
+        return None
+    head = ["position error of one sensor axis, no fixes", *(f"after {name}" for name in group.drift)]
+    before, after = zip(*group.drift.values(), strict=True)
+    rows = [
+        ["with it in the samples", *(f"{digits(value, 2)} m" for value in before)],
+        ["without it", *(f"{digits(value, 2)} m" for value in after)],
+    ]
+    return {"title": "", "head": head, "rows": rows, "words": False}
+
+
+def _words(group: FindingGroup) -> list[str]:
+    lines = [f"Changes {group.changes}."]
+    for one in group.findings[:WORDED_FINDINGS]:
+        lines.append(one.text + (f" → {one.consequence}" if one.consequence else ""))
+        if one.gain is not None and (gain := gain_text(one.gain)):
+            lines.append(f"before → after: {gain}")
+    if (more := len(group.findings) - WORDED_FINDINGS) > 0:
+        lines.append(f"{more} more of the kind: in the table of all findings below")
+    return list(dict.fromkeys(lines))
+
+
+def _sections(
+    result: TuneResult, pictures: Sequence[Picture]
+) -> list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]]:
+    """Return prediction, calibration, drive and check, each as anchor, heading, content and pictures."""
+    sections: list[tuple[str, str, list[dict[str, Any]], list[dict[str, str]]]] = []
+    if result.predictions:
+        content = _blocks(prediction_tables(result.predictions))
+        sections.append(("prediction", "Does it predict the log?", content, []))
+    if result.calibration is not None:
+        sections.append(("calibration", "Calibration", _blocks(calibration_lines(result.calibration)), []))
+    if result.drive is not None:
+        static = () if result.diagnosis is None else result.diagnosis.findings
+        of_log = {one.text for one in static}
+        own = [_shown(picture) for picture in pictures if picture.caption not in of_log]
+        sections.append(("drive", "The drive", _blocks(drive_tables(result.drive.diagnosis)), own))
+    if result.check is not None:
+        content = _blocks(consistency_tables(result.check.consistency, result.check.notes))
+        sections.append(("check", "Filter check", content, []))
+    return sections
+
+
+def _limits(result: TuneResult, noise: Sequence[Mapping[str, Any]]) -> list[str]:
+    lines = [f"no {part}: {reason}" for part, reason in result.absent.items()]
+    lines += [line for block in noise for line in block.get("lines", ())]
+    lines += result.config.notes
+    return list(dict.fromkeys(lines)) or ["none known beyond the intervals above"]
+
+
+def _provenance(result: TuneResult, command: str) -> list[tuple[str, str]]:
+    source = result.identification.source
+    answer = [("Made again by", command or f"tuner.tune in Python, seed {result.seed}")]
+    if files := ", ".join(str(file) for file in source.get("files", ())):
+        answer.append(("Source", files))
+    if digests := ", ".join(str(digest) for digest in source.get("digests", ())):
+        answer.append(("SHA-256", digests))
+    versions = result.config.provenance.get("versions", {})
+    answer.append(
+        ("Versions", ", ".join(f"{name} {version}" for name, version in versions.items()) or "unknown")
+    )
+    return [*answer, ("Seed", str(result.seed))]
+
+
+def _shown(picture: Picture) -> dict[str, str]:
+    svg = COORDINATES.sub(lambda found: TOO_FINE.sub(rb"\1", found[0]), picture.svg)
+    address = f"data:image/svg+xml;base64,{b64encode(svg).decode()}"
+    return {"caption": picture.caption, "name": picture.name, "address": address}
+
+
+def _blocks(content: Sequence[Table | str]) -> list[dict[str, Any]]:
+    """Return tables as they come and runs of lines as lists."""
+    answer: list[dict[str, Any]] = []
+    for block in content:
+        if isinstance(block, Table):
+            rows = [list(row) for row in zip(*(column.cells for column in block.columns), strict=True)]
+            head = [str(column.header) for column in block.columns]
+            right = any(column.justify == "right" for column in block.columns)
+            answer.append({"title": str(block.title or ""), "head": head, "rows": rows, "words": not right})
+        elif answer and "lines" in answer[-1]:
+            answer[-1]["lines"].append(block.strip())
+        else:
+            answer.append({"lines": [block.strip()]})
+    return answer

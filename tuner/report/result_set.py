@@ -21,7 +21,7 @@ from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.drive_diagnosis_figures import draw_drive
 from tuner.report.drive_diagnosis_tables import drive_tables
-from tuner.report.html_page import write_page
+from tuner.report.html_page import Picture, write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
 from tuner.report.prediction_tables import prediction_tables, settings_tables
@@ -37,7 +37,7 @@ LAST = "result.json"
 Section = tuple[str, Sequence[Table | str]]
 
 
-def write_tune_result(result: TuneResult, directory: Path) -> None:
+def write_tune_result(result: TuneResult, directory: Path, command: str = "") -> None:
     """Write configurations, figures, ``report.html``, ``result.json`` and the key of a simulated log.
 
     Parameters
@@ -46,12 +46,13 @@ def write_tune_result(result: TuneResult, directory: Path) -> None:
         Of `tuner.tune`.
     directory : Path
         Made where it does not exist; a set that is there is replaced in one step.
+    command : str, optional
+        What was typed, for the page.
     """
-    files = tune_files(result)
-    write_set(directory, files, last=LAST)
+    write_set(directory, tune_files(result, command), last=LAST)
 
 
-def tune_files(result: TuneResult) -> dict[str, bytes]:
+def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
     """Return the content of every file of a result by its name; ``result.json`` has the SHA-256 of the others."""
     found = result.identification
     files: dict[str, bytes] = {}
@@ -68,17 +69,9 @@ def tune_files(result: TuneResult) -> dict[str, bytes]:
         drawn += draw_findings(result.records, result.diagnosis, here, result.replicas, result.seed, put)
     if result.drive is not None:
         drawn += draw_drive(result.drive, here, put)
+    pictures = [Picture(caption, path.name, files[path.name]) for caption, path in drawn]
     files |= {name: _encoded(text) for name, text in result.exports.items()}
-    page = write_page(
-        found,
-        result.config,
-        title=result.name,
-        sections=tune_sections(result),
-        figures=[(caption, files[path.name].decode()) for caption, path in drawn],
-        predictions=result.predictions,
-        absent=result.absent,
-    )
-    files["report.html"] = _encoded(page)
+    files["report.html"] = _encoded(write_page(result, pictures, files.get("allan.svg"), command))
     if result.key is not None:
         files["key.json"] = _encoded(json_text(result.key))
     return files | {LAST: _encoded(json_text({**tune_json(result), MANIFEST: digests(files)}))}

@@ -1,168 +1,171 @@
-"""Figures of findings and the HTML page: self-contained, one figure for each cause."""
+"""The page of `tune`: complete in itself, well formed, the same bytes again; in a browser without an error."""
 
-from dataclasses import replace
-from pathlib import Path
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from itertools import pairwise
 
-import numpy as np
 import pytest
 
 from models.noise import NoiseModel, RandomWalk, White
-from tuner.diagnosis import diagnose
-from tuner.formats.customary_units import digits_to
+from tuner.cli.commands.options import stated_command
 from tuner.identification import identify
-from tuner.report.allan_figure import draw_allan
-from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
-from tuner.report.html_page import write_page
-from tuner.report.static_diagnosis_figures import draw_findings
-from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
+from tuner.pipeline import TuneResult
+from tuner.report.html_page import PICTURE_BYTES, Picture, write_page
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
-from tuner.types import Coefficient, Diagnosis, Finding, Gain
+from tuner.types import Coefficient, Diagnosis, Finding
 
+AXES = ("gyro_x", "gyro_y")
 MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
-EFFECTS = {
-    "line": {"frequency": 12.5, "amplitude": 2e-4},
-    "vibration": {"frequency": 20.0, "quality": 20.0, "sd": 3e-4},
-    "lowpass": {"cutoff": 25.0},
-    "temperature": {"slope": 2e-5},
-    "thermal_lag": {"slope": 5e-5, "time_constant": 60.0},
-    "step": {"time": 150.0, "size": 3e-4},
-    "warmup": {"amplitude": 6e-4, "time_constant": 50.0},
-    "telegraph": {"size": 4e-4, "dwell_low": 5.0, "dwell_high": 5.0},
-    "burst": {"start": 100.0, "duration": 40.0, "variance_ratio": 3.0},
-    "variance_drift": {"slope": 2e-3},
-    "spikes": {"rate": 0.05, "size": 0.02},
-    "heavy_tails": {"excess_kurtosis": 1.0},
-    "clipping": {"low": -3e-3, "high": 3e-3},
-    "duplicates": {"fraction": 0.05},
-    "timing": {"gap_count": 2.0, "jitter_sd": 1e-4, "clock_ratio": 1.0},
-    "motion": {"start": 100.0, "duration": 20.0},
-}
-"""Parameters of a finding of every view."""
+LARGEST_PAGE = 6_000_000
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0.123456 1"/><text>0.123456</text></svg>'
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+VOID = {"meta", "img", "input", "link", "br", "hr"}
 
 
-def record(*hidden, seed=1):
-    return simulate({"gyro_x": MODEL}, duration=300.0, rate=100.0, seed=seed, effects=hidden)[0]
+def made(pictures=1, size=0):
+    models = dict.fromkeys(AXES, MODEL)
+    records, _ = simulate(models, duration=300.0, rate=50.0, seed=5)
+    noise = identify(records, arma=None)
+    when = {"time": Coefficient.known(150.0, 149.0, 151.0, "s")}
+    words = "step in gyro_x <script>alert(1)</script>"
+    step = Finding("step", ("gyro_x",), "a", 9.0, 1e-9, when, words, drift={"60 s": (31.0, 12.0)})
+    found = Diagnosis((step,), base=models, models=models)
+    files = {"noise.yaml": "a: <&>\n", "kalibr.yaml": "b: 1\n"}
+    config = synthesize(noise, name="a log <&>")
+    absent = {"consistency": "why not"}
+    result = TuneResult("a log <&>", records, noise, found, None, None, config, None, {}, absent, files)
+    drawn = [Picture(step.text, f"finding-{k + 1}-step.svg", SVG + b" " * size) for k in range(pictures)]
+    return write_page(result, drawn, SVG, "tuner tune 'a log'")
 
 
-def finding(cause, values):
-    parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
-    return Finding(cause, ("gyro_x",), "a statistic", 10.0, 1e-12, parameters, f"{cause} in gyro_x: said so")
+@pytest.fixture(scope="module")
+def page():
+    return made()
 
 
-@pytest.mark.parametrize("cause", EFFECTS)
-def test_every_cause_has_a_picture(cause, tmp_path):
-    found = Diagnosis((finding(cause, EFFECTS[cause]),), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    ((caption, path),) = draw_findings(record(), found, tmp_path, replicas=2)
-    assert cause in caption
-    assert cause in path.name
-    svg = path.read_text()
-    assert "measured" in svg
-    assert "gyro_x" in svg
-    assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+class Reader(HTMLParser):
+    """Elements in order, with a check that they close in order, and their text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.open, self.text = [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] not in {"script", "style"}:
+            self.text.append(data)
 
 
-def test_findings_of_one_cause_and_channels_share_a_picture(tmp_path):
-    moves = tuple(finding("motion", {"start": s, "duration": 5.0}) for s in (20.0, 80.0, 150.0))
-    found = Diagnosis(moves, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    assert len(draw_findings(record(), found, tmp_path)) == 1
+@pytest.fixture(scope="module")
+def read(page):
+    return Reader(page)
 
 
-def test_the_signal_of_a_line_is_the_line(tmp_path):
-    with_line, without = record("line@gyro_x:frequency=12.5,amplitude=2e-4"), record()
-    difference = with_line[0].y[:, 0] - without[0].y[:, 0]
-    t, y = with_line[0].t, with_line[0].y[:, 0]
-    made = signal_of("line", EFFECTS["line"], t, y, None)
-    # Each quadrature errs by sd √(2/n) = 1e-3 √(2/30000) = 8e-6: six of them on 2e-4.
-    assert np.max(np.abs(made - difference)) < 7e-5
+def test_every_element_is_closed_in_order(read):
+    assert read.open == []
 
 
-def test_a_signal_of_another_cause_is_taken_out_of_the_view():
-    step, slope = finding("step", EFFECTS["step"]), finding("temperature", EFFECTS["temperature"])
-    found = Diagnosis((step, slope), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
-    one = diagnosed_axis(record("step@gyro_x:time=150,size=3e-4"), "gyro_x", found)
-    np.testing.assert_allclose(one.without_others("temperature") + one.signals["step"], one.y)
-    np.testing.assert_allclose(one.signal, one.signals["step"] + one.signals["temperature"])
+def test_nothing_is_loaded_from_elsewhere(read):
+    for tag, attributes in read.elements:
+        assert tag not in {"link", "iframe", "object"}
+        for name in ("src", "href", "srcset", "action"):
+            assert not re.match(r"\s*(https?:|//)", attributes.get(name) or "")
+    policies = [a["content"] for t, a in read.elements if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policies[0].startswith("default-src 'none'")
 
 
-def test_the_page_carries_diagnosis_and_pictures_in_itself(tmp_path):
-    records = record("line@gyro_x:frequency=12.5,amplitude=3e-4")
-    found, noise = diagnose(records), identify(records, arma=None)
-    pictures = draw_findings(records, found, tmp_path)
-    page = write_page(
-        noise,
-        synthesize(noise),
-        title="a log <&>",
-        sections=[("What a simulation of it gets wrong", diagnosis_tables(found))],
-        figures=[(caption, path.read_text(encoding="utf-8")) for caption, path in pictures],
-        absent={"consistency": "why not"},
+def test_headings_go_down_by_one(read):
+    levels = [int(tag[1]) for tag, _ in read.elements if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_what_refers_to_another_element_finds_it(read):
+    identities = [a["id"] for _, a in read.elements if "id" in a]
+    assert len(identities) == len(set(identities))
+    for _, attributes in read.elements:
+        for name in ("aria-labelledby", "aria-controls", "data-copy"):
+            assert attributes.get(name) is None or attributes[name] in identities
+        if (attributes.get("href") or "").startswith("#"):
+            assert attributes["href"][1:] in identities
+
+
+def test_tabs_pictures_and_regions_have_names(read):
+    tabs = [a for _, a in read.elements if a.get("role") == "tab"]
+    assert len(tabs) == sum(a.get("role") == "tabpanel" for _, a in read.elements) == 2
+    assert all(a.get("alt") for t, a in read.elements if t == "img")
+    assert all(a.get("aria-label") for _, a in read.elements if a.get("role") == "region")
+    document = dict(read.elements)
+    assert document["html"]["lang"] == "en"
+
+
+def test_the_page_says_what_matters_and_escapes_what_comes_from_a_file(page, read):
+    text = " ".join(" ".join(read.text).split())
+    for said in (
+        "a log <&>",
+        "a: <&>",
+        "The filter is not checked",
+        "no consistency: why not",
+        "31 m",
+        "12 m",
+        "deg/√h",
+    ):
+        assert said in text
+    assert "tuner tune 'a log'" in text
+    assert "<script>alert" not in page
+
+
+def test_the_same_result_gives_the_same_bytes(page):
+    assert made() == page
+
+
+def test_many_pictures_stand_beside_the_page(page):
+    many = made(pictures=8, size=PICTURE_BYTES // 5)
+    assert len(page.encode()) < len(many.encode()) < LARGEST_PAGE
+    assert '<a href="finding-8-step.svg">' in many
+
+
+def test_the_command_leaves_out_where_results_go():
+    words = ["tune", "a log.npz", "-o", "x", "--json=y", "--seed", "3", "--quiet", "-oz"]
+    assert stated_command(words) == "tuner tune 'a log.npz' --seed 3"
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_a_browser_shows_it_without_an_error(page, tmp_path):
+    width = "document.documentElement.dataset.over=document.documentElement.scrollWidth-window.innerWidth"
+    drawn = "document.documentElement.dataset.drawn=document.querySelectorAll('.main-svg').length"
+    click = "document.querySelectorAll('[role=tab]')[1].click()"
+    file = tmp_path / "page.html"
+    file.write_text(
+        page.replace("</body>", f"<script>{click};{width};{drawn}</script></body>"), encoding="utf-8"
     )
-    assert page.count("<svg") == 2
-    assert "line in gyro_x" in page
-    assert "12.50" in page
-    assert "consistency: why not" in page
-    assert "a log &lt;&amp;&gt;" in page
-    assert "src=" not in page
-
-
-def test_what_was_hidden_is_judged_in_words():
-    line = {"cause": "line", "channels": ["gyro_x"], "parameters": {"frequency": 12.5}}
-    words = [
-        hidden_effect_lines([{**line, "found": found, "named": named}])[0]
-        for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
-    ]
-    assert words[0].endswith("(frequency 12.5): found")
-    assert words[1].endswith("detected, but named as vibration")
-    assert words[2].endswith("not found")
-
-
-def test_what_channels_do_not_share_is_reported_of_each():
-    hidden = ("line@gyro_x:frequency=12.5,amplitude=3e-4", "line@gyro_y:frequency=12.5,amplitude=1e-4")
-    records, _ = simulate(
-        {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, effects=hidden
+    done = subprocess.run(
+        [
+            CHROMIUM,
+            *("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0"),
+            *(f"--user-data-dir={tmp_path / 'profile'}", "--window-size=500,900", "--dump-dom"),
+            file.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
-    found = diagnose(records)
-    (line,) = found.findings
-    assert line.channels == ("gyro_x", "gyro_y")
-    assert set(line.of_each("amplitude")) == {"gyro_x", "gyro_y"}
-    assert not line.of_each("frequency")
-    text, (cell,) = line.text, diagnosis_tables(found)[0].columns[2].cells
-    assert text.count("in gyro_x") == 2
-    assert text.count(" rad/s in gyro_y") == cell.count("rad/s in gyro_y") == 1
-    assert cell.count("frequency") == 1
-
-
-@pytest.mark.parametrize(
-    ("cause", "nats", "split", "said"),
-    [
-        ("heavy_tails", -3.0, "60/40", 1),
-        ("heavy_tails", 3.0, "60/40", 0),
-        ("heavy_tails", -3.0, "in sample", 0),
-        ("burst", -3.0, "60/40", 0),
-    ],
-)
-def test_a_gain_below_nothing_is_not_left_without_a_word(cause, nats, split, said):
-    one = replace(finding(cause, EFFECTS[cause]), gain=Gain(split, 0.0, nats / 1e4, nats))
-    told = [line for line in diagnosis_tables(Diagnosis((one,))) if isinstance(line, str)]
-    assert sum("not confirmed" in line for line in told) == said
-
-
-def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
-    sharp = replace(
-        finding("line", EFFECTS["line"]),
-        parameters={"frequency": Coefficient.known(20.0000004, 19.9999989, 20.0000019, "Hz")},
-    )
-    ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
-    assert cell == "frequency 20.000000 (19.999999 … 20.000002) Hz"
-    assert digits_to(1.465e-4, 9.1e-6) == "0.000147"
-
-
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
-def test_the_same_figure_has_the_same_bytes(suffix):
-    """No date, and names of its parts that do not change from one run to the next."""
-    noise = identify(record(), arma=None)
-    drawn = []
-    for _ in range(2):
-        draw_allan(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
-    assert drawn[0] == drawn[1]
-    assert b"<dc:date>" not in drawn[0]
+    assert "CONSOLE" not in done.stderr
+    assert int(re.search('data-over="(-?[0-9]+)"', done.stdout)[1]) <= 0
+    assert int(re.search('data-drawn="([0-9]+)"', done.stdout)[1]) >= 3
+    tabs = re.findall(r'role="tab"[^>]*aria-selected="(\w+)"', done.stdout)
+    assert tabs == ["false", "true"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 import json
 import math
+import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,10 @@ class Finite(click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
+PLACES = ("-o", "--output-dir", "--json")
+"""Options followed by a place where a result goes."""
+OUTPUT_FLAGS = ("--quiet", "--verbose")
+"""Options that change how much is printed."""
 DIRECTORY = click.Path(path_type=Path, file_okay=False)
 
 
@@ -211,6 +216,18 @@ def reading(command: Command) -> Command:
         return command(*args, reading=how, **options)
 
     return wrapped
+
+
+def stated_command(words: Sequence[str]) -> str:
+    """Return a command line as a shell reads it, without what only says where results go."""
+    kept: list[str] = []
+    rest = iter(words)
+    for word in rest:
+        if word in PLACES:
+            next(rest, None)
+        elif word not in OUTPUT_FLAGS and not word.startswith(("-o", *(f"{name}=" for name in PLACES))):
+            kept.append(word)
+    return shlex.join(["tuner", *kept])
 
 
 def term_list(

@@ -18,6 +18,7 @@ from tuner.cli.commands.options import (
     noise_terms,
     reading,
     replicas,
+    stated_command,
     verbose,
 )
 from tuner.cli.progress import Messages
@@ -61,7 +62,7 @@ def command(
 
     result = tune(load_source(log, reading, messages), progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
-    write_tune_result(result, directory)
+    write_tune_result(result, directory, stated_command(click.get_current_context().obj))
     output.write(tune_json(result))
     if output.tables:
         show(tune_tables(result, directory) if verbose else answer_lines(result, directory))

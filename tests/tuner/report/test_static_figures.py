@@ -1,0 +1,146 @@
+"""Figures and words of the findings of a static log: one figure for each cause."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner.diagnosis import diagnose
+from tuner.formats.customary_units import digits_to
+from tuner.identification import identify
+from tuner.report.allan_figure import draw_allan
+from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
+from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
+from tuner.simulation.static import simulate
+from tuner.types import Coefficient, Diagnosis, Finding, Gain
+
+MODEL = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+EFFECTS = {
+    "line": {"frequency": 12.5, "amplitude": 2e-4},
+    "vibration": {"frequency": 20.0, "quality": 20.0, "sd": 3e-4},
+    "lowpass": {"cutoff": 25.0},
+    "temperature": {"slope": 2e-5},
+    "thermal_lag": {"slope": 5e-5, "time_constant": 60.0},
+    "step": {"time": 150.0, "size": 3e-4},
+    "warmup": {"amplitude": 6e-4, "time_constant": 50.0},
+    "telegraph": {"size": 4e-4, "dwell_low": 5.0, "dwell_high": 5.0},
+    "burst": {"start": 100.0, "duration": 40.0, "variance_ratio": 3.0},
+    "variance_drift": {"slope": 2e-3},
+    "spikes": {"rate": 0.05, "size": 0.02},
+    "heavy_tails": {"excess_kurtosis": 1.0},
+    "clipping": {"low": -3e-3, "high": 3e-3},
+    "duplicates": {"fraction": 0.05},
+    "timing": {"gap_count": 2.0, "jitter_sd": 1e-4, "clock_ratio": 1.0},
+    "motion": {"start": 100.0, "duration": 20.0},
+}
+"""Parameters of a finding of every view."""
+
+
+def record(*hidden, seed=1):
+    return simulate({"gyro_x": MODEL}, duration=300.0, rate=100.0, seed=seed, effects=hidden)[0]
+
+
+def finding(cause, values):
+    parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
+    return Finding(cause, ("gyro_x",), "a statistic", 10.0, 1e-12, parameters, f"{cause} in gyro_x: said so")
+
+
+@pytest.mark.parametrize("cause", EFFECTS)
+def test_every_cause_has_a_picture(cause, tmp_path):
+    found = Diagnosis((finding(cause, EFFECTS[cause]),), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    ((caption, path),) = draw_findings(record(), found, tmp_path, replicas=2)
+    assert cause in caption
+    assert cause in path.name
+    svg = path.read_text()
+    assert "measured" in svg
+    assert "gyro_x" in svg
+    assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_findings_of_one_cause_and_channels_share_a_picture(tmp_path):
+    moves = tuple(finding("motion", {"start": s, "duration": 5.0}) for s in (20.0, 80.0, 150.0))
+    found = Diagnosis(moves, base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    assert len(draw_findings(record(), found, tmp_path)) == 1
+
+
+def test_the_signal_of_a_line_is_the_line(tmp_path):
+    with_line, without = record("line@gyro_x:frequency=12.5,amplitude=2e-4"), record()
+    difference = with_line[0].y[:, 0] - without[0].y[:, 0]
+    t, y = with_line[0].t, with_line[0].y[:, 0]
+    made = signal_of("line", EFFECTS["line"], t, y, None)
+    # Each quadrature errs by sd √(2/n) = 1e-3 √(2/30000) = 8e-6: six of them on 2e-4.
+    assert np.max(np.abs(made - difference)) < 7e-5
+
+
+def test_a_signal_of_another_cause_is_taken_out_of_the_view():
+    step, slope = finding("step", EFFECTS["step"]), finding("temperature", EFFECTS["temperature"])
+    found = Diagnosis((step, slope), base={"gyro_x": MODEL}, models={"gyro_x": MODEL})
+    one = diagnosed_axis(record("step@gyro_x:time=150,size=3e-4"), "gyro_x", found)
+    np.testing.assert_allclose(one.without_others("temperature") + one.signals["step"], one.y)
+    np.testing.assert_allclose(one.signal, one.signals["step"] + one.signals["temperature"])
+
+
+def test_what_was_hidden_is_judged_in_words():
+    line = {"cause": "line", "channels": ["gyro_x"], "parameters": {"frequency": 12.5}}
+    words = [
+        hidden_effect_lines([{**line, "found": found, "named": named}])[0]
+        for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
+    ]
+    assert words[0].endswith("(frequency 12.5): found")
+    assert words[1].endswith("detected, but named as vibration")
+    assert words[2].endswith("not found")
+
+
+def test_what_channels_do_not_share_is_reported_of_each():
+    hidden = ("line@gyro_x:frequency=12.5,amplitude=3e-4", "line@gyro_y:frequency=12.5,amplitude=1e-4")
+    records, _ = simulate(
+        {"gyro_x": MODEL, "gyro_y": MODEL}, duration=300.0, rate=100.0, seed=3, effects=hidden
+    )
+    found = diagnose(records)
+    (line,) = found.findings
+    assert line.channels == ("gyro_x", "gyro_y")
+    assert set(line.of_each("amplitude")) == {"gyro_x", "gyro_y"}
+    assert not line.of_each("frequency")
+    text, (cell,) = line.text, diagnosis_tables(found)[0].columns[2].cells
+    assert text.count("in gyro_x") == 2
+    assert text.count(" rad/s in gyro_y") == cell.count("rad/s in gyro_y") == 1
+    assert cell.count("frequency") == 1
+
+
+@pytest.mark.parametrize(
+    ("cause", "nats", "split", "said"),
+    [
+        ("heavy_tails", -3.0, "60/40", 1),
+        ("heavy_tails", 3.0, "60/40", 0),
+        ("heavy_tails", -3.0, "in sample", 0),
+        ("burst", -3.0, "60/40", 0),
+    ],
+)
+def test_a_gain_below_nothing_is_not_left_without_a_word(cause, nats, split, said):
+    one = replace(finding(cause, EFFECTS[cause]), gain=Gain(split, 0.0, nats / 1e4, nats))
+    told = [line for line in diagnosis_tables(Diagnosis((one,))) if isinstance(line, str)]
+    assert sum("not confirmed" in line for line in told) == said
+
+
+def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
+    sharp = replace(
+        finding("line", EFFECTS["line"]),
+        parameters={"frequency": Coefficient.known(20.0000004, 19.9999989, 20.0000019, "Hz")},
+    )
+    ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
+    assert cell == "frequency 20.000000 (19.999999 … 20.000002) Hz"
+    assert digits_to(1.465e-4, 9.1e-6) == "0.000147"
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png"])
+def test_the_same_figure_has_the_same_bytes(suffix):
+    """No date, and names of its parts that do not change from one run to the next."""
+    noise = identify(record(), arma=None)
+    drawn = []
+    for _ in range(2):
+        draw_allan(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
+    assert drawn[0] == drawn[1]
+    assert b"<dc:date>" not in drawn[0]
