@@ -28,7 +28,7 @@ from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import choose_config, with_noise_factors
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, configured_run, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
-from tuner.navigation.drive.clock_offset import clock_of_drive
+from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.readers.drive import read_drive
 from tuner.synthesis.from_drive import config_of_drive, stationary_noise

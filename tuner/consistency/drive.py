@@ -34,7 +34,7 @@ from tuner.consistency.verdicts import verdicts
 from tuner.navigation.compensation import compensate, compensate_settings
 from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
-from tuner.navigation.drive.clock_offset import AGREEING, Clock, clock_of_drive
+from tuner.navigation.drive.clock import AGREEING, Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit

@@ -34,7 +34,7 @@ from tuner.formats.files import whole_file, write_text
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import Solution
-from tuner.navigation.drive.clock_offset import clock_of_drive
+from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.settings import FilterSettings, total_bias

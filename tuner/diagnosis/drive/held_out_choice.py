@@ -26,7 +26,7 @@ from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.predictive_score import PredictiveScore, configured_run, predictive_score
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.navigation.drive.axis_checks import with_axes_found
-from tuner.navigation.drive.clock_offset import clock_of_drive
+from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Enlargement, FilterConfig, Parameter, Quantity

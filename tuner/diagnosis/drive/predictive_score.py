@@ -22,7 +22,7 @@ from tuner.consistency.drive import OUTAGE_LENGTHS, RECOVERY_TIME, drive_filter
 from tuner.consistency.drive_scores import reference_at, stated
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import WITHHELD, Solution
-from tuner.navigation.drive.clock_offset import Clock
+from tuner.navigation.drive.clock import Clock
 from tuner.navigation.drive.run import Stretch, navigate, prepare
 from tuner.navigation.settings import FilterSettings
 from tuner.types import FilterConfig

@@ -32,7 +32,6 @@ from tuner.navigation.drive.alignment import (
     SUFFICIENT_STATIONARY,
     stationary_until,
 )
-from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock_regression import (
     COMMON_PARAMETERS,
     DELAYS,
@@ -48,10 +47,9 @@ from tuner.navigation.drive.clock_regression import (
     segments,
     unweighted,
 )
-from tuner.navigation.drive.gross_outliers import without_gross_outliers
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements, integrate_increments
 from tuner.navigation.drive.thinning import irregular_rows
-from tuner.types.records import Drive, Gnss
+from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
 
@@ -134,104 +132,6 @@ class ClockOffset:
     def quantile(self) -> float:
         """Return the half width of a 95 % interval in sds."""
         return float(student.ppf(0.975, self.freedom))
-
-
-@dataclass(frozen=True)
-class Clock:
-    """What is taken out of the stamps of a drive, s.
-
-    Attributes
-    ----------
-    delay, lag : float
-        Delay of the fixes, and of their velocities behind their positions.
-    delay_interval, lag_interval : tuple of 2 floats
-        At 95 %.
-    delay_sd : float
-        Sd of the delay; 0 where none is taken out.
-    note : str
-        The same in words, empty where nothing is known.
-    """
-
-    delay: float = 0.0
-    lag: float = 0.0
-    delay_interval: tuple[float, float] = (0.0, 0.0)
-    lag_interval: tuple[float, float] = (0.0, 0.0)
-    delay_sd: float = 0.0
-    note: str = ""
-
-
-AGREEING = Clock()
-"""Clocks that agree."""
-
-
-def clock_of_drive(drive: Drive) -> Clock:
-    """Return what the motion of a drive says of its clocks: nothing is taken out that is not significant."""
-    gnss, _, _ = without_gross_outliers(with_axes_found(drive.gnss)[0])
-    dt = np.diff(drive.imu_t)
-    steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
-    arm = None if drive.lever_arm is None else np.array(drive.lever_arm)
-    if arm is not None and drive.mounting is not None:
-        arm = drive.mounting @ arm
-    elif arm is not None and arm.any():  # in axes of a vehicle that nobody knows
-        arm = None
-    found = estimate_clock_offset(steps, gnss, None if arm is None else arm.tolist())
-    return AGREEING if found is None else chosen_clock(found)
-
-
-def chosen_clock(found: ClockOffset) -> Clock:
-    """Return the simplest clock that a measurement does not refute: none, one delay, a lag of the velocities, both."""
-    if found.at_bound:
-        text = f"the clocks of fixes and inertial unit differ by {MAX_CLOCK_OFFSET:g} s or more, or cannot be compared"
-        return Clock(note=f"{text}: nothing is taken out")
-    which = np.flatnonzero(np.isfinite(found.delay))
-    d, c = found.delay[which], found.covariance[np.ix_(which, which)]
-    if not found.significant:
-        parts = [
-            f"{DELAYS[i]} stamps {_interval_text(found.delay[i], found.quantile() * found.sd[i])}"
-            for i in which
-        ]
-        return Clock(note=f"clocks agree as far as the motion shows: {', '.join(parts)} late")
-    common, late_velocities = [[1.0, 1.0]], [[0.0, 1.0]]
-    models = [common, late_velocities, common + late_velocities] if len(which) == 2 else [[[1.0]]]
-    for rows in models:
-        design = np.array(rows).T
-        covariance = np.linalg.inv(design.T @ np.linalg.solve(c, design))
-        value = covariance @ design.T @ np.linalg.solve(c, d)
-        left, more = d - design @ value, len(d) - design.shape[1]
-        statistic = float(left @ np.linalg.solve(c, left))
-        if not more or fisher.sf(statistic / more, more, found.freedom) > FALSE_OFFSET_PROBABILITY:
-            break
-    names = (
-        ("delay",)
-        if len(which) == 1 or rows == models[0]
-        else ("lag",)
-        if rows == models[1]
-        else ("delay", "lag")
-    )
-    sds = np.sqrt(np.diag(covariance))
-    half = found.quantile() * sds
-    values = dict(zip(names, zip(value.tolist(), half.tolist(), sds.tolist(), strict=True), strict=True))
-    delay, delay_half, delay_sd = values.get("delay", (0.0, 0.0, 0.0))
-    lag, lag_half, _ = values.get("lag", (0.0, 0.0, 0.0))
-    described = []
-    if "delay" in values:
-        described.append(f"fixes are {_interval_text(delay, delay_half)} late")
-    if "lag" in values:
-        described.append(
-            f"velocities of the receiver are {_interval_text(lag, lag_half)} later than its positions"
-        )
-    return Clock(
-        delay,
-        lag,
-        (delay - delay_half, delay + delay_half),
-        (lag - lag_half, lag + lag_half),
-        delay_sd,
-        f"{', '.join(described)}, by the motion alone: taken out",
-    )
-
-
-def _interval_text(value: float, half: float) -> str:
-    return f"{value:+.3f} ({value - half:+.3f} … {value + half:+.3f}) s"
 
 
 def estimate_clock_offset(steps: Steps, gnss: Gnss, lever_arm: Sequence[float] | None) -> ClockOffset | None:

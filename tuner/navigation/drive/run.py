@@ -28,7 +28,7 @@ from tuner.navigation import engine
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
 from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
-from tuner.navigation.drive.clock_offset import AGREEING, Clock
+from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings

@@ -18,7 +18,7 @@ from tuner.diagnosis.drive.predictive_score import (
     configured_run,
     predictive_score,
 )
-from tuner.navigation.drive.clock_offset import AGREEING, Clock
+from tuner.navigation.drive.clock import AGREEING, Clock
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter

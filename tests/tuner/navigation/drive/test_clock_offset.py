@@ -11,13 +11,8 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.consistency.drive import navigate_drive
 from tuner.navigation.data import Steps
-from tuner.navigation.drive.clock_offset import (
-    MAX_CLOCK_OFFSET,
-    ClockOffset,
-    chosen_clock,
-    clock_of_drive,
-    estimate_clock_offset,
-)
+from tuner.navigation.drive.clock import chosen_clock, clock_of_drive
+from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET, ClockOffset, estimate_clock_offset
 from tuner.navigation.drive.integrated_increments import integrate_increments
 from tuner.navigation.drive.thinning import irregular_rows
 from tuner.simulation.drive import simulate_drive

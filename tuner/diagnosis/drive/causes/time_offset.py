@@ -12,7 +12,7 @@ import numpy as np
 from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis
 from tuner.diagnosis.drive.score_tests import linear_trend
 from tuner.navigation.compensation import compensate
-from tuner.navigation.drive.clock_offset import Clock, clock_of_drive
+from tuner.navigation.drive.clock import Clock, clock_of_drive
 from tuner.types import Coefficient, Compensation, FilterConfig, Parameter, Unexplained
 from tuner.types.records import Drive
 
