@@ -73,7 +73,7 @@ def test_runs_that_are_ended_at_any_moment(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit", [0, 65536])
+@pytest.mark.parametrize("limit", [0, 16384])
 def test_no_room_to_write(tmp_path: Path, limit: int) -> None:
     source, folder = log(tmp_path / "one.npz", 1e-3), tmp_path / "out" / "unit"
     assert tuned(source, folder).wait() == 0
