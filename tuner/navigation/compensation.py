@@ -11,7 +11,7 @@ gnss_frame.roll pitch yaw        v_reported = Rz(yaw) Ry(pitch) Rx(roll) v
 gyro_scale, accel_scale .x y z   scale factor errors
 misalignment.roll pitch yaw      the gyros are rotated against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force
-gravity.offset                   excess of gravity
+gravity.offset                   gravity less that of the formula
 mounting.roll pitch yaw          true mounting of the unit = stated one times Rz Ry Rx
 gnss_noise_scale.…               true ÷ reported sd: `tuner.navigation.fix_sd_model`
 ================================ ==========================================================================
@@ -70,8 +70,9 @@ def compensate(drive: Drive, compensation: Compensation) -> Drive:
 
 
 def compensate_settings(settings: FilterSettings, compensation: Compensation) -> FilterSettings:
-    """Return the filter with what is known of its fixes: the lag of velocities, the models of reported sds."""
-    settings = replace(settings, velocity_lag=correction(compensation).velocity_lag)
+    """Return the filter with what is known besides: gravity, the lag of velocities, models of sds."""
+    change = correction(compensation)
+    settings = replace(settings, velocity_lag=change.velocity_lag, gravity_excess=change.gravity_excess)
     values = compensation.of(GNSS_NOISE_SCALE)
     if not values:
         return settings

@@ -180,7 +180,7 @@ def _run(
                 force,
                 dt,
             )
-            faster = np.array([0.0, 0.0, dt * down_acceleration(model, x)])
+            faster = np.array([0.0, 0.0, dt * (settings.gravity_excess + down_acceleration(model, x))])
             state = NavigationState(np.array(pos) - 0.5 * dt * faster, np.array(vel) + faster, np.array(quat))
             now.dt += dt
             now.angle += sample[:3]

@@ -61,6 +61,8 @@ class FilterSettings:
         the reported and the configured sd counts.
     velocity_lag : float
         How much later the velocities of fixes are than their positions, s: mended by the inertial unit.
+    gravity_excess : float
+        What gravity is larger than its formula, m/s², as far as it is known; a `gravity` state is added to it.
     """
 
     model: ErrorModel
@@ -73,6 +75,7 @@ class FilterSettings:
     patience: float = PATIENCE
     fix_sd_models: tuple[FixSdModel, FixSdModel] | None = None
     velocity_lag: float = 0.0
+    gravity_excess: float = 0.0
 
     @property
     def size(self) -> int:

@@ -133,6 +133,8 @@ class Correction:
         True lever arm less the stated one, in the axes of the sensor, m.
     mounting : ndarray, shape (3, 3)
         R with true mounting = stated mounting R.
+    gravity_excess : float
+        Gravity less that of the formula, m/s².
     """
 
     sensor_matrix: FloatArray = field(default_factory=lambda: np.eye(6))
@@ -141,6 +143,7 @@ class Correction:
     velocity_rotation: FloatArray = field(default_factory=lambda: np.eye(3))
     lever_arm: FloatArray = field(default_factory=lambda: np.zeros(3))
     mounting: FloatArray = field(default_factory=lambda: np.eye(3))
+    gravity_excess: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,11 @@ class Gravity(DriveEffect):
         return drive.felt(change)
 
     @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return the correction with the excess in the gravity of the filter."""
+        return replace(correction, gravity_excess=values.get("offset", 0.0))
+
+    @classmethod
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
         """± 1 … 500 mGal."""
         return cls(sign(rng) * log_uniform(rng, 1e-5, 5e-3))

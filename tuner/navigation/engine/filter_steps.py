@@ -38,7 +38,7 @@ from tuner.navigation.engine import (
 from tuner.navigation.engine.compilation import checksum, compiling, entry, prefer_small_code
 from tuner.navigation.engine.fixes import AFTER, FixBatch, Output, use_fixes
 from tuner.navigation.engine.further_couplings import accelerate_down, add_to_calibration
-from tuner.navigation.engine.layout import Layout
+from tuner.navigation.engine.layout import GRAVITY_INDEX, Layout
 from tuner.navigation.engine.mechanisation import (
     calibrate_sample,
     disturb_sample,
@@ -104,7 +104,7 @@ def _cached(number: int) -> Callable[..., None]:
                     calibrate_sample(m)
                 stretch = 2.0 * d * d / (last_dt + d) / last_dt if last_dt > 0.0 else 0.0
                 mechanise(m, d, stretch)
-                if m.gravity >= 0 or m.further_count > 0:
+                if m.gravity >= 0 or m.further_count > 0 or m.constants[GRAVITY_INDEX] != 0.0:
                     accelerate_down(m, d)
                 last_dt = d
                 elapsed += d

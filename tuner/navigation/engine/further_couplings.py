@@ -12,7 +12,7 @@ from typing import Any
 from models.filter_states.declaration import DOWN_TARGET, FIX_TARGET
 from models.vector3 import transform
 from tuner.navigation.engine.compilation import block, inlined
-from tuner.navigation.engine.layout import DOWN_INPUT
+from tuner.navigation.engine.layout import DOWN_INPUT, GRAVITY_INDEX
 from tuner.navigation.engine.state import (
     BIAS_ROW,
     CALIBRATED,
@@ -127,10 +127,12 @@ def add_down_derivative(m: Any, row: int) -> None:
 
 @block
 def accelerate_down(m: Any, dt: float) -> None:
-    """Add what the estimates of these states and of gravity accelerate each filter in a sample of length dt."""
+    """Add what the known and the estimated gravity accelerates each filter in a sample of length dt."""
     N, S = m.rows, m.states
     for w in range(m.rows.shape[1]):
-        down = S[ESTIMATE, m.gravity, w] if m.gravity >= 0 else 0.0
+        down = m.constants[GRAVITY_INDEX]
+        if m.gravity >= 0:
+            down += S[ESTIMATE, m.gravity, w]
         for e in range(m.further_count):
             if m.further[e, 1] == DOWN_TARGET:
                 down += m.factor[e] * S[ESTIMATE, m.further[e, 0], w]

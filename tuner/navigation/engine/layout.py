@@ -41,9 +41,9 @@ ROW, SOURCE, SLOPE, TOTAL = range(4)
 """Rows of `Layout.table`."""
 TABLE_ROWS = 4
 """… how many there are."""
-ARM_INDEX, GATE_INDEX, PATIENCE_INDEX = 0, 3, 4
+ARM_INDEX, GATE_INDEX, PATIENCE_INDEX, GRAVITY_INDEX = 0, 3, 4, 5
 """Elements of `Layout.constants`."""
-CONSTANT_COUNT = 5
+CONSTANT_COUNT = 6
 """… how many there are."""
 
 CONSTRAINT_CODE = 3
@@ -97,6 +97,8 @@ class Layout(NamedTuple):
         The loops over `row` and `source` know states that add to one sensor, with factor 1.
     factor : ndarray, shape (e,)
         Factors of these.
+    gravity_excess : float
+        What gravity is larger than its formula, as far as it is known, m/s².
     """
 
     size: int
@@ -121,6 +123,7 @@ class Layout(NamedTuple):
     patience: float
     further: IntArray
     factor: FloatArray
+    gravity_excess: float
 
     def numbers(self) -> tuple[int, ...]:
         """Return the values of `NUMBERS`."""
@@ -131,8 +134,8 @@ class Layout(NamedTuple):
         return np.stack([self.row, self.source, self.slope, self.total]).astype(np.int64)
 
     def constants(self) -> FloatArray:
-        """Return lever arm, gate and patience."""
-        return np.array([*self.arm, self.gate, self.patience])
+        """Return lever arm, gate, patience and excess of gravity."""
+        return np.array([*self.arm, self.gate, self.patience, self.gravity_excess])
 
 
 def layout_of(settings: FilterSettings) -> Layout:
@@ -172,6 +175,7 @@ def layout_of(settings: FilterSettings) -> Layout:
         settings.patience,
         further,
         own.factor[~known],
+        settings.gravity_excess,
     )
 
 

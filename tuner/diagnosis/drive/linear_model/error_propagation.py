@@ -35,6 +35,7 @@ from tuner.navigation.engine import (
     transition,
 )
 from tuner.navigation.engine.compilation import block, checksum, entry
+from tuner.navigation.engine.further_couplings import accelerate_down
 from tuner.navigation.engine.layout import Layout
 from tuner.navigation.engine.mechanisation import (
     calibrate_sample,
@@ -154,6 +155,7 @@ def _cached(number: int) -> Callable[..., None]:
                     calibrate_sample(m)
                 stretch = 2.0 * d * d / (last_dt + d) / last_dt if last_dt > 0.0 else 0.0
                 mechanise(m, d, stretch)
+                accelerate_down(m, d)
                 last_dt = d
                 elapsed += d
             due = i < k and after[i] == s
