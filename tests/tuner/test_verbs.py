@@ -10,6 +10,7 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner import pipeline
 from tuner.catalogue.grades import load_gnss, load_grade
 from tuner.cli import run
+from tuner.cli.commands.options import stated_command
 from tuner.formats import noise_yaml
 from tuner.report.result_set import write_tune_result
 from tuner.simulation.drive import simulate_drive
@@ -70,7 +71,7 @@ def test_tune_in_python_is_the_command(result, log, short_check, tmp_path):
     assert noise_yaml.load(tmp_path / "command" / "noise.yaml") == noise_yaml.loads(
         noise_yaml.dumps(result.config)
     )
-    write_tune_result(result, tmp_path / "python")
+    write_tune_result(result, tmp_path / "python", stated_command(arguments))
     files = {path.name: path.read_bytes() for path in (tmp_path / "command").glob("*.*")}
     assert {path.name for path in (tmp_path / "python").glob("*.*")} == set(files)
     for name in (*result.exports, "result.json"):

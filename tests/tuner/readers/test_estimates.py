@@ -272,6 +272,6 @@ def test_the_command_writes_page_figure_and_json(tmp_path, capsys):
     assert content["blocks"]["position"]["ratio"] == pytest.approx(1.0, abs=0.05)
     assert content["causes"] == []
     assert json.loads((out / "score.json").read_text()) == content
-    assert (out / "report.html").read_text().count("<svg") == 1
+    assert (out / "report.html").read_text().count("data:image/svg") == 1
     columns |= {f"sd_{a}": 0.5 * one for a in "ned"}
     assert run(["score", str(csv(estimate, columns)), "--truth", str(truth), "--quiet", "--strict"]) == 1
