@@ -178,7 +178,9 @@ def test_the_demo_says_whether_its_effect_was_found(tmp_path, capsys, monkeypatc
 
     monkeypatch.setattr("tuner.pipeline.demo", short)
     assert run(["tune", "-o", str(tmp_path), "--quiet"]) == 0
-    assert "line in gyro_x (frequency 12.5, amplitude 0.001): found" in capsys.readouterr().out
+    assert "line in gyro_x (frequency 12.5, amplitude 0.001): found" in " ".join(
+        capsys.readouterr().out.split()
+    )
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["hidden"][0]["found"]
     assert json.loads((tmp_path / "key.json").read_text())["hidden"][0]["cause"] == "line"
