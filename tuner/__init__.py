@@ -16,6 +16,7 @@ and its parts, in the order of the work::
     judged = tuner.score(errors, covariances)           # anyone's Monte Carlo: NEES, and each state
     table = tuner.compare("static.csv", "mpu9250")      # sensors side by side
     text = tuner.export(config, "kalibr")               # the dialect of another filter
+    units = tuner.fleet("logs/", limits="limits.yaml")  # many units: limits, outlying ones, spread
 
 Every function returns a frozen result, prints nothing and writes no file; `tuner.report` draws and writes. They are
 imported when first used, so that starting is quick.
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from tuner.identification import identify
     from tuner.identification.compare_sources import compare
     from tuner.pipeline import tune
+    from tuner.production.fleet import fleet
     from tuner.readers import read
     from tuner.synthesis import synthesize
 
@@ -43,6 +45,7 @@ __all__ = [
     "compare",
     "diagnose",
     "export",
+    "fleet",
     "identify",
     "navigate",
     "read",
@@ -62,6 +65,7 @@ _HOMES = {
     "score": ("tuner.consistency.score_output", "score_arrays"),
     "compare": ("tuner.identification.compare_sources", "compare"),
     "export": ("tuner.exporters", "export"),
+    "fleet": ("tuner.production.fleet", "fleet"),
 }
 """Module and name of each function."""
 

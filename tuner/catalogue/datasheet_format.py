@@ -198,6 +198,16 @@ def parse_sheet(text: str, *, source: str) -> SensorGrade:
     return load(parse_format(text, source=source, expected_format=FORMAT), SensorGrade, source=source)
 
 
+def units_of(entry: str, sensor: str) -> tuple[str, ...]:
+    """Return the units in which an entry such as ``noise_density`` of ``gyro`` or ``accel`` may stand."""
+    return _KEYS[entry].units[sensor]
+
+
+def is_unit_of(unit: str, entry: str, sensor: str) -> bool:
+    """Return whether a unit, in any spelling, is one of an entry of a sensor."""
+    return _allowed(unit, units_of(entry, sensor))
+
+
 def _grade(content: object) -> SensorGrade:
     sheet = structured(content, _Sheet)
     if sheet.gyro is None and sheet.accel is None:

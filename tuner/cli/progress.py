@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +12,8 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+LINE_INTERVAL = 10.0
+"""Time between lines on progress, s: a minute of a log file holds six."""
 Advance = Callable[[int, int], None]
 """Called with (done, total)."""
 
@@ -59,3 +62,29 @@ class Messages:
                 progress.update(task, completed=done, total=total)
 
             yield advance
+
+    @contextmanager
+    def count(self, things: str) -> Iterator[Advance | None]:
+        """Yield a callback that moves a bar, or that prints lines with the time left where no person looks."""
+        if self.quiet:
+            yield None
+            return
+        with self.bar(things) as advance:
+            yield advance or _Lines(self, things)
+
+
+class _Lines:
+    """Says how much is done and how long the rest will take, at most every ten seconds."""
+
+    def __init__(self, messages: Messages, things: str) -> None:
+        self._messages, self._things = messages, things
+        self._start = self._last = time.monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done == 0 or (now - self._last < LINE_INTERVAL and done < total):
+            return
+        self._last = now
+        left = (now - self._start) * (total - done) / done
+        rest = f", about {left:.0f} s left" if done < total else ""
+        self._messages.say(f"{done} of {total} {self._things}{rest}")

@@ -1,0 +1,71 @@
+"""`tuner fleet`: many logs, one row a unit: limits, outlying units, spread."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tuner.cli.commands.options import (
+    DIRECTORY,
+    Output,
+    Reading,
+    common,
+    latitude,
+    noise_terms,
+    reading,
+    strict,
+)
+from tuner.cli.progress import Messages
+
+
+@click.command("fleet", short_help="Many logs, one row a unit: limits, outlying units, spread.")
+@click.argument("logs", nargs=-1, required=True, metavar="FOLDER|GLOB|LOG…")
+@click.option("-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Folder; default tuner-fleet/NAME.")
+@click.option("--limits", metavar="FILE", help="YAML with the largest N, B, K and mean of each sensor.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=os.cpu_count() or 1,
+    metavar="N",
+    help="Processes; default one a core.",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler that does the work instead of --jobs.")
+@strict("a unit is not PASS, or cannot be used")
+@noise_terms
+@latitude
+@reading
+@common
+def command(
+    logs: tuple[str, ...],
+    output_dir: Path | None,
+    strict: bool,
+    reading: Reading,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+    **how: Any,
+) -> int:
+    """Measure every log, judge it by limits, name the units that stand apart, and say how far units differ.
+
+    Writes fleet.csv, fleet.parquet, fleet.html, spread.csv, grade.yaml and fleet.json. Started again after an
+    interruption, only what is missing in DIR/units is measured. A log that cannot be used is a row with the reason.
+    """
+    from tuner import fleet
+    from tuner.production.fleet import output_folder
+    from tuner.report.fleet_files import fleet_json, write_fleet
+    from tuner.report.fleet_tables import fleet_tables
+    from tuner.report.terminal import show
+
+    directory = output_folder(logs, output_dir)
+    stated = {name: value for name, value in asdict(reading).items() if value is not None}
+    with messages.count("units") as advance:
+        result = fleet(logs, store=directory / "units", reading=stated, progress=advance, **how)
+    messages.say(f"wrote {', '.join(write_fleet(result, directory))} into {directory}")
+    output.write(fleet_json(result))
+    if output.tables:
+        show(fleet_tables(result))
+    return 1 if strict and any(u.error or u.verdict not in ("", "PASS") for u in result.units) else 0

@@ -1,0 +1,1 @@
+"""Many units of one sensor: which keep their limits, which stand apart, and how far units differ."""

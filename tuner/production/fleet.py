@@ -1,0 +1,207 @@
+"""Many logs of one kind of sensor, a row a unit: measured side by side, judged together.
+
+The rows do not depend on where and in which order the logs were measured. What goes wrong with one log is the line of
+its row.
+"""
+
+from __future__ import annotations
+
+import glob
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from tuner.production.limits import judge, read_limits
+from tuner.production.outliers import units_apart
+from tuner.production.spread import spread
+from tuner.production.unit import Outcome, Task, UnitOptions, attempt, store_measurement
+from tuner.production.workers import outcomes
+from tuner.readers import FORMATS
+from tuner.readers.log_format import file_of, log_folder
+from tuner.readers.source_kind import source_name
+from tuner.types.fleet import Fleet, FleetUnit, Limit
+from tuner.types.records import DataError
+
+RESULTS = "fleet.json"
+"""File by which a folder with results of an earlier run is known; it is not searched for logs."""
+Advance = Callable[[int, int], None]
+"""Called with (units done, units in total)."""
+
+
+def fleet(
+    logs: str | Path | Sequence[str | Path],
+    *,
+    limits: str | Path | Sequence[Limit] | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    store: str | Path | None = None,
+    reading: Mapping[str, Any] = MappingProxyType({}),
+    terms: Sequence[str] | None = None,
+    latitude: float | None = None,
+    progress: Advance | None = None,
+) -> Fleet:
+    """Measure many units of one sensor, judge each by limits, name the outlying ones, and say how far they differ.
+
+    Parameters
+    ----------
+    logs : str, Path or sequence of them
+        Folders, which are searched with their subfolders, patterns such as ``logs/*.csv``, and files.
+    limits : str, Path or sequence of Limit, optional
+        A YAML of format ``tuner-limits/1``, or what it states.
+    jobs : int, optional
+        Processes on this machine; 1 works in the calling process.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers see the same files; instead of `jobs`.
+    store : str or Path, optional
+        Folder in which each finished unit is kept; a later call measures only what is not there.
+    reading : mapping, optional
+        Arguments of `tuner.read` for every log.
+    terms, latitude
+        As of `tuner.identify`.
+    progress : callable, optional
+        Called with (units done, units in total).
+
+    Returns
+    -------
+    Fleet
+        The same for any number of jobs.
+
+    Raises
+    ------
+    DataError
+        Where there are no logs, the limits are wrong, or the scheduler cannot be reached: one line. A log that cannot
+        be used is a row with the reason.
+    """
+    files = find_logs(logs)
+    known = read_limits(limits) if isinstance(limits, str | Path) else tuple(limits or ())
+    folder = None if store is None else str(Path(store).resolve())
+    stated = {name: dict(value) if isinstance(value, Mapping) else value for name, value in reading.items()}
+    options = UnitOptions(stated, None if terms is None else tuple(terms), latitude)
+    tasks = [Task(file, options, folder) for file in files]
+    found: dict[int, Outcome] = {}
+    if progress is not None:
+        progress(0, len(tasks))
+    for index, outcome in outcomes(attempt, tasks, jobs=jobs, scheduler=scheduler):
+        found[index] = outcome
+        if folder is not None and outcome.measurement is not None and not outcome.stored:
+            store_measurement(folder, outcome.key, outcome.measurement)
+        if progress is not None:
+            progress(len(found), len(tasks))
+    new = sum(one.measurement is not None and not one.stored for one in found.values())
+    rows = [
+        FleetUnit(name, file, found[index].measurement, found[index].error)
+        for index, (name, file) in enumerate(zip(unit_names(files), files, strict=True))
+    ]
+    return replace(judged(fleet_name(logs), rows, known), measured=new)
+
+
+def judged(name: str, rows: Sequence[FleetUnit], limits: tuple[Limit, ...]) -> Fleet:
+    """Return the fleet with the verdict of every unit, those that stand apart, and the spread of the others."""
+    measured = {i: row.measurement for i, row in enumerate(rows) if row.measurement is not None}
+    apart = units_apart(measured)
+    units = []
+    for index, row in enumerate(rows):
+        verdict, broken = ("ERROR", ()) if index not in measured else judge(measured[index], limits)
+        units.append(
+            replace(
+                row,
+                verdict=verdict if limits else "",
+                broken=broken,
+                outliers=apart.outliers.get(index, ()),
+                advice=apart.advice.get(index, ()),
+            )
+        )
+    channel_units = {axis: unit for one in measured.values() for axis, unit in one.units.items()}
+    return Fleet(
+        name,
+        tuple(units),
+        limits,
+        MappingProxyType(spread([one for i, one in measured.items() if i not in apart.outliers])),
+        MappingProxyType(channel_units),
+        apart.comparisons,
+    )
+
+
+def find_logs(logs: str | Path | Sequence[str | Path]) -> list[str]:
+    """Return the files (or folders that are one log) of folders, patterns and files, in the order of their names.
+
+    Raises
+    ------
+    DataError
+        For a name that leads to no log.
+    """
+    suffixes = tuple(suffix for one in FORMATS.values() for suffix in one.suffixes)
+    files: list[str] = []
+    for given in [logs] if isinstance(logs, str | Path) else logs:
+        path = Path(given)
+        if path.is_dir():
+            found = _logs_in(path, suffixes)
+        elif path.exists():
+            found = [str(path)]
+        else:
+            found = sorted(glob.glob(str(given), recursive=True))  # noqa: PTH207 - absolute patterns, too
+        if not found:
+            what = f"a log, a folder with logs ({' '.join(suffixes)}) or a pattern that fits some"
+            msg = f"{given}: expected {what}, found none"
+            raise DataError(msg)
+        files += found
+    return list(dict.fromkeys(files))
+
+
+def _logs_in(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
+    if log_folder(folder) is not None or file_of(folder) != folder:
+        return [str(folder)]
+    found: list[str] = []
+    if (folder / RESULTS).is_file():
+        return found
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith("."):
+            continue
+        if path.is_dir():
+            found += _logs_in(path, suffixes)
+        elif path.name.lower().endswith(suffixes):
+            found.append(str(path))
+    return found
+
+
+def unit_names(files: Sequence[str]) -> list[str]:
+    """Return a name for each unit: that of its file, with as many folders before it as tell it from the others."""
+    names = [source_name(file) for file in files]
+    depth = 1
+    while depth < max((len(Path(file).parts) for file in files), default=1):
+        counts = Counter(names)
+        if all(count == 1 for count in counts.values()):
+            break
+        names = [
+            "/".join([*Path(file).parts[-1 - depth : -1], source_name(file)]) if counts[name] > 1 else name
+            for name, file in zip(names, files, strict=True)
+        ]
+        depth += 1
+    counts = Counter(names)
+    return [name if counts[name] == 1 else file for name, file in zip(names, files, strict=True)]
+
+
+def output_folder(logs: Sequence[str | Path], chosen: Path | None) -> Path:
+    """Return the folder of the results, by default ``tuner-fleet/NAME``.
+
+    Raises
+    ------
+    DataError
+        Where it holds the logs themselves.
+    """
+    folder = Path("tuner-fleet") / fleet_name(logs) if chosen is None else chosen
+    taken = {Path(given).resolve() for given in logs} | {Path(given).resolve().parent for given in logs}
+    if folder.resolve() in taken:
+        msg = f"{folder}: expected an output folder other than that of the logs; choose one with -o"
+        raise DataError(msg)
+    return folder
+
+
+def fleet_name(logs: str | Path | Sequence[str | Path]) -> str:
+    """Return the name of a fleet: that of its folder."""
+    first = Path(str(logs if isinstance(logs, str | Path) else logs[0]).partition("*")[0])
+    folder = first if first.is_dir() else first.parent
+    return source_name(folder.resolve()) or "fleet"

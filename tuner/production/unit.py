@@ -1,0 +1,126 @@
+"""One log of a fleet: its measurement, and the store from which a later run takes it up.
+
+The store is a folder with one JSON a log, named by the SHA-256 of the content of the log, the options and the
+version: whatever could change the numbers. A log that is refused leaves nothing there and is tried again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tuner.formats.codec import dump, load
+from tuner.formats.documents import json_text, parse_json, read_text
+from tuner.formats.files import write_text
+from tuner.formats.guard import printable, reason
+from tuner.identification import identify
+from tuner.production.quantities import further_terms, quantities_of
+from tuner.readers import read
+from tuner.readers.columns import digest
+from tuner.readers.log_format import file_of
+from tuner.segments.conditions import at_rest
+from tuner.types.fleet import UnitMeasurement
+from tuner.types.records import DataError
+
+
+@dataclass(frozen=True)
+class UnitOptions:
+    """How each log is read and identified: arguments of `tuner.read` and `tuner.identify`."""
+
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    terms: tuple[str, ...] | None = None
+    latitude: float | None = None
+
+
+@dataclass(frozen=True)
+class Task:
+    """A log to be measured, how, and the store where its measurement may be."""
+
+    file: str
+    options: UnitOptions
+    store: str | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task: a measurement with its key, found in the store or new, or an error in one line."""
+
+    key: str = ""
+    measurement: UnitMeasurement | None = None
+    stored: bool = False
+    error: str | None = None
+
+
+def attempt(task: Task) -> Outcome:
+    """Measure one log, or take its measurement from the store; whatever goes wrong is a line."""
+    try:
+        path = file_of(Path(task.file))
+        key = unit_key(digest(path), task.options)
+        known = stored_measurement(task.store, key)
+        if known is not None:
+            return Outcome(key, known, stored=True)
+        return Outcome(key, measure(path, task.options))
+    except (DataError, OSError, ImportError) as error:
+        return Outcome(error=printable(str(error)))
+    except MemoryError:
+        return Outcome(error=printable(f"{task.file}: not enough memory; split the log, or use fewer --jobs"))
+    except Exception as error:  # one log never stops the rest
+        line = f"{task.file}: a mistake of this program: {type(error).__name__}: {reason(error)}"
+        return Outcome(error=printable(line))
+
+
+def measure(path: Path, options: UnitOptions) -> UnitMeasurement:
+    """Return what a log shows of its unit.
+
+    Raises
+    ------
+    DataError
+        Where the log cannot be used: one line.
+    """
+    records = at_rest(read(path, **options.reading))
+    found = identify(records, terms=options.terms, arma=None, latitude=options.latitude)
+    units, quantities = quantities_of(found)
+    return UnitMeasurement(
+        digest=records[0].digest,
+        rate=max(record.rate for record in records),
+        span=max(record.span for record in records),
+        units=units,
+        quantities=quantities,
+        further=further_terms(found),
+        notes=tuple(dict.fromkeys(note for record in records for note in record.notes)),
+    )
+
+
+def unit_key(digest_of_log: str, options: UnitOptions) -> str:
+    """Return the name of a measurement in the store."""
+    parts = {
+        "digest": digest_of_log,
+        "options": asdict(options),
+        "version": importlib.metadata.version("ins-noise-tuner"),
+        "schema": UnitMeasurement.schema,
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def stored_measurement(store: str | None, key: str) -> UnitMeasurement | None:
+    """Return a measurement of the store; None where there is none, or only a damaged one."""
+    if store is None:
+        return None
+    path = Path(store) / f"{key}.json"
+    if not path.is_file():
+        return None
+    try:
+        content = parse_json(read_text(path, expected="JSON"), source=str(path))
+        return load(content, UnitMeasurement, source=str(path))
+    except DataError:
+        return None
+
+
+def store_measurement(store: str, key: str, measurement: UnitMeasurement) -> None:
+    """Write a measurement into the store, whole or not at all."""
+    write_text(Path(store) / f"{key}.json", json_text(dump(measurement)))

@@ -1,0 +1,168 @@
+"""The files of a fleet: one row a unit as CSV, Parquet and page; spread, grade, JSON."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import io
+from pathlib import Path
+
+import pandas as pd
+
+from tuner.formats.codec import dump
+from tuner.formats.customary_units import digits, phrase
+from tuner.formats.documents import json_text
+from tuner.formats.file_set import MANIFEST, digests, write_set
+from tuner.production.fleet import RESULTS
+from tuner.production.outliers import FALSE_NAMING, LEAST_UNITS
+from tuner.production.quantities import SYMBOLS, customary, pretty_unit, title, unit_name
+from tuner.production.spread import grade_yaml, spread_text
+from tuner.report.fleet_tables import outlier_text, summary
+from tuner.types import Coefficient
+from tuner.types.fleet import Fleet
+
+PAGE_STYLE = """
+:root { color-scheme: light dark; }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 1400px; padding: 0 1rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; }
+th, td { border: 0; border-bottom: 1px solid #8886; padding: .25rem .6rem; text-align: left; vertical-align: top; }
+.wide { overflow-x: auto; }
+"""
+
+
+def write_fleet(fleet: Fleet, directory: Path) -> list[str]:
+    """Write the files of a fleet into a folder, replacing those of an earlier run; return their names."""
+    frame = fleet_frame(fleet)
+    files = {
+        "fleet.csv": _csv(frame),
+        "spread.csv": _csv(spread_frame(fleet)),
+        "fleet.html": fleet_page(fleet).encode(),
+    }
+    if importlib.util.find_spec("pyarrow") is not None:
+        buffer = io.BytesIO()
+        frame.to_parquet(buffer, index=False)
+        files["fleet.parquet"] = buffer.getvalue()
+    grade = grade_yaml(fleet)
+    if grade is not None:
+        files["grade.yaml"] = grade.encode()
+    files[RESULTS] = json_text(fleet_json(fleet) | {MANIFEST: digests(files)}).encode()
+    write_set(directory, files, last=RESULTS)
+    return list(files)
+
+
+def fleet_json(fleet: Fleet) -> dict[str, object]:
+    """Return a fleet as plain values; how many units were measured in this run is not a property of the fleet."""
+    content: dict[str, object] = dump(fleet)
+    content.pop("measured")
+    return {"schema": "tuner.fleet/1", **content}
+
+
+def fleet_frame(fleet: Fleet) -> pd.DataFrame:
+    """Return one row a unit, in customary units; of each quantity the value and the ends of its 95 % interval.
+
+    A quantity that a log only bounds has no value, and the bound as the upper end.
+    """
+    names = dict.fromkeys(q for u in fleet.units if u.measurement for q in u.measurement.quantities)
+    rows = []
+    for unit in fleet.units:
+        one = unit.measurement
+        row: dict[str, object] = {
+            "unit": unit.name,
+            "file": unit.file,
+            "verdict": unit.verdict,
+            "limits": "; ".join(unit.broken),
+            "outlying": "; ".join(outlier_text(o, fleet) for o in unit.outliers),
+            "advice": "; ".join(unit.advice),
+            "error": unit.error or "",
+            "rate [Hz]": None if one is None else one.rate,
+            "span [s]": None if one is None else one.span,
+            "sha256": "" if one is None else one.digest,
+        }
+        for name in names:
+            row |= _cells(name, None if one is None else one.quantities.get(name), fleet)
+        rows.append(row)
+    frame = pd.DataFrame(rows)
+    numeric = [c for c in frame.columns if c.endswith("]")]
+    return frame.astype(dict.fromkeys(numeric, float))
+
+
+def _cells(name: str, found: Coefficient | None, fleet: Fleet) -> dict[str, object]:
+    unit = fleet.channel_units[name.rpartition(".")[0]]
+    value, low, high = (None if found is None else found.value), None, None
+    if found is not None and found.interval is not None:
+        low, high = found.interval
+    elif found is not None:
+        high = found.upper
+    heads = (title(name), f"{title(name)} low", f"{title(name)} high")
+    return {
+        f"{head} [{unit_name(name, unit)}]": None if x is None else customary(x, name, unit)
+        for head, x in zip(heads, (value, low, high), strict=True)
+    }
+
+
+def spread_frame(fleet: Fleet) -> pd.DataFrame:
+    """Return mean and unit-to-unit spread of each quantity, in customary units, with 95 % intervals."""
+    columns = ["quantity", "unit", "units", "mean", "spread"]
+    rows = []
+    for name, pooled in fleet.spread.items():
+        unit = fleet.channel_units[name.rpartition(".")[0]]
+        rows.append(
+            (
+                title(name),
+                pretty_unit(name, unit),
+                sum(v is not None for v in pooled.values),
+                phrase(pooled.value, SYMBOLS[name.rpartition(".")[2]], unit, with_unit=False),
+                spread_text(name, pooled, unit),
+            )
+        )
+    return pd.DataFrame(rows, columns=columns)
+
+
+def fleet_page(fleet: Fleet) -> str:
+    """Return the page: summary, one row a unit, the spread, and how units were judged."""
+    rows = []
+    for unit in fleet.units:
+        odd = [*unit.advice, *(outlier_text(o, fleet) for o in unit.outliers[:3])]
+        remarks = [unit.error] if unit.error else [*unit.broken, *odd]
+        row = {"unit": unit.name, "verdict": unit.verdict, "remarks": "; ".join(remarks)}
+        for name in fleet.spread:
+            channel, _, symbol = name.rpartition(".")
+            if symbol == "sigma_10s":
+                continue
+            si = fleet.channel_units[channel]
+            found = None if unit.measurement is None else unit.measurement.quantities.get(name)
+            head = f"{title(name)}, {pretty_unit(name, si)}"
+            row[head] = "–" if found is None else phrase(found, SYMBOLS[symbol], si, with_unit=False)
+        rows.append(row)
+    tables = (
+        ("Units", pd.DataFrame(rows)),
+        ("Spread from unit to unit, outlying units left out", spread_frame(fleet)),
+    )
+    body = "".join(
+        f'<h2>{heading}</h2><div class="wide">{table.to_html(index=False, border=0, escape=True)}</div>'
+        for heading, table in tables
+    )
+    lines = "".join(f"<p>{html.escape(line)}</p>" for line in (*summary(fleet), judged_how(fleet)))
+    name = html.escape(fleet.name)
+    head = (
+        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{name}</title>'
+        f"<style>{PAGE_STYLE}</style>"
+    )
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head><body><h1>{name}</h1>{lines}{body}</body></html>\n'
+
+
+def judged_how(fleet: Fleet) -> str:
+    """Say how outlying units were found."""
+    if not fleet.comparisons:
+        return f"Too few units ({LEAST_UNITS} are needed) to say which stand apart."
+    thresholds = sorted({digits(o.threshold, 2) for u in fleet.units for o in u.outliers})
+    at = f" (thresholds {', '.join(thresholds)})" if thresholds else ""
+    return (
+        f"Outlying: more robust standard deviations from the median of the fleet than a sound fleet would show "
+        f"in any of {fleet.comparisons} numbers with a chance above {100 * FALSE_NAMING:g} %{at}: median and MAD, "
+        "Student's t with 0.37 (n − 1) degrees of freedom, Bonferroni."
+    )
+
+
+def _csv(frame: pd.DataFrame) -> bytes:
+    return str(frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()

@@ -1,0 +1,138 @@
+"""Many units of one sensor: what each log shows, which limits it keeps, which units are outlying, and their spread."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from tuner.types.coefficient import Coefficient
+from tuner.types.identification import PooledCoefficient
+
+
+@dataclass(frozen=True)
+class UnitMeasurement:
+    """What the log of one unit shows.
+
+    Attributes
+    ----------
+    digest : str
+        SHA-256 of the log.
+    rate : float
+        Samples a second, Hz.
+    span : float
+        Time covered by the samples at rest, s.
+    units : mapping of str to str
+        SI unit of each channel, such as ``gyro_x``; ``accel`` stands for the length of the specific force.
+    quantities : mapping of str to Coefficient
+        By channel and symbol, such as ``gyro_x.N``; see `tuner.production.quantities`.
+    further : tuple of str
+        Noise terms that the log shows beside N, B and K.
+    notes : tuple of str
+        Repairs and assumptions of the reader.
+    """
+
+    digest: str
+    rate: float
+    span: float
+    units: Mapping[str, str]
+    quantities: Mapping[str, Coefficient]
+    further: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    schema: Literal["tuner.unit/1"] = "tuner.unit/1"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Largest magnitude that a quantity may have, SI: of every axis of a sensor (``gyro``, ``accel``)."""
+
+    sensor: str
+    symbol: str
+    largest: float
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A quantity in which a unit stands apart from the fleet.
+
+    Attributes
+    ----------
+    quantity : str
+        Such as ``gyro_x.N``.
+    value, median : float
+        Of the unit and of the fleet, SI.
+    score, threshold : float
+        Distance from the median in robust standard deviations, and what the most distant of a sound fleet exceeds
+        rarely.
+    """
+
+    quantity: str
+    value: float
+    median: float
+    score: float
+    threshold: float
+
+
+@dataclass(frozen=True)
+class FleetUnit:
+    """One log of a fleet.
+
+    Attributes
+    ----------
+    name, file : str
+        Of the unit and of its log.
+    measurement : UnitMeasurement or None
+        None where the log cannot be used.
+    error : str or None
+        Why not, in one line.
+    verdict : str
+        ``PASS``; ``FAIL`` above a limit; ``OPEN`` where the log is too short to show that a limit is kept; ``ERROR``;
+        empty without limits.
+    broken : tuple of str
+        What breaks or leaves open which limit, in words.
+    outliers : tuple of Outlier
+        Quantities in which it stands apart.
+    advice : tuple of str
+        What the outlying quantities have in common, such as a mistaken unit, with what to do.
+    """
+
+    name: str
+    file: str
+    measurement: UnitMeasurement | None
+    error: str | None = None
+    verdict: str = ""
+    broken: tuple[str, ...] = ()
+    outliers: tuple[Outlier, ...] = ()
+    advice: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """All units, in the order of their files.
+
+    Attributes
+    ----------
+    name : str
+        Of the fleet.
+    units : tuple of FleetUnit
+        One a log.
+    limits : tuple of Limit
+        As given.
+    spread : mapping of str to PooledCoefficient
+        Mean and unit-to-unit spread by quantity, without outlying units.
+    channel_units : mapping of str to str
+        SI unit of each channel.
+    comparisons : int
+        Numbers that were tested for standing apart; the thresholds allow for all of them together.
+    measured : int
+        Units that were measured now; the others were found in the store, or could not be read.
+    """
+
+    name: str
+    units: tuple[FleetUnit, ...]
+    limits: tuple[Limit, ...]
+    spread: Mapping[str, PooledCoefficient] = field(default_factory=lambda: MappingProxyType({}))
+    channel_units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    comparisons: int = 0
+    measured: int = 0
