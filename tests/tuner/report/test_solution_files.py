@@ -3,6 +3,7 @@
 import csv
 import io
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,20 +61,8 @@ def test_angle_sds_are_those_of_sampled_attitude_errors(found):
     covariance[0, 6:9, 6:9] = root @ root.T
     mat = mat_from_rpy(np.array([0.4, -0.9, 2.2]))
     (solution,) = found.solutions
-    one = type(solution)(
-        solution.t[:1],
-        type(solution.state)(
-            solution.state.llh[:1], solution.state.vel_n[:1], np.asarray(quat_from_mat(mat))[None]
-        ),
-        solution.parameters[:1],
-        covariance,
-        solution.innovation[:1],
-        solution.innovation_covariance[:1],
-        solution.use[:1],
-        solution.final,
-        solution.final_parameters,
-        solution.final_covariance,
-    )
+    turned_by = replace(solution.state, quat_nb=np.asarray(quat_from_mat(mat))[None])
+    one = replace(solution, state=turned_by, covariance=covariance)
     turned = rpy_from_mat(mat_from_rotvec(rng.normal(size=(200_000, 3)) @ root.T) @ mat)
     # 200 000 draws give an sd to 0.16 %.
     np.testing.assert_allclose(_angle_sds(one)[0], turned.std(axis=0), rtol=0.01)
