@@ -87,7 +87,7 @@ def main() -> None:
         start = time.process_time()
         began = config_of_drive(drive, stationary_noise(drive))
         examined = examine_and_explain(drive, began, progress=silent)
-        choice = choose_config(drive, examined, began, config_after_drive(examined), silent)
+        choice = choose_config(drive, examined, began, config_after_drive(examined, kept=True), silent)
         took = time.process_time() - start
         raw = raw_rms(drive, begin)
         scores += [

@@ -219,7 +219,8 @@ def tune(
     examined, choice = None, None
     if inputs.drive is not None:
         examined = examine_and_explain(inputs.drive, config, progress=progress)
-        choice = choose_config(inputs.drive, examined, config, config_after_drive(examined), progress)
+        began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
+        choice = choose_config(inputs.drive, examined, began, found, progress)
         config = replace(choice.config, notes=(*choice.config.notes, choice.note))
     exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {

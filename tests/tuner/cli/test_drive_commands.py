@@ -232,9 +232,8 @@ def test_findings_that_do_harm_are_not_taken_over(tuned):
     assert replace(found, gain=replace(gain, nats=5.0)).credited
     grown = {"outage_30s_horizontal_change_interval [m]": (1.0, 2.0)}
     assert not replace(found, gain=replace(gain, nats=5.0, user=grown)).credited
-    hurt = config_after_drive(ExaminedDrive(_NoDrive(), None, found))
+    hurt = config_after_drive(ExaminedDrive(_NoDrive(), None, found), kept=False)
     assert not hurt.compensation
-    assert "harm" in hurt.notes[-1]
     assert any("harm" in str(line) for line in drive_tables(found))
 
 
