@@ -120,8 +120,9 @@ def test_a_single_file_keeps_link_and_permissions(tmp_path: Path) -> None:
 
 
 WRITER = """
-import sys
+import signal, sys
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts its background jobs without it
 sys.path.insert(0, sys.argv[1])
 from test_file_set import LAST, made
 from tuner.cli.process import Terminated, termination
