@@ -15,6 +15,7 @@ from tuner.navigation.engine import compilation
 def test_compilation_is_reported_unless_quiet(quiet, caplog, monkeypatch):
     level = logging.getLogger("tuner").level
     monkeypatch.setattr(compilation, "COMPILING_AFTER", 0.0)
+    compilation._announce.cache_clear()
     with Messages(quiet).kept(), compilation.compiling():
         time.sleep(0.2)
     assert ("compiling the filter" in caplog.text) is not quiet

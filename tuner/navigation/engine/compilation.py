@@ -14,6 +14,7 @@ import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -106,18 +107,21 @@ def checksum(*sources: ModuleType) -> int:
     return total
 
 
+@cache
+def _announce() -> None:
+    """Say, once in a process, that the filter is being compiled."""
+    logging.getLogger("tuner").warning(
+        "tuner: compiling the filter for this machine, once; it takes about 20 s"
+    )
+
+
 @contextmanager
 def compiling() -> Iterator[None]:
     """Around a first call: say that it compiles where it takes longer than loading from disk.
 
     Meanwhile no garbage is collected: there is little, and looking for it takes an eighth of the time.
     """
-    notice = threading.Timer(
-        COMPILING_AFTER,
-        lambda: logging.getLogger("tuner").warning(
-            "tuner: compiling the filter for this machine, once; it takes about 20 s"
-        ),
-    )
+    notice = threading.Timer(COMPILING_AFTER, _announce)
     notice.daemon = True
     collects = gc.isenabled()
     gc.disable()
