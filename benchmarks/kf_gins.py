@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
-from tuner.consistency.drive import RECOVERY_TIME, drive_filter
+from tuner.consistency.drive import drive_filter
 from tuner.consistency.drive_scores import reference_at
 from tuner.navigation.drive.clock import AGREEING, clock_of_drive
-from tuner.navigation.drive.run import navigate, prepare
+from tuner.navigation.drive.run import RECOVERY_TIME, navigate, prepare
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive
 from tuner.readers.text import find_dialect, read_numbers

@@ -36,7 +36,7 @@ from tuner.navigation.data import GATED, WITHHELD, Solution
 from tuner.navigation.drive.axis_checks import inertial_axes
 from tuner.navigation.drive.clock import AGREEING, Clock, clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
-from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, prepare
+from tuner.navigation.drive.run import SETTLING_TIME, Stretch, navigate, outage_windows, prepare
 from tuner.navigation.drive.unit_checks import suspected_unit
 from tuner.navigation.drive.vehicle_constraints import (
     MOUNTING_SD,
@@ -59,8 +59,6 @@ FloatArray = NDArray[np.float64]
 
 OUTAGE_LENGTHS = (10.0, 30.0, 60.0)
 """Lengths of outage that are scored on a measured drive, s."""
-RECOVERY_TIME = 30.0
-"""Time with fixes between two outages, s: in it the filter becomes as accurate as before."""
 UNCONSTRAINED = Vehicle()
 """A vehicle of which nothing is assumed."""
 MIN_NOISE_RATIO = 2.0
@@ -260,11 +258,7 @@ def _outage(
     reference: Reference | None, stretches: tuple[Stretch, ...], settings: FilterSettings, horizon: float
 ) -> Outage | None:
     """Withhold windows of one length and score the position at their ends; None where no window fits."""
-    windows = [
-        (begin, begin + horizon)
-        for s in stretches
-        for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY_TIME)
-    ]
+    windows = outage_windows(stretches, horizon)
     if not windows:
         return None
     found: list[tuple[float, float]] = []

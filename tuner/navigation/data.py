@@ -81,6 +81,18 @@ class Fixes:
     def __len__(self) -> int:
         return len(self.t)
 
+    def rows(self, which: slice) -> Fixes:
+        """Return some of the fixes."""
+        return Fixes(
+            self.t[which],
+            self.after[which],
+            self.llh[which],
+            self.vel_n[which],
+            self.sd[which],
+            self.withheld[which],
+            self.trusted[which],
+        )
+
     def without(self, windows: ArrayLike) -> Fixes:
         """Return the fixes with those in windows (begin, end], s, shape (w, 2), withheld."""
         begin, end = np.asarray(windows, dtype=float).reshape(-1, 2).T

@@ -21,7 +21,7 @@ from tuner.diagnosis.drive.causes.registry import DRIVE_CAUSES
 from tuner.diagnosis.drive.hypothesis import FilterRun
 from tuner.formats.files import Put, write_bytes
 from tuner.navigation.data import WITHHELD
-from tuner.navigation.drive.run import navigate
+from tuner.navigation.drive.run import navigate, outage_windows
 from tuner.report.drive_cause_panels import (
     AFTER_COLOUR,
     BEFORE_COLOUR,
@@ -39,8 +39,6 @@ FloatArray = NDArray[np.float64]
 
 OUTAGE_LENGTHS = (30.0, 60.0)
 """Lengths of the outages, s."""
-RECOVERY_TIME = 30.0
-"""Time with fixes between two outages, s: the filter is settled again."""
 LONGEST_LAG = 60.0
 """Longest lag of the autocorrelation that is drawn, s: a correlated GNSS error shows within a minute."""
 NIS_WINDOW = 30.0
@@ -214,11 +212,7 @@ def _outages(passes: tuple[FilterRun, FilterRun]) -> list[tuple[float, FloatArra
     """Return length and paired horizontal errors, m, of outages of the whole drive."""
     answer = []
     for horizon in OUTAGE_LENGTHS:
-        windows = [
-            (begin, begin + horizon)
-            for s in passes[1].stretches
-            for begin in np.arange(s.settled, s.fixes.t[-1] - horizon, horizon + RECOVERY_TIME)
-        ]
+        windows = outage_windows(passes[1].stretches, horizon)
         if not windows:
             continue
         before, after = (_errors_of(found, windows) for found in passes)

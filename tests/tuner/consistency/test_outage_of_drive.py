@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.consistency.drive import RECOVERY_TIME, _outage, drive_filter
-from tuner.navigation.drive.run import prepare
+from tuner.consistency.drive import _outage, drive_filter
+from tuner.navigation.drive.run import RECOVERY_TIME, prepare
 from tuner.readers.drive import read_drive
 
 HORIZON = 10.0

@@ -28,7 +28,7 @@ from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.diagnosis.drive.search import SearchResult, refit_constants
 from tuner.navigation.data import WITHHELD
-from tuner.navigation.drive.run import navigate
+from tuner.navigation.drive.run import RECOVERY_TIME, navigate
 from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Gain, Parameter
 from tuner.types.records import DataError, Drive
@@ -37,8 +37,6 @@ FloatArray = NDArray[np.float64]
 
 OUTAGE_DURATIONS = (30.0, 60.0)
 """Durations of the outages, s: those that data sheets of GNSS/INS state."""
-RECOVERY_TIME = 30.0
-"""Time with fixes between two outages, s: the filter has converged again."""
 MIN_ROWS = 30
 """Least number of rows that a gain is measured on; chosen so that it is not that of a few fixes."""
 

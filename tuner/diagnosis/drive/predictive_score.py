@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
-from tuner.consistency.drive import OUTAGE_LENGTHS, RECOVERY_TIME, drive_filter
+from tuner.consistency.drive import OUTAGE_LENGTHS, drive_filter
 from tuner.consistency.drive_scores import reference_at, stated
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import WITHHELD, Solution
 from tuner.navigation.drive.clock import Clock
-from tuner.navigation.drive.run import Stretch, navigate, prepare
+from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate, outage_windows, prepare
 from tuner.navigation.settings import FilterSettings
 from tuner.types import FilterConfig
 from tuner.types.records import Drive, Reference
@@ -115,13 +115,7 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
     run = replace(run, stretches=stretches)
     outages = []
     for seconds in OUTAGE_LENGTHS:
-        windows = [
-            (first, first + seconds)
-            for s in stretches
-            for first in np.arange(
-                max(begin, s.settled), min(end, s.fixes.t[-1]) - seconds, seconds + RECOVERY_TIME
-            )
-        ]
+        windows = outage_windows(stretches, seconds, begin=begin, end=end)
         if len(windows) < 2:
             continue
         found = _at_ends(run, np.array(windows))
@@ -144,21 +138,11 @@ def _until(stretch: Stretch, end: float) -> Stretch:
     if count >= len(stretch.fixes):
         return stretch
     fixes, last = stretch.fixes, int(stretch.fixes.after[max(count - 1, 0)]) + 1
-    kept = slice(0, max(count, 1))
     steps = replace(stretch.steps, dt=stretch.steps.dt[:last], increments=stretch.steps.increments[:last])
     return replace(
         stretch,
         steps=steps,
-        fixes=replace(
-            fixes,
-            t=fixes.t[kept],
-            after=fixes.after[kept],
-            llh=fixes.llh[kept],
-            vel_n=fixes.vel_n[kept],
-            sd=fixes.sd[kept],
-            withheld=fixes.withheld[kept],
-            trusted=fixes.trusted[kept],
-        ),
+        fixes=fixes.rows(slice(0, max(count, 1))),
     )
 
 

@@ -12,6 +12,7 @@ clock and correlated error of the receiver included: with H of the fix, H_pv = I
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -46,6 +47,8 @@ START_AVERAGING_TIME = 0.5
 """Time over which the rates at a start are averaged, s."""
 DIFFERENCED_VELOCITY_SD = 2.0
 """Sd of a velocity that is the difference of two positions, m/s."""
+RECOVERY_TIME = 30.0
+"""Time with fixes between two outages, s: in it the filter becomes as accurate as before."""
 SETTLING_TIME = 60.0
 """Time in motion during which the gate rejects no fixes, s: the start may be wrong, not they."""
 
@@ -176,6 +179,29 @@ def navigate(
             fixes = advanced(fixes, stretch.steps, filtered(interpolated(fixes, lag)), lag)
         answers.append(filtered(fixes))
     return tuple(answers)
+
+
+def outage_windows(
+    stretches: tuple[Stretch, ...], length: float, *, begin: float = -math.inf, end: float = math.inf
+) -> list[tuple[float, float]]:
+    """Return windows (begin, end), s, in which fixes are withheld, each after the filter settled or recovered.
+
+    Parameters
+    ----------
+    stretches : tuple of Stretch
+        Of a drive.
+    length : float
+        Of a window, s.
+    begin, end : float
+        Times between which the windows lie, s.
+    """
+    return [
+        (first, first + length)
+        for s in stretches
+        for first in np.arange(
+            max(begin, s.settled), min(end, s.fixes.t[-1]) - length, length + RECOVERY_TIME
+        )
+    ]
 
 
 def initial_estimates(
