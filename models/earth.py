@@ -160,10 +160,59 @@ def ned_between(llh: ArrayLike, reference: ArrayLike) -> FloatArray:
     Latitude and longitude differences times the radii at the reference: the position error of the filter.
     """
     difference = np.asarray(llh, dtype=float) - np.asarray(reference, dtype=float)
-    difference[..., 1] = np.mod(difference[..., 1] + np.pi, 2.0 * np.pi) - np.pi
+    difference[..., 1] = _within_half_turn(difference[..., 1])
     return np.asarray(difference * metres_per_radian(reference))
 
 
 def llh_displaced(reference: ArrayLike, ned: ArrayLike) -> FloatArray:
     """Return `reference` moved by metres north, east, down: the inverse of `ned_between`; (..., 3)."""
     return np.asarray(reference, dtype=float) + np.asarray(ned, dtype=float) / metres_per_radian(reference)
+
+
+def without_jumps(llh: ArrayLike) -> FloatArray:
+    """Return a track (k, 3) whose longitudes begin within ±π and do not jump where it crosses the date line.
+
+    Such positions can be interpolated and averaged. Rows of NaN stay and are passed over.
+    """
+    out = np.array(llh, dtype=float)
+    known = np.flatnonzero(np.isfinite(out[:, 1]))
+    lon = out[known, 1]
+    if len(lon):
+        steps = _within_half_turn(np.diff(lon))
+        out[known[0], 1] = lon[0] if abs(lon[0]) <= np.pi else _within_half_turn(lon[0])
+        jumps = np.cumsum(np.round((steps - np.diff(lon)) / (2.0 * np.pi)))
+        out[known[1:], 1] = lon[1:] + (out[known[0], 1] - lon[0]) + 2.0 * np.pi * jumps
+    return out
+
+
+def in_degrees(llh: ArrayLike, *, wrapped: bool = True) -> FloatArray:
+    """Return positions (k, 3) with latitude and longitude in degrees, longitudes within ±180 unless not `wrapped`."""
+    out = np.array(llh, dtype=float)
+    out[:, :2] = np.degrees(out[:, :2])
+    far = wrapped & (np.abs(out[:, 1]) > 180.0)
+    out[far, 1] = np.mod(out[far, 1] + 180.0, 360.0) - 180.0
+    return out
+
+
+def distance_along(llh: ArrayLike) -> FloatArray:
+    """Return metres north, east, down along a track (k, 3) from its first point: the integral of the velocity; (k, 3).
+
+    North and east are those of each place, as in a velocity: near a pole they turn with the track.
+    """
+    llh = np.asarray(llh, dtype=float)
+    middle = llh[:-1] + 0.5 * (llh[1:] - llh[:-1]) * [1.0, 0.0, 1.0]
+    steps = ned_between(llh[1:], llh[:-1]) / metres_per_radian(llh[:-1]) * metres_per_radian(middle)
+    return np.vstack([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def in_tangent_plane(llh: ArrayLike, origin: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return positions (k, 3) in metres north, east, down of one point, and the turns (k, 3, 3) of n into its axes."""
+    llh, origin = np.asarray(llh, dtype=float), np.asarray(origin, dtype=float)
+    mat_te = mat_en(origin[0], origin[1]).T
+    local = (ecef_from_llh(llh) - ecef_from_llh(origin)) @ mat_te.T
+    return local, mat_te @ mat_en(llh[:, 0], llh[:, 1])
+
+
+def _within_half_turn(angle: ArrayLike) -> FloatArray:
+    """Return angles plus whole turns, in [−π, π)."""
+    return np.asarray(np.mod(np.asarray(angle, dtype=float) + np.pi, 2.0 * np.pi) - np.pi)

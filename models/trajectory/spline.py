@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 
-from models.earth import gravity, metres_per_radian, radii_gradient
+from models.earth import gravity, metres_per_radian, radii_gradient, without_jumps
 from models.trajectory.motion import MotionState, motion_state, times_within
 
 FloatArray = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Track:
     t : ndarray, shape (n,)
         Time of each point, s, increasing; the motion starts at the first.
     llh : ndarray, shape (n, 3)
-        Latitude, longitude (rad, without jumps at the date line) and height (m).
+        Latitude, longitude (rad) and height (m).
     banked : bool
         Whether the roll balances the turns, as in an aeroplane.
     """
@@ -60,7 +60,7 @@ class Track:
             msg = "'t' must increase strictly"
             raise ValueError(msg)
         object.__setattr__(self, "t", t - t[0])
-        object.__setattr__(self, "llh", llh)
+        object.__setattr__(self, "llh", without_jumps(llh))
 
     @property
     def duration(self) -> float:
@@ -120,7 +120,7 @@ def smoothed_track(name: str, t: ArrayLike, llh: ArrayLike, *, banked: bool = Fa
         As in `Track`.
     """
     t = np.asarray(t, dtype=float)
-    columns = np.asarray(llh, dtype=float).T
+    columns = without_jumps(llh).T
     # Metres, so that the three coordinates are of one size for the smoother.
     origin, metres = columns[:, :1], metres_per_radian(columns[:, 0])[:, None]
     smooth = [make_smoothing_spline(t, y)(t) for y in (columns - origin) * metres]

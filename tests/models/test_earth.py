@@ -129,3 +129,35 @@ def test_transport_rate_is_the_turning_of_the_local_axes():
 def test_earth_rate_is_the_earth_axis():
     expected = earth.mat_en(0.6, 1.1).T @ [0.0, 0.0, earth.EARTH_RATE]
     np.testing.assert_allclose(earth.earth_rate(np.sin(0.6), np.cos(0.6)), expected, atol=1e-20)
+
+
+@given(latitude, st.floats(-7.0, 7.0), st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=6))
+def test_tracks_lose_their_jumps_and_nothing_else(lat, lon, steps):
+    true = lon + np.concatenate([[0.0], np.cumsum(steps)])
+    llh = np.column_stack(
+        [np.full(len(true), lat), np.remainder(true + np.pi, 2 * np.pi) - np.pi, 0.0 * true]
+    )
+    llh[1:1] = np.nan
+    smooth = earth.without_jumps(llh)
+    np.testing.assert_allclose(np.diff(smooth[:, 1]), steps, atol=1e-12)
+    np.testing.assert_allclose(earth.ned_between(smooth, llh), 0.0, atol=1e-6)
+    assert abs(smooth[0, 1]) <= np.pi
+    np.testing.assert_allclose(
+        earth.ned_between(np.radians(earth.in_degrees(llh)) * [1, 1, 0], llh * [1, 1, 0]), 0, atol=1e-6
+    )
+
+
+def test_rows_without_position_do_not_break_a_track():
+    llh = np.array([[0.1, 3.1, 0.0], [np.nan] * 3, [0.1, -3.1, 0.0], [0.1, -3.0, 0.0]])
+    np.testing.assert_allclose(
+        earth.without_jumps(llh)[[0, 2, 3], 1], [3.1, 2 * np.pi - 3.1, 2 * np.pi - 3.0]
+    )
+
+
+def test_tangent_plane_and_distance_are_displacements_where_they_are_small():
+    reference = np.array([1.55, np.pi - 1e-6, 12e3])
+    ned = np.array([[3.0, 5.0, -2.0], [-20.0, 10.0, 4.0]])
+    track = earth.llh_displaced(reference, np.vstack([np.zeros(3), ned]))
+    track[1:, 1] -= 2.0 * np.pi
+    np.testing.assert_allclose(earth.in_tangent_plane(track, reference)[0][1:], ned, atol=5e-3)
+    np.testing.assert_allclose(earth.distance_along(track)[1:], ned, atol=5e-3)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import ecef_from_llh, mat_en, metres_per_radian
+from models.earth import in_tangent_plane, metres_per_radian, without_jumps
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -78,7 +78,7 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
     llh = local = None
     if given.llh is not None:
         speed = given.vel_n / metres_per_radian(given.llh)
-        llh = _cubic(np.column_stack([_unwrapped(given.llh)]), speed, given.t, before, u, step)
+        llh = _cubic(without_jumps(given.llh), speed, given.t, before, u, step)
         llh[outside] = np.nan
     elif given.local is not None:
         local = _cubic(given.local, given.vel_n, given.t, before, u, step)
@@ -101,10 +101,6 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
         innovation=np.broadcast_to(np.nan, (len(t), 6)),
         innovation_covariance=np.broadcast_to(np.nan, (len(t), 6, 6)),
     )
-
-
-def _unwrapped(llh: FloatArray) -> FloatArray:
-    return np.column_stack([llh[:, 0], np.unwrap(llh[:, 1]), llh[:, 2]])
 
 
 def _cubic(
@@ -139,9 +135,7 @@ def to_tangent_plane(given: FilterOutput, origin: FloatArray) -> FilterOutput:
         Latitude, longitude, rad, height, m.
     """
     assert given.llh is not None
-    mat_te = mat_en(origin[0], origin[1]).T
-    local = (ecef_from_llh(given.llh) - ecef_from_llh(origin)) @ mat_te.T
-    turn = mat_te @ mat_en(given.llh[:, 0], given.llh[:, 1])
+    local, turn = in_tangent_plane(given.llh, origin)
     return replace(turned(given, turn), llh=None, local=local)
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.earth import in_degrees
 from models.units import from_si
 from tuner.consistency.drive import drive_filter
 from tuner.exporters.dialect import Target
@@ -198,7 +199,8 @@ def _start(settings: FilterSettings, solution: Solution, k: int) -> dict[str, No
 
 
 def _degrees(llh: FloatArray) -> FloatArray:
-    return np.column_stack([np.degrees(llh[:, :2]), llh[:, 2]])
+    """Return positions in degrees, longitudes beyond ±180 beyond the date line: KF-GINS subtracts them as they are."""
+    return in_degrees(llh, wrapped=False)
 
 
 def _table(path: Path, rows: FloatArray, form: Sequence[str]) -> None:

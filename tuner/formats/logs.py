@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from models.earth import in_degrees
 from tuner.formats.files import whole_file
 from tuner.types.records import DataError, Drive, Record
 
@@ -88,7 +89,7 @@ def write_drive(drive: Drive, path: Path) -> None:
         "gyro": drive.rates[:, :3],
         "accel": drive.rates[:, 3:],
         "gnss_t": gnss.t + begin,
-        "gnss_llh": _degrees(gnss.llh),
+        "gnss_llh": in_degrees(gnss.llh),
         "gnss_vned": gnss.vel_n,
         "gnss_pstd": gnss.position_sd,
         "gnss_vstd": gnss.velocity_sd,
@@ -98,16 +99,12 @@ def write_drive(drive: Drive, path: Path) -> None:
         r = drive.reference
         arrays |= {
             "ref_t": r.t + begin,
-            "ref_llh": _degrees(r.llh),
+            "ref_llh": in_degrees(r.llh),
             "ref_vned": r.vel_n,
             "ref_rpy": np.degrees(r.rpy),
         }
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
-
-
-def _degrees(llh: FloatArray) -> FloatArray:
-    return np.column_stack([np.degrees(llh[:, :2]), llh[:, 2]])
 
 
 def _clock(records: Sequence[Record]) -> FloatArray:

@@ -6,12 +6,11 @@ Times in the CSV are on the clock of the drive's file. KML and GPX carry no time
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.earth import metres_per_radian
+from models.earth import in_degrees, in_tangent_plane
 from models.rotation import rpy_from_quat
 from tuner.consistency.drive import DriveResult
 from tuner.consistency.drive_scores import reference_at
@@ -121,7 +120,9 @@ def track_kml(lines: dict[str, list[FloatArray]], name: str) -> str:
             line = _child(mark, "LineString")
             _child(line, "tessellate", "1")
             _child(
-                line, "coordinates", " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lat, lon, h in _degrees(llh))
+                line,
+                "coordinates",
+                " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lat, lon, h in in_degrees(llh).tolist()),
             )
     return _text(root)
 
@@ -135,7 +136,7 @@ def track_gpx(lines: dict[str, list[FloatArray]], name: str) -> str:
         _child(track, "name", f"{name}: {kind}")
         for llh in parts:
             segment = _child(track, "trkseg")
-            for lat, lon, h in _degrees(llh):
+            for lat, lon, h in in_degrees(llh).tolist():
                 point = _child(segment, "trkpt")
                 point.set("lat", f"{lat:.9f}")
                 point.set("lon", f"{lon:.9f}")
@@ -144,17 +145,11 @@ def track_gpx(lines: dict[str, list[FloatArray]], name: str) -> str:
 
 
 def local_track(lines: dict[str, list[FloatArray]]) -> dict[str, list[FloatArray]]:
-    """Return the tracks as metres east and north of the first point of the filter, shapes (k, 2)."""
+    """Return the tracks as metres east and north in the tangent plane of the filter's first point, shapes (k, 2)."""
     first = lines["filter"][0][0]
-    scale = metres_per_radian(first)
-
-    def plane(llh: FloatArray) -> FloatArray:
-        away = llh - first
-        away[:, 1] = np.mod(away[:, 1] + np.pi, 2.0 * np.pi) - np.pi
-        east_north: FloatArray = away[:, 1::-1] * scale[1::-1]
-        return east_north
-
-    return {kind: [plane(llh) for llh in parts] for kind, parts in lines.items()}
+    return {
+        kind: [in_tangent_plane(llh, first)[0][:, 1::-1] for llh in parts] for kind, parts in lines.items()
+    }
 
 
 def _rows(settings: FilterSettings, solution: Solution) -> FloatArray:
@@ -165,8 +160,7 @@ def _rows(settings: FilterSettings, solution: Solution) -> FloatArray:
     return np.column_stack(
         [
             solution.t,
-            np.degrees(solution.state.llh[:, :2]),
-            solution.state.llh[:, 2],
+            in_degrees(solution.state.llh),
             solution.state.vel_n,
             angles,
             biases,
@@ -201,12 +195,6 @@ def _angle_sds(solution: Solution) -> FloatArray:
 
 def _known(fixes: Fixes) -> FloatArray:
     return fixes.llh[np.isfinite(fixes.llh).all(axis=1)]
-
-
-def _degrees(llh: FloatArray) -> Iterable[Sequence[float]]:
-    out = llh.copy()
-    out[:, :2] = np.degrees(out[:, :2])
-    return [tuple(row) for row in out.tolist()]
 
 
 def _child(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft, rfftfreq
 
-from models.earth import ned_between
+from models.earth import distance_along
 from models.effects.drive.imu import NORMAL_MAD
 from tuner.catalogue.grades import (
     DEFAULT_RECEIVER,
@@ -212,7 +212,7 @@ def _speed(drive: Drive, t: FloatArray) -> FloatArray:
     known = np.isfinite(speed)
     if np.count_nonzero(known) > 2:
         return np.asarray(np.interp(t, gnss.t[known], speed[known], left=np.inf, right=np.inf))
-    metres = ned_between(gnss.llh, gnss.llh[:1])[:, :2]
+    metres = distance_along(gnss.llh)[:, :2]
     bends = np.abs(metres[2:] - 2.0 * metres[1:-1] + metres[:-2])
     scatter = float(np.median(bends)) / (NORMAL_MAD * np.sqrt(6.0)) if len(bends) else 0.0
     apart = max(2.0, MIN_DISTANCE_SCATTERS * scatter / STATIONARY_SPEED)

@@ -13,6 +13,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from models.earth import without_jumps
+
 FloatArray = NDArray[np.float64]
 
 
@@ -116,7 +118,7 @@ class Gnss:
     t : ndarray, shape (k,)
         Stamps, s, on the clock of the inertial record.
     llh : ndarray, shape (k, 3)
-        Latitude, longitude, rad, height, m.
+        Latitude, longitude, rad, height, m; made without jumps at the date line.
     vel_n : ndarray, shape (k, 3)
         North, east, down, m/s; NaN where there is none.
     position_sd, velocity_sd : ndarray, shape (k, 3)
@@ -128,6 +130,9 @@ class Gnss:
     vel_n: FloatArray
     position_sd: FloatArray
     velocity_sd: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "llh", without_jumps(self.llh))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -147,6 +152,7 @@ class Gnss:
 class Reference:
     """A better solution to compare with (SI): angles are roll, pitch, yaw of its own body, rad; NaN if unknown.
 
+    Longitudes are made without jumps at the date line.
     `sd` (n, 9) is what it states of its position, velocity and angles, None or NaN where it states nothing.
     """
 
@@ -155,6 +161,9 @@ class Reference:
     vel_n: FloatArray
     rpy: FloatArray
     sd: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "llh", without_jumps(self.llh))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from models import rotation
-from models.earth import llh_displaced, metres_per_radian, transport_rate
+from models.earth import distance_along, llh_displaced, metres_per_radian, transport_rate
 
 FloatArray = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def course_of_fixes(t: ArrayLike, llh: ArrayLike, vel_n: ArrayLike) -> Course:
         Fixes; where a velocity is missing (NaN), the slope of the positions.
     """
     t, llh = np.asarray(t, dtype=float), np.asarray(llh, dtype=float)
-    metres = (llh - llh[0]) * metres_per_radian(llh[0])
+    metres = distance_along(llh)
     vel = np.where(np.isfinite(vel_n), vel_n, np.gradient(metres, t, axis=0))
     level = np.hypot(vel[:, 0], vel[:, 1])
     moving = level >= MIN_SPEED

@@ -1,7 +1,8 @@
 """Alignment of a drive: attitude from gravity and motion, gyro bias from standing still, clock offset of the fixes.
 
 Gravity determines the tilt, speed changes the heading, both at once: over windows of some seconds the specific force,
-rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity::
+rotated by the gyros into the body frame b₀ of the start, must be the change of velocity less gravity, in the axes n of
+the first fix, fixed to the Earth (`free_of_gravity`)::
 
     α_j = ∫ C_b0b f dt            β_j = Δv_j − γ Δt e_D            β_j = C_nb0 α_j        (Wahba)
 
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from models import rotation
-from models.earth import earth_rate, gravity, metres_per_radian
+from models.earth import distance_along, earth_rate, gravity
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment_in_motion import (
     BiasEstimate,
@@ -37,6 +38,7 @@ from tuner.navigation.drive.alignment_in_motion import (
     rotate_steps,
     wahba,
 )
+from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.types.records import DataError, Gnss
 
 FloatArray = NDArray[np.float64]
@@ -104,8 +106,7 @@ class Alignment:
 
 def velocities(gnss: Gnss) -> FloatArray:
     """Return the velocity at every fix, differences of positions where the receiver gives none; (k, 3)."""
-    metres = _metres(gnss)
-    slope = np.gradient(metres, gnss.t, axis=0)
+    slope = np.gradient(distance_along(gnss.llh), gnss.t, axis=0)
     return np.where(np.isfinite(gnss.vel_n), gnss.vel_n, slope)
 
 
@@ -188,14 +189,14 @@ def align_once(
     inside = (gnss.t >= begin) & (gnss.t <= stop)
     fix_t = gnss.t[inside]
     by_position = _positions_are_better(gnss)
-    measured = _metres(gnss)[inside] if by_position else velocities(gnss)[inside]
+    position, velocity = free_of_gravity(fix_t, gnss.llh[inside], velocities(gnss)[inside], inertial=False)
+    measured = position if by_position else velocity
     length = _length(fix_t)
     windows = _windows(fix_t, 3 if by_position else 2, length)
     if not len(windows):
         return None
     span = fix_t[windows[:, 1]] - fix_t[windows[:, 0]]
     beta = _change(measured, windows, span)
-    beta[:, 2] -= down * span
     share, reported = float(np.median(np.diff(fix_t))) / length, _reported_variance(gnss, by_position, length)
 
     def changes(rotated: RotatedSteps, delay: float, *, derivative: bool = False) -> FloatArray:
@@ -282,10 +283,6 @@ def _reported_variance(gnss: Gnss, by_position: bool, length: float) -> float:
     """Return the variance of a change of velocity by the reported sds, 0 where there are none."""
     sd, times = (gnss.position_sd, 6.0 / length**2) if by_position else (gnss.velocity_sd, 2.0)
     return float(np.nanmedian(sd[:, :2])) ** 2 * times if np.isfinite(sd[:, :2]).any() else 0.0
-
-
-def _metres(gnss: Gnss) -> FloatArray:
-    return np.asarray((gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0]))
 
 
 def _length(t: FloatArray) -> float:

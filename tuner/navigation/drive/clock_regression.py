@@ -1,10 +1,11 @@
 """Regression of fixes on integrated inertial increments, segment by segment, to measure the offset of the clocks.
 
 Within a segment of `SEGMENT_DURATION` the increments, rotated and integrated by themselves (`integrated_increments`),
-must be the change of the fixes, u being the time since the begin of the segment and δ the delay of the stamps::
+must be the change of the fixes less gravity (`free_of_gravity`), u being the time since the begin of the segment and δ
+the delay of the stamps::
 
-    v(t) = c + C S(t − δ) + g u e_D + ½ g u² [ω_in ×] e_D − (2 ω_ie + ω_en) × (p − p₀)
-    p(t) = c + c₁ u + C P(t − δ) + the integrals of the rest
+    v(t) = c + C S(t − δ)
+    p(t) = c + c₁ u + C P(t − δ)
 
 The constants c and c₁, the attitude C and the biases of the sensors belong to the segment alone; the delays of
 positions and of velocities, the lever arm, the scale factors of the sensors and the mean biases of the gyros are common
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from models.earth import earth_rate, gravity, ned_between, transport_rate
+from tuner.navigation.drive.free_of_gravity import free_of_gravity
 from tuner.navigation.drive.integrated_increments import IntegratedIncrements
 from tuner.types.records import Gnss
 
@@ -121,26 +122,8 @@ def segments(gnss: Gnss, duration: float = SEGMENT_DURATION) -> list[Segment]:
 
 def _segment(fixes: Gnss) -> Segment:
     """Take gravity, Coriolis forces and the rotation of the axes out of the fixes of a segment."""
-    since = fixes.t - fixes.t[0]
-    metres = ned_between(fixes.llh, fixes.llh[0])
-    lat, height = float(fixes.llh[0, 0]), float(fixes.llh[0, 2])
-    sin_lat, cos_lat = np.sin(lat), np.cos(lat)
-    mean = (metres[-1] - metres[0]) / max(float(since[-1]), 1e-3)
-    of_earth = np.array(earth_rate(sin_lat, cos_lat))
-    of_frame = np.array(transport_rate(sin_lat, cos_lat, height, tuple(mean)))
-    down = float(gravity(sin_lat, height))
-    turning = down * np.cross(of_earth + of_frame, [0.0, 0.0, 1.0])
-    fall = np.array([0.0, 0.0, down])
-    coriolis = np.cross(2.0 * of_earth + of_frame, metres)
-    path = np.vstack(
-        [np.zeros(3), np.cumsum(0.5 * (coriolis[1:] + coriolis[:-1]) * np.diff(since)[:, None], axis=0)]
-    )
-    u = since[:, None]
     return Segment(
-        fixes.t,
-        since,
-        metres - 0.5 * fall * u**2 - turning * u**3 / 6.0 + path,
-        fixes.vel_n - fall * u - 0.5 * turning * u**2 + coriolis,
+        fixes.t, fixes.t - fixes.t[0], *free_of_gravity(fixes.t, fixes.llh, fixes.vel_n, inertial=True)
     )
 
 

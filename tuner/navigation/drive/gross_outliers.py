@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.earth import metres_per_radian
+from models.earth import distance_along
 from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +38,7 @@ def without_gross_outliers(gnss: Gnss) -> tuple[Gnss, int, int]:
 
     A fix with a wrong position is left out, a wrong velocity becomes NaN.
     """
-    metres = (gnss.llh - gnss.llh[0]) * metres_per_radian(gnss.llh[0])
+    metres = distance_along(gnss.llh)
     first = np.searchsorted(gnss.t, gnss.t - NEIGHBOUR_TIME)
     last = np.searchsorted(gnss.t, gnss.t + NEIGHBOUR_TIME, side="right")
     wrong, slips = np.zeros(len(gnss), dtype=bool), np.zeros(len(gnss), dtype=bool)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.earth import metres_per_radian
+from models.earth import distance_along
 from tuner.types.records import Gnss
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +49,8 @@ def mean_velocities(gnss: Gnss) -> MeanVelocities:
     pieces = 0.5 * (gnss.vel_n[1:] + gnss.vel_n[:-1]) * dt[:, None]
     path = np.vstack([np.zeros(3), np.cumsum(pieces, axis=0)])
     span = (gnss.t[last] - gnss.t[first])[:, None]
-    moved = (gnss.llh[last] - gnss.llh[first]) * metres_per_radian(gnss.llh[first])
+    metres = distance_along(gnss.llh)
+    moved = metres[last] - metres[first]
     return MeanVelocities(
         gnss.t[first], np.asarray(moved / span), np.asarray((path[last] - path[first]) / span)
     )

@@ -1,0 +1,129 @@
+"""The same motion anywhere on the Earth: across the date line, near the poles, high above."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models import rotation
+from models.earth import earth_rate, ned_between
+from models.trajectory.catalogue import city, climb
+from models.trajectory.motion import imu_increments
+from models.trajectory.spline import Track
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.consistency.drive import navigate_drive
+from tuner.consistency.drive_scores import differences
+from tuner.formats.logs import write_drive
+from tuner.navigation.data import Steps
+from tuner.navigation.drive.alignment import align
+from tuner.navigation.drive.axis_checks import with_axes_found
+from tuner.navigation.drive.clock_offset import estimate_clock_offset
+from tuner.navigation.drive.free_of_gravity import free_of_gravity
+from tuner.navigation.drive.gross_outliers import without_gross_outliers
+from tuner.navigation.drive.mean_velocities import mean_velocities
+from tuner.readers.drive import read_drive
+from tuner.report.solution_files import local_track, solution_csv, tracks
+from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
+
+RATE = 25.0
+PLACES = {
+    "date line": (10.0, 179.9995, 100.0),
+    "80° S": (-80.0, -179.999, 100.0),
+    "89° N": (89.0, 179.99, 12e3),
+}
+
+
+def _drive(place, motion, receiver="rtk"):
+    lat, lon, height = PLACES[place]
+    motion = replace(motion, start=(np.radians(lat), np.radians(lon), height))
+    gnss = replace(load_gnss(receiver), interval=0.5, correlated=())
+    return simulate_drive(load_grade("stim300"), motion, gnss, rate=RATE, seed=5)[0]
+
+
+@pytest.fixture(scope="module", params=PLACES)
+def drive(request, tmp_path_factory):
+    """A drive whose file has longitudes within ±180°, as receivers write them."""
+    path = tmp_path_factory.mktemp("earth") / "drive.npz"
+    write_drive(_drive(request.param, city(240.0)), path)
+    assert np.abs(np.load(path)["gnss_llh"][:, 1]).max() <= 180.0
+    return read_drive(path)
+
+
+def test_filter_is_consistent_and_its_checks_are_silent(drive):
+    """Errors by their sds: 0.5 … 1.6 leaves room for their correlation over the 150 s that count."""
+    found = navigate_drive(drive, load_config("stim300"))
+    solution = found.solutions[0]
+    rows = np.flatnonzero(solution.t > 90.0)
+    sd = np.sqrt(np.diagonal(solution.covariance, axis1=1, axis2=2)[rows, :9])
+    ratio = np.sqrt(np.mean((differences(drive.reference, solution, rows) / sd) ** 2, axis=0))
+    assert np.all((ratio[:6] > 0.5) & (ratio[:6] < 1.6))
+    assert not any("turned" in note or "left out" in note or "unit" in note for note in found.notes)
+    rows = np.array([line.split(",")[:3] for line in solution_csv(found, 0.0).splitlines()[1:]], dtype=float)
+    assert np.abs(rows[:, 2]).max() <= 180.0
+    plane = np.concatenate(local_track(tracks(found))["fixes"])
+    assert np.abs(np.diff(plane, axis=0)).max() < 30.0
+
+
+def test_clocks_agree_near_the_pole():
+    drive = _drive("89° N", city(240.0))
+    dt = np.diff(drive.imu_t)
+    steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
+    found = estimate_clock_offset(steps, drive.gnss, drive.lever_arm)
+    assert not found.significant
+    assert np.abs(found.delay).max() < 0.02
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_fast_aeroplane_is_aligned(place):
+    """At 89° north turns by 0.13° a second below an aeroplane at 230 m/s: 30° in the four minutes."""
+    drive = _drive(place, climb(240.0, speed=230.0, turn_period=80.0), "rtk")
+    dt = np.diff(drive.imu_t)
+    steps = Steps(float(drive.imu_t[0]), dt, drive.rates[1:] * dt[:, None])
+    found = align(steps, drive.gnss, offset=0.0)
+    true = np.stack(
+        [np.interp(found.t, drive.reference.t, c) for c in np.unwrap(drive.reference.rpy, axis=0).T]
+    )
+    off = rotation.rotvec_from_mat(rotation.mat_from_quat(found.quat_nb) @ rotation.mat_from_rpy(true).T)
+    assert np.degrees(np.abs(off)).max() < 0.5
+    means = mean_velocities(drive.gnss)
+    np.testing.assert_allclose(means.by_position, means.by_velocity, atol=0.5)
+    assert with_axes_found(drive.gnss)[1] is None
+    assert without_gross_outliers(drive.gnss)[1:] == (0, 0)
+
+
+@pytest.mark.parametrize("inertial", [False, True])
+def test_fixes_free_of_gravity_are_the_integrated_force(inertial):
+    """∫ C f dt of perfect sensors, in axes fixed to the Earth and in axes that do not turn, at 89°."""
+    motion = replace(climb(60.0, speed=230.0, turn_period=80.0), start=(np.radians(89.0), np.pi - 1e-3, 12e3))
+    t = np.arange(0.0, 60.01, 0.05)
+    state = motion.evaluate(t[:-1])
+    llh = np.asarray(state.llh) - np.where(state.llh[:, 1:2] > np.pi, [[0.0, 2 * np.pi, 0.0]], 0.0)
+    _, velocity = free_of_gravity(t[:-1], llh, state.vel_n, inertial=inertial)
+    dtheta, dvel = imu_increments(motion, 0.05)
+    mat = state.mat_nb[0]
+    if not inertial:
+        dtheta = dtheta - 0.05 * np.einsum(
+            "kji,j->ki", state.mat_nb, earth_rate(np.sin(llh[0, 0]), np.cos(llh[0, 0]))
+        )
+    total = [velocity[0]]
+    for turn, push in zip(dtheta[:-1], dvel[:-1], strict=True):
+        total.append(total[-1] + mat @ (push + 0.5 * np.cross(turn, push)))
+        mat = mat @ rotation.mat_from_rotvec(turn)
+    np.testing.assert_allclose(velocity, total, atol=0.05)
+
+
+def test_track_through_the_date_line_is_one_curve():
+    """Points with longitudes that jump and the same without give one motion."""
+    t = np.arange(10.0)
+    lon = np.radians(179.9999) + 1e-6 * t
+    smooth, jumping = (
+        Track("a", t, np.column_stack([0.3 + 1e-6 * t, x, 0.0 * t]))
+        for x in (lon, np.remainder(lon + np.pi, 2 * np.pi) - np.pi)
+    )
+    for one, other in zip((smooth, jumping), (jumping, smooth), strict=True):
+        at = np.linspace(0.0, 9.0, 50)
+        apart = ned_between(one.evaluate(at).llh, other.evaluate(at).llh)
+        np.testing.assert_allclose(apart, 0.0, atol=1e-6)
