@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from models.noise import TERMS
-from models.units import from_si
+from models.units import DEG, DEG_PER_HOUR, DEG_PER_SECOND, MICRO_G, MILLI_G, G, from_si
 from tuner.types import Coefficient
 
 _CUSTOMARY = {
@@ -25,6 +25,23 @@ _PRETTY = {
     "ug/h": "µg/h",
     "ug": "µg",
 }
+
+_UNIT_SIZES = {
+    "rad/s": ((DEG_PER_HOUR, "deg/h"), (DEG_PER_SECOND, "deg/s")),
+    "m/s^2": ((MICRO_G, "µg"), (MILLI_G, "mg"), (G, "g")),
+    "rad": ((DEG, "deg"),),
+}
+"""Customary units of each SI unit with their sizes, the smallest first."""
+_DENSITY_UNITS = {
+    "rad/s/√Hz": "deg/sqrt(h)",
+    "m/s^2/√Hz": "ug/sqrt(Hz)",
+    "rad/s/√s": "deg/h/sqrt(h)",
+    "m/s^2/√s": "ug/sqrt(h)",
+}
+EXACT_DIGITS = 4
+"""Digits of a number without an interval, such as the time of an event."""
+_LARGEST_NUMBER = 1000.0
+"""Number from which the next larger unit is taken."""
 
 
 def symbol(quantity: str) -> str:
@@ -99,3 +116,29 @@ def phrase(coefficient: Coefficient, quantity: str, unit: str, *, with_unit: boo
     if coefficient.upper is not None:
         return f"< {digits(in_customary(coefficient.upper, quantity, unit))}{name}"
     return "–"
+
+
+def amount(coefficient: Coefficient) -> str:
+    """Say a coefficient of any SI unit in a customary one of its size: ``81.5 ± 4.5 deg/h``, ``below 0.3 mg``."""
+    number = coefficient.upper if coefficient.value is None else coefficient.value
+    if number is None:
+        return "–"
+    size, unit = _unit_for(coefficient.unit, number)
+    if coefficient.value is None:
+        return f"below {digits(number / size)}{unit}"
+    if coefficient.interval is None or coefficient.interval[0] == coefficient.interval[1]:
+        return f"{digits(number / size, EXACT_DIGITS)}{unit}"
+    half = 0.5 * (coefficient.interval[1] - coefficient.interval[0]) / size
+    return f"{digits_to(number / size, half)} ± {digits(half, 2)}{unit}"
+
+
+def _unit_for(unit: str, number: float) -> tuple[float, str]:
+    """Return size and name, behind a space, of the customary unit for a number of an SI unit."""
+    if unit in _DENSITY_UNITS:
+        return 1.0 / float(from_si(1.0, _DENSITY_UNITS[unit])), f" {pretty(_DENSITY_UNITS[unit])}"
+    base, per = (unit[:-2], "/K") if unit.endswith("/K") else (unit, "")
+    sizes = _UNIT_SIZES.get(base)
+    if sizes is None:
+        return 1.0, "" if unit == "1" else f" {unit}"
+    size, name = next((one for one in sizes if abs(number) < _LARGEST_NUMBER * one[0]), sizes[-1])
+    return size, f" {name}{per}"

@@ -61,7 +61,9 @@ def missing(found: DriveDiagnosis) -> list[str]:
 
 def whole_gain_text(gain: Gain) -> str:
     """Return the gain of all findings together on the held-out part of the drive, in words."""
-    parts = [f"log likelihood {gain.nats:+.0f} nats"]
+    parts = [
+        "fixes are predicted " + ("better" if gain.nats > 0.0 else "worse" if gain.nats < 0.0 else "as well")
+    ]
     for name, (before, after) in gain.user.items():
         quantity, _, unit = name.partition(" ")
         if quantity.endswith(CHANGE_INTERVAL):

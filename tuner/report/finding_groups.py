@@ -15,8 +15,7 @@ import numpy as np
 
 from models.effects import EFFECTS
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.diagnosis.static.findings import figure
-from tuner.formats.customary_units import digits
+from tuner.formats.customary_units import amount, digits
 from tuner.report.settings_rows import axes_text
 from tuner.types import Finding, Gain
 
@@ -127,7 +126,7 @@ def _figures(findings: tuple[Finding, ...]) -> str:
     """Return the parameters of a finding that stands alone."""
     if len(findings) > 1:
         return ""
-    figures = ", ".join(f"{name} {figure(value)}" for name, value in findings[0].parameters.items())
+    figures = ", ".join(f"{name} {amount(value)}" for name, value in findings[0].parameters.items())
     return f" ({figures})" if figures else ""
 
 

@@ -27,7 +27,7 @@ def cause_name(cause: OutputCause) -> str:
 
 
 def cause_text(cause: OutputCause) -> str:
-    """Return a cause with its size, interval, gain and what is not distinguished from it."""
+    """Return a cause with its size, interval and what is not distinguished from it."""
     low, high = cause.interval
     unit = "" if cause.unit == "1" else f" {cause.unit}"
     words = f"{cause_name(cause)}: {cause.size:.3g} ({low:.3g} … {high:.3g}){unit}"
@@ -35,7 +35,6 @@ def cause_text(cause: OutputCause) -> str:
         words = f"{cause_name(cause)}: true sd {cause.size:.3g} ({low:.3g} … {high:.3g}) times the assumed"
         if cause.cause == "time_constant":
             words = words.replace("true sd", "true time").replace("assumed", "assumed one")
-    words += f", {cause.gain:.0f} nats better than the filter as it is"
     if cause.alternatives:
         others = ", ".join(cause_name(other) for other in cause.alternatives[:MAX_ALTERNATIVES])
         words += f"; not distinguished from it: {others}"

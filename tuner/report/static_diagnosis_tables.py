@@ -7,9 +7,10 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.formats.customary_units import digits, digits_to
-from tuner.report.finding_groups import contradicted, headlines
-from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
+from tuner.formats.customary_units import amount, digits
+from tuner.report.finding_groups import contradicted, drift_text, headlines
+from tuner.report.settings_rows import axes_text
+from tuner.types import Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
 
 
@@ -42,7 +43,7 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
-    """Return one table of findings (SI), their words and gains, and the rejected tests without a cause."""
+    """Return one table of findings, their words and gains, and the rejected tests without a cause."""
     answer: list[Table | str] = []
     if diagnosis.quiet:
         answer.append("  nothing found: the log agrees with a simulation of its noise terms")
@@ -79,19 +80,18 @@ def hidden_effect_lines(judged: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what was hidden in a simulated log and whether it was found, one line an effect."""
     lines = []
     for one in judged:
-        values = ", ".join(f"{name} {value:.4g}" for name, value in one["parameters"].items())
-        where = f"{one['cause']} in {', '.join(one['channels'])} ({values})"
+        where = f"{one['cause'].replace('_', ' ')} in {axes_text(one['channels'])}"
         verdict = "found" if one["found"] else "not found"
         if not one["found"] and one["named"]:
             verdict = f"detected, but named as {', '.join(one['named'])}"
-        lines.append(f"  hidden in this simulated log (key.json): {where}: {verdict}")
+        lines.append(f"  hidden in this simulated log (see key.json): {where}: {verdict}")
     return lines
 
 
 def findings_table(findings: Sequence[Finding], title: str) -> Table:
     """Return one row a finding."""
     table = Table(title=title)
-    for head in ("cause", "channels", "parameters (95 % interval)", "p", "gain", "could also be"):
+    for head in ("cause", "channels", "parameters (± 95 %)", "p", "what it is worth", "could also be"):
         table.add_column(head)
     for f in findings:
         table.add_row(
@@ -99,7 +99,7 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
             ", ".join(f.channels),
             "\n".join(line for name in f.parameters for line in _lines(f, name)),
             f"{f.p_value:.1e}" if f.p_value > 0.0 else "< 1e-300",
-            "–" if f.gain is None else f"{digits(f.gain.nats)} nats ({f.gain.split})",
+            _worth(f),
             ", ".join(f"{a.cause} ({a.score:.2f})" for a in f.alternatives) or "–",
         )
     return table
@@ -107,17 +107,14 @@ def findings_table(findings: Sequence[Finding], title: str) -> Table:
 
 def _lines(f: Finding, name: str) -> list[str]:
     """Return a parameter with its interval, of each channel where they differ."""
-    return [f"{name} {_coefficient_text(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
-        f"{name} {_coefficient_text(f.parameters[name])}"
+    return [f"{name} {amount(c)} in {axis}" for axis, c in f.of_each(name).items()] or [
+        f"{name} {amount(f.parameters[name])}"
     ]
 
 
-def _coefficient_text(c: Coefficient) -> str:
-    unit = "" if c.unit == "1" else f" {c.unit}"
-    if c.value is None:
-        return "–" if c.upper is None else f"< {digits(c.upper)}{unit}"
-    if c.interval is None or c.interval[0] == c.interval[1]:
-        return f"{digits(c.value)}{unit}"
-    half = 0.5 * (c.interval[1] - c.interval[0])
-    low, high = (digits_to(end, half) for end in c.interval)
-    return f"{digits_to(c.value, half)} ({low} … {high}){unit}"
+def _worth(f: Finding) -> str:
+    """Return what a finding does to the position, and whether held-out data confirm it."""
+    words = [drift_text(f.drift)] if f.drift else []
+    if f.gain is not None and f.gain.nats != 0.0:
+        words.append(f"{'predicts better' if f.gain.nats > 0.0 else 'predicts WORSE'} ({f.gain.split})")
+    return "; ".join(words) or "–"

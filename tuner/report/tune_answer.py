@@ -1,4 +1,4 @@
-"""The answer of `tune` in about ten lines of 80 columns: verdict, numbers, what matters most, where the rest is."""
+"""The answer of `tune` in ten to fifteen lines of 80 columns: verdict, numbers, what matters most."""
 
 from __future__ import annotations
 
@@ -37,15 +37,14 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
     rows = settings_rows(result.config)
     numbers: list[Table | str] = [settings_table(rows)] if rows else []
     return [
-        *_wrapped(verdict_line(result)),
-        *_wrapped(f"Log: {recording_line(result)}"),
+        *wrapped(verdict_line(result)),
+        *wrapped(f"Log: {recording_line(result)}"),
         *numbers,
-        *_wrapped(legend(rows), 2),
-        *(line for text in what_matters(result) for line in _wrapped(text, 2)),
-        *(line for text in hidden_lines(result) for line in _wrapped(text, 2)),
-        *(line for part, reason in result.absent.items() for line in _wrapped(f"No {part}: {reason}", 2)),
-        *_wrapped(f"Page: {directory / 'report.html'}"),
-        *_wrapped(f"Configuration: {directory / 'noise.yaml'}; all tables: --verbose"),
+        *wrapped(legend(rows), 2),
+        *(line for text in what_matters(result) for line in wrapped(text, 2)),
+        *(line for text in hidden_lines(result) for line in wrapped(text, 2)),
+        *(line for part, reason in result.absent.items() for line in wrapped(f"No {part}: {reason}", 2)),
+        *wrapped(f"Page: {directory / 'report.html'}; noise.yaml beside it; all tables: --verbose", 2),
     ]
 
 
@@ -55,15 +54,15 @@ def verdict_line(result: TuneResult) -> str:
     if result.check is None:
         parts.append("The filter is not checked")
     elif result.check.consistency.consistent:
-        parts.append(f"Consistent: {CHECK_RUNS} simulated hours do not contradict the filter by 10 %")
+        parts.append(f"Consistent within 10 % ({CHECK_RUNS} simulated hours)")
     else:
         first = next(iter(result.check.consistency.verdicts), None)
         parts.append("NOT consistent" + ("" if first is None else f": {verdict_text(first)}"))
     failed = [axis for axis, found in result.predictions.items() if not found.passes]
     if failed:
-        parts.append(f"its settings do NOT predict the log in {axes_text(failed)}")
+        parts.append(f"does NOT predict the log in {axes_text(failed)}")
     elif result.predictions:
-        parts.append("its settings predict the log on every axis")
+        parts.append("predicts the log on every axis")
     return "; ".join(parts) + "."
 
 
@@ -120,7 +119,8 @@ def what_matters(result: TuneResult) -> list[str]:
         groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
         for group in groups[:SHOWN_FINDINGS]:
             parts = [drift_text(group.drift), f"changes {group.changes}"]
-            lines.append(f"Found {group.short}; " + "; ".join(part for part in parts if part))
+            title = group.short[:1].upper() + group.short[1:]
+            lines.append(f"{title}: " + "; ".join(part for part in parts if part))
         if more := len(groups) - SHOWN_FINDINGS:
             lines += [f"and {more} more on the page"] if more > 0 else []
         if not groups:
@@ -145,7 +145,8 @@ def hidden_lines(result: TuneResult) -> list[str]:
     return [line.strip() for line in hidden_effect_lines(judge_hidden(result.key, result.diagnosis))]
 
 
-def _wrapped(text: str, indent: int = 0) -> list[str]:
+def wrapped(text: str, indent: int = 0) -> list[str]:
+    """Return text in lines of a terminal, further ones indented; no word is broken."""
     return wrap(
         text, LINE_WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )

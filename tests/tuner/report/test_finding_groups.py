@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,8 +102,10 @@ def test_drift_of_a_short_outage_is_that_of_a_bias_on_a_flat_earth(unit: str):
 
 
 def test_a_single_finding_has_its_figures():
-    (line,) = headlines([finding("line", "gyro_x", frequency=12.5, amplitude=2e-4)])
-    assert line.startswith("line in gyro_x (frequency 12.5 ± 1.3 SI, amplitude 0.0002 ± 2e-05 SI)")
+    rate = Coefficient.known(2e-4, 1.8e-4, 2.2e-4, "rad/s")
+    one = replace(finding("line", "gyro_x"), parameters={"amplitude": rate})
+    (line,) = headlines([one])
+    assert line.startswith("line in gyro_x (amplitude 41.3 ± 4.1 deg/h)")  # 2e-4 rad/s · 3600 · 180/π
 
 
 def test_a_step_that_was_found_is_worth_the_drift_it_causes():

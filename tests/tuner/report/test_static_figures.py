@@ -89,7 +89,7 @@ def test_what_was_hidden_is_judged_in_words():
         hidden_effect_lines([{**line, "found": found, "named": named}])[0]
         for found, named in ((True, ["line"]), (False, ["vibration"]), (False, []))
     ]
-    assert words[0].endswith("(frequency 12.5): found")
+    assert words[0].endswith("line in gyro x: found")
     assert words[1].endswith("detected, but named as vibration")
     assert words[2].endswith("not found")
 
@@ -106,7 +106,7 @@ def test_what_channels_do_not_share_is_reported_of_each():
     assert not line.of_each("frequency")
     text, (cell,) = line.text, diagnosis_tables(found)[0].columns[2].cells
     assert text.count("in gyro_x") == 2
-    assert text.count(" rad/s in gyro_y") == cell.count("rad/s in gyro_y") == 1
+    assert text.count(" deg/h in gyro_y") == cell.count("deg/h in gyro_y") == 1
     assert cell.count("frequency") == 1
 
 
@@ -131,7 +131,7 @@ def test_an_interval_far_narrower_than_its_value_is_not_shown_empty():
         parameters={"frequency": Coefficient.known(20.0000004, 19.9999989, 20.0000019, "Hz")},
     )
     ((cell,),) = [list(diagnosis_tables(Diagnosis((sharp,)))[0].columns[2].cells)]
-    assert cell == "frequency 20.000000 (19.999999 … 20.000002) Hz"
+    assert cell == "frequency 20.000000 ± 1.5e-06 Hz"
     assert digits_to(1.465e-4, 9.1e-6) == "0.000147"
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Output, Reading, common, latitude, noise_terms, reading
+from tuner.cli.commands.options import Output, Reading, common, latitude, noise_terms, reading, verbose
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
     metavar="FILE",
     help="Draw the Allan figure into FILE (PNG or SVG).",
 )
+@verbose
 @reading
 @common
 def command(
@@ -55,6 +56,7 @@ def command(
     arma: str,
     latitude: float | None,
     figure: Path | None,
+    verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
     output: Output,
@@ -62,10 +64,11 @@ def command(
 ) -> None:
     """Find the noise terms of each axis, with intervals: quantization, white, flicker, random walk, ramp and others.
 
-    Beside the terms stand the settings of a filter as `tuner tune` makes them from the same log: fitted to its Allan
-    curve where those of the terms do not predict it. Several logs of one sensor are pooled, with their spread. A CSV
-    with columns tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest
-    (t,lat,lon,height,…) gives the errors of the receiver.
+    Prints N, B and K, axes that agree in one row; --verbose prints every term, bound and reason. Beside the terms
+    stand the settings of a filter as `tuner tune` makes them from the same log, where those of the terms do not
+    predict its Allan curve. Several logs of one sensor are pooled, with their spread. A CSV with columns
+    tau,deviation[,dof] is fitted as an Allan curve. A CSV of GNSS fixes of an antenna at rest (t,lat,lon,height,…)
+    gives the errors of the receiver.
     """
     from tuner.formats.identification import identification_json
     from tuner.formats.prediction import settings_json
@@ -73,6 +76,7 @@ def command(
     from tuner.identification.several_logs import pool
     from tuner.readers.gnss_log import is_fixes
     from tuner.readers.source_kind import source_name
+    from tuner.report.identification_answer import identification_answer, pooled_answer
     from tuner.report.identification_tables import identification_tables, pooled_tables, receiver_lines
     from tuner.report.json.views import pooled_json, receiver_json
     from tuner.report.prediction_tables import settings_tables
@@ -119,10 +123,18 @@ def command(
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
             draw_allan(one, [path], title=name)
             messages.say(f"wrote {path}")
-    if output.tables:
-        for name, one, written in zip(names, found, settings, strict=True):
-            show([name, *identification_tables(one)])
-            if written is not None:
-                show(settings_tables(written[0], one))
+    if not output.tables:
+        return
+    if not verbose:
         if len(found) > 1:
-            show(pooled_tables(pool(found), names))
+            show(pooled_answer(pool(found), names))
+        else:
+            config = None if settings[0] is None else settings[0][0]
+            show(identification_answer(names[0], found[0], config))
+        return
+    for name, one, written in zip(names, found, settings, strict=True):
+        show([name, *identification_tables(one)])
+        if written is not None:
+            show(settings_tables(written[0], one))
+    if len(found) > 1:
+        show(pooled_tables(pool(found), names))

@@ -229,6 +229,6 @@ def _note(kept: str, before: PredictiveScore, after: PredictiveScore) -> str:
         )
         return f"the configuration stays as it began: no change predicts the last 40 % of the drive better ({outages})"
     return (
-        f"kept: {kept}; on the last 40 % of the drive {after.nats - before.nats:+.0f} nats, position with fixes "
+        f"kept: {kept}; on the last 40 % of the drive position with fixes "
         f"{before.tracking_rms:.3g} → {after.tracking_rms:.3g} m, {outages}"
     )

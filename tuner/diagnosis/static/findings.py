@@ -1,4 +1,4 @@
-"""Findings from the search results of all channels: a cause that channels share is one finding, in SI units."""
+"""Findings from the search results of all channels: a cause that channels share is one finding; SI in numbers."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.search import Accepted, SearchResult
+from tuner.formats.customary_units import amount
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each
 
@@ -237,7 +238,7 @@ def words(
 ) -> str:
     """Return a finding in one sentence; a parameter in which channels differ is given for each."""
     figures = ", ".join(
-        f"{name} {figure(value)}{where}"
+        f"{name} {amount(value)}{where}"
         for name, shown in parameters.items()
         for where, value in _by_axis(of_each(name, shown, by_channel), shown)
     )
@@ -246,15 +247,3 @@ def words(
 
 def _by_axis(each: Mapping[str, Coefficient], shown: Coefficient) -> Sequence[tuple[str, Coefficient]]:
     return [(f" in {axis}", value) for axis, value in each.items()] or [("", shown)]
-
-
-def figure(c: Coefficient) -> str:
-    """Return a coefficient as text: value, half width of its interval, unit."""
-    unit = "" if c.unit == "1" else f" {c.unit}"
-    if c.value is None:
-        return f"below {c.upper:.3g}{unit}"
-    if c.interval is None or c.interval[0] == c.interval[1]:
-        return f"{c.value:.6g}{unit}"
-    half = 0.5 * (c.interval[1] - c.interval[0])
-    digits = max(3, int(np.ceil(np.log10(max(abs(c.value), 1e-300) / half))) + 2) if half > 0 else 6
-    return f"{c.value:.{min(digits, 12)}g} ± {half:.2g}{unit}"

@@ -1,0 +1,66 @@
+"""The answer of `identify`: axes that agree in a row, its width, customary units of every size."""
+
+from __future__ import annotations
+
+import pytest
+from rich.console import Console
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner.formats.customary_units import amount
+from tuner.identification import identify
+from tuner.identification.several_logs import pool
+from tuner.report.identification_answer import identification_answer, pooled_answer
+from tuner.simulation.static import simulate
+from tuner.types import Coefficient
+
+AXES = ("gyro_x", "gyro_y", "gyro_z")
+
+
+@pytest.fixture(scope="module")
+def found():
+    quiet, loud = (NoiseModel([White(n), RandomWalk(1e-6)]) for n in (1e-4, 2e-4))
+    models = dict(zip(AXES, (quiet, loud, quiet), strict=True))
+    return [identify(simulate(models, duration=300.0, rate=20.0, seed=s)[0], arma=None) for s in (3, 4)]
+
+
+def lines(content):
+    console = Console(width=200, highlight=False, markup=False, emoji=False)
+    with console.capture() as capture:
+        for one in content:
+            console.print(one)
+    return [line.rstrip() for line in capture.get().splitlines()]
+
+
+def test_axes_that_agree_share_a_row_and_a_terminal_holds_it(found):
+    told = lines(identification_answer("log", found[0]))
+    assert max(map(len, told)) <= 80
+    assert len(told) <= 10
+    (row,) = [line for line in told if line.startswith("gyro x z")]
+    # N = 1e-4 rad/√s is 1e-4 · 60 · 180/π = 0.344 deg/√h; 12 000 samples give 1/√(2n) = 0.65 %, 95 % of five sd.
+    assert float(row.split()[3]) == pytest.approx(0.34377, rel=0.033)
+    assert any(line.startswith("gyro y ") for line in told)
+    assert "--verbose" in told[-1]
+
+
+def test_logs_that_agree_are_said_to(found):
+    told = lines(pooled_answer(pool(found), ["a", "b"]))
+    assert told[0] == "2 logs pooled"
+    assert max(map(len, told)) <= 80
+    assert "from log to log" in " ".join(told) or "Logs differ" in " ".join(told)
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "text"),
+    [
+        (Coefficient.known(4.848e-6, 4.4e-6, 5.3e-6, "rad/s"), "1.000 ± 0.093 deg/h"),
+        (Coefficient.known(0.0349066, 0.034, 0.0358, "rad/s"), "2.000 ± 0.052 deg/s"),
+        (Coefficient(9.80665e-6 * 20.0, None, None, "m/s^2"), "20.00 µg"),
+        (Coefficient.bounded(9.80665e-3 * 3.0, "m/s^2", "short"), "below 3.00 mg"),
+        (Coefficient.known(9.80665e-3, 9e-3, 1.06e-2, "m/s^2/K"), "1.000 ± 0.082 mg/K"),
+        (Coefficient.known(2.9089e-4, 2.8e-4, 3e-4, "rad/s/√Hz"), "1.000 ± 0.034 deg/√h"),
+        (Coefficient.known(12.5, 12.4, 12.6, "Hz"), "12.500 ± 0.100 Hz"),
+        (Coefficient.known(3.0, 2.0, 4.0, "1"), "3.0 ± 1.0"),
+    ],
+)
+def test_a_number_is_told_in_a_unit_of_its_size(coefficient, text):
+    assert amount(coefficient) == text

@@ -1,0 +1,110 @@
+"""The answer of `identify` in ten to twenty lines of 80 columns: the noise of axes that agree."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from rich.table import Table
+
+from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
+from tuner.report.settings_rows import axes_text, settings_rows
+from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row, terms_rows
+from tuner.report.tune_answer import LINE_WIDTH, settings_table, wrapped
+from tuner.types import FilterConfig, Identification, PooledChannel
+
+UNEQUAL_BELOW = 0.05
+"""Probability below which logs are said to differ."""
+MAX_WARNINGS = 2
+"""Warnings in the answer: what changes what a reader does next."""
+
+
+def identification_answer(
+    name: str, found: Identification, settings: FilterConfig | None = None
+) -> list[Table | str]:
+    """Return what was found in a log, none of its lines wider than a terminal.
+
+    Parameters
+    ----------
+    name : str
+        Of the log.
+    found : Identification
+        Its noise terms.
+    settings : FilterConfig, optional
+        What `tune` makes of it: shown where it is not the identified terms.
+    """
+    channels = list(found.channels.values())
+    rows = terms_rows(channel_row(channel) for channel in channels)
+    answer: list[Table | str] = [*wrapped(f"{name}: {_recording(found)}", 2), terms_table(rows)]
+    answer += wrapped("± 95 %; < 95 % limit; – not stated", 2)
+    answer += [
+        line for row in rows if row.further for line in wrapped(f"{axes_text(row.axes)}: {row.further}", 2)
+    ]
+    answer += _too_short(found)
+    fitted = [] if settings is None else [row for row in settings_rows(settings) if row.fitted]
+    if fitted:
+        answer.append("These terms alone do not predict the log's Allan curve; `tuner tune` gives a filter")
+        answer.append(settings_table(fitted))
+    alike = {re.sub(r"[\d.]+", "", w): w for channel in channels for w in channel.warnings}
+    warnings = list(alike.values())
+    answer += [line for text in warnings[:MAX_WARNINGS] for line in wrapped(f"Warning: {text}", 2)]
+    more = len(warnings) - MAX_WARNINGS
+    rest = f"{more} more warnings, all" if more > 0 else "All"
+    return [*answer, *wrapped(f"{rest} terms, bounds with reasons, means, ARMA: --verbose", 2)]
+
+
+def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
+    """Return what several logs of one sensor have in common, and in what they differ."""
+    rows = terms_rows(
+        single_row(one.axis, one.unit, [(c.name, c.value) for c in one.coefficients])
+        for one in pooled.values()
+        if one.mean is not None
+    )
+    lines: list[Table | str] = [f"{len(names)} logs pooled", terms_table(rows)]
+    lines += wrapped("± 95 % of the mean over the logs; < 95 % limit", 2)
+    differing: dict[str, list[str]] = {}
+    for channel in pooled.values():
+        for one in (*channel.coefficients, *([channel.mean] if channel.mean else [])):
+            if channel.mean is not None and one.p_value < UNEQUAL_BELOW:
+                differing.setdefault(symbol(one.name), []).append(channel.axis)
+    text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in differing.items())
+    verdict = (
+        f"Logs differ (p < {UNEQUAL_BELOW:g}) in {text}" if text else "No coefficient differs from log to log"
+    )
+    return [*lines, *wrapped(f"{verdict}. Each log and the spread: --verbose", 2)]
+
+
+def terms_table(rows: Sequence[TermsRow]) -> Table:
+    """Return N, B and K of every row, under the units of its sensor."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
+    table.add_column("axes", no_wrap=True)
+    for name in MAIN_TERMS:
+        table.add_column(name, overflow="fold")
+    for unit in dict.fromkeys(row.unit for row in rows):
+        table.add_row("", *(f"{symbol(n)}, {pretty(customary_unit(n, unit))}" for n in MAIN_TERMS))
+        for row in rows:
+            if row.unit == unit:
+                table.add_row(axes_text(row.axes), *(row.cell(name) for name in MAIN_TERMS))
+    return table
+
+
+def _recording(found: Identification) -> str:
+    spans: dict[str, list[str]] = {}
+    for c in found.channels.values():
+        text = f"{digits(c.span / 3600.0)} h at {digits(1.0 / c.interval)} Hz, by {c.method}"
+        spans.setdefault(text if c.span > 0.0 else "stated, not measured", []).append(c.axis)
+    parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
+    assumed = found.source.get("assumptions", ())
+    return "; ".join([*parts, *(["ASSUMED: " + "; ".join(map(str, assumed))] if assumed else [])])
+
+
+def _too_short(found: Identification) -> list[str]:
+    """Return which terms of which axes a longer record would show; empty where none is bounded for that reason."""
+    short: dict[str, list[str]] = {}
+    for channel in found.channels.values():
+        for term in channel.terms:
+            for field, c in term.coefficients.items():
+                if c.value is None and c.reason and c.reason.startswith("record too short"):
+                    short.setdefault(symbol(f"{term.name}.{field}"), []).append(channel.axis)
+    text = "; ".join(f"{sign} of {axes_text(axes)}" for sign, axes in short.items())
+    return wrapped(f"Too short to show {text}: `tuner plan` says how long it takes", 2) if text else []
