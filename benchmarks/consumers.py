@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.consumers.examples import EXAMPLES, LAGS, modelled_allan_variance, text_of
 from tests.consumers.filters import FILTERS, Filter
 from tests.consumers.simulators import SIMULATORS, Simulator
-from tuner.exporters.error_growth import fading_growth, modelled_growth
+from tuner.synthesis.error_growth import fading_growth, modelled_growth
 
 CLUSTER_TIMES = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
 

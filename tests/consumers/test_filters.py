@@ -15,7 +15,7 @@ from tests.consumers.examples import EXAMPLES, LAGS, text_of
 from tests.consumers.filters import FILTERS, Filter
 from tests.consumers.simulators import SIMULATORS
 from tuner.exporters import DIALECTS
-from tuner.exporters.error_growth import modelled_growth
+from tuner.synthesis.error_growth import modelled_growth
 
 BY_NAME = {program.dialect: program for program in FILTERS}
 FADING = ("kf-gins", "ob-gins", "navego")

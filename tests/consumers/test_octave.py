@@ -12,7 +12,7 @@ import pytest
 
 from tests.consumers.examples import EXAMPLES, text_of
 from tests.consumers.filters import STEP
-from tuner.exporters.error_growth import modelled_growth
+from tuner.synthesis.error_growth import modelled_growth
 
 pytestmark = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 

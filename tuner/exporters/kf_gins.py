@@ -21,7 +21,6 @@ from typing import Any
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
 from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
 from tuner.exporters.one_state import fading_sd
 from tuner.exporters.scale_factors import scale_factor
@@ -29,6 +28,7 @@ from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, t
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
 from tuner.synthesis.equivalent_models import equivalent_white_density
+from tuner.synthesis.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
 from tuner.types import ChannelNoise, FilterConfig
 
 

@@ -14,12 +14,12 @@ import math
 from collections.abc import Callable
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
 from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
 from tuner.exporters.one_state import fading_sd
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
 from tuner.synthesis.equivalent_models import equivalent_white_density
+from tuner.synthesis.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
 from tuner.types import ChannelNoise, FilterConfig
 
 

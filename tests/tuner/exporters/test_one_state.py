@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from models.noise import GaussMarkov
-from tuner.exporters.error_growth import fading_growth, modelled_growth, walk_growth
 from tuner.exporters.one_state import fading_sd, simulated_state
 from tuner.exporters.simulated_flicker import simulated_flicker
 from tuner.synthesis import equivalent_random_walk, structure_function
+from tuner.synthesis.error_growth import fading_growth, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
 
 LADDER = tuple(GaussMarkov(5e-5, time) for time in (1.0, 10.0, 100.0, 1000.0))
