@@ -42,11 +42,12 @@ snapshots that were read, 2023 to 2026; the numbers are those of *walk*.
 
 ## Filters
 
-Sd of an angle (gyro) or velocity (accelerometer) some time after the bias was known, predicted by the filter ÷
-modelled. For *flicker*, gyro, the nearest that two numbers N and K come to it from 1 to 96 s is {two}, and
-white noise with one fading state {one}, at T = {time:.0f} s. Exports take N and K nearest in Allan deviation, and
-for one state the longest T of the configuration: with so short a one a filter forgets a turn-on bias that it
-never observed.
+Sd of an angle (gyro) or velocity (accelerometer) some time after the bias was last estimated, predicted by the filter
+÷ modelled; the estimate holds of each state what is the best constant for 96 s. Exports take the two numbers, N and
+K, whose largest mismatch between 1 and 96 s is least; a search over all pairs finds none nearer than
+{two} for the gyro of *flicker*. White noise with one fading state could reach {one}, at T = {time:.0f} s;
+exports take the longest T of the configuration: with so short a one a filter forgets a turn-on bias that it never
+observed.
 """
 
 SIMULATED = """
@@ -104,7 +105,7 @@ def growth(program: Filter, example: str) -> str:
     for sensor in ("gyro", "accel"):
         channel = EXAMPLES[example]().channels[f"{sensor}_x"]
         predicted = program.growth(text_of(example, program.dialect), sensor, LAGS)
-        modelled = [modelled_growth(channel, lag) for lag in LAGS]
+        modelled = modelled_growth(channel, LAGS, memory=LAGS[-1])
         if not program.has_bias:
             if example != "walk":
                 return "white noise alone"
@@ -126,14 +127,14 @@ def deviation(simulator: Simulator, example: str) -> str:
 def nearest() -> tuple[str, str, float]:
     """Return how near two numbers, and one fading state, come to the gyro of flicker, and the state's T, s."""
     channel = EXAMPLES["flicker"]().channels["gyro_x"]
-    lags = np.geomspace(1.0, LAGS[-1], 12)
-    modelled = np.array([modelled_growth(channel, lag) for lag in lags])
-    white = (channel.white_density * np.geomspace(0.7, 7.0, 40))[:, None, None] ** 2 * lags
-    walks = np.geomspace(1e-6, 1e-4, 160)[None, :, None] ** 2 * lags**3 / 3.0
+    lags = np.geomspace(1.0, LAGS[-1], 24)
+    modelled = modelled_growth(channel, lags, memory=LAGS[-1])
+    white = (channel.white_density * np.geomspace(0.7, 7.0, 100))[:, None, None] ** 2 * lags
+    walks = np.geomspace(1e-6, 1e-4, 300)[None, :, None] ** 2 * lags**3 / 3.0
     two, _ = _least(white + walks, modelled)
     fits = []
     for time in np.geomspace(3.0, 3000.0, 40):
-        shape = np.array([fading_growth(0.0, 1.0, time, lag) for lag in lags])
+        shape = fading_growth(0.0, 1.0, time, lags)
         sds = np.geomspace(1e-5, 1e-2, 160)[None, :, None] ** 2 * shape
         fits.append((*_least(white + sds, modelled), time))
     one, _, time = min(fits, key=lambda fit: fit[1])

@@ -6,6 +6,7 @@ configuration, is two numbers or one state in theirs: what these can do at best 
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -31,7 +32,7 @@ def ratios(program: Filter, example: str, sensor: str) -> np.ndarray:
     predicted = program.growth(text_of(example, program.dialect), sensor, LAGS)
     if not program.has_bias:
         return np.sqrt(predicted / (channel.white_density**2 * LAGS))
-    return np.sqrt(predicted / [modelled_growth(channel, lag) for lag in LAGS])
+    return np.sqrt(predicted / modelled_growth(channel, LAGS, memory=LAGS[-1]))
 
 
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
@@ -59,12 +60,5 @@ def test_two_numbers_for_flicker_are_the_same_in_every_filter(sensor: str) -> No
     others = [p for p in FILTERS if p.has_bias and p.dialect not in FADING]
     found = np.array([ratios(program, "flicker", sensor) for program in others])
     assert np.ptp(found, axis=0).max() < 2e-3
-
-
-def test_one_state_fades_its_bias_faster_than_a_walk_only_beyond_the_memory() -> None:
-    text = text_of("flicker", "kf-gins")
-    step = BY_NAME["kf-gins"].step(text, "gyro")
-    count = round(LAGS[-1] / step.dt)
-    kept = step.bias * (1.0 - step.fades ** (2 * count)) / (1.0 - step.fades**2)
-    walk = BY_NAME["gtsam"].step(text_of("flicker", "gtsam"), "gyro")
-    assert kept == pytest.approx(walk.bias * count, rel=1e-3)
+    # The nearest that two numbers come, by a search of their own (docs/consumers.md): 0.72 … 1.39 for the gyros.
+    assert np.abs(np.log(found)).max() < math.log(1.0 / 0.72) + 0.01

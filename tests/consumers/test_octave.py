@@ -75,7 +75,8 @@ def test_predicted_growth_is_that_of_the_model(dialect: str, formulas: str, tmp_
     found = run(dialect, formulas, tmp_path)
     channels = EXAMPLES["walk"]().channels
     expected = [
-        [modelled_growth(channels[f"{sensor}_x"], lag) for sensor in ("gyro", "accel")] for lag in LAGS
+        [modelled_growth(channels[f"{sensor}_x"], lag, memory=96.0) for sensor in ("gyro", "accel")]
+        for lag in LAGS
     ]
     assert np.sqrt(found[:3] / expected) == pytest.approx(np.ones((3, 2)), abs=0.01)
     if dialect == "navego":

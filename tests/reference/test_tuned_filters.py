@@ -12,10 +12,9 @@ import pytest
 
 from models.noise.bias_instability import ALLAN_FLOOR
 from models.units import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from tuner.exporters.one_state import fading_sd
 from tuner.synthesis import RULES
 from tuner.synthesis.bias_states import FlickerView
-from tuner.synthesis.equivalent_models import FILTER_MEMORY
+from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.types import ChannelNoise
 
 TABLE = {  # IMU: (bias instability, tuned gbstd) in deg/h, tuned arw in deg/√h
@@ -32,7 +31,7 @@ def predicted(instability: float, walk: float) -> float:
         instability * DEG_PER_HOUR / ALLAN_FLOOR, white, 0.0, 1.0, horizon=1000.0, interval=0.005
     )
     noise = ChannelNoise("gyro_x", "rad/s", white, RULES["ladder"].states(view), 0.0, 1e-3)
-    return fading_sd(noise, 3600.0, memory=FILTER_MEMORY) / DEG_PER_HOUR
+    return equivalent_noise(noise, fading_time=3600.0).bias / DEG_PER_HOUR
 
 
 def test_hand_tuned_sds_are_those_of_one_slow_state_for_flicker() -> None:

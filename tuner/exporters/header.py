@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
-from tuner.synthesis.equivalent_models import equivalent_noise, structure_function
+from tuner.synthesis.equivalent_models import (
+    STILL_SHARE,
+    EquivalentNoise,
+    equivalent_noise,
+    structure_function,
+)
+from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, FilterConfig
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
 
 
-STATES_IN_WHITE = (
-    "states that the filter forgets within a thirtieth of its memory are in N, as 2σ²T each in N²"
-)
-"""What becomes of fast states where one state stands for all."""
+REPORTED_LAGS = (1.0, 10.0)
+"""Lags, s, at which exports say how far their prediction is off, beside the memory of the filter."""
 
 
 def provenance(config: FilterConfig, title: str, *, walk_memory: float | None = None) -> tuple[str, ...]:
@@ -46,16 +51,16 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz; identified: {known or 'nothing'}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
-            f"Gauss–Markov states in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): T ≤ τ/30 "
-            "adds 2σ²T to N², T ≥ τ adds 2σ²(1 − e^(−τ/T))/τ to K², between by the nearest Allan deviation"
+            f"Gauss–Markov states are in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
+            "whose prediction of the integrated error is nearest"
         )
         for axis, channel in config.channels.items():
             if channel.markov:
                 yield _equivalence(axis, channel, walk_memory)
     if still := [axis for axis, channel in config.channels.items() if not structure_function(channel, 1.0)]:
         yield (
-            f"{', '.join(still)}: no wander of the bias identified; a walk of 0.1·√3·N/τ, 1 % of white noise "
-            "over the memory τ, stands in, as no target may get 0"
+            f"{', '.join(still)}: no wander of the bias identified; one of {100.0 * STILL_SHARE:g} % of white noise "
+            "in the variance of the integrated error over the memory stands in, as no target may get 0"
         )
     for sensor, name in SENSORS.items():
         if not triad(config, sensor):
@@ -66,11 +71,32 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
 def _equivalence(axis: str, channel: ChannelNoise, memory: float) -> str:
     """Say what stands for the states of an axis, and how well."""
     found = equivalent_noise(channel, memory=memory)
+    return f"{axis}: N = {found.white_density:.4g}, K = {found.bias:.4g}; {_mismatch(found)}"
+
+
+def _mismatch(found: EquivalentNoise) -> str:
     low, high = found.mismatch
     return (
-        f"{axis}: N = {found.white_density:.4g}, K = {found.random_walk_density:.4g} have {low:.2f} … {high:.2f} "
-        f"of the Allan deviation of the configuration, τ {found.shortest:g} … {found.longest:g} s"
+        f"predicted ÷ modelled sd of the integrated error {low:.2f} … {high:.2f} from {found.shortest:g} to "
+        f"{found.longest:g} s, the least that two numbers can do"
     )
+
+
+def fading_words(config: FilterConfig, time: float, memory: float) -> Iterator[str]:
+    """Yield how one fading state of time constant `time`, s, was chosen, and its prediction at some lags."""
+    yield (
+        f"one T = {time:g} s for all states; N and σ are those whose prediction of the integrated error is nearest "
+        f"from 1 s to {memory:g} s (assumed memory of the filter)"
+    )
+    for sensor, name in SENSORS.items():
+        if channels := triad(config, sensor):
+            found = [(c, equivalent_noise(c, memory=memory, fading_time=time)) for c in channels]
+            ratios = []
+            for lag in (*REPORTED_LAGS, memory):
+                predicted = sum(fading_growth(e.white_density, e.bias, time, lag) for _, e in found)
+                modelled = sum(modelled_growth(c, lag, memory=memory) for c, _ in found)
+                ratios.append(f"{math.sqrt(predicted / modelled):.2f} at {lag:g} s")
+            yield f"{name}: predicted ÷ modelled sd of the integrated error {', '.join(ratios)}"
 
 
 def _inflations(config: FilterConfig) -> Iterator[str]:

@@ -2,10 +2,9 @@
 
 arw deg/√h = N·(180/π)·60, vrw m/s/√h = N·60, gbstd deg/h = σ·(180/π)·3600, abstd mGal = σ/1e-5, corrtime h = T/3600;
 the filter forms 2σ²/T and lets the variance fade, while it keeps its estimate. Its one T is the longest time constant
-of the configuration (1 h without any), and each σ² = D/(1 − e^(−2τ/T)) at the memory τ, D being the growth of the
-modelled bias. Its one state is the whole bias, so the initial sd is that of constant and states together; the sds of
-scale factors are those of the grade that the configuration comes from, or of the built-in one whose noise is nearest:
-a static log does not show them.
+of the configuration (1 h without any); N and σ are those of `tuner.synthesis.equivalent_models`. Its one state is the
+whole bias, so the initial sd is that of constant and states together; the sds of scale factors are those of the grade
+that the configuration comes from, or of the built-in one whose noise is nearest: a static log does not show them.
 
 `tuner.readers.kf_gins_settings` reads such a file back; `tuner.exporters.kf_gins_drive` writes the drive beside it.
 
@@ -21,14 +20,12 @@ from typing import Any
 
 from models.units import from_si
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
-from tuner.exporters.one_state import fading_sd
+from tuner.exporters.header import fading_words, provenance
 from tuner.exporters.scale_factors import scale_factor
 from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
-from tuner.synthesis.equivalent_models import equivalent_white_density
-from tuner.synthesis.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
+from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -41,24 +38,7 @@ def header(
     config: FilterConfig, target: Target, title: str = "KF-GINS: entries of kf-gins.yaml"
 ) -> tuple[str, ...]:
     """Return the comment lines before the entries."""
-    time = longest_time(config)
-    lags = (*REPORTED_LAGS, target.memory)
-
-    def predicted(channel: ChannelNoise, lag: float) -> float:
-        density = equivalent_white_density(channel, memory=target.memory)
-        return fading_growth(density, fading_sd(channel, time, memory=target.memory), time, lag)
-
-    return (
-        *provenance(config, title),
-        f"one T = {time:g} s for all states (the longest in the configuration, or 1 h); σ² = D/(1 − e^(−2τ/T)) at "
-        f"τ = {target.memory:g} s (assumed memory of the filter), with D the growth of the modelled bias",
-        *(
-            mismatch(name, ratios(channels, predicted, lags))
-            for sensor, name in SENSORS.items()
-            if (channels := triad(config, sensor))
-        ),
-        STATES_IN_WHITE,
-    )
+    return (*provenance(config, title), *fading_words(config, longest_time(config), target.memory))
 
 
 def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
@@ -67,10 +47,10 @@ def entries(config: FilterConfig, target: Target) -> dict[str, Any]:
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
 
     def sd(channel: ChannelNoise) -> float:
-        return fading_sd(channel, time_constant, memory=target.memory)
+        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).bias
 
     def density(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory)
+        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).white_density
 
     noise: dict[str, Any] = {}
     start: dict[str, Any] = {}

@@ -14,12 +14,10 @@ import math
 from collections.abc import Callable
 
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.header import SENSORS, STATES_IN_WHITE, provenance
-from tuner.exporters.one_state import fading_sd
+from tuner.exporters.header import fading_words, provenance
 from tuner.exporters.scripts import commented, vector
 from tuner.exporters.triad_values import initial_bias_sd, longest_time, triad, triple
-from tuner.synthesis.equivalent_models import equivalent_white_density
-from tuner.synthesis.error_growth import REPORTED_LAGS, fading_growth, mismatch, ratios
+from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -28,13 +26,10 @@ def write(config: FilterConfig, target: Target) -> str:
     time = longest_time(config)
 
     def sd(channel: ChannelNoise) -> float:
-        return fading_sd(channel, time, memory=target.memory)
+        return equivalent_noise(channel, memory=target.memory, fading_time=time).bias
 
     def density(channel: ChannelNoise) -> float:
-        return equivalent_white_density(channel, memory=target.memory)
-
-    def predicted(channel: ChannelNoise, lag: float) -> float:
-        return fading_growth(density(channel), sd(channel), time, lag)
+        return equivalent_noise(channel, memory=target.memory, fading_time=time).white_density
 
     quantities: tuple[tuple[str, Callable[[ChannelNoise], float], str], ...] = (
         ("{0}rw", density, "{1}/√Hz; N"),
@@ -52,17 +47,7 @@ def write(config: FilterConfig, target: Target) -> str:
                 values, words = triple(channels, quantity, note.format(*names))
                 lines.append(f"imu.{key.format(*names)} = {vector(values)}; % {words}\n")
     lines.append(f"imu.freq = {target.rate!r}; % Hz\n")
-    lags = (*REPORTED_LAGS, target.memory)
-    header = (
-        *provenance(config, "NaveGo IMU structure"),
-        f"one T = {time:g} s; σ² = D/(1 − e^(−2τ/T)) at τ = {target.memory:g} s, D: growth of the modelled bias",
-        *(
-            mismatch(name, ratios(channels, predicted, lags))
-            for sensor, name in SENSORS.items()
-            if (channels := triad(config, sensor))
-        ),
-        STATES_IN_WHITE,
-    )
+    header = (*provenance(config, "NaveGo IMU structure"), *fading_words(config, time, target.memory))
     return commented(header, "%") + "".join(lines)
 
 

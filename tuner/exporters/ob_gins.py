@@ -1,7 +1,7 @@
 """OB_GINS and IC-GVINS: one number for three axes in customary units, one correlation time; units as KF-GINS.
 
 imumodel: arw deg/√h, vrw m/s/√h, gbstd deg/h, abstd mGal, corrtime h. The code forms 2σ²/T, lets the covariance fade
-by 1 − dt/T a step and compares biases as they are, so σ is that of `tuner.exporters.one_state.fading_sd`.
+by 1 − dt/T a step and compares biases as they are, so N and σ are those of one fading state.
 
 Source: i2Nav-WHU/OB_GINS src/ob_gins.cc, src/preintegration/preintegration_normal.cc (setNoiseMatrix,
 updateJacobianAndCovariance); i2Nav-WHU/IC-GVINS ic_gvins/ic_gvins/ic_gvins.cc (constructPrior), the same
@@ -15,10 +15,10 @@ from typing import Any
 from models.units import from_si
 from tuner.exporters import kf_gins
 from tuner.exporters.dialect import Dialect, Target
-from tuner.exporters.one_state import fading_sd
-from tuner.exporters.triad_values import longest_time, rms, triad, white
+from tuner.exporters.triad_values import longest_time, rms, triad
 from tuner.formats.digits import rounded
 from tuner.formats.yaml_text import Noted, yaml_text
+from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.types import ChannelNoise, FilterConfig
 
 
@@ -27,12 +27,15 @@ def write(config: FilterConfig, target: Target) -> str:
     time_constant = longest_time(config)
 
     def sd(channel: ChannelNoise) -> float:
-        return fading_sd(channel, time_constant, memory=target.memory)
+        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).bias
+
+    def density(channel: ChannelNoise) -> float:
+        return equivalent_noise(channel, memory=target.memory, fading_time=time_constant).white_density
 
     gyro, accel = triad(config, "gyro"), triad(config, "accel")
     entries: dict[str, Any] = {
-        "arw": white(gyro, "deg/√h; N", factor=from_si(1.0, "deg/sqrt(h)"), memory=target.memory).noted(),
-        "vrw": white(accel, "m/s/√h; N", factor=from_si(1.0, "m/s/sqrt(h)"), memory=target.memory).noted(),
+        "arw": rms(gyro, lambda c: from_si(density(c), "deg/sqrt(h)"), "deg/√h; N").noted(),
+        "vrw": rms(accel, lambda c: from_si(density(c), "m/s/sqrt(h)"), "m/s/√h; N").noted(),
         "gbstd": rms(gyro, lambda c: from_si(sd(c), "deg/h"), "deg/h; σ").noted(),
         "abstd": rms(accel, lambda c: from_si(sd(c), "mGal"), "mGal; σ").noted(),
         "corrtime": Noted(rounded(time_constant / 3600.0), "h; T"),

@@ -4,9 +4,8 @@ A simulator with one state is right where its samples have the Allan deviation o
 together so that the largest mismatch |ln(drawn ÷ modelled)| between 1 s and the horizon is smallest; white noise
 counts, as it hides what lies below it.
 
-A filter with one fading state, e^{−τ/T}, predicts after τ seconds the bias variance σ²(1 − e^{−2τ/T}); its bias
-wanders by the structure function D(τ). So σ² = D(τ)/(1 − e^{−2τ/T}) at the memory τ of the filter, with the longest T
-of the configuration, as a short one would let it forget a turn-on bias that it never observed.
+A filter with one fading state gets white noise and σ by `tuner.synthesis.equivalent_models`, with the longest T of the
+configuration, as a short one would let it forget a turn-on bias that it never observed.
 """
 
 from __future__ import annotations
@@ -59,12 +58,6 @@ class OneState:
     def worst(self) -> tuple[float, float]:
         """Smallest and largest ratio."""
         return min(self.ratios), max(self.ratios)
-
-
-def fading_sd(channel: ChannelNoise, time_constant: float, *, memory: float) -> float:
-    """Return σ of the fading state whose variance grows as far in `memory` s as the bias wanders, unit; never 0."""
-    wander = equivalent_random_walk(channel, memory=memory) ** 2 * memory
-    return math.sqrt(wander / -math.expm1(-2.0 * memory / time_constant))
 
 
 def cluster_times(horizon: float) -> FloatArray:

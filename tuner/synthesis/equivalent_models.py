@@ -1,19 +1,15 @@
-"""A poorer bias model that grows like a richer one: white noise with a random walk.
+"""A poorer bias model that grows like a richer one: white noise with a random walk, or with one fading state.
 
-What a filter sees of a Gauss–Markov state (σ, T) depends on its memory τ_f, the time over which aiding renews a bias:
+A filter uses its bias model to predict how far angle and velocity drift until the next fix, or over an outage. So the
+two numbers are those whose prediction of the integrated error (`tuner.synthesis.error_growth`) is nearest to that of
+the whole model: the largest |ln(predicted ÷ modelled)| of its sd between 1 s and the memory of the filter is least,
+the memory τ_f being the time over which aiding renews a bias. White noise is never below that of the configuration,
+nor a walk below its own. States that are forgotten at once count as white noise, 2σ²T in N², and states that outlast
+the memory as a walk, 2σ²/T in K².
 
-* T ≤ τ_f/30: each value is forgotten before the next fix. The state is white noise to the filter, N² += 2σ²T; in a
-  random walk it would grow without end.
-* T ≥ τ_f: the state wanders from its estimate like a random walk, with the structure function
-
-      D(τ) = E[b(t+τ) − b(t)]² = K² τ + Σ 2σ_i² (1 − e^{−τ/T_i}),   K² += D(τ_f)/τ_f   (2σ²/T for τ_f ≪ T).
-
-* Between, both: the shares of N² and K² that bring the Allan deviation nearest to that of the whole model, by least
-  squares of its logarithm at cluster times of 1 s to τ_f.
-
-How far two numbers can follow the richer model is `EquivalentNoise.mismatch`; exporters print it. Where nothing wanders
-at all, K = 0.1 √3 N/τ_f adds 1 % to what white noise does to the angle (velocity) variance over the memory, N²τ_f:
-harmless, and no target is handed a zero. One state in place of the walk: `tuner.exporters.one_state`.
+How far two numbers can follow the richer model is `mismatch`; exporters print it. Where nothing wanders at all,
+K = 0.1 √3 N/τ_f adds 1 % to what white noise does to the angle (velocity) variance over the memory, N²τ_f: harmless,
+and no target is handed a zero.
 
 Symbols: σ sd, T time constant (s), K random walk density, N white density, τ_f memory (s).
 """
@@ -21,27 +17,32 @@ Symbols: σ sd, T time constant (s), K random walk density, N white density, τ_
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from models.noise import GaussMarkov, NoiseModel, White
+from models.noise import GaussMarkov
+from tuner.synthesis.error_growth import estimated_share, fading_growth, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
 
 FloatArray = NDArray[np.float64]
 
 FILTER_MEMORY = 100.0
 """Memory of the target filter assumed by exporters, s: about as long as GNSS aiding takes to renew a bias."""
-WHITE_TIME_SHARE = 1.0 / 30.0
-"""Time constant ÷ memory up to which a state is white noise: its Allan variance is then 2σ²T/τ to 5 % from half of
-the memory on."""
-SHORTEST_CLUSTER = 1.0
-"""Shortest cluster time at which the models are compared, s: the usual interval of fixes."""
-COMPARED_CLUSTERS = 41
-"""Cluster times that are compared, evenly spaced in their logarithm."""
+SHORTEST_LAG = 1.0
+"""Shortest lag at which the models are compared, s: the usual interval of fixes."""
+COMPARED_LAGS = 41
+"""Lags that are compared, evenly spaced in their logarithm."""
+STILL_SHARE = 0.01
+"""Share of white noise, in the variance of the integrated error over the memory, of the walk of a still bias."""
+_SEARCH_PASSES, _SEARCH_POINTS = 4, 121
+"""Grid search for the share of the bias: each pass spans two steps of the one before."""
+_WANDER_PENALTY = 1e-4
+"""Preference, in ln(ratio) a unit of ln(b), for a bias that wanders as far as what is estimated: decides where white
+noise hides it over the memory."""
+_MAX_LOG_SHARE = 25.0
+"""Largest |ln| of the share of the bias in the error, at any lag, that is looked for: beyond, the other rounds away."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,18 @@ class EquivalentNoise:
 
     Attributes
     ----------
-    white_density, random_walk_density : float
-        N, unit/√Hz, and K, unit/√s; neither is 0.
+    white_density : float
+        N, unit/√Hz.
+    bias : float
+        K of a random walk, unit/√s, or σ of a fading state, unit; never 0.
     mismatch : (float, float)
-        Smallest and largest ratio of their Allan deviation to that of the whole model.
+        Smallest and largest ratio of the predicted sd of the integrated error to that of the whole model.
     shortest, longest : float
-        Cluster times at which they are compared, s.
+        Lags at which they are compared, s.
     """
 
     white_density: float
-    random_walk_density: float
+    bias: float
     mismatch: tuple[float, float]
     shortest: float
     longest: float
@@ -67,11 +70,13 @@ class EquivalentNoise:
 
 def structure_function(channel: ChannelNoise, lag: float) -> float:
     """Return E[b(t+lag) − b(t)]² of the modelled bias, unit²."""
-    return float(channel.random_walk_density**2 * lag + _wander(channel.markov, lag))
+    return float(channel.random_walk_density**2 * lag + sum(_wander(state, lag) for state in channel.markov))
 
 
-def equivalent_noise(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) -> EquivalentNoise:
-    """Return white noise and random walk that stand for all noise of an axis in a filter without other states.
+def equivalent_noise(
+    channel: ChannelNoise, *, memory: float = FILTER_MEMORY, fading_time: float | None = None
+) -> EquivalentNoise:
+    """Return the two numbers that stand for all noise of an axis in a filter without other states.
 
     Parameters
     ----------
@@ -79,58 +84,64 @@ def equivalent_noise(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) ->
         Settings of the axis.
     memory : float, optional
         Time over which the filter renews its biases, s.
+    fading_time : float, optional
+        Time constant of the one state that the filter lets fade, s; by default its bias is a random walk.
     """
-    fast = [state for state in channel.markov if state.time_constant <= WHITE_TIME_SHARE * memory]
-    slow = [state for state in channel.markov if state.time_constant >= memory]
-    between = [state for state in channel.markov if WHITE_TIME_SHARE * memory < state.time_constant < memory]
-    white = channel.white_density**2 + sum(2.0 * state.sd**2 * state.time_constant for state in fast)
-    walk = channel.random_walk_density**2 + _wander(slow, memory) / memory
-    shortest = min(SHORTEST_CLUSTER, 0.1 * memory)
-    tau = np.geomspace(shortest, memory, COMPARED_CLUSTERS)
-    if between:
-        own = NoiseModel((*between,)).allan_variance(tau)
-        white, walk = _fitted(tau, own, white, walk, between, memory)
-    if walk == 0.0:
-        walk = 0.03 * white / memory**2
-    own_walk = channel.random_walk_density**2 * tau / 3.0
-    whole = NoiseModel((White(channel.white_density), *channel.markov)).allan_variance(tau) + own_walk
-    ratio = np.sqrt((white / tau + walk * tau / 3.0) / whole)
-    return EquivalentNoise(
-        math.sqrt(white), math.sqrt(walk), (float(ratio.min()), float(ratio.max())), shortest, memory
-    )
+    shortest = min(SHORTEST_LAG, 0.1 * memory)
+    lags = np.geomspace(shortest, memory, COMPARED_LAGS)
+    shape = walk_growth(0.0, 1.0, lags) if fading_time is None else fading_growth(0.0, 1.0, fading_time, lags)
+    modelled = modelled_growth(channel, lags, memory=memory)
+    white, own = channel.white_density**2, channel.random_walk_density**2
+    bias = 0.0
+    if channel.markov or (own and fading_time is not None):
+        least = own if fading_time is None else 0.0
+        wander = own * memory + sum(
+            estimated_share(state.time_constant, memory) ** 2 * _wander(state, memory)
+            for state in channel.markov
+        )
+        preferred = wander * memory**2 / 3.0 / float(shape[-1])
+        white, bias = _nearest(lags / modelled, shape / modelled, (white, least), preferred)
+    elif own:
+        bias = own
+    still = STILL_SHARE * white * memory / float(shape[-1])
+    bias = bias or still
+    ratio = np.sqrt((white * lags + bias * shape) / modelled)
+    mismatch = (float(ratio.min()), float(ratio.max()))
+    return EquivalentNoise(math.sqrt(white), math.sqrt(bias), mismatch, shortest, memory)
 
 
 def equivalent_white_density(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) -> float:
-    """Return the density of white noise with what a filter forgets within `memory` seconds, unit/√Hz."""
+    """Return the density of the white noise beside `equivalent_random_walk`, unit/√Hz."""
     return equivalent_noise(channel, memory=memory).white_density
 
 
 def equivalent_random_walk(channel: ChannelNoise, *, memory: float = FILTER_MEMORY) -> float:
     """Return the density of the random walk that stands for the bias over `memory` seconds, unit/√s; never 0."""
-    return equivalent_noise(channel, memory=memory).random_walk_density
+    return equivalent_noise(channel, memory=memory).bias
 
 
-def _wander(states: Sequence[GaussMarkov], lag: float) -> float:
-    return sum(-2.0 * state.sd**2 * math.expm1(-lag / state.time_constant) for state in states)
+def _wander(state: GaussMarkov, lag: float) -> float:
+    return -2.0 * state.sd**2 * math.expm1(-lag / state.time_constant)
 
 
-def _fitted(
-    tau: FloatArray,
-    own: FloatArray,
-    white: float,
-    walk: float,
-    states: Sequence[GaussMarkov],
-    memory: float,
+def _nearest(
+    white: FloatArray, bias: FloatArray, least: tuple[float, float], preferred: float
 ) -> tuple[float, float]:
-    """Return N² and K² with the shares that bring them nearest to the Allan variance with some states, shape (q,)."""
-    goal = white / tau + walk * tau / 3.0 + own
-    most = np.array(
-        [sum(2.0 * state.sd**2 * state.time_constant for state in states), _wander(states, memory) / memory]
-    )
-
-    def misfit(share: FloatArray) -> FloatArray:
-        added = share * most
-        return np.asarray(np.log(((white + added[0]) / tau + (walk + added[1]) * tau / 3.0) / goal))
-
-    found = least_squares(misfit, np.array([0.1, 0.5]), bounds=(0.0, np.inf), xtol=1e-10, ftol=1e-12)
-    return white + float(found.x[0] * most[0]), walk + float(found.x[1] * most[1])
+    """Return a, b, at least `least`, with the least largest |ln(a white + b bias)|; shapes (q,)."""
+    share = bias / white
+    low = math.log(float((1.0 / share).min())) - _MAX_LOG_SHARE
+    high = math.log(float((1.0 / share).max())) + _MAX_LOG_SHARE
+    for _ in range(_SEARCH_PASSES):
+        ratio = np.exp(np.linspace(low, high, _SEARCH_POINTS))
+        curve = np.log(white + ratio[:, None] * bias)
+        # The best level puts the largest deviation up and down at the same distance.
+        level = np.exp(-0.5 * (curve.max(axis=1) + curve.min(axis=1)))
+        level = np.maximum(level, np.maximum(least[0], least[1] / ratio))
+        cost = np.abs(curve + np.log(level)[:, None]).max(axis=1)
+        cost += _WANDER_PENALTY * np.abs(np.log(level * ratio / preferred))
+        best = int(np.argmin(cost))
+        found = float(level[best]), float(level[best] * ratio[best])
+        step = (high - low) / (_SEARCH_POINTS - 1)
+        centre = math.log(ratio[best])
+        low, high = centre - step, centre + step
+    return found

@@ -1,11 +1,14 @@
-"""How far an angle or a velocity drifts once the bias is known: as modelled, and as a poorer target predicts it.
+"""How far an angle or a velocity drifts once the bias was estimated: as modelled, and as a poorer target predicts it.
 
-All three are variances of the integral of the sensor's error over a lag τ, from an instant at which the bias was known
-and kept (unit² s²):
+All three are variances of the integral of the sensor's error over a lag τ (unit² s²), x = τ/T:
 
-    modelled          N²τ + K²τ³/3 + Σ σ²[2T²(x − 1 + e^{−x}) − 2τT(1 − e^{−x}) + τ²],  x = τ/T
+    modelled          N²τ + K²τ³/3 + Σ σ²[2T²(x − 1 + e^{−x}) − 2gτT(1 − e^{−x}) + g²τ²]
     random walk       N²τ + K²τ³/3
     fading state      N²τ + σ²[2T²(x − 1 + e^{−x}) − T²(1 − e^{−x})²]
+
+As modelled, the target keeps an estimate that contains the share g = (T/τ_f)(1 − e^{−τ_f/T}) of each state: the best
+constant for its memory τ_f, the regression of the state's mean over the memory on its value. States that outlast the
+memory are estimated (g = 1), and drift away; those that are forgotten at once are not (g = 0): white noise, 2σ²T.
 
 The last is a filter whose covariance lets one Gauss–Markov state fade, e^{−τ/T}, while its estimate stays: KF-GINS,
 OB_GINS and NaveGo feed their estimate back and propagate a zero error.
@@ -14,63 +17,53 @@ OB_GINS and NaveGo feed their estimate back and propagate a zero error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tuner.types import ChannelNoise
 
-REPORTED_LAGS = (1.0, 10.0)
-"""Lags, s, at which exports say how far their prediction is off, beside the memory of the filter."""
+FloatArray = NDArray[np.float64]
 
 _SERIES_BELOW = 1e-3
-"""Below this x = τ/T the closed forms lose digits to cancellation; their first term is then exact to 1e-3."""
+"""Below this x = τ/T the closed forms lose digits to cancellation; two terms of their series are then exact to 1e-6."""
 
 
-def modelled_growth(channel: ChannelNoise, lag: float) -> float:
-    """Return the variance of the integrated error of the configured noise, unit² s²."""
-    bias = sum(_kept(state.sd, state.time_constant, lag) for state in channel.markov)
-    return channel.white_density**2 * lag + channel.random_walk_density**2 * lag**3 / 3.0 + bias
+def estimated_share(time_constant: float, memory: float) -> float:
+    """Return the share g of a state that a filter with some memory estimates as its bias."""
+    y = memory / time_constant
+    return -math.expm1(-y) / y
 
 
-def walk_growth(white: float, walk: float, lag: float) -> float:
+def modelled_growth(channel: ChannelNoise, lag: ArrayLike, *, memory: float) -> FloatArray:
+    """Return the variance of the integrated error of the configured noise, unit² s²; the shape of `lag`.
+
+    `memory` is the time over which the target renews its biases, s.
+    """
+    tau = np.asarray(lag, dtype=float)
+    found = walk_growth(channel.white_density, channel.random_walk_density, tau)
+    for state in channel.markov:
+        x = tau / state.time_constant
+        gone = -np.expm1(-x)
+        series = x**3 * (2.0 / 3.0 - x / 4.0)
+        known = np.where(x < _SERIES_BELOW, series, 2.0 * (x - gone) - 2.0 * x * gone + x**2)
+        lost = 1.0 - estimated_share(state.time_constant, memory)
+        growth = known - 2.0 * lost * x * (x - gone) + (lost * x) ** 2
+        found = found + (state.sd * state.time_constant) ** 2 * growth
+    return found
+
+
+def walk_growth(white: float, walk: float, lag: ArrayLike) -> FloatArray:
     """Return the variance that a target with white noise N and a random walk K predicts, unit² s²."""
-    return white**2 * lag + walk**2 * lag**3 / 3.0
+    tau = np.asarray(lag, dtype=float)
+    return np.asarray(white**2 * tau + walk**2 * tau**3 / 3.0)
 
 
-def fading_growth(white: float, sd: float, time_constant: float, lag: float) -> float:
+def fading_growth(white: float, sd: float, time_constant: float, lag: ArrayLike) -> FloatArray:
     """Return the variance that a target with white noise N and one fading state predicts, unit² s²."""
-    x = lag / time_constant
-    if x < _SERIES_BELOW:
-        return white**2 * lag + sd**2 * 2.0 / time_constant * lag**3 / 3.0
-    gone = -math.expm1(-x)
-    return white**2 * lag + sd**2 * time_constant**2 * (2.0 * (x - gone) - gone**2)
-
-
-def ratios(
-    channels: Sequence[ChannelNoise], predicted: Callable[[ChannelNoise, float], float], lags: Sequence[float]
-) -> list[tuple[float, float]]:
-    """Return lag and predicted ÷ modelled sd of the integrated error, rms over the axes."""
-    return [
-        (
-            lag,
-            math.sqrt(
-                sum(predicted(channel, lag) for channel in channels)
-                / sum(modelled_growth(channel, lag) for channel in channels)
-            ),
-        )
-        for lag in lags
-    ]
-
-
-def mismatch(name: str, found: Sequence[tuple[float, float]]) -> str:
-    """Return the ratios in words for a header."""
-    return f"{name}: predicted ÷ modelled sd of the integrated error " + ", ".join(
-        f"{ratio:.2f} at {lag:g} s" for lag, ratio in found
-    )
-
-
-def _kept(sd: float, time_constant: float, lag: float) -> float:
-    x = lag / time_constant
-    if x < _SERIES_BELOW:
-        return sd**2 * 2.0 / time_constant * lag**3 / 3.0
-    gone = -math.expm1(-x)
-    return sd**2 * time_constant**2 * (2.0 * (x - gone) - 2.0 * x * gone + x**2)
+    tau = np.asarray(lag, dtype=float)
+    x = tau / time_constant
+    gone = -np.expm1(-x)
+    whole = time_constant**2 * (2.0 * (x - gone) - gone**2)
+    kept = np.where(x < _SERIES_BELOW, time_constant**2 * x**3 * (2.0 / 3.0 - x / 2.0), whole)
+    return np.asarray(white**2 * tau + sd**2 * kept)

@@ -19,7 +19,7 @@ from models.noise import GaussMarkov
 from models.units import DEG
 from tuner.exporters import DIALECTS, export
 from tuner.formats.digits import CLOCK_DIGITS, DEFAULT_DIGITS
-from tuner.synthesis import equivalent_random_walk
+from tuner.synthesis import equivalent_noise, equivalent_random_walk
 from tuner.synthesis.load_config import load_config
 from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, InitialUncertainty, Quantity
 from tuner.types.records import DataError
@@ -64,8 +64,8 @@ def entries(dialect: str, config: FilterConfig = CONFIG) -> dict:
 
 
 def near(value: object) -> object:
-    """Return what equals a value, or a list of values, to the six digits that an export carries."""
-    return pytest.approx(value, rel=0.51 * 10.0 ** (1 - DEFAULT_DIGITS))
+    """Return what equals a value, or a list of values, to its six digits and what the state of 1800 s adds to N²."""
+    return pytest.approx(value, rel=0.51 * 10.0 ** (1 - DEFAULT_DIGITS) + 4e-5)
 
 
 def python_values(text: str) -> dict[str, list[float]]:
@@ -146,8 +146,15 @@ def test_fastlio_takes_variances_of_a_step(dialect: str) -> None:
     assert DT**2 * found["b_acc_cov"] == near(K_ACCEL**2 * DT)
 
 
-FADING = math.sqrt(-math.expm1(-MEMORY / TIME) * 2.0 / -math.expm1(-2.0 * MEMORY / TIME))
-"""σ of a fading state ÷ that of the modelled one: D = 2σ²(1 − e^(−τ/T)) over 1 − e^(−2τ/T)."""
+FADING_GYRO, FADING_ACCEL = (
+    equivalent_noise(CONFIG.channels[axis], memory=MEMORY, fading_time=TIME).bias
+    for axis in ("gyro_x", "accel_x")
+)
+
+
+def test_the_fading_state_here_is_that_of_the_configuration_before_it_fades() -> None:
+    assert pytest.approx(S_GYRO, rel=0.01) == FADING_GYRO
+    assert pytest.approx(S_ACCEL, rel=0.01) == FADING_ACCEL
 
 
 def test_kf_gins_takes_customary_units_and_one_time_constant() -> None:
@@ -155,8 +162,8 @@ def test_kf_gins_takes_customary_units_and_one_time_constant() -> None:
     noise = found["imunoise"]
     assert noise["arw"] == near([2e-4 * 180.0 / math.pi * 60.0] * 3)
     assert noise["vrw"] == near([0.18] * 3)
-    assert noise["gbstd"] == near([FADING * 5e-5 * 180.0 / math.pi * 3600.0] * 3)
-    assert noise["abstd"] == near([FADING * 40.0] * 3)
+    assert noise["gbstd"] == near([FADING_GYRO * 180.0 / math.pi * 3600.0] * 3)
+    assert noise["abstd"] == near([FADING_ACCEL * 1e5] * 3)
     assert noise["corrtime"] == near(0.5)
     # One state is the whole bias, constant and Gauss–Markov together (src/kf-gins/gi_engine.cpp, initialize).
     assert found["initbgstd"] == near([math.hypot(1e-3, 5e-5) * 180.0 / math.pi * 3600.0] * 3)
@@ -191,17 +198,17 @@ def test_kf_gins_refits_at_its_time_constant() -> None:
     mixed["gyro_x"] = replace(mixed["gyro_x"], markov=(GaussMarkov(S_GYRO, 100.0),))
     noise = entries("kf-gins", replace(CONFIG, channels=mixed))["imunoise"]
     sd = noise["gbstd"][0] * DEG / 3600.0
-    wander = 2.0 * S_GYRO**2 * -math.expm1(-MEMORY / 100.0)
-    assert sd**2 * -math.expm1(-2.0 * MEMORY / TIME) == near(wander)
-    assert noise["gbstd"][1] == near(FADING * 5e-5 * 180.0 / math.pi * 3600.0)
+    # Both begin as a walk of the same driving density, 2σ²/T; the shorter T is worth a little less over the memory.
+    assert 0.8 < sd / (S_GYRO * math.sqrt(TIME / 100.0)) < 1.0
+    assert noise["gbstd"][1] == near(FADING_GYRO * 180.0 / math.pi * 3600.0)
 
 
 def test_navego_gives_its_filter_the_driving_density() -> None:
     found = python_values(written("navego"))
     assert found["arw"] == near([2e-4] * 3)
     assert found["vrw"] == near([3e-3] * 3)
-    assert found["gb_psd"] == near([FADING * S_GYRO * math.sqrt(2.0 / TIME)] * 3)
-    assert found["ab_psd"] == near([FADING * S_ACCEL * math.sqrt(2.0 / TIME)] * 3)
+    assert found["gb_psd"] == near([FADING_GYRO * math.sqrt(2.0 / TIME)] * 3)
+    assert found["ab_psd"] == near([FADING_ACCEL * math.sqrt(2.0 / TIME)] * 3)
     assert found["g_std"] == near([2e-3] * 3)
     assert found["gb_corr"] == near([TIME] * 3)
     # ins_gnss.m subtracts gb_sta from every sample, starts from gb_dyn, and squares it into P0.
@@ -252,16 +259,19 @@ def test_ardupilot_takes_noise_of_its_step() -> None:
 
 def test_each_autopilot_has_a_step_of_its_own() -> None:
     # AP_NavEKF3_Measurements.cpp: samples are taken together until 12 ms less half a sample.
+    white = replace(
+        CONFIG, channels={axis: replace(c, markov=()) for axis, c in CONFIG.channels.items()}, inflations=()
+    )
     for rate, step in ((400.0, 0.0125), (300.0, 4.0 / 300.0), (100.0, 0.01), (50.0, 0.02)):
-        found = export(CONFIG, "ardupilot", interval=1.0 / rate, memory=MEMORY)
+        found = export(white, "ardupilot", interval=1.0 / rate, memory=MEMORY)
         assert f"EK3_GYRO_P_NSE,{2e-4 / math.sqrt(step):.6g}"[:20] in found
-    assert f"{2e-4 / math.sqrt(0.012):.6g}" in export(CONFIG, "ardupilot")
-    assert f"{2e-4 / math.sqrt(0.01):.6g}" in export(CONFIG, "px4")
+    assert f"{2e-4 / math.sqrt(0.012):.6g}" in export(white, "ardupilot")
+    assert f"{2e-4 / math.sqrt(0.01):.6g}" in export(white, "px4")
 
 
 @pytest.mark.parametrize(("dialect", "name"), [("px4", "EKF2_GYR_NOISE"), ("ardupilot", "EK3_GYRO_P_NSE")])
 def test_numbers_outside_the_advised_range_are_true_with_a_warning(dialect: str, name: str) -> None:
-    quiet = {axis: replace(c, white_density=1e-6) for axis, c in CONFIG.channels.items()}
+    quiet = {axis: replace(c, white_density=1e-6, markov=()) for axis, c in CONFIG.channels.items()}
     config = replace(CONFIG, channels=quiet, inflations=())
     assert parameters(dialect, config)[name] == near(1e-6 / math.sqrt(STEP))
     assert f"{name}: rad/s; N/√dt; the same on all axes; stock 0.015; WARNING outside" in written(

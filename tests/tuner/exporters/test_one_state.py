@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from models.noise import GaussMarkov
-from tuner.exporters.one_state import fading_sd, simulated_state
+from tuner.exporters.one_state import simulated_state
 from tuner.exporters.simulated_flicker import simulated_flicker
-from tuner.synthesis import equivalent_random_walk, structure_function
-from tuner.synthesis.error_growth import fading_growth, modelled_growth, walk_growth
+from tuner.synthesis import structure_function
+from tuner.synthesis.error_growth import estimated_share, fading_growth, modelled_growth, walk_growth
 from tuner.types import ChannelNoise
 
 LADDER = tuple(GaussMarkov(5e-5, time) for time in (1.0, 10.0, 100.0, 1000.0))
@@ -26,15 +26,15 @@ def test_growth_is_the_double_sum_of_the_covariance(lag: float) -> None:
         state.sd**2
         * (
             np.exp(-np.abs(s[:, None] - s) / state.time_constant)
-            - np.exp(-s[:, None] / state.time_constant)
-            - np.exp(-s / state.time_constant)
-            + 1.0
+            - estimated_share(state.time_constant, 100.0)
+            * (np.exp(-s[:, None] / state.time_constant) + np.exp(-s / state.time_constant))
+            + estimated_share(state.time_constant, 100.0) ** 2
         )
         for state in LADDER
     )
     walk = RICH.random_walk_density**2 * np.minimum(s[:, None], s)
     expected = RICH.white_density**2 * lag + (kept + walk).sum() * (lag / n) ** 2
-    assert modelled_growth(RICH, lag) == pytest.approx(expected, rel=2e-3)
+    assert modelled_growth(RICH, lag, memory=100.0) == pytest.approx(expected, rel=2e-3)
     faded = np.exp(-np.abs(s[:, None] - s) / 300.0) - np.exp(-(s[:, None] + s) / 300.0)
     assert fading_growth(0.0, 2e-5, 300.0, lag) == pytest.approx(
         4e-10 * faded.sum() * (lag / n) ** 2, rel=2e-3
@@ -46,23 +46,16 @@ def test_a_state_that_fades_slowly_is_a_walk() -> None:
     walk = walk_growth(1e-4, state.driving_density, 50.0)
     assert fading_growth(1e-4, state.sd, state.time_constant, 50.0) == pytest.approx(walk, rel=1e-3)
     one = ChannelNoise("gyro_x", "rad/s", 1e-4, (state,), 0.0, 0.0)
-    assert modelled_growth(one, 50.0) == pytest.approx(walk, rel=1e-3)
+    assert modelled_growth(one, 50.0, memory=100.0) == pytest.approx(walk, rel=1e-3)
 
 
 def test_series_and_closed_form_meet() -> None:
     one = ChannelNoise("gyro_x", "rad/s", 0.0, (GaussMarkov(1.0, 1000.0),), 0.0, 0.0)
-    assert modelled_growth(one, 0.999) / modelled_growth(one, 1.001) == pytest.approx(
-        (0.999 / 1.001) ** 3, rel=2e-3
-    )
+    assert modelled_growth(one, 0.999, memory=0.01) / modelled_growth(
+        one, 1.001, memory=0.01
+    ) == pytest.approx((0.999 / 1.001) ** 3, rel=2e-3)
     low, high = (fading_growth(0.0, 1.0, 1000.0, lag) for lag in (0.999, 1.001))
     assert low / high == pytest.approx((0.999 / 1.001) ** 3, rel=2e-3)
-
-
-@pytest.mark.parametrize("memory", [10.0, 100.0])
-def test_the_fading_state_grows_as_far_as_the_bias_wanders(memory: float) -> None:
-    sd = fading_sd(RICH, 1000.0, memory=memory)
-    wander = equivalent_random_walk(RICH, memory=memory) ** 2 * memory
-    assert sd**2 * -math.expm1(-2.0 * memory / 1000.0) == pytest.approx(wander)
 
 
 def test_one_state_is_found_as_itself() -> None:

@@ -10,11 +10,10 @@ import pytest
 from tuner.cli import run
 from tuner.consistency.drive import navigate_drive
 from tuner.exporters import export
-from tuner.exporters.one_state import fading_sd
 from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS
 from tuner.readers.drive import read_drive
-from tuner.synthesis.equivalent_models import equivalent_white_density
+from tuner.synthesis.equivalent_models import equivalent_noise
 from tuner.synthesis.load_config import load_config
 from tuner.types.records import DataError
 
@@ -79,15 +78,14 @@ def test_one_file_of_kf_gins_is_drive_and_configuration(configuration, data, tmp
     paths = "imupath: imu.txt\ngnsspath: gnss.txt\nimudatarate: 50\nantlever: [0.5, -0.3, -1.2]\n"
     settings.write_text(paths + exported, encoding="utf-8")
     theirs = load_config(settings)
-    memory = 100.0  # over which the single state wanders as far as the states it stands for
+    memory = 100.0  # over which the single state predicts about the errors of the states it stands for
     for name, ours in config.channels.items():
         channel = theirs.channels[name]
-        density = equivalent_white_density(ours, memory=memory)
-        assert channel.white_density == pytest.approx(density, rel=SIX_DIGITS)
         (state,) = channel.markov
         assert state.time_constant == pytest.approx(max(m.time_constant for m in ours.markov))
-        expected = fading_sd(ours, state.time_constant, memory=memory)
-        assert state.sd == pytest.approx(expected, rel=SIX_DIGITS)
+        expected = equivalent_noise(ours, memory=memory, fading_time=state.time_constant)
+        assert channel.white_density == pytest.approx(expected.white_density, rel=SIX_DIGITS)
+        assert state.sd == pytest.approx(expected.bias, rel=SIX_DIGITS)
         whole = np.sqrt(ours.constant_sd**2 + sum(m.sd**2 for m in ours.markov))
         assert np.hypot(channel.constant_sd, state.sd) == pytest.approx(whole, rel=SIX_DIGITS)
     found = navigate_drive(replace(read_drive(settings), mounting=None), theirs)
