@@ -10,7 +10,6 @@ from them what explains a bad score, `blind_spots` which wrong setting would not
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from models.filter_states import FILTER_STATES, Origin
 from tuner.consistency.scores import EQUIVALENCE_MARGIN, OUTAGE_LENGTHS, scored_epochs
+from tuner.jobs import usable
 from tuner.navigation.engine.layout import layout_of, with_sensor_states
 from tuner.navigation.engine.linear_covariance import Nominal, trace_sources
 from tuner.navigation.settings import FilterSettings
@@ -216,7 +216,7 @@ def trace(
             nominal,
         )
 
-    threads = min(os.cpu_count() or 1, len(sources))
+    threads = min(usable(), len(sources))
     chunks = [
         sources[len(sources) * i // threads : len(sources) * (i + 1) // threads] for i in range(threads)
     ]

@@ -6,7 +6,7 @@ cluster averages; the mean and any linear phase fall out.
 
 The sums run block by block over x with all cluster sizes inside a block, so the block is read from memory
 once and not once a cluster size. The kernels release the interpreter lock: `in_threads` gives the threads a
-few long parts each. The environment variable `NUMBA_NUM_THREADS` limits the threads.
+few long parts each, as many threads as `tuner.jobs.usable` allows.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import config, njit
+from numba import njit
 from numpy.typing import NDArray
+
+from tuner.jobs import usable
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -30,17 +32,22 @@ THEO_BLOCK_POSITIONS = 1024
 MIN_THREAD_POSITIONS = 1 << 17
 """Fewest positions worth a thread of their own where the work for a position is small."""
 
+MOST_PARTS = 16
+"""Parts of a sum: four for each of four threads, so that none waits long for the last."""
+
 
 def in_threads(
     kernel: Callable[[int, int], FloatArray], count: int, *, least: int = MIN_THREAD_POSITIONS
 ) -> FloatArray:
-    """Add up ``kernel(begin, end)`` over a few equal parts of ``range(count)``, none shorter than `least`."""
-    workers = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-    parts = max(1, min(4 * workers, count // least))
+    """Add up ``kernel(begin, end)`` over a few equal parts of ``range(count)``, none shorter than `least`.
+
+    The parts, and with them every digit of the sum, are the same for any number of processors.
+    """
+    parts = max(1, min(MOST_PARTS, count // least))
     bounds = [count * i // parts for i in range(parts + 1)]
-    if workers == 1 or parts == 1:
+    if parts == 1:
         return kernel(0, count)
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(usable()) as pool:
         sums: FloatArray = np.sum(list(pool.map(kernel, bounds[:-1], bounds[1:])), axis=0)
     return sums
 

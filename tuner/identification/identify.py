@@ -13,6 +13,7 @@ from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
 from tuner.identification.estimates import BASE
 from tuner.identification.mean import without_earth_rate
+from tuner.jobs import each
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.records import DataError, Record
 
@@ -53,22 +54,27 @@ def identify(
     ValueError
         If the method or a term is unknown.
     """
-    channels: dict[str, ChannelIdentification] = {}
+    varying: dict[str, Record] = {}
     notes: list[str] = []
     for record in records:
         for axis in record.axes:
-            if axis in channels:
+            if axis in varying:
                 where = record.source or record.name
                 msg = f"{where}: channel '{axis}' comes twice: identify each sensor on its own"
                 raise DataError(msg)
             if np.ptp(record.column(axis)) == 0.0:
                 notes.append(f"{axis} is constant and was left out")
                 continue
-            channels[axis] = identify_channel(record, axis, terms=terms, method=method, arma=arma)
-    if not channels:
+            varying[axis] = record
+    if not varying:
         where = ", ".join(dict.fromkeys(record.source or record.name for record in records)) or "no record"
         msg = f"{where}: expected a channel that varies, all are constant: nothing to identify"
         raise DataError(msg)
+
+    def identified(axis: str) -> ChannelIdentification:
+        return identify_channel(varying[axis], axis, terms=terms, method=method, arma=arma)
+
+    channels = dict(zip(varying, each(identified, list(varying)), strict=True))
     channels, about_earth = _earth(channels, latitude)
     return Identification(_source(records), channels, (*notes, *about_earth))
 
@@ -94,19 +100,24 @@ def with_terms_found(
     arma : str, optional
         Time-series model, as of `identify`.
     """
-    channels = dict(identification.channels)
-    for record in records:
-        for axis in (axis for axis in record.axes if axis in channels and found.get(axis)):
-            before, further = channels[axis], found[axis]
-            after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
-            if absent := _absent(after, further):
-                names = ", ".join(absent)
-                about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
-                channels[axis] = replace(before, warnings=(*before.warnings, about))
-            else:
-                changes = _changed(before, after, further)
-                channels[axis] = replace(after, mean=before.mean, warnings=(*after.warnings, *changes))
-    return replace(identification, channels=channels)
+    channels = identification.channels
+
+    def again(place: tuple[Record, str]) -> ChannelIdentification:
+        record, axis = place
+        before, further = channels[axis], found[axis]
+        after = identify_channel(record, axis, further=further, method=before.method, arma=arma)
+        if absent := _absent(after, further):
+            names = ", ".join(absent)
+            about = f"{names} was found by the diagnosis, but beside the other terms the data allow none"
+            return replace(before, warnings=(*before.warnings, about))
+        changes = _changed(before, after, further)
+        return replace(after, mean=before.mean, warnings=(*after.warnings, *changes))
+
+    changed = [
+        (record, axis) for record in records for axis in record.axes if axis in channels and found.get(axis)
+    ]
+    new = {axis: channel for (_, axis), channel in zip(changed, each(again, changed), strict=True)}
+    return replace(identification, channels={**channels, **new})
 
 
 CHANGE_WORTH_SAYING = 0.02

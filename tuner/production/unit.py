@@ -19,6 +19,7 @@ from tuner.formats.documents import json_text, parse_json, read_text
 from tuner.formats.files import write_text
 from tuner.formats.guard import printable, reason
 from tuner.identification import identify
+from tuner.jobs import limited
 from tuner.production.quantities import further_terms, quantities_of
 from tuner.readers import read
 from tuner.readers.columns import digest
@@ -64,7 +65,8 @@ def attempt(task: Task) -> Outcome:
         known = stored_measurement(task.store, key)
         if known is not None:
             return Outcome(key, known, stored=True)
-        return Outcome(key, measure(path, task.options))
+        with limited(1):  # other units have the other processors
+            return Outcome(key, measure(path, task.options))
     except (DataError, OSError, ImportError) as error:
         return Outcome(error=printable(str(error)))
     except MemoryError:

@@ -20,12 +20,11 @@ from contextlib import suppress
 from typing import Any
 
 from tuner.formats.guard import reason
+from tuner.jobs import THREAD_LIMITS
 from tuner.production.unit import Outcome, Task
 from tuner.types.records import DataError
 
 Attempt = Callable[[Task], Outcome]
-THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Variables by which numerical libraries learn their number of threads when they are loaded."""
 SCHEDULER_PATIENCE = 20.0
 """Time in which a scheduler must answer, s: several round trips of the slowest network."""
 

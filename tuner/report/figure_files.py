@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from tuner.formats.files import Put, write_bytes
+from tuner.jobs import each
 
+LABELLED_DECADES = 2.0
+"""Decades of an axis beyond which ticks between them are without labels: two of their own are then on it."""
 FILE_DPI = 130
 """Dots of a PNG on an inch: a panel of 4.6 inches fills a third of a common screen."""
 
@@ -29,12 +35,45 @@ def new_figure(size: tuple[float, float], paths: Sequence[Path], put: Put = writ
     ):
         figure = Figure(figsize=size, layout="constrained")
         yield figure
-        layout = figure.get_layout_engine()
-        assert layout is not None
-        layout.execute(figure)
-        figure.set_layout_engine(None)
+        lay_out(figure)
         for path in paths:
             put(path, figure_bytes(figure, path.suffix))
+
+
+def lay_out(figure: Figure) -> None:
+    """Place the panels; ticks between decades have no labels there and would take two thirds of the time."""
+    layout = figure.get_layout_engine()
+    assert layout is not None
+    every = [axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis)]
+    unlabelled = [(axis, axis.get_minor_locator()) for axis in every if _decades(axis) > LABELLED_DECADES]
+    for axis, _ in unlabelled:
+        axis.set_minor_locator(NullLocator())
+    layout.execute(figure)
+    for axis, locator in unlabelled:
+        axis.set_minor_locator(locator)
+    figure.set_layout_engine(None)
+
+
+def _decades(axis: Axis) -> float:
+    """Return over how many decades a logarithmic axis goes; 0 for an even one."""
+    low, high = axis.get_view_interval()
+    return float(np.log10(high / low)) if axis.get_scale() == "log" and 0.0 < low < high else 0.0
+
+
+def draw_all(figures: Sequence[Callable[[Put], None]], put: Put) -> None:
+    """Draw figures on all processors, and hand their files to `put` in their order.
+
+    Each of `figures` draws one and hands its files to its argument.
+    """
+
+    def files(draw: Callable[[Put], None]) -> dict[Path, bytes]:
+        made: dict[Path, bytes] = {}
+        draw(made.__setitem__)
+        return made
+
+    for made in each(files, figures):
+        for path, content in made.items():
+            put(path, content)
 
 
 def figure_bytes(figure: Figure, suffix: str) -> bytes:

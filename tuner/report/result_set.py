@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from tuner.formats.customary_units import digits
 from tuner.formats.diagnosis import diagnosis_json
 from tuner.formats.documents import json_text
 from tuner.formats.file_set import MANIFEST, digests, write_set
+from tuner.formats.files import Put
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
@@ -21,11 +22,12 @@ from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.drive_diagnosis_figures import draw_drive
 from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.figure_files import draw_all
 from tuner.report.html_page import Picture, write_page
 from tuner.report.identification_tables import identification_tables
 from tuner.report.json.consistency import consistency_json
 from tuner.report.prediction_tables import prediction_tables, settings_tables
-from tuner.report.static_diagnosis_figures import draw_findings
+from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables, headline_lines, hidden_effect_lines
 from tuner.synthesis.calibration import calibration_json
 from tuner.synthesis.findings import judge_hidden
@@ -61,12 +63,18 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
         files[path.name] = content
 
     here = Path()
+    figures: list[Callable[[Put], None]] = []
     if any(channel.allan.tau.size for channel in found.channels.values()):
         paths = [here / "allan.png", here / "allan.svg"]
-        draw_allan(found, paths, title=result.name, predictions=result.predictions, put=put)
+        figures.append(
+            lambda put: draw_allan(found, paths, title=result.name, predictions=result.predictions, put=put)
+        )
     drawn: list[tuple[str, Path]] = []
     if result.diagnosis is not None:
-        drawn += draw_findings(result.records, result.diagnosis, here, result.replicas, result.seed, put)
+        captions, more = finding_figures(result.records, result.diagnosis, here, result.replicas, result.seed)
+        drawn += captions
+        figures += more
+    draw_all(figures, put)
     if result.drive is not None:
         drawn += draw_drive(result.drive, here, put)
     pictures = [Picture(caption, path.name, files[path.name]) for caption, path in drawn]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 
@@ -22,7 +23,7 @@ from tuner.curves.allan import overlapping_allan
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.files import Put, write_bytes
 from tuner.report.diagnosed_axis import DiagnosedAxis, diagnosed_axis, parameters
-from tuner.report.figure_files import new_figure
+from tuner.report.figure_files import draw_all, new_figure
 from tuner.report.static_cause_panels import CAUSE_COLOUR, DATA_COLOUR, shown, unit_of, view_of
 from tuner.types import Diagnosis, Finding
 from tuner.types.records import Record
@@ -53,13 +54,25 @@ def draw_findings(
     seed: int = 0,
     put: Put = write_bytes,
 ) -> list[tuple[str, Path]]:
-    """Draw every finding to ``finding-NUMBER-CAUSE_COLOUR.png`` and ``.svg``; those of one cause and channels together.
+    """Draw every finding; return caption and SVG of each picture. See `finding_figures`."""
+    captions, figures = finding_figures(records, diagnosis, directory, replicas, seed)
+    draw_all(figures, put)
+    return captions
+
+
+def finding_figures(
+    records: Sequence[Record], diagnosis: Diagnosis, directory: Path, replicas: int = 0, seed: int = 0
+) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
+    """Return the figures of all findings, one for each cause and its channels, for `draw_all`.
 
     Returns
     -------
     list of (str, Path)
         Caption and SVG of each picture.
+    list of callable
+        Draws it to ``finding-NUMBER-CAUSE.png`` and ``.svg``.
     """
+    figures: list[Callable[[Put], None]] = []
     subjects: dict[str, DiagnosedAxis | None] = {}
     drawn: dict[tuple[str, tuple[str, ...]], tuple[str, Path]] = {}
     for finding in diagnosis.findings:
@@ -72,9 +85,9 @@ def draw_findings(
         if chosen is None:
             continue
         path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"
-        _draw(chosen, finding, [path.with_suffix(".png"), path], replicas, seed, put)
+        figures.append(partial(_draw, chosen, finding, [path.with_suffix(".png"), path], replicas, seed))
         drawn[finding.cause, finding.channels] = (finding.text, path)
-    return list(drawn.values())
+    return list(drawn.values()), figures
 
 
 def _is_spectral(code: str) -> bool:

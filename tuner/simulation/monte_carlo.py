@@ -7,7 +7,6 @@ own, spawned from the seed: the answer does not depend on the number of threads.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
 from models.strapdown import NavigationState
 from models.trajectory.motion import Motion, imu_increments
+from tuner.jobs import usable
 from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
@@ -178,7 +178,7 @@ def simulate(
     fixes = scenario_fixes(settings, plan)
     done: list[tuple[FloatArray, Solution]] = []
     blocks = [streams[first : first + BATCH_SIZE] for first in range(0, runs, BATCH_SIZE)]
-    with ThreadPoolExecutor(max_workers=min(len(blocks), os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(max_workers=min(len(blocks), usable())) as pool:
         for block in pool.map(lambda own: _together(settings, sensor, plan, fixes, own), blocks):
             done.extend(block)
             if progress is not None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from tuner.identification.predictive.choose_block import choose_block
+from tuner.jobs import each
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
 from tuner.types.prediction import BlockSource, NoiseBlock, PredictedBlock
 from tuner.types.records import Record
@@ -55,32 +56,43 @@ def hold_to_records(
     """
     channels, notes = dict(config.channels), list(config.notes)
     judged: dict[str, PredictedBlock] = {}
-    for record in records:
-        for axis in [a for a in record.axes if a in channels]:
-            channel = channels[axis]
-            samples = _samples(record, channel)
-            found = choose_block(samples, record.interval, _block(channel))
-            if found is None:
-                continue
-            if not found.passes and axis in signals:
-                causes, signal = signals[axis]
-                clean = replace(record, y=(record.column(axis) - signal)[:, None], axes=(axis,))
-                compensated = choose_block(_samples(clean, channel), record.interval, None)
-                if compensated is not None and compensated.passes:
-                    notes.append(_about_causes(axis, causes, found))
-                    found = compensated
-            if not found.passes and (slope := _temperature_slope(record, samples)) is not None:
-                compensated = choose_block(_compensated(record, samples, slope), record.interval, None)
-                if compensated is not None and compensated.passes:
-                    notes.append(_about_temperature(axis, channel.unit, slope, found))
-                    found = compensated
-            judged[axis] = found
-            if found.source is not BlockSource.LIKELIHOOD:
-                channels[axis] = _with_block(channel, found)
-            notes += _notes(channel, found)
+    places = [(record, channels[axis]) for record in records for axis in record.axes if axis in channels]
+    for (_, channel), (found, about) in zip(
+        places, each(lambda place: _predicting(*place, signals), places), strict=True
+    ):
+        if found is None:
+            continue
+        judged[channel.axis] = found
+        if found.source is not BlockSource.LIKELIHOOD:
+            channels[channel.axis] = _with_block(channel, found)
+        notes += [*about, *_notes(channel, found)]
     fitted = {axis for axis, found in judged.items() if found.source is not BlockSource.LIKELIHOOD}
     inflations = tuple(i for i in config.inflations if i.quantity.owner not in fitted)
     return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), judged
+
+
+def _predicting(
+    record: Record, channel: ChannelNoise, signals: Mapping[str, tuple[tuple[str, ...], FloatArray]]
+) -> tuple[PredictedBlock | None, list[str]]:
+    """Return the settings of an axis that predict its record, and what was taken out of that; None if too short."""
+    axis, notes = channel.axis, []
+    samples = _samples(record, channel)
+    found = choose_block(samples, record.interval, _block(channel))
+    if found is None:
+        return None, []
+    if not found.passes and axis in signals:
+        causes, signal = signals[axis]
+        clean = replace(record, y=(record.column(axis) - signal)[:, None], axes=(axis,))
+        compensated = choose_block(_samples(clean, channel), record.interval, None)
+        if compensated is not None and compensated.passes:
+            notes.append(_about_causes(axis, causes, found))
+            found = compensated
+    if not found.passes and (slope := _temperature_slope(record, samples)) is not None:
+        compensated = choose_block(_compensated(record, samples, slope), record.interval, None)
+        if compensated is not None and compensated.passes:
+            notes.append(_about_temperature(axis, channel.unit, slope, found))
+            found = compensated
+    return found, notes
 
 
 def _samples(record: Record, channel: ChannelNoise) -> list[FloatArray]:

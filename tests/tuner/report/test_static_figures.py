@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
@@ -12,6 +13,7 @@ from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
 from tuner.report.allan_figure import draw_allan
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
+from tuner.report.figure_files import lay_out
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
 from tuner.simulation.static import simulate
@@ -144,3 +146,16 @@ def test_the_same_figure_has_the_same_bytes(suffix):
         draw_allan(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
     assert drawn[0] == drawn[1]
     assert b"<dc:date>" not in drawn[0]
+
+
+def test_panels_are_laid_out_as_with_every_tick():
+    figure, whole = Figure((11.0, 4.4), layout="constrained"), Figure((11.0, 4.4), layout="constrained")
+    for each in (figure, whole):
+        panels = each.subplots(1, 3)
+        for panel, decades in zip(panels, (0.5, 1.5, 5.0), strict=True):
+            panel.plot(np.geomspace(0.01, 50.0, 49), np.geomspace(1.0, 10.0**decades, 49))
+            panel.set(xscale="log", yscale="log", xlabel="time, s", ylabel="a, b")
+    lay_out(figure)
+    whole.get_layout_engine().execute(whole)
+    assert [p.get_position().bounds for p in figure.axes] == [p.get_position().bounds for p in whole.axes]
+    assert figure.axes[2].xaxis.get_minorticklocs().size

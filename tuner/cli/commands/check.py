@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tuner.cli.commands.options import Finite, Output, common, strict
+from tuner.cli.commands.options import Finite, Output, common, jobs, strict
 from tuner.cli.progress import Messages
 
 
@@ -36,6 +36,7 @@ from tuner.cli.progress import Messages
 @click.option("--gnss", metavar="GRADE", help="Built-in receiver, instead of the configuration's.")
 @click.option("--budget", is_flag=True, help="Add the error budget: the share of every source in the errors.")
 @strict("the filter is not consistent")
+@jobs
 @common
 def command(
     config: str,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.cli.commands.inputs import assumed, load_data, load_records
-from tuner.cli.commands.options import Output, Reading, common, reading, replicas, strict, verbose
+from tuner.cli.commands.options import Output, Reading, common, jobs, reading, replicas, strict, verbose
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 @replicas
 @verbose
 @reading
+@jobs
 @common
 def command(
     log: str,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from tuner.cli.commands.options import (
     strict,
 )
 from tuner.cli.progress import Messages
+from tuner.jobs import usable
 
 
 @click.command("fleet", short_help="Many logs, one row a unit: limits, outlying units, spread.")
@@ -29,7 +29,7 @@ from tuner.cli.progress import Messages
 @click.option(
     "--jobs",
     type=click.IntRange(1),
-    default=os.cpu_count() or 1,
+    default=usable,
     metavar="N",
     help="Processes; default one a core.",
 )

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Output, Reading, common, latitude, noise_terms, reading, verbose
+from tuner.cli.commands.options import (
+    Output,
+    Reading,
+    common,
+    jobs,
+    latitude,
+    noise_terms,
+    reading,
+    verbose,
+)
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -48,6 +57,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 )
 @verbose
 @reading
+@jobs
 @common
 def command(
     logs: tuple[str, ...],

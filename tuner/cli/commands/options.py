@@ -17,6 +17,7 @@ import click
 from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
 from tuner.formats.files import write_text
+from tuner.jobs import limited
 
 Command = Callable[..., Any]
 
@@ -33,8 +34,8 @@ class Finite(click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
-PLACES = ("-o", "--output-dir", "--json")
-"""Options followed by a place where a result goes."""
+WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--jobs")
+"""Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
 """Options that change how much is printed."""
 DIRECTORY = click.Path(path_type=Path, file_okay=False)
@@ -166,6 +167,23 @@ def replicas(command: Command) -> Command:
     return option(command)
 
 
+def jobs(command: Command) -> Command:
+    """Add ``--jobs``: how many processors everything in the command may use."""
+
+    @click.option(
+        "--jobs",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Processors to use; default all. The results are the same for any number.",
+    )
+    @functools.wraps(command)
+    def wrapped(*args: Any, jobs: int | None, **options: Any) -> Any:
+        with limited(jobs):
+            return command(*args, **options)
+
+    return wrapped
+
+
 def reading(command: Command) -> Command:
     """Add the options on units, rate and columns of a log; the command receives `reading`."""
 
@@ -223,9 +241,11 @@ def stated_command(words: Sequence[str]) -> str:
     kept: list[str] = []
     rest = iter(words)
     for word in rest:
-        if word in PLACES:
+        if word in WITHOUT_NUMBERS:
             next(rest, None)
-        elif word not in OUTPUT_FLAGS and not word.startswith(("-o", *(f"{name}=" for name in PLACES))):
+        elif word not in OUTPUT_FLAGS and not word.startswith(
+            ("-o", *(f"{name}=" for name in WITHOUT_NUMBERS))
+        ):
             kept.append(word)
     return shlex.join(["tuner", *kept])
 

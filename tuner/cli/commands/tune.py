@@ -14,6 +14,7 @@ from tuner.cli.commands.options import (
     Reading,
     common,
     horizon,
+    jobs,
     latitude,
     noise_terms,
     reading,
@@ -37,6 +38,7 @@ from tuner.cli.progress import Messages
 @replicas
 @verbose
 @reading
+@jobs
 @common
 def command(
     log: str | None,

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from numba import config
-
+from models.noise import NoiseModel
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
@@ -16,14 +14,15 @@ from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
 from tuner.diagnosis.static.drift import with_drifts
-from tuner.diagnosis.static.findings import findings, joins, words
+from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
-from tuner.diagnosis.static.search import SearchResult, search_causes
+from tuner.diagnosis.static.search import search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
+from tuner.jobs import each
 from tuner.types import Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
@@ -34,6 +33,17 @@ Chosen so that the stationary parts are the majority of what is analysed.
 """
 MAX_INTERVAL_DIFFERENCE = 0.01
 """Relative difference of two sampling intervals up to which they are one; clocks differ by far less, rates by more."""
+
+
+@dataclass(frozen=True)
+class _Diagnosed:
+    """What the search of one channel found, what no cause explains, its last residual, its noise before and after."""
+
+    singles: tuple[Single, ...]
+    unexplained: tuple[Unexplained, ...]
+    final: Residual
+    before: NoiseModel
+    after: NoiseModel
 
 
 def diagnose(
@@ -94,38 +104,34 @@ def diagnose(
     order = [one.axis for one in ready]
     parts.sort(key=lambda part: order.index(part[0].axis))
 
-    def measured(axis: str, outcome: SearchResult) -> SearchResult:
-        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, axis, seed)))
-        return covered(outcome, replicas, seed) if replicas else outcome
+    record_of = {axis: record for record in sensors for axis in record.axes}
 
-    with ThreadPoolExecutor(int(config.NUMBA_NUM_THREADS)) as pool:  # type: ignore[attr-defined]
-        loops = {pool.submit(search_causes, part, limit, moves): part.axis for part, moves in parts}
-        ends = {loops[end]: pool.submit(measured, loops[end], end.result()) for end in as_completed(loops)}
-        before = {
-            axis: pool.submit(noise_before, record, axis, identification)
-            for record in sensors
-            for axis in record.axes
-            if axis in ends
-        }
-        outcomes = {part.axis: ends[part.axis].result() for part, _ in parts}
-        base = {axis: before[axis].result() for axis in outcomes}
-        after = {axis: pool.submit(noise_after, outcomes[axis].final, base[axis]) for axis in outcomes}
-        models = {axis: after[axis].result() for axis in outcomes}
-    finals = {axis: outcome.final for axis, outcome in outcomes.items()}
+    def diagnosed(given: tuple[Channel, tuple[motion.Motion, ...]]) -> _Diagnosed:
+        part, moves = given
+        outcome = search_causes(part, limit, moves)
+        outcome = replace(outcome, accepted=with_gains(outcome, _second(others, part.axis, seed)))
+        if replicas:
+            outcome = covered(outcome, replicas, seed)
+        before = noise_before(record_of[part.axis], part.axis, identification)
+        after = noise_after(outcome.final, before)
+        unexplained = tuple(Unexplained(r.name, (part.axis,), r.p_value) for r in outcome.unexplained)
+        outcome.final.scaled  # noqa: B018  # for what channels share, in the process that has its parts
+        return _Diagnosed(singles(part.axis, outcome, before), unexplained, outcome.final, before, after)
+
+    every = each(diagnosed, parts, shared=[part for part, _ in parts])
+    axes = [part.axis for part, _ in parts]
+    finals = {axis: one.final for axis, one in zip(axes, every, strict=True)}
     stretched = mount_tilt.stretched(finals, limit)
-    reported = [f for f in findings(outcomes, base) if not (stretched and f.cause == "attitude")]
+    grouped = findings([single for one in every for single in one.singles])
+    reported = [f for f in grouped if not (stretched and f.cause == "attitude")]
     found += [*reported, *_common(finals, limit)]
-    unexplained = tuple(
-        Unexplained(result.name, (axis,), result.p_value)
-        for axis, outcome in outcomes.items()
-        for result in outcome.unexplained
-    )
+    unexplained = tuple(left for one in every for left in one.unexplained)
     return Diagnosis(
         with_drifts(found, sensors),
         (*unexplained, *stretched),
         (*notes, *refused, *sampling.notes(finals)),
-        models,
-        base,
+        {axis: one.after for axis, one in zip(axes, every, strict=True)},
+        {axis: one.before for axis, one in zip(axes, every, strict=True)},
     )
 
 

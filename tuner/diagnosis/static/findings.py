@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -27,7 +27,7 @@ AGREEMENT_SDS = 4.0
 
 
 @dataclass(frozen=True)
-class _Single:
+class Single:
     """A finding of one channel.
 
     `cause` says what it is: the extension that was accepted, or its family where a defining parameter is not known.
@@ -41,19 +41,10 @@ class _Single:
     inflation: Enlargement | None
 
 
-def findings(outcomes: Mapping[str, SearchResult], base: Mapping[str, NoiseModel]) -> tuple[Finding, ...]:
-    """Return the findings of all channels, shared ones once, the clearest first.
-
-    Parameters
-    ----------
-    outcomes : mapping of str to SearchResult
-        By axis.
-    base : mapping of str to NoiseModel
-        Noise without any finding, SI, which enlargements refer to.
-    """
-    singles = [single for axis, outcome in outcomes.items() for single in _singles(axis, outcome, base[axis])]
-    groups: list[list[_Single]] = []
-    for single in singles:
+def findings(every: Iterable[Single]) -> tuple[Finding, ...]:
+    """Return the findings of all channels, shared ones once, the clearest first."""
+    groups: list[list[Single]] = []
+    for single in every:
         home = next((g for g in groups if _shared(g, single)), None)
         if home is None:
             groups.append([single])
@@ -63,10 +54,11 @@ def findings(outcomes: Mapping[str, SearchResult], base: Mapping[str, NoiseModel
     return tuple(sorted(found, key=lambda finding: finding.p_value))
 
 
-def _singles(axis: str, outcome: SearchResult, base: NoiseModel) -> list[_Single]:
+def singles(axis: str, outcome: SearchResult, base: NoiseModel) -> tuple[Single, ...]:
+    """Return the findings of one channel; `base`, its noise without any, SI, is what enlargements refer to."""
     channel = outcome.final.channel
     given = len(outcome.final.extensions) - len(outcome.accepted)
-    singles = []
+    found = []
     for index, accepted in enumerate(outcome.accepted, given):
         extension = accepted.extension
         if not extension.named:
@@ -79,8 +71,8 @@ def _singles(axis: str, outcome: SearchResult, base: NoiseModel) -> list[_Single
             accepted = replace(accepted, alternatives=(itself, *accepted.alternatives))
         parameters = {name: value.coefficient(channel.unit, channel.scale) for name, value in values.items()}
         inflation = _inflation(axis, outcome, accepted, base)
-        singles.append(_Single(axis, channel.unit, accepted, cause, parameters, inflation))
-    return singles
+        found.append(Single(axis, channel.unit, accepted, cause, parameters, inflation))
+    return tuple(found)
 
 
 def _explained_sd(fitted: Residual, index: int) -> Value:
@@ -120,7 +112,7 @@ def _inflation(axis: str, outcome: SearchResult, accepted: Accepted, base: Noise
     return Enlargement(Quantity(axis, "white_density"), factor, reason, time_share=share)
 
 
-def _shared(group: Sequence[_Single], single: _Single) -> bool:
+def _shared(group: Sequence[Single], single: Single) -> bool:
     """Return whether a finding of another channel is the same cause."""
     first = group[0]
     alike = first.cause.cause == single.cause.cause and first.unit == single.unit
@@ -184,7 +176,7 @@ def _log_moments(c: Coefficient) -> tuple[float, float]:
     return float(np.log(c.value)), max((high - low) / 3.92, 1e-15)
 
 
-def _finding(group: list[_Single]) -> Finding:
+def _finding(group: list[Single]) -> Finding:
     clearest = sorted(group, key=lambda single: -single.accepted.result.gain)
     best = clearest[0]
     cause, result = best.cause, best.accepted.result

@@ -1,0 +1,99 @@
+"""Items on several processors: the results of one, errors passed on, nothing left running."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from models.noise import NoiseModel, RandomWalk, White
+from tuner import diagnose, identify
+from tuner.formats.diagnosis import diagnosis_json
+from tuner.formats.identification import identification_json
+from tuner.jobs import each, limited, usable
+from tuner.simulation.static import simulate
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot copy a process")
+
+
+def test_items_are_spread_over_processes_and_come_back_in_order():
+    def function(number):
+        time.sleep(0.05)
+        return number, os.getpid(), usable()
+
+    with limited(3):
+        found = each(function, range(7))
+    numbers, processes, processors = zip(*found, strict=True)
+    assert numbers == tuple(range(7))
+    assert len(set(processes)) == 3
+    assert os.getpid() not in processes
+    assert set(processors) == {1}  # nothing inside starts further processes
+
+
+def test_one_processor_and_threads_work_in_this_process():
+    with limited(1):
+        assert set(each(lambda _: os.getpid(), range(3))) == {os.getpid()}
+    with limited(3), ThreadPoolExecutor(1) as pool:
+        assert pool.submit(lambda: set(each(lambda _: os.getpid(), range(3)))).result() == {os.getpid()}
+
+
+def test_shared_objects_come_back_as_themselves_and_others_equal():
+    mine = np.arange(3.0)
+    with limited(2):
+        (first, read_only), _ = each(lambda _: (mine, MappingProxyType({"a": 1})), range(2), shared=[mine])
+    assert first is mine
+    assert read_only == MappingProxyType({"a": 1})
+
+
+def test_the_error_of_the_first_item_that_fails_is_raised():
+    def function(number):
+        if number in (2, 4):
+            raise ValueError(number)
+
+    with limited(3), pytest.raises(ValueError, match="2"):
+        each(function, range(6))
+
+
+def test_a_process_that_the_system_ends_is_reported():
+    with limited(2), pytest.raises(MemoryError, match="--jobs"):
+        each(lambda number: os.kill(os.getpid(), signal.SIGKILL) if number == 1 else number, range(2))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_copies_end_with_the_process(number):
+    if number == signal.SIGKILL and sys.platform != "linux":
+        pytest.skip("only Linux ends copies of a process that was killed")
+    program = (
+        "import os, sys, time\nfrom tuner.jobs import each, limited\n"
+        "def work(i):\n    os.write(1, f'{os.getpid()}\\n'.encode())\n    time.sleep(60)\n"
+        "with limited(2):\n    each(work, range(2))\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as one:
+        assert one.stdout is not None
+        copies = [int(one.stdout.readline()) for _ in range(2)]
+        one.send_signal(number)
+        assert one.stdout.read() == b""  # the pipe closes when the last of them has ended
+    assert one.returncode != 0
+    assert len(set(copies)) == 2
+
+
+def test_identification_and_diagnosis_do_not_depend_on_the_number_of_processors():
+    noise = NoiseModel([White(1e-4), RandomWalk(1e-6)])
+    records, _ = simulate(dict.fromkeys(("gyro_x", "gyro_y"), noise), duration=30.0, rate=100.0, seed=20)
+    texts = []
+    for processors in (1, 2):
+        with limited(processors):
+            identified = identify(records, arma=None)
+            found = diagnose(records, identification=identified)
+        texts.append(json.dumps([identification_json(identified), diagnosis_json(found)], default=str))
+    assert texts[0] == texts[1]

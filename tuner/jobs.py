@@ -1,0 +1,236 @@
+"""One function applied to several items on all processors, with the same results as on one.
+
+Each processor gets a forked copy of this process, which shares its memory: nothing is imported or read again, and items
+are not copied. Copies take the next item as they finish one, and send results through a pipe. They end with this
+process, and at once where it is interrupted. Where no copy can be made (on Windows, in a thread, in a daemon such as a
+worker of Dask) the items are done here, one after the other. Inside a copy every stage has one processor.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import ctypes
+import os
+import pickle
+import selectors
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
+from io import BytesIO
+from multiprocessing import current_process
+from types import MappingProxyType
+from typing import Any, NoReturn, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Variables by which numerical libraries learn their number of threads when they are loaded."""
+BYTES_AT_ONCE = 1 << 20
+"""Most bytes taken from a pipe in one go."""
+_END_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux: the signal that a process gets when its parent ends."""
+
+_limit: ContextVar[int | None] = ContextVar("processors", default=None)
+
+
+def usable() -> int:
+    """Return how many processors this stage may use.
+
+    That is the number given to `limited`; else the environment variable ``NUMBA_NUM_THREADS``; else those that the
+    system lets this process run on.
+    """
+    given = _limit.get()
+    if given is not None:
+        return given
+    stated = os.environ.get("NUMBA_NUM_THREADS", "")
+    if stated.isdecimal() and int(stated) > 0:
+        return int(stated)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def limited(processors: int | None) -> Iterator[None]:
+    """Let everything in this block use at most so many processors; None changes nothing."""
+    token = _limit.set(usable() if processors is None else processors)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], shared: Sequence[object] = ()
+) -> list[Result]:
+    """Return the function of each item, in their order; computed in parallel where `usable` allows.
+
+    Parameters
+    ----------
+    function : callable
+        What it returns, and what it raises, must be picklable. What it changes is seen by no other item.
+    items : sequence
+        Given to it one by one; those that take long should come first.
+    shared : sequence of object
+        Objects of this process that results may contain: they are handed back as themselves and not as copies.
+
+    Raises
+    ------
+    Exception
+        Whatever the function raises, of the first item for which it does.
+    """
+    processes = min(usable(), len(items))
+    if processes < 2 or not _can_copy():
+        return [function(item) for item in items]
+    numbers = _numbers(len(items))
+    children: dict[int, int] = {}
+    try:
+        for _ in range(processes):
+            receiver, child = _copy(function, items, shared, numbers, tuple(children))
+            children[receiver] = child
+        found = _collected(tuple(children), shared)
+    finally:
+        os.close(numbers)
+        for receiver, child in children.items():
+            os.close(receiver)
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+    if len(found) < len(items):
+        msg = "the system ended a process that did a part of the work; try fewer --jobs"
+        raise MemoryError(msg)
+    results = []
+    for index in range(len(items)):
+        failed, value = found[index]
+        if failed:
+            raise value
+        results.append(value)
+    return results
+
+
+def _can_copy() -> bool:
+    """Return whether this process may fork: the copy would lack its other threads, but not their locks."""
+    return (
+        hasattr(os, "fork")
+        and threading.current_thread() is threading.main_thread()
+        and not current_process().daemon
+    )
+
+
+def _numbers(count: int) -> int:
+    """Return the end of a pipe from which copies read the number of their next item, 4 bytes each."""
+    receiver, sender = os.pipe()
+    os.write(sender, b"".join(number.to_bytes(4, "little") for number in range(count)))
+    os.close(sender)
+    return receiver
+
+
+def _copy(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    shared: Sequence[object],
+    numbers: int,
+    others: Sequence[int],
+) -> tuple[int, int]:
+    """Fork a process that does items until none is left; return the pipe of its results, and its number."""
+    receiver, sender = os.pipe()
+    with warnings.catch_warnings(), _no_compilation():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, whose locks a copy does not use
+        child = os.fork()
+    if child == 0:
+        _work_and_leave(function, items, shared, numbers, (receiver, *others), sender)
+    os.close(sender)
+    return receiver, child
+
+
+def _no_compilation() -> AbstractContextManager[Any]:
+    """Return the lock of the compiler; a thread that a copy lacks must not have it."""
+    compiler = sys.modules.get("numba.core.compiler_lock")
+    return nullcontext() if compiler is None else compiler.global_compiler_lock
+
+
+def _work_and_leave(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    shared: Sequence[object],
+    numbers: int,
+    others: Sequence[int],
+    sender: int,
+) -> NoReturn:
+    """Do the work of a copy and end it, without what a process does at its end."""
+    try:
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+        for other in others:
+            os.close(other)
+        _limit.set(1)
+        os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
+        with open(sender, "wb") as pipe:
+            while number := os.read(numbers, 4):
+                index = int.from_bytes(number, "little")
+                content = _packed(index, function, items[index], shared)
+                pipe.write(len(content).to_bytes(8, "little"))
+                pipe.write(content)
+                pipe.flush()
+    finally:
+        os._exit(0)
+
+
+def _packed(index: int, function: Callable[[Item], Result], item: Item, shared: Sequence[object]) -> bytes:
+    """Return number, failure and result of an item as bytes."""
+    try:
+        return _bytes((index, False, function(item)), shared)
+    except Exception as error:
+        try:
+            return _bytes((index, True, error), shared)
+        except Exception:
+            return _bytes((index, True, RuntimeError(f"{type(error).__name__}: {error}")), shared)
+
+
+def _bytes(value: object, shared: Sequence[object]) -> bytes:
+    known = {id(one): place for place, one in enumerate(shared)}
+    content = BytesIO()
+    pickler = pickle.Pickler(content, protocol=pickle.HIGHEST_PROTOCOL)
+    pickler.persistent_id = lambda one: known.get(id(one))  # type: ignore[method-assign]
+    pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _of_mapping}
+    pickler.dump(value)
+    return content.getvalue()
+
+
+def _of_mapping(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _read_only, (dict(mapping),)
+
+
+def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(content)
+
+
+def _collected(receivers: Sequence[int], shared: Sequence[object]) -> dict[int, tuple[bool, Any]]:
+    """Return what copies send until the last of them ends: whether an item failed, and its result, by number."""
+    content = {receiver: bytearray() for receiver in receivers}
+    found: dict[int, tuple[bool, Any]] = {}
+    with selectors.DefaultSelector() as selector:
+        for receiver in receivers:
+            selector.register(receiver, selectors.EVENT_READ)
+        while selector.get_map():
+            for key, _ in selector.select():
+                piece = os.read(key.fd, BYTES_AT_ONCE)
+                if not piece:
+                    selector.unregister(key.fd)
+                mine = content[key.fd]
+                mine += piece
+                while len(mine) >= 8 and len(mine) >= 8 + (size := int.from_bytes(mine[:8], "little")):
+                    index, failed, value = _value(bytes(mine[8 : 8 + size]), shared)
+                    found[index] = (failed, value)
+                    del mine[: 8 + size]
+    return found
+
+
+def _value(content: bytes, shared: Sequence[object]) -> Any:
+    unpickler = pickle.Unpickler(BytesIO(content))
+    unpickler.persistent_load = lambda place: shared[place]  # type: ignore[method-assign]
+    return unpickler.load()
