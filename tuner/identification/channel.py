@@ -33,6 +33,7 @@ from tuner.identification.likelihood import (
 from tuner.identification.mean import mean_of_noise
 from tuner.identification.periodogram import cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
+from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.slopes import read_segments
 from tuner.identification.valid_band import CURVE_TOLERANCE, Band, curve_within, find_band, periodogram_within
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
@@ -114,7 +115,9 @@ def identify_channel(
         contradicted=bool(warnings),
     )
     minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
-    every = [_under_the_curve(term, allan, single.interval) for term in (*estimates.terms, *bounds)]
+    full = down_to_samples(allan, single, estimates.model)
+    samples = single.interval / single.samples_a_mean
+    every = [_under_the_curve(term, full, samples) for term in (*estimates.terms, *bounds)]
     series = None
     if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
@@ -122,7 +125,7 @@ def identify_channel(
     return ChannelIdentification(
         axis=axis,
         unit=single.unit,
-        interval=single.interval,
+        interval=samples,
         span=single.span,
         method=method,
         model=estimates.model,
@@ -134,10 +137,10 @@ def identify_channel(
         minimum=minimum,
         floor=floor,
         minimum_tau=minimum_tau,
-        allan=allan,
+        allan=full,
         candidates=candidates,
         arma=series,
-        warnings=(*about_band(band, single.interval), *warnings),
+        warnings=(*about_band(band_of_samples(band, full, single, estimates.model), samples), *warnings),
     )
 
 

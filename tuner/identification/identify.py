@@ -185,7 +185,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
             {
                 "name": record.name,
                 "axes": list(record.axes),
-                "rate_hz": record.rate,
+                "rate_hz": record.rate * record.samples_a_mean,
                 "span_s": record.span,
                 "segments": len(record.segments),
             }

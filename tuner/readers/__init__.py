@@ -15,7 +15,8 @@ import numpy as np
 from tuner.formats.guard import input_guard
 from tuner.readers import hdf5, kitti, mat, npz, parquet, phone_folders, text
 from tuner.readers.allan_curve import is_curve, read_curve
-from tuner.readers.assemble import assemble_records
+from tuner.readers.assemble import checked, even, plan_of
+from tuner.readers.block_means import read_means, reduction
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Progress, digest
 from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
@@ -41,6 +42,7 @@ def read(
     columns: Mapping[str, str] | None = None,
     constant_axes: bool = False,
     assume: str | None = None,
+    memory: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
     """Read a log of a gyroscope, an accelerometer or both.
@@ -63,8 +65,11 @@ def read(
         Whether an axis that never changes is kept beside others that do.
     assume : str, optional
         ``si``: units that neither the file nor an option states are SI, whatever the samples look like.
+    memory : float, optional
+        Bytes that the program may take; by default half of what is free. A text, Parquet, HDF5 or NPZ log that needs
+        more becomes records of means of 2, 4, 8 … samples, and says so.
     progress : callable, optional
-        Called with (bytes done, bytes in total) while a text file is parsed.
+        Called with (done, total) while a file is read: bytes of a text, else rows or arrays.
 
     Returns
     -------
@@ -104,5 +109,9 @@ def read(
         assume_si=assume == "si",
     )
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return assemble_records(listing, digest(path), options)
+        plan = plan_of(listing, options)
+        how = reduction(listing, plan, memory)
+        if how is not None:
+            return read_means(listing, plan, digest(path), options, how)
+        return checked(listing, plan, even(listing, plan, digest(path), options), options)
     raise AssertionError

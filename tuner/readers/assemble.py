@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -16,7 +16,7 @@ from tuner.readers import column_names as names
 from tuner.readers.clock import Clock, read_clock
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
-from tuner.readers.options import Options, sensor_unit, stated_rate
+from tuner.readers.options import Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import quantizer_limited, without_spikes
@@ -39,13 +39,46 @@ SECONDS_OF_WEEK = 604800.0
 """Where the seconds of the GPS week begin anew."""
 
 
-def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[Record, ...]:
-    """Return the records of a file: a gyro record, an accel record or both, on one clock."""
+@dataclass(frozen=True)
+class Plan:
+    """Which columns of a file are read, in which units, and what is to be said of that."""
+
+    layout: Layout
+    units: Mapping[str, UnitChoice]
+    notes: tuple[str, ...]
+
+    @property
+    def groups(self) -> list[tuple[Part, ...]]:
+        """The columns to read: of each sensor, each covariate, and the time."""
+        layout = self.layout
+        groups = [s.parts for s in layout.sensors]
+        groups += [(channel.part,) for channel in layout.covariates.values()]
+        return groups if layout.time is None else [*groups, (layout.time.part,)]
+
+
+@dataclass(frozen=True)
+class EvenRecords:
+    """Records on an even grid whose units and values were not judged yet, with notes and assumptions on them."""
+
+    records: tuple[Record, ...]
+    notes: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+
+def plan_of(listing: Listing, options: Options) -> Plan:
+    """Choose the columns of a file and their units."""
     layout = choose(listing, columns=options.columns)
     notes = [*listing.notes, *layout.notes]
     units = {s.name: sensor_unit(listing, s, options, notes) for s in layout.sensors}
+    return Plan(layout, units, tuple(notes))
+
+
+def even(listing: Listing, plan: Plan, digest: str, options: Options) -> EvenRecords:
+    """Read the columns and put them on an even grid, in SI units."""
+    layout, units = plan.layout, plan.units
+    notes: list[str] = []
     assumptions: list[str] = []
-    time, blocks, covariates = _load(listing, layout)
+    time, blocks, covariates = _load(listing, plan)
     rate = options.rate if options.rate is not None else stated_rate(listing.meta)
     count = len(blocks[0])
     groups = {s.name: block for s, block in zip(layout.sensors, blocks, strict=True)}
@@ -109,19 +142,33 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
                 timing=MappingProxyType(timing),
             )
         )
+    return EvenRecords(tuple(records), tuple(notes), tuple(assumptions))
+
+
+def checked(
+    listing: Listing, plan: Plan, found: EvenRecords, options: Options, part: Sequence[Record] | None = None
+) -> tuple[Record, ...]:
+    """Judge units and values, leave out constant axes, and say everything that is to be known of the records.
+
+    Where the records hold means, `part` are samples as the log has them, by which units and quantizers are judged.
+    """
+    records, notes, assumptions = found.records, [*plan.notes, *found.notes], list(found.assumptions)
+    single = records if part is None else part
     if not any(np.ptp(record.y[:, j]) > 0.0 for record in records for j in range(len(record.axes))):
         msg = (
             f"{listing.path}: every axis is constant: a sensor that was off, or the wrong columns; "
             "choose others with --columns"
         )
         raise DataError(msg)
-    remarks, assumed = check_units(str(listing.path), records, units, assume_si=options.assume_si)
+    remarks, assumed = check_units(str(listing.path), single, plan.units, assume_si=options.assume_si)
     notes += remarks
     live = _without_constant_axes(records, notes, keep=options.constant_axes)
-    for record in live:
+    axes = {axis for record in live for axis in record.axes}
+    for record in single:
         limited = (
             quantizer_limited(axis, y, record.interval, record.unit)
             for axis, y in zip(record.axes, record.y.T, strict=True)
+            if axis in axes
         )
         notes += [note for note in limited if note is not None]
     assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
@@ -130,14 +177,11 @@ def assemble_records(listing: Listing, digest: str, options: Options) -> tuple[R
 
 
 def _load(
-    listing: Listing, layout: Layout
+    listing: Listing, plan: Plan
 ) -> tuple[NDArray[Any] | None, list[NDArray[Any]], dict[str, FloatArray]]:
     """Return the time column, one block a sensor, and the covariates."""
-    groups: list[tuple[Part, ...]] = [s.parts for s in layout.sensors]
-    groups += [(channel.part,) for channel in layout.covariates.values()]
-    if layout.time is not None:
-        groups.append((layout.time.part,))
-    loaded = listing.load(groups)
+    layout = plan.layout
+    loaded = listing.load(plan.groups)
     count = len(layout.sensors)
     blocks = list(loaded[:count])
     lengths = {s.name: len(b) for s, b in zip(layout.sensors, blocks, strict=True)}
@@ -311,7 +355,7 @@ def _changes(y: FloatArray) -> int:
     )
 
 
-def _without_constant_axes(records: list[Record], notes: list[str], *, keep: bool) -> list[Record]:
+def _without_constant_axes(records: Sequence[Record], notes: list[str], *, keep: bool) -> list[Record]:
     """Leave out constant axes, or keep them beside others that are not; a sensor of nothing else goes."""
     live = []
     for record in records:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -34,6 +34,8 @@ class Part:
 
 Load = Callable[[Sequence[Sequence[Part]]], tuple[NDArray[Any], ...]]
 """Reads groups of parts as Fortran-ordered (n, len(group)) arrays: float64, or int64 if all are integers."""
+Stream = Callable[[Sequence[Sequence[Part]], int], Iterator[tuple[NDArray[Any], ...]]]
+"""Reads the same in pieces of at most so many rows, one after the other, in bounded memory."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,10 @@ class Listing:
         How the file was understood.
     guessed : frozenset of str
         Arrays whose unit the format assumes, because nothing in the file names their content.
+    stream : callable or None
+        Reads groups of columns piece by piece; None where the format cannot.
+    rows : int
+        Rows at most, as far as is known before reading; 0 where `stream` is None.
     """
 
     path: Path
@@ -69,15 +75,21 @@ class Listing:
     meta: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
     guessed: frozenset[str] = frozenset()
+    stream: Stream | None = None
+    rows: int = 0
 
 
 @dataclass(frozen=True)
 class StoredArray:
-    """An array of a file before it is read: shape, type, and how to read it."""
+    """An array of a file before it is read: shape, type, how to read it, and the same in pieces of so many entries.
+
+    The pieces follow the first axis, or the last where the second argument is true.
+    """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     read: Callable[[], NDArray[Any]]
+    pieces: Callable[[int, bool], Iterator[NDArray[Any]]] | None = None
 
 
 def listing_of_arrays(
@@ -87,6 +99,7 @@ def listing_of_arrays(
     units: Mapping[str, str],
     meta: Mapping[str, Any],
     notes: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Listing:
     """Make the listing of arrays (NPZ, MAT, HDF5); only numbers of one or two dimensions count.
 
@@ -115,7 +128,27 @@ def listing_of_arrays(
         return found.T if turned else found.reshape(shape)
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
-        read = {name: array_of(name) for name in dict.fromkeys(p.array for group in groups for p in group)}
+        used = list(dict.fromkeys(p.array for group in groups for p in group))
+        read = {}
+        for done, name in enumerate(used, start=1):
+            read[name] = array_of(name)
+            if progress is not None:
+                progress(done, len(used))
+        return grouped(groups, read)
+
+    def stream(groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
+        used = list(dict.fromkeys(p.array for group in groups for p in group))
+        every = zip(*(_pieces(path, name, *numbers[name], rows) for name in used), strict=True)
+        done, count = 0, max(numbers[name][0][0] for name in used)
+        for pieces in every:
+            yield grouped(groups, dict(zip(used, pieces, strict=True)))
+            done += rows
+            if progress is not None:
+                progress(min(done, count), count)
+
+    def grouped(
+        groups: Sequence[Sequence[Part]], read: Mapping[str, NDArray[Any]]
+    ) -> tuple[NDArray[Any], ...]:
         loaded = []
         for group in groups:
             parts = [read[p.array] if p.column is None else read[p.array][:, p.column] for p in group]
@@ -141,7 +174,29 @@ def listing_of_arrays(
         unsigned={n: 8 * a.dtype.itemsize for n, (_, _, a) in numbers.items() if a.dtype.kind == "u"},
         meta=meta,
         notes=tuple(said),
+        stream=stream,
+        rows=max((shape[0] for shape, _, _ in numbers.values()), default=0),
     )
+
+
+def _pieces(
+    path: Path, name: str, shape: tuple[int, ...], turned: bool, array: NDArray[Any] | StoredArray, rows: int
+) -> Iterator[NDArray[Any]]:
+    """Yield pieces of at most `rows` rows of an array of that shape."""
+    along_last = turned or (len(shape) == 1 and len(array.shape) == 2 and array.shape[0] == 1)
+    if isinstance(array, StoredArray) and array.pieces is not None:
+        pieces = array.pieces(rows, along_last)
+    else:
+        whole = array.read() if isinstance(array, StoredArray) else array
+        lined = whole.T if along_last else whole
+        pieces = (lined[start : start + rows] for start in range(0, len(lined), rows))
+    found = 0
+    for piece in pieces:
+        found += len(piece)
+        yield piece.reshape(-1, *shape[1:])
+    if found != shape[0]:
+        msg = f"{path}: array '{name}': expected {shape[0]} rows, found {found}: save it anew"
+        raise DataError(msg)
 
 
 def digest(path: Path) -> str:

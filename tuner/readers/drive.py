@@ -182,7 +182,8 @@ def _of_arrays(path: Path, found: DriveArrays) -> Drive:
 
 
 def _folder(path: Path) -> Drive:
-    records = {r.name: r for r in read(_existing(path / "imu.csv"), constant_axes=True, assume="si")}
+    inertial = read(_existing(path / "imu.csv"), constant_axes=True, assume="si", memory=math.inf)
+    records = {r.name: r for r in inertial}
     found = [axis for record in records.values() for axis in record.axes]
     if len(found) != 6:
         msg = (

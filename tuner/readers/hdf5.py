@@ -6,6 +6,7 @@ of its groups and single-valued datasets become meta.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, reason
 from tuner.readers.child_process import array_from_child, check_in_child
-from tuner.readers.columns import Listing, StoredArray, listing_of_arrays
+from tuner.readers.columns import Listing, Progress, StoredArray, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
@@ -25,12 +26,12 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
 
 
-def list_hdf5(path: Path) -> Listing:
+def list_hdf5(path: Path, progress: Progress | None = None) -> Listing:
     """Return the numeric datasets of an HDF5 file."""
-    return read_hdf5(path, turned=False)
+    return read_hdf5(path, turned=False, progress=progress)
 
 
-def read_hdf5(path: Path, *, turned: bool) -> Listing:
+def read_hdf5(path: Path, *, turned: bool, progress: Progress | None = None) -> Listing:
     """Return the numeric datasets of an HDF5 file; `turned` ones are transposed.
 
     Datasets whose samples lie in other files, or whose type is unknown, are left out with a note; links to other
@@ -62,7 +63,7 @@ def read_hdf5(path: Path, *, turned: bool) -> Listing:
     with input_guard(path, "HDF5"):
         check_in_child(f"{path}: as HDF5", walk)
         walk()
-    return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes)
+    return listing_of_arrays(path, arrays, units=units, meta=meta, notes=notes, progress=progress)
 
 
 def _list_dataset(
@@ -97,7 +98,10 @@ def _list_dataset(
         shape = node.shape[::-1] if turned else node.shape
         read = partial(_read, path, name, field, turned=turned)
         arrays[column] = StoredArray(
-            shape, dtype, partial(array_from_child, f"{path}: {name}", shape, dtype, read)
+            shape,
+            dtype,
+            partial(array_from_child, f"{path}: {name}", shape, dtype, read),
+            partial(_pieces, path, name, field, node.shape, dtype, turned),
         )
         if isinstance(unit, str):
             units[column] = unit
@@ -114,6 +118,39 @@ def _read(path: Path, name: str, field: str | None, *, turned: bool) -> NDArray[
     raise AssertionError
 
 
+def _pieces(
+    path: Path,
+    name: str,
+    field: str | None,
+    stored: tuple[int, ...],
+    dtype: np.dtype[Any],
+    turned: bool,
+    count: int,
+    last: bool,
+) -> Iterator[NDArray[Any]]:
+    """Yield the entries of a dataset, or of a field of it, along one axis of its shape (turned as it is listed)."""
+    along_first = last == turned or len(stored) == 1
+    whole = stored[0 if along_first else -1]
+    rest = stored[1:] if along_first else stored[:-1]
+    for start in range(0, whole, count):
+        stop = min(start + count, whole)
+        where = slice(start, stop) if along_first else (slice(None), slice(start, stop))
+        shape = (stop - start, *rest)
+        read = partial(_read_some, path, name, field, where, along_first)
+        yield array_from_child(f"{path}: {name}", shape, dtype, read)
+
+
+def _read_some(path: Path, name: str, field: str | None, where: Any, along_first: bool) -> NDArray[Any]:
+    """Return some of the samples, those of one time as a row."""
+    import h5py
+
+    with input_guard(f"{path}: {name}", "a dataset of numbers"):
+        with h5py.File(path, "r") as file:
+            found = np.asarray(file[name][where] if field is None else file[name][where][field])
+        return found if along_first else found.T
+    raise AssertionError
+
+
 def _plain(value: Any) -> Any:
     """Return an attribute as a Python value."""
     if isinstance(value, bytes):
@@ -125,7 +162,7 @@ FORMAT = LogFormat(
     "hdf5",
     "HDF5",
     (".h5", ".hdf5", ".hdf"),
-    lambda path, _: list_hdf5(path),
+    list_hdf5,
     lambda head: head.startswith(SIGNATURE),
     extra="hdf5",
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tuner.formats.documents import parse_json
-from tuner.readers.columns import Listing, listing_of_arrays
+from tuner.readers.columns import Listing, Progress, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.readers.npz_members import stored_arrays
 
@@ -15,7 +15,7 @@ MAX_META_BYTES = 1 << 24
 """Size of a single value or text that is read as meta."""
 
 
-def list_npz(path: Path) -> Listing:
+def list_npz(path: Path, progress: Progress | None = None) -> Listing:
     """Return the arrays of an NPZ file; single numbers and the entries of ``meta`` become meta."""
     arrays, unread = stored_arrays(path)
     single = {
@@ -30,13 +30,13 @@ def list_npz(path: Path) -> Listing:
         if isinstance(content, dict):
             meta |= content
     notes = [f"'{name}' was left out: {why}" for name, why in unread.items()]
-    return listing_of_arrays(path, arrays, units={}, meta=meta, notes=notes)
+    return listing_of_arrays(path, arrays, units={}, meta=meta, notes=notes, progress=progress)
 
 
 FORMAT = LogFormat(
     "npz",
     "NPZ",
     (".npz",),
-    lambda path, _: list_npz(path),
+    list_npz,
     lambda head: head.startswith(b"PK") and b".npy" in head,
 )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any
 
@@ -72,7 +73,29 @@ def _stored(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> St
             return flat.reshape(shape, order="F" if turned else "C")
         raise AssertionError
 
-    return StoredArray(shape, dtype, read)
+    def pieces(count: int, last: bool) -> Iterator[NDArray[Any]]:
+        """Yield entries along an axis; the file is open as often as runs of them lie apart in it."""
+        at = (len(shape) - 1) if last else 0
+        whole = shape[at]
+        along_file = turned == (at == len(shape) - 1) or len(shape) == 1
+        runs = 1 if along_file else math.prod(shape) // max(whole, 1)
+        across = math.prod(shape) // max(whole, 1) if along_file else 1
+        with input_guard(f"{path}: {member.filename}", "an array"), ExitStack() as opened:
+            files = []
+            for run in range(runs):
+                again = opened.enter_context(zipfile.ZipFile(path))
+                file = opened.enter_context(again.open(member))
+                file.seek(begin + run * whole * dtype.itemsize)
+                files.append(file)
+            for start in range(0, whole, count):
+                n = min(count, whole - start)
+                flat = [np.frombuffer(f.read(n * across * dtype.itemsize), dtype) for f in files]
+                if any(len(part) != n * across for part in flat):
+                    msg = f"ends after {start} of {whole} entries"
+                    raise ValueError(msg)
+                yield flat[0].reshape(n, across) if along_file else np.column_stack(flat)
+
+    return StoredArray(shape, dtype, read, pieces)
 
 
 def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:

@@ -6,7 +6,7 @@ read in their unit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,18 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard
 from tuner.readers.column_names import known_unit
-from tuner.readers.columns import Listing, Part
+from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat
 from tuner.types.records import DataError
 
 MAX_ROWS_PER_BYTE = 1000
 """Rows that a byte of a file may stand for: run-length coding of one constant column reaches some hundreds."""
 
+BUFFER_BYTES = 1 << 20
+"""Bytes that are read at a time where a file is read in pieces, instead of a whole group of rows."""
 
-def list_parquet(path: Path) -> Listing:
+
+def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
     """Return the numeric columns of a Parquet file."""
     import pyarrow as pa
     from pyarrow import parquet
@@ -56,23 +59,43 @@ def list_parquet(path: Path) -> Listing:
             units[column.name] = unit
 
     def load(groups: Sequence[Sequence[Part]]) -> tuple[NDArray[Any], ...]:
-        blocks = []
-        for group in groups:
-            exact = all(part.array in integer for part in group)
-            block: NDArray[Any] = np.empty((rows, len(group)), np.int64 if exact else np.float64, order="F")
-            for j, part in enumerate(group):
-                with input_guard(f"{path}: column '{part.array}'", "numbers"):
-                    values = file.read(columns=[part.array]).column(0)
-                    if len(values) != rows:
-                        msg = f"{path}: column '{part.array}': expected {rows} rows, got {len(values)}: damaged?"
-                        raise DataError(msg)
-                    if exact and values.null_count:
-                        exact, block = False, block.astype(np.float64, order="F")
-                    if part.array in integer and not values.null_count:
-                        values = values.cast(pa.int64())
-                    block[:, j] = values.to_numpy()
-            blocks.append(block)
-        return tuple(blocks)
+        done, count = 0, sum(map(len, groups))
+
+        def column(name: str) -> Any:
+            nonlocal done
+            values = file.read(columns=[name]).column(0)
+            if len(values) != rows:
+                msg = f"{path}: column '{name}': expected {rows} rows, got {len(values)}: damaged?"
+                raise DataError(msg)
+            done += 1
+            if progress is not None:
+                progress(done, count)
+            return values
+
+        return tuple(block_of(group, rows, column) for group in groups)
+
+    def stream(groups: Sequence[Sequence[Part]], most: int) -> Iterator[tuple[NDArray[Any], ...]]:
+        names = list(dict.fromkeys(part.array for group in groups for part in group))
+        with input_guard(path, "Parquet"), parquet.ParquetFile(path, buffer_size=BUFFER_BYTES) as some:
+            done = 0
+            for batch in some.iter_batches(batch_size=most, columns=names, use_threads=False):
+                yield tuple(block_of(group, len(batch), batch.column) for group in groups)
+                done += len(batch)
+                if progress is not None:
+                    progress(done, rows)
+
+    def block_of(group: Sequence[Part], count: int, column: Callable[[str], Any]) -> NDArray[Any]:
+        exact = all(part.array in integer for part in group)
+        block: NDArray[Any] = np.empty((count, len(group)), np.int64 if exact else np.float64, order="F")
+        for j, part in enumerate(group):
+            with input_guard(f"{path}: column '{part.array}'", "numbers"):
+                values = column(part.array)
+                if exact and values.null_count:
+                    exact, block = False, block.astype(np.float64, order="F")
+                if part.array in integer and not values.null_count:
+                    values = values.cast(pa.int64())
+                block[:, j] = values.to_numpy(zero_copy_only=False)
+        return block
 
     meta = {
         k.decode("utf-8", errors="replace"): v.decode("utf-8", errors="replace")
@@ -81,7 +104,14 @@ def list_parquet(path: Path) -> Listing:
     }
     numbers = {key: number for key, value in meta.items() if (number := _number(value)) is not None}
     return Listing(
-        path=path, shapes=shapes, load=load, units=units, integer=frozenset(integer), meta=meta | numbers
+        path=path,
+        shapes=shapes,
+        load=load,
+        units=units,
+        integer=frozenset(integer),
+        meta=meta | numbers,
+        stream=stream,
+        rows=rows,
     )
 
 
@@ -96,7 +126,7 @@ FORMAT = LogFormat(
     "parquet",
     "Parquet",
     (".parquet", ".pq"),
-    lambda path, _: list_parquet(path),
+    list_parquet,
     lambda head: head.startswith(b"PAR1"),
     extra="parquet",
 )

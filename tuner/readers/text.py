@@ -34,6 +34,8 @@ MAX_LINE_BYTES = 1 << 16
 """Longest line of a log: some thousand columns."""
 _MAX_EXPANSION, _FREE_BYTES = 200, 1 << 30
 """Unpacked ÷ packed that a text of more than `_FREE_BYTES` may have: measured samples stay below 20."""
+_USUAL_EXPANSION = 4
+"""Unpacked ÷ packed of text with measured samples: digits of noise hardly shrink below 3.3 bits of 8."""
 _HEAD_BYTES = 1 << 16
 """Bytes in which the header and a row of numbers must be found."""
 GZIP = b"\x1f\x8b"
@@ -115,6 +117,10 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         columns = [[names.index(part.array) for part in group] for group in groups]
         return read_numbers(path, dialect, columns, progress=progress)
 
+    def stream(groups: Sequence[Sequence[Part]], rows: int) -> Iterator[tuple[NDArray[Any], ...]]:
+        columns = [[names.index(part.array) for part in group] for group in groups]
+        return _numbers_in_pieces(path, dialect, columns, rows, progress)
+
     units = {names[j]: "s" for j in dialect.dates}
     for j, day in dialect.dates.items():
         since = f"since {day} 00:00 UTC" if day else "of the day"
@@ -127,7 +133,18 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         meta={} if dialect.rate is None else {"rate_hz": dialect.rate},
         notes=notes,
         guessed=guessed,
+        stream=stream,
+        rows=_rows_at_most(path, dialect.skip),
     )
+
+
+def _rows_at_most(path: Path, skip: int) -> int:
+    """Return about how many rows a text has, rather too many, from the shortest of its first lines."""
+    with input_guard(path, "text"), open_bytes(path) as file:
+        lines = file.read(_HEAD_BYTES).split(b"\n")[skip:]
+    shortest = min((len(line) for line in lines[:-1] or lines if line.strip()), default=0) + 1
+    packed = _USUAL_EXPANSION if path.suffix.lower() == ".gz" else 1
+    return packed * path.stat().st_size // shortest
 
 
 def open_bytes(path: Path) -> IO[bytes]:
@@ -207,13 +224,46 @@ def read_numbers(
     DataError
         Text where a number is expected, or a row with too many columns, with line and column.
     """
-    import pandas as pd
-
-    used = sorted({j for group in groups for j in group})
-    total = path.stat().st_size
     lines = _count_lines(path) - dialect.skip
     blocks = [np.empty((lines, len(group)), order="F") for group in groups]
     filled = 0
+    for frame in _frames(path, dialect, sorted({j for group in groups for j in group}), progress):
+        some = frame.iloc[: lines - filled]  # a file that still grows: rows that were there at first
+        stop = filled + len(some)
+        for block, group in zip(blocks, groups, strict=True):
+            for j, column in enumerate(group):
+                block[filled:stop, j] = some[column].to_numpy()
+        filled = stop
+    return tuple(block if filled == len(block) else np.asfortranarray(block[:filled]) for block in blocks)
+
+
+def _numbers_in_pieces(
+    path: Path, dialect: Dialect, groups: Sequence[Sequence[int]], rows: int, progress: Progress | None
+) -> Iterator[tuple[NDArray[np.float64], ...]]:
+    """Yield the columns of each group in pieces of `rows` rows; the last may be shorter."""
+    import pandas as pd
+
+    frames = _frames(path, dialect, sorted({j for group in groups for j in group}), progress)
+    kept: list[Any] = []
+    ended = False
+    while not ended:
+        while sum(map(len, kept)) < rows and not ended:
+            frame = next(frames, None)
+            ended = frame is None
+            kept += [] if frame is None else [frame]
+        whole = pd.concat(kept, ignore_index=True) if kept else None
+        if whole is not None and len(whole):
+            some = whole.iloc[:rows]
+            yield tuple(some[list(group)].to_numpy(np.float64, copy=True) for group in groups)
+            kept = [whole.iloc[rows:]]
+            ended = ended and len(whole) <= rows
+
+
+def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progress | None) -> Iterator[Any]:
+    """Yield tables of the columns that are used, some ten thousand lines at a time."""
+    import pandas as pd
+
+    total = path.stat().st_size
     with path.open("rb") as raw, _unpacked(path, raw) as file:
         for first, text in _pieces(path, file, dialect.skip):
             try:
@@ -246,15 +296,9 @@ def read_numbers(
                 fault = _first_fault(path, text, first, dialect, used)
                 if fault is not None:
                     raise DataError(fault)
-            frame = frame.iloc[: lines - filled]  # a file that still grows: rows that were there at first
-            stop = filled + len(frame)
-            for block, group in zip(blocks, groups, strict=True):
-                for j, column in enumerate(group):
-                    block[filled:stop, j] = frame[column].to_numpy()
-            filled = stop
+            yield frame
             if progress is not None:
                 progress(raw.tell(), total)
-    return tuple(block if filled == len(block) else np.asfortranarray(block[:filled]) for block in blocks)
 
 
 def _seconds_of_stamps(stamps: Any, day: str) -> Any:

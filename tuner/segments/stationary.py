@@ -151,7 +151,9 @@ def keep_still(
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
     note = f"{description}; {len(motion.still)} still parts are used"
-    return tuple(replace(r, segments=motion.still, notes=(*r.notes, note)) for r in records)
+    return tuple(
+        replace(r, segments=motion.still, notes=(*r.notes, note), short_clusters={}) for r in records
+    )
 
 
 def _scatter(channels: int, probability: float) -> float:

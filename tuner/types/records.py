@@ -23,6 +23,25 @@ class DataError(ValueError):
 
 
 @dataclass(frozen=True)
+class ShortClusters:
+    """Allan variances of adjoining clusters of 1, 2, 4, … samples, each below the next.
+
+    Attributes
+    ----------
+    m : tuple of int
+        Cluster sizes, in samples of the log.
+    variance : tuple of float
+        Allan variances, unit².
+    differences : tuple of int
+        Differences of neighbouring clusters behind each.
+    """
+
+    m: tuple[int, ...]
+    variance: tuple[float, ...]
+    differences: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Record:
     """Samples of one sensor in SI units.
 
@@ -54,6 +73,10 @@ class Record:
         ``clock_ratio`` (stated ÷ measured rate); empty where there were no stamps.
     assumptions : tuple of str
         What nobody stated and was assumed of the log, such as the unit of a sensor; among the notes, too.
+    samples_a_mean : int
+        Samples of the log in each sample of the record: 1, or a power of two where the log is larger than memory.
+    short_clusters : mapping of str to ShortClusters
+        By axis, the Allan variances of clusters shorter than the interval, from all samples of such a log.
     """
 
     name: str
@@ -69,6 +92,8 @@ class Record:
     notes: tuple[str, ...] = ()
     timing: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     assumptions: tuple[str, ...] = ()
+    samples_a_mean: int = 1
+    short_clusters: Mapping[str, ShortClusters] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)

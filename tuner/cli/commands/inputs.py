@@ -26,6 +26,7 @@ def load_records(log: str, reading: Reading, messages: Messages) -> tuple[Record
             accel_scale=reading.accel_scale,
             columns=reading.columns,
             assume=reading.assume,
+            memory=reading.memory,
             progress=advance,
         )
     for note in dict.fromkeys(note for record in records for note in record.notes):

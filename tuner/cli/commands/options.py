@@ -43,7 +43,7 @@ DIRECTORY = click.Path(path_type=Path, file_okay=False)
 
 @dataclass(frozen=True)
 class Reading:
-    """Units, rate and columns of a log that the user states; arguments of `tuner.readers.read`."""
+    """What the user states of a log: units, rate, columns, memory in bytes; arguments of `tuner.readers.read`."""
 
     rate: float | None = None
     gyro_unit: str | None = None
@@ -52,6 +52,7 @@ class Reading:
     accel_scale: float | None = None
     columns: Mapping[str, str] | None = None
     assume: str | None = None
+    memory: float | None = None
 
 
 @dataclass(frozen=True)
@@ -215,6 +216,12 @@ def reading(command: Command) -> Command:
     @click.option(
         "--assume", type=click.Choice(["si"]), help="Take units that nothing states as rad/s and m/s^2."
     )
+    @click.option(
+        "--memory",
+        type=POSITIVE,
+        metavar="GB",
+        help="Memory that the program may take, by default half of what is free; larger logs become means of samples.",
+    )
     @functools.wraps(command)
     def wrapped(
         *args: Any,
@@ -225,12 +232,14 @@ def reading(command: Command) -> Command:
         accel_scale: float | None,
         columns: str | None,
         assume: str | None,
+        memory: float | None,
         **options: Any,
     ) -> Any:
         from tuner.readers import parse_columns
 
         chosen = None if columns is None else parse_columns(columns)
-        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume)
+        size = None if memory is None else 1e9 * memory
+        how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume, size)
         return command(*args, reading=how, **options)
 
     return wrapped

@@ -1,0 +1,146 @@
+"""A log larger than memory becomes means of its samples, whose noise is that of the samples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from tuner.identification import identify_channel
+from tuner.readers import read
+from tuner.readers.block_means import MIN_ROWS
+from tuner.types.records import DataError, Record
+
+LITTLE = 1.0
+"""Bytes of memory: the least rows are kept."""
+ROWS = 4 * MIN_ROWS + 1000
+INTERVAL = 0.005
+N, K = 1e-3, 2e-4
+"""Densities of white noise, rad/s/√Hz, and random walk, rad/s²/√Hz."""
+
+
+def columns(rows: int = ROWS) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(7)
+    white = rng.normal(0.0, N / np.sqrt(INTERVAL), (rows, 2))
+    gyro = white + np.cumsum(rng.normal(0.0, K * np.sqrt(INTERVAL), (rows, 2)), axis=0)
+    accel = rng.normal(0.0, 0.02, (rows, 1)) + 9.81
+    return {
+        "t [s]": INTERVAL * np.arange(rows),
+        **{f"gyro_{a} [rad/s]": gyro[:, j] for j, a in enumerate("xy")},
+        "accel_z [m/s^2]": accel[:, 0],
+        "temperature [degC]": 20.0 + 1e-4 * np.arange(rows),
+    }
+
+
+def written(path: Path, data: dict[str, np.ndarray]) -> Path:
+    if path.suffix == ".csv":
+        pd.DataFrame(data).to_csv(path, index=False)
+    elif path.suffix == ".parquet":
+        pd.DataFrame(data).to_parquet(path, row_group_size=20_000)
+    elif path.suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for name, column in data.items():
+                plain, _, unit = name.partition(" [")
+                file.create_dataset(plain, data=column, chunks=True).attrs["unit"] = unit[:-1]
+    else:
+        np.savez(path, **data)
+    return path
+
+
+def both(path: Path) -> tuple[Record, Record]:
+    whole, small = read(path)[0], read(path, memory=LITTLE)[0]
+    assert (whole.samples_a_mean, small.samples_a_mean) == (1, 8)
+    return whole, small
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "h5", "npz"])
+def test_samples_are_means_and_short_clusters_those_of_all_samples(tmp_path: Path, ending: str) -> None:
+    told: list[tuple[int, int]] = []
+    path = written(tmp_path / f"log.{ending}", columns())
+    whole, small = both(path)
+    read(path, memory=LITTLE, progress=lambda done, total: told.append((done, total)))
+    size = small.samples_a_mean
+    full = len(whole) // size * size
+    np.testing.assert_allclose(
+        small.y, whole.y[:full].reshape(-1, size, 2).mean(axis=1), rtol=0.0, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        small.covariates["temperature"], whole.covariates["temperature"][:full].reshape(-1, size).mean(axis=1)
+    )
+    np.testing.assert_allclose(small.t, whole.t[:full].reshape(-1, size).mean(axis=1))
+    assert small.interval == pytest.approx(size * INTERVAL, rel=1e-9)
+    assert small.segments == ((0, full // size),)
+    short = small.short_clusters["gyro_y"]
+    assert short.m == (1, 2, 4)
+    for m, variance in zip(short.m, short.variance, strict=True):
+        clusters = whole.y[:full, 1].reshape(-1, m).mean(axis=1)
+        # the pairs across the four borders of parts are left out
+        assert variance == pytest.approx(0.5 * np.mean(np.diff(clusters) ** 2), rel=40 * m / full)
+    assert told[-1][0] == told[-1][1] > 0
+    assert "each of the 8317 that are kept is the mean of 8" in small.assumptions[0]
+
+
+def test_archives_whose_arrays_lie_otherwise(tmp_path: Path) -> None:
+    data = list(columns().values())
+    gyro = np.stack([*data[1:3], data[1]], axis=1)
+    for name, array in (("F", np.asfortranarray(gyro)), ("turned", gyro.T.copy()), ("C", gyro)):
+        np.savez_compressed(tmp_path / f"{name}.npz", t=data[0], gyro=array, gyro_unit="rad/s")
+        small = read(tmp_path / f"{name}.npz", memory=LITTLE)[0]
+        np.testing.assert_allclose(small.y[:, 1], data[2][: 8 * len(small)].reshape(-1, 8).mean(axis=1))
+
+
+def test_no_mean_reaches_across_a_gap_or_a_broken_row(tmp_path: Path) -> None:
+    data = columns()
+    data["gyro_x [rad/s]"][5000] = np.nan
+    kept = np.ones(ROWS, bool)
+    kept[20_000:20_100] = kept[MIN_ROWS - 3 : MIN_ROWS + 40] = False
+    _, small = both(written(tmp_path / "log.npz", {name: column[kept] for name, column in data.items()}))
+    at = np.array([small.t[start] - 3.5 * INTERVAL for start, _ in small.segments])
+    np.testing.assert_allclose(at, INTERVAL * np.array([0, MIN_ROWS + 40, 20_100]), atol=1e-9)
+    for start, stop in small.segments:
+        np.testing.assert_allclose(np.diff(small.t[start:stop]), 8 * INTERVAL, rtol=1e-6)
+    assert small.timing["gap_count"] == 2
+    assert small.timing["missing"] == 144  # with the broken row
+    assert any("1 rows with NaN" in note and "data row 1 on)" in note for note in small.notes)
+
+
+def test_noise_of_means_is_that_of_the_samples(tmp_path: Path) -> None:
+    whole, small = both(written(tmp_path / "log.npz", columns(8 * MIN_ROWS - 5)))
+    every, means = (identify_channel(record, "gyro_x", arma=None) for record in (whole, small))
+    assert means.interval == pytest.approx(INTERVAL)
+    assert means.warnings == ()
+    for name, parameter in (("white", "density"), ("random_walk", "density")):
+        one, other = (found.term(name).coefficients[parameter] for found in (every, means))  # type: ignore[union-attr]
+        # both are efficient: the variance of their difference is the difference of their variances
+        sds = [np.log(c.interval[1] / c.interval[0]) / 3.92 for c in (one, other)]
+        assert abs(np.log(other.value / one.value)) < 5.0 * np.sqrt(max(sds[1] ** 2 - sds[0] ** 2, 1e-6))
+    for m in (1, 4, 80):
+        points = [
+            float(np.interp(m * INTERVAL, c.allan.tau, c.allan.deviation()[:, 0])) for c in (every, means)
+        ]
+        assert points[1] == pytest.approx(points[0], rel=0.02)
+
+
+def test_what_is_hidden_within_the_means_is_told(tmp_path: Path) -> None:
+    data = columns()
+    data["gyro_x [rad/s]"] += 0.02 * np.sin(2.0 * np.pi * 50.0 * data["t [s]"])
+    _, small = both(written(tmp_path / "log.npz", data))
+    (warning,) = identify_channel(small, "gyro_x", arma=None).warnings
+    assert "clusters shorter than 0.02 s follow no sum of noise terms" in warning
+    assert "f ≤ 12.5 Hz" in warning
+    assert identify_channel(small, "gyro_y", arma=None).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("factor", "offset", "found"),
+    [(1.0, -100.0, "the stamps go back by 100"), (1.1, 0.0, r"181\.818 Hz: cut the log there")],
+)
+def test_parts_that_do_not_fit_are_refused(tmp_path: Path, factor: float, offset: float, found: str) -> None:
+    data = columns()
+    t = data["t [s]"]
+    t[2 * MIN_ROWS :] += offset + (factor - 1.0) * (t[2 * MIN_ROWS :] - t[2 * MIN_ROWS])
+    with pytest.raises(DataError, match=found):
+        read(written(tmp_path / "log.npz", data), memory=LITTLE)
