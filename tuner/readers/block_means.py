@@ -99,7 +99,7 @@ def _parts(
     assert listing.stream is not None
     stated = plan.layout.time is not None
     row = 0
-    for piece in _without_short_end(listing.stream(plan.groups, rows), rows // 2):
+    for piece in _even_parts(listing.stream(plan.groups, rows), rows // 2):
         found = even(replace(listing, load=partial(_given, piece)), plan, digest, options)
         if not stated:
             shift = row * found.records[0].interval
@@ -112,20 +112,24 @@ def _given(piece: tuple[NDArray[Any], ...], _: object) -> tuple[NDArray[Any], ..
     return piece
 
 
-def _without_short_end(
-    pieces: Iterator[tuple[NDArray[Any], ...]], least: int
-) -> Iterator[tuple[NDArray[Any], ...]]:
-    """Join a last piece of fewer than `least` rows to the one before."""
-    before = next(pieces, None)
+def _even_parts(pieces: Iterator[tuple[NDArray[Any], ...]], least: int) -> Iterator[tuple[NDArray[Any], ...]]:
+    """Join pieces, the last ones too, so that each part has `least` rows; a file without as many is one part."""
+    whole: tuple[NDArray[Any], ...] | None = None
+    short: list[tuple[NDArray[Any], ...]] = []
     for piece in pieces:
-        assert before is not None
-        if len(piece[0]) < least:
-            before = tuple(np.concatenate(pair) for pair in zip(before, piece, strict=True))
-        else:
-            yield before
-            before = piece
-    if before is not None:
-        yield before
+        short.append(piece)
+        if sum(len(p[0]) for p in short) >= least:
+            if whole is not None:
+                yield whole
+            whole, short = _joined(short), []
+    if whole is not None or short:
+        yield _joined([*([] if whole is None else [whole]), *short])
+
+
+def _joined(pieces: Sequence[tuple[NDArray[Any], ...]]) -> tuple[NDArray[Any], ...]:
+    if len(pieces) == 1:
+        return pieces[0]
+    return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))
 
 
 class _Joined:

@@ -78,11 +78,12 @@ def list_parquet(path: Path, progress: Progress | None = None) -> Listing:
         names = list(dict.fromkeys(part.array for group in groups for part in group))
         with input_guard(path, "Parquet"), parquet.ParquetFile(path, buffer_size=BUFFER_BYTES) as some:
             done = 0
-            for batch in some.iter_batches(batch_size=most, columns=names, use_threads=False):
-                yield tuple(block_of(group, len(batch), batch.column) for group in groups)
-                done += len(batch)
-                if progress is not None:
-                    progress(done, rows)
+            for number in range(some.num_row_groups):  # over all at once, pyarrow keeps what it has read
+                for batch in some.iter_batches(most, [number], names, use_threads=False):
+                    yield tuple(block_of(group, len(batch), batch.column) for group in groups)
+                    done += len(batch)
+                    if progress is not None:
+                        progress(done, rows)
 
     def block_of(group: Sequence[Part], count: int, column: Callable[[str], Any]) -> NDArray[Any]:
         exact = all(part.array in integer for part in group)
