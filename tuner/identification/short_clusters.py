@@ -20,7 +20,7 @@ from tuner.types.records import Record
 
 FloatArray = NDArray[np.float64]
 
-SCATTER = 5.0
+AGREEING_SDS = 5.0
 """Sds of an Allan variance within which it agrees with the terms."""
 
 
@@ -48,7 +48,7 @@ def band_of_samples(band: Band, allan: AllanCurve, record: Record, model: NoiseM
         return band
     number, first = len(short.m), record.interval / record.samples_a_mean
     ratio = allan.variance[:number, 0] / model.allan_variance(allan.tau[:number], interval=first)
-    tolerated = 2.0 * CURVE_TOLERANCE + SCATTER * np.sqrt(2.0 / allan.dof[:number, 0])
+    tolerated = 2.0 * CURVE_TOLERANCE + AGREEING_SDS * np.sqrt(2.0 / allan.dof[:number, 0])
     apart = np.flatnonzero(np.abs(ratio - 1.0) > tolerated)
     if band.m == 1 and not len(apart):
         return band

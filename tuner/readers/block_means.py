@@ -150,13 +150,13 @@ class _Joined:
         self._interval = 0.0
         self._gaps: list[int] = []
         self._timing: list[Mapping[str, float]] = []
-        self._told: list[tuple[int, EvenRecords]] = []
+        self._parts: list[tuple[int, EvenRecords]] = []
 
     def add(self, row: int, found: EvenRecords) -> None:
         """Take in the next part, whose first row is number `row`."""
         record = found.records[0]
         self._timing.append(record.timing)
-        self._told.append((row, replace(found, records=())))
+        self._parts.append((row, replace(found, records=())))
         interval = self._interval / self._samples if self._samples else record.interval
         if abs(record.interval / interval - 1.0) > MAX_RATE_CHANGE:
             msg = (
@@ -259,8 +259,8 @@ class _Joined:
             )
         return EvenRecords(
             tuple(records),
-            (*_common([(row, found.notes) for row, found in self._told]), *notes),
-            (said, *self._told[0][1].assumptions),
+            (*_common([(row, found.notes) for row, found in self._parts]), *notes),
+            (said, *self._parts[0][1].assumptions),
         )
 
     def _short(self, column: int) -> ShortClusters:
@@ -286,18 +286,18 @@ def _merged(timing: Sequence[Mapping[str, float]], gaps: Sequence[int]) -> dict[
     return merged
 
 
-def _common(told: Sequence[tuple[int, Sequence[str]]]) -> list[str]:
+def _common(parts: Sequence[tuple[int, Sequence[str]]]) -> list[str]:
     """Return each kind of note once, with the part that it comes from where not all say it alike."""
     found: dict[str, list[tuple[int, str]]] = {}
-    for row, notes in told:
+    for row, notes in parts:
         for note in notes:
             found.setdefault(re.sub(r"[0-9][0-9.e+-]*", "#", note), []).append((row, note))
     said = []
     for alike in found.values():
         row, note = alike[0]
-        if len(alike) == len(told) and len({text for _, text in alike}) == 1:
+        if len(alike) == len(parts) and len({text for _, text in alike}) == 1:
             said.append(note)
             continue
-        others = f", and likewise in {len(alike) - 1} other parts of {len(told)}" if len(alike) > 1 else ""
+        others = f", and likewise in {len(alike) - 1} other parts of {len(parts)}" if len(alike) > 1 else ""
         said.append(f"{note} (in the part from data row {row + 1} on{others})")
     return said

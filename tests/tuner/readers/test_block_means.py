@@ -58,10 +58,10 @@ def both(path: Path) -> tuple[Record, Record]:
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5", "npz"])
 def test_samples_are_means_and_short_clusters_those_of_all_samples(tmp_path: Path, ending: str) -> None:
-    told: list[tuple[int, int]] = []
+    calls: list[tuple[int, int]] = []
     path = written(tmp_path / f"log.{ending}", columns())
     whole, small = both(path)
-    read(path, memory=LITTLE, progress=lambda done, total: told.append((done, total)))
+    read(path, memory=LITTLE, progress=lambda done, total: calls.append((done, total)))
     size = small.samples_a_mean
     full = len(whole) // size * size
     np.testing.assert_allclose(
@@ -79,7 +79,7 @@ def test_samples_are_means_and_short_clusters_those_of_all_samples(tmp_path: Pat
         clusters = whole.y[:full, 1].reshape(-1, m).mean(axis=1)
         # the pairs across the four borders of parts are left out
         assert variance == pytest.approx(0.5 * np.mean(np.diff(clusters) ** 2), rel=40 * m / full)
-    assert told[-1][0] == told[-1][1] > 0
+    assert calls[-1][0] == calls[-1][1] > 0
     assert "each of the 8317 that are kept is the mean of 8" in small.assumptions[0]
 
 
@@ -124,7 +124,7 @@ def test_noise_of_means_is_that_of_the_samples(tmp_path: Path) -> None:
         assert points[1] == pytest.approx(points[0], rel=0.02)
 
 
-def test_what_is_hidden_within_the_means_is_told(tmp_path: Path) -> None:
+def test_what_is_hidden_within_the_means_is_said(tmp_path: Path) -> None:
     data = columns()
     data["gyro_x [rad/s]"] += 0.02 * np.sin(2.0 * np.pi * 50.0 * data["t [s]"])
     _, small = both(written(tmp_path / "log.npz", data))
