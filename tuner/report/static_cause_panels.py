@@ -125,6 +125,9 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
 def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:
     """Draw the variance of the residuals over time, with the burst or the drift that was found."""
     square = np.minimum(subject.e**2, 25.0)
+    if "period" in values:
+        draw_swell(panel, square, subject.t, values)
+        return
     hours = blocks(subject.t, 300).mean(axis=1) / 3600.0
     rows = blocks(square, 300)
     panel.plot(hours, rows.mean(axis=1), ".", ms=3, color=DATA_COLOUR, label="residuals")
@@ -147,6 +150,21 @@ def draw_variance(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, floa
         level = np.exp(values["slope"] * (course - course.mean()))
         panel.plot(hours, level * rows.mean() / level.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
     panel.set(xlabel="time, h", ylabel="variance of the residuals", title="variance over time")
+
+
+def draw_swell(panel: Axes, square: FloatArray, t: FloatArray, values: Mapping[str, float]) -> None:
+    """Draw the mean squares of the residuals, shape (n,), over the phase of the period that was found."""
+    phase = (t - t[0]) / values["period"] % 1.0
+    number = int(np.clip(values["period"] / (t[1] - t[0]), 4, 48))
+    place = np.minimum((phase * number).astype(int), number - 1)
+    count = np.maximum(np.bincount(place, minlength=number), 1)
+    middle, mean = (np.arange(number) + 0.5) / number, np.bincount(place, square, number) / count
+    panel.plot(middle, mean, ".", ms=4, color=DATA_COLOUR, label="residuals")
+    wave = complex(np.sum(mean * np.exp(2j * np.pi * middle)))
+    course = np.exp(values["depth"] * np.cos(2.0 * np.pi * middle - np.angle(wave)))
+    panel.plot(middle, course * mean.mean() / course.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")
+    panel.set(xlabel=f"phase of {values['period']:.5g} s", ylabel="variance of the residuals")
+    panel.set_title("variance over a period")
 
 
 def draw_histogram(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]) -> None:  # noqa: ARG001

@@ -10,15 +10,19 @@ colour                  ar, ma                                          spectral
 gauss_markov            sd, time_constant                               spectral
 temperature             slope                                           thermal
 thermal_lag             slope, time_constant                            thermal
+temperature_squared     curvature                                       thermal
+hysteresis              slope, width                                    thermal
 warmup                  amplitude, time_constant                        thermal
 step                    time, size                                      events
 telegraph               size, dwell_low, dwell_high                     events
 spikes                  rate, size                                      events
 motion                  start, duration                                 events
-heavy_tails             excess_kurtosis                                 tails
-burst                   start, duration, variance_ratio                 tails
-variance_drift          slope                                           tails
-cross_axis              correlation                                     tails
+heavy_tails             excess_kurtosis                                 distribution
+burst                   start, duration, variance_ratio                 distribution
+variance_drift          slope                                           distribution
+periodic_variance       period, depth                                   distribution
+skewed_noise            skewness                                        distribution
+cross_axis              correlation                                     distribution
 duplicates              fraction                                        sampling
 timing                  gap_count, jitter_sd, clock_ratio               sampling
 clipping                low, high                                       sampling
@@ -42,11 +46,24 @@ from models.effects.parsing import kind
 from models.effects.parsing import parse as text_parse
 from models.effects.static.attitude import Attitude
 from models.effects.static.base import STAMP, Effect, Samples, Scale, require_positive
-from models.effects.static.distribution import Burst, CrossAxis, HeavyTails, VarianceDrift
+from models.effects.static.distribution import (
+    Burst,
+    CrossAxis,
+    HeavyTails,
+    PeriodicVariance,
+    SkewedNoise,
+    VarianceDrift,
+)
 from models.effects.static.events import Motion, Spikes, Step, Telegraph
 from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
 from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
-from models.effects.static.thermal import TemperatureSlope, ThermalLag, Warmup
+from models.effects.static.thermal import (
+    Hysteresis,
+    TemperatureSlope,
+    TemperatureSquared,
+    ThermalLag,
+    Warmup,
+)
 from models.registry import Registry
 
 
@@ -71,7 +88,7 @@ EFFECTS.extend(
     (
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
         CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
-        CrossAxis, Attitude, Motion,
+        CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis,
     )
 )  # fmt: skip
 

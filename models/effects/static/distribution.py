@@ -5,6 +5,8 @@ Each acts on the white part w alone::
     heavy_tails       w √((ν − 2)/χ²_ν): Student's t of the same variance, excess kurtosis 6/(ν − 4)
     burst             w √variance_ratio, for start ≤ t < start + duration
     variance_drift    w exp(slope (t − t_mid)/2): the log of the variance runs at `slope`
+    periodic_variance w exp(depth cos(2πt/period + φ)/2)
+    skewed_noise      sd (g − k)/√k, g of the gamma law of shape k = 4/skewness²
     cross_axis        √(1 − ρ) w_j + √ρ sd_j c, with one white c for all channels
 """
 
@@ -28,6 +30,9 @@ from models.effects.static.base import (
     require_positive,
     sign,
 )
+
+MIN_SKEWNESS = 1e-4
+"""Skewness below which a law is taken for normal: no record is long enough to tell, and its shape is beyond 4e8."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,74 @@ class VarianceDrift(Effect):
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
         """Change of the log variance over the record ± 0.05 … 2."""
         return cls(sign(rng) * log_uniform(rng, 0.05, 2.0) / scale.span)
+
+
+@dataclass(frozen=True)
+class SkewedNoise(Effect):
+    """White noise of a gamma law in place of the normal one, mean and variance unchanged.
+
+    Attributes
+    ----------
+    skewness : float
+        Third central moment ÷ sd³, −2 … 2; 0 is Gaussian.
+    """
+
+    name: ClassVar[str] = "skewed_noise"
+    stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
+    skewness: float
+
+    def __post_init__(self) -> None:
+        require_between(-2.0, 2.0, skewness=self.skewness)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Give the white part of every channel a skew law."""
+        if abs(self.skewness) < MIN_SKEWNESS:
+            return block
+        w, shape = block.fast(), 4.0 / self.skewness**2
+        gamma = (rng.standard_gamma(shape, w.shape) - shape) / np.sqrt(shape)
+        return block.reshaped(w, np.copysign(1.0, self.skewness) * w.std(axis=0) * gamma)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Skewness ± 0.05 … 1."""
+        return cls(sign(rng) * log_uniform(rng, 0.05, 1.0))
+
+
+@dataclass(frozen=True)
+class PeriodicVariance(Effect):
+    """White noise whose variance swells and ebbs with a period, such as that of a clock or a machine.
+
+    Attributes
+    ----------
+    period : float
+        s.
+    depth : float
+        Amplitude of the log of the variance.
+    """
+
+    name: ClassVar[str] = "periodic_variance"
+    stage: ClassVar[int] = NOISE
+    joins: ClassVar[Joins] = "law of the noise"
+    locates: ClassVar[tuple[str, ...]] = ("period",)
+    positive: ClassVar[tuple[str, ...]] = ("period", "depth")
+    period: float
+    depth: float
+
+    def __post_init__(self) -> None:
+        require_positive(period=self.period)
+        require_not_negative(depth=self.depth)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Scale the white part of every channel, with a phase by chance."""
+        w = block.fast()
+        phase = 2.0 * np.pi * (block.t / self.period + rng.uniform())
+        return block.reshaped(w, np.exp(0.5 * self.depth * np.cos(phase))[:, np.newaxis] * w)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Four intervals … a twentieth of the record, depth 0.05 … 1."""
+        return cls(log_uniform(rng, 4.0 * scale.interval, 0.05 * scale.span), log_uniform(rng, 0.05, 1.0))
 
 
 @dataclass(frozen=True)

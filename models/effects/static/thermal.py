@@ -4,9 +4,11 @@
 
     temperature    slope · (T − T_0)
     thermal_lag    slope · (L − T_0),    time_constant · dL/dt = T − L,   L(0) = T_0
+    temperature_squared   curvature · (T − T_m)²
+    hysteresis     slope · (P − T_0),    P the temperature behind a play of `width`
     warmup         amplitude · exp(−(t − t_0) / time_constant)
 
-T_0 is the first temperature of the block, t_0 its first time. Curves of the temperature itself are in
+T_0 is the first temperature of the block, T_m their mean, t_0 its first time. Curves of the temperature itself are in
 `models.effects.static.temperature_profiles`.
 """
 
@@ -114,6 +116,78 @@ class ThermalLag(Effect):
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
         """Slope ± 3 … 30 Allan floors per kelvin, lag 50 … 800 s."""
         return cls(sign(rng) * scale.floor * log_uniform(rng, 3.0, 30.0), log_uniform(rng, 50.0, 800.0))
+
+
+@dataclass(frozen=True)
+class TemperatureSquared(Effect):
+    """Bias in proportion to the square of the temperature about its mean over the record.
+
+    Attributes
+    ----------
+    curvature : float
+        unit/K².
+    """
+
+    name: ClassVar[str] = "temperature_squared"
+    deterministic: ClassVar[bool] = True
+    needs_temperature: ClassVar[bool] = True
+    curvature: float
+
+    def __post_init__(self) -> None:
+        require_finite(curvature=self.curvature)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the bias to every channel."""
+        celsius = _temperature(block, self.name)
+        return block.add(self.curvature * (celsius - celsius.mean()) ** 2)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Curvature ± 0.3 … 3 Allan floors per square kelvin."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 0.3, 3.0))
+
+
+@dataclass(frozen=True)
+class Hysteresis(Effect):
+    """Bias in proportion to a temperature that a play has passed: it turns back only after some kelvin.
+
+    Attributes
+    ----------
+    slope : float
+        unit/K.
+    width : float
+        Play, K: what the temperature must turn back before the bias follows.
+    """
+
+    name: ClassVar[str] = "hysteresis"
+    deterministic: ClassVar[bool] = True
+    needs_temperature: ClassVar[bool] = True
+    positive: ClassVar[tuple[str, ...]] = ("width",)
+    slope: float
+    width: float
+
+    def __post_init__(self) -> None:
+        require_finite(slope=self.slope)
+        require_positive(width=self.width)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the bias to every channel."""
+        celsius = _temperature(block, self.name)
+        return block.add(self.slope * (behind_play(celsius, self.width) - celsius[0]))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Slope ± 3 … 30 Allan floors per kelvin, play 0.5 … 5 K."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 3.0, 30.0), log_uniform(rng, 0.5, 5.0))
+
+
+def behind_play(x: FloatArray, width: float) -> FloatArray:
+    """Return values, shape (n,), behind a play of this width, which begins in its middle."""
+    out, at, half = np.empty(len(x)), float(x[0]), 0.5 * width
+    for i, value in enumerate(x.tolist()):
+        at = min(max(at, value - half), value + half)
+        out[i] = at
+    return out
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,8 @@ def quantizer_step(pieces: Sequence[FloatArray]) -> float:
     """
     values, count = np.unique(np.concatenate(pieces)[:MAX_VALUES], return_counts=True)
     descending = np.sort(count)[::-1]
-    values = values[count >= descending[np.searchsorted(descending.cumsum(), MIN_CODE_SHARE * count.sum())]]
+    frequent = count >= descending[np.searchsorted(descending.cumsum(), MIN_CODE_SHARE * count.sum())]
+    values = values[frequent] if np.count_nonzero(frequent) > 1 else values
     if len(values) < 2:
         return 0.0
     grain = 8.0 * np.spacing(np.abs(values).max())

@@ -5,10 +5,12 @@ record B, else its first 60 %. With all parameters frozen, B is scored before an
 
     ln p(B) = Σ_j ln h(e_j) − ½ Σ_k ln E_k
 
-with E the spectrum of the model, e its residuals on B and h their law (normal, Student's, contaminated normal). A line
-may choose its phase anew, for one nat; a variance that drifts goes on as it did; two levels count by what a switching
-filter gains on the Gaussian one. What is an event of A (a step, a burst) is not in B: where it cannot be found again
-its gain is that in sample, less the price of its parameters.
+with E the spectrum of the model, e its residuals on B and h their law (normal, Student's, contaminated normal, gamma).
+A line may choose its phase anew, for one nat, and so may a variance with a period; a variance that drifts goes on as it
+did; two levels count by what a switching filter gains on the Gaussian one. A slope of B is fitted to it, and in another
+record how a thermal lag begins. What is an event of A (a step, a burst) is not in B: where it cannot be found again, or
+lies near the cut or after it, its gain is that in sample, less the price of its parameters, and it is taken out before
+anything else is scored.
 """
 
 from __future__ import annotations
@@ -22,24 +24,37 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from models.noise import NoiseModel, White
+from tuner.diagnosis.static.causes.base import Extension
+from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.motion import Motion
+from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
+from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.causes.spikes import Spikes
+from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
+from tuner.diagnosis.static.causes.thermal_lag import ThermalLag
 from tuner.diagnosis.static.causes.variance_drift import VarianceDrift
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
-from tuner.diagnosis.static.model.residual import Residual, gain_of, once, power_of, residual
+from tuner.diagnosis.static.model.profile_likelihood import first_column
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, gain_of, once, power_of, residual
 from tuner.diagnosis.static.search import Accepted, SearchResult
 from tuner.diagnosis.static.switching.models import block_noise
+from tuner.diagnosis.static.variance.quantized_noise import slow_track
 from tuner.types import Gain
 
 FloatArray = NDArray[np.float64]
 
 FITTED_SHARE = 0.6
 """Part of a single record that the parameters are taken from; chosen so that both parts are long."""
+MARGIN_SHARE = 0.03
+"""Share of the record before the cut within which an event is not told apart from one that begins there.
+
+Chosen as a twentieth of the first part: a jump with less behind it is hardly found again in that part alone.
+"""
 PREDICTION_HORIZON = 60.0
 """Length of the means whose change a user has to expect, s; chosen as that of an outage of GNSS."""
 
@@ -54,9 +69,9 @@ class _Test:
 
     @cached_property
     def ramp(self) -> FloatArray:
-        """Cosine coefficients 1 … n − 1 of an even slope."""
+        """An even slope, shape (n, 1)."""
         n = len(self.channel)
-        return transform(np.arange(n) / n - 0.5, self.channel.interval)[1:]
+        return (np.arange(n) / n - 0.5)[:, None]
 
 
 def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted, ...]:
@@ -71,12 +86,13 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
     """
     if not outcome.accepted:
         return ()
-    whole = _still(outcome)
+    cut = int(FITTED_SHARE * len(outcome.base.channel))
+    late = () if second is not None else _late(outcome, cut)
+    whole = _still(outcome, late)
     train, test, split = whole, None, "second record"
     if second is not None:
         test = _Test(second, second, 0)
     else:
-        cut = int(FITTED_SHARE * len(whole))
         part, rest = whole.part(0, cut), whole.part(cut, len(whole))
         split = "60/40"
         if part is not None and rest is not None:
@@ -88,20 +104,35 @@ def with_gains(outcome: SearchResult, second: Channel | None) -> tuple[Accepted,
     n = len(test.channel)
     done = []
     for accepted in outcome.accepted:
-        result = retest(found, accepted.extension.cause)
+        apart = any(accepted.extension is one for one in late)
+        result = None if apart else retest(found, accepted.extension.cause)
         if result is None or result.propose is None or result.gain <= 0:
             done.append(replace(accepted, gain=_in_sample(outcome, accepted)))
             continue
         extended = residual(train, (*found.extensions, *result.propose()), starts=found.starts)
-        after = _score(extended, test)
+        free = _free(extended, test)
+        if free.shape[1] > 1:
+            before = _score(found, test, free)
+        after = _score(extended, test, free)
         user = _user(found, extended, test)
         done.append(replace(accepted, gain=Gain(split, before / n, after / n, after - before, user=user)))
         found, before = extended, after
     return tuple(done)
 
 
-def _still(outcome: SearchResult) -> Channel:
-    """Return the channel without its stretches of motion and the levels between them."""
+def _late(outcome: SearchResult, cut: int) -> tuple[Extension, ...]:
+    """Return gross jumps, and the jumps and bursts that are not well within the first part, samples 0 … cut − 1."""
+    margin = int(MARGIN_SHARE * len(outcome.base.channel))
+    return tuple(
+        x
+        for x in outcome.final.extensions
+        if (isinstance(x, Step) and (x.taken or x.first > cut - margin))
+        or (isinstance(x, Burst) and x.last > cut - margin)
+    )
+
+
+def _still(outcome: SearchResult, late: tuple[Extension, ...]) -> Channel:
+    """Return the channel without its stretches of motion, the levels between them, and late events."""
     channel = outcome.base.channel
     given = [x for x in outcome.base.extensions if isinstance(x, Motion)]
     y = outcome.base.cleaned.y.copy()
@@ -111,6 +142,17 @@ def _still(outcome: SearchResult) -> Channel:
         size = columns.shape[1]
         y -= np.repeat(columns @ outcome.base.fit.beta[at : at + size], channel.block)
         at += size
+    for index, event in enumerate(outcome.final.extensions):
+        if not any(event is one for one in late):
+            continue
+        if isinstance(event, Step):
+            y[event.first :] -= event.taken + float(
+                outcome.final.fit.beta[first_column(outcome.final, index)]
+            )
+        elif isinstance(event, Burst):
+            inside = slice(event.first, event.last)
+            slow = slow_track(outcome.final)[0][inside]
+            y[inside] = slow + (y[inside] - slow) * event.ratio**-0.5
     return replace(outcome.base.cleaned, y=y)
 
 
@@ -137,10 +179,32 @@ def _signal(fitted: Residual, test: _Test) -> FloatArray:
     return np.repeat(total, test.context.block)[test.first : test.first + len(test.channel)]
 
 
-def _score(fitted: Residual, test: _Test) -> float:
+def _free(fitted: Residual, test: _Test) -> FloatArray:
+    """Return what is fitted to a test because no model foretells it, shape (n, p).
+
+    A slope, and in another record how a lag begins.
+    """
+    columns = [test.ramp]
+    for extension in fitted.extensions if test.first == 0 and test.channel is test.context else ():
+        if isinstance(extension, ThermalLag):
+            columns.append(np.repeat(extension.start(test.context), test.context.block)[:, None])
+    return np.concatenate(columns, axis=1)
+
+
+def _without(free: FloatArray, y: FloatArray, power: FloatArray, interval: float) -> FloatArray:
+    """Return samples, shape (n,), less free columns, (n, p), as fitted to them in noise of this power."""
+    root = 1.0 / np.sqrt(power)
+    white = np.stack([transform(column, interval)[1:] * root for column in free.T], axis=1)
+    size = np.linalg.lstsq(white, transform(y, interval)[1:] * root)[0]
+    return np.asarray(y - free @ size)
+
+
+def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> float:
     """Return the log likelihood of a test under a model with frozen parameters, nats (up to a constant)."""
     dt, n = test.channel.interval, len(test.channel)
     y = test.channel.y * (test.channel.scale / fitted.channel.scale) - _signal(fitted, test)
+    power = _power(fitted, n)
+    y = _without(test.ramp if free is None else free, y, power, dt)
     charge = 0.0
     for extension in fitted.extensions:
         if isinstance(extension, Line):
@@ -151,17 +215,21 @@ def _score(fitted: Residual, test: _Test) -> float:
         if isinstance(extension, Telegraph):
             step = test.channel.block * dt
             charge -= extension.lead(test.channel.block_mean(y), step, block_noise(fitted.fit.terms(), step))
-    power = _power(fitted, n)
-    a = transform(y, dt)[1:]
-    weighted = test.ramp / power
-    a = a - test.ramp * float((a @ weighted) / (test.ramp @ weighted))
-    whitened = np.concatenate(([0.0], a / np.sqrt(power)))
+    whitened = np.concatenate(([0.0], transform(y, dt)[1:] / np.sqrt(power)))
     spread = np.zeros(n)
     for extension in fitted.extensions:
         if isinstance(extension, VarianceDrift):
             spread += extension.foretold(fitted.channel, test.context)[test.first : test.first + n]
-    valid = test.channel.valid
-    e, spread = (inverse(whitened, 1.0) * np.exp(-0.5 * spread))[valid], spread[valid]
+    valid, e = test.channel.valid, inverse(whitened, 1.0)
+    for extension in fitted.extensions:
+        if isinstance(extension, PeriodicVariance):
+            spread += extension.elsewhere(np.clip(e * np.exp(-0.5 * spread), -RESIDUAL_CLIP, RESIDUAL_CLIP))
+            charge += 1.0
+    e, spread = (e * np.exp(-0.5 * spread))[valid], spread[valid]
+    for extension in fitted.extensions:
+        if isinstance(extension, SkewedNoise):
+            charge -= float(extension.log_slope(e).sum())
+            e = extension.whiten(e)
     return float(_law(fitted)(e).sum() - 0.5 * spread.sum() - 0.5 * np.log(power).sum() * len(e) / n - charge)
 
 

@@ -16,11 +16,13 @@ from scipy.stats import chi2
 
 from tuner.diagnosis.static.causes import colour, lowpass, vibration
 from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.shape import few_shapes, many_shapes
 from tuner.diagnosis.static.variance import modulation
 from tuner.diagnosis.static.variance.local_variance import course
+from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 
 FALSE_ALARM_BUDGET = 3e-3
 """Probability that a data set without any effect gets a finding; chosen as one data set in three hundred."""
@@ -47,8 +49,18 @@ def significant(result: TestResult, threshold: float) -> bool:
 
 
 def hypothesis_tests(fitted: Residual, known: tuple[TestResult, ...] = ()) -> tuple[TestResult, ...]:
-    """Run every test that is still open on a residual, but for those of single causes whose result is known."""
+    """Run every test that is still open on a residual, but for those of single causes whose result is known.
+
+    Where a quantizer hides the noise, only templates on the slow part are tested.
+    """
     by_cause = {result.cause: result for result in known}
+    if hides_noise(fitted):
+        slow = [
+            by_cause[code] if code in by_cause else cause.test(fitted)
+            for code, cause in CAUSES.extensions().items()
+            if issubclass(cause, Template) and is_open(fitted, code)
+        ]
+        return tuple(result for result in slow if result is not None)
     results = [
         by_cause[code] if code in by_cause else cause.test(fitted)
         for code, cause in CAUSES.extensions().items()

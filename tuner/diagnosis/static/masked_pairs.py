@@ -69,7 +69,11 @@ def replacing_pair(fitted: Residual, threshold: float) -> tuple[int, TestResult]
 
     One of two effects that hide each other may have been accepted alone, in the shape of both.
     """
-    slow = [i for i, x in enumerate(fitted.extensions) if x.cause in _causes()]
+    slow = [
+        i
+        for i, x in enumerate(fitted.extensions)
+        if x.cause in _causes() and not (isinstance(x, Step) and x.taken)
+    ]
     if len(slow) != 1:
         return None
     fewer = without(fitted, slow[0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.cause import Group
-from tuner.diagnosis.static.causes import spikes
+from tuner.diagnosis.static.causes import spikes, step
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.chirp import Sweep
@@ -29,6 +29,7 @@ from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.types import Alternative, Gain
 
 MAX_PASSES = 16
@@ -105,7 +106,13 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
     off = tuple(one.extension for one in accepted)
     base = residual(channel, given)
     found = residual(channel, (*given, *off)) if off else base
-    swept = [result for result in (Sweep.test(found),) if significant(result, threshold)]
+    jumped = step.gross(found.cleaned, [(x.first, x.last) for x in given if isinstance(x, Motion)])
+    if jumped and jumped.propose:
+        accepted += [Accepted(x, jumped.without_proposal) for x in jumped.propose()]
+        off = tuple(one.extension for one in accepted)
+        found = residual(channel, (*given, *off))
+    sweeps = () if hides_noise(found) else (Sweep.test(found),)
+    swept = [result for result in sweeps if significant(result, threshold)]
     for result in swept:
         assert result.propose is not None
         given = (*given, *result.propose())

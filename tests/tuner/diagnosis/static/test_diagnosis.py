@@ -102,6 +102,11 @@ CLEAR = {
         "variance_ratio": (2.0, 2.0 * np.sqrt(2.0 / (100.0 * RATE))),
     },
     "variance_drift:slope=3e-4": {"slope": (3e-4, np.sqrt(24.0 / COUNT) / SPAN)},
+    "skewed_noise:skewness=-0.2": {"skewness": (-0.2, np.sqrt(6.0 / COUNT))},
+    "periodic_variance:period=0.7,depth=0.15": {
+        "period": (0.7, 0.7**2 * np.sqrt(12.0 / COUNT) / (np.pi * SPAN * 0.15)),
+        "depth": (0.15, np.sqrt(4.0 / COUNT)),
+    },
     "lowpass:cutoff=10": {
         "cutoff": (
             10.0,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
+from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
@@ -45,6 +46,21 @@ def test_a_lag_may_start_out_of_balance():
     assert finding.cause == "thermal_lag"
     low, high = finding.parameters["time_constant"].interval
     assert abs(finding.parameters["time_constant"].value - 150.0) < 1.5 * (high - low)  # 6 sd
+
+
+def test_a_curve_of_the_temperature_has_its_name_and_size():
+    away = CELSIUS - CELSIUS.mean()
+    found = {f.cause: f for f in diagnose(record(5e-4 * away + 2e-4 * away**2, celsius=CELSIUS)).findings}
+    assert set(found) == {"temperature", "temperature_squared"}
+    low, high = found["temperature_squared"].parameters["curvature"].interval
+    assert abs(found["temperature_squared"].parameters["curvature"].value - 2e-4) < 1.5 * (high - low)  # 6 sd
+
+
+def test_a_bias_behind_a_play_of_the_temperature_is_hysteresis():
+    signal = 2e-3 * (behind_play(CELSIUS, 2.0) - CELSIUS[0])
+    causes = [f.cause for f in diagnose(record(signal, celsius=CELSIUS)).findings]
+    assert causes[0] == "hysteresis"
+    assert set(causes) <= {"hysteresis", "temperature"}
 
 
 def test_two_ways_of_a_temperature():

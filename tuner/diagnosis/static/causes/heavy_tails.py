@@ -38,6 +38,8 @@ CELL_WIDTH, CELL_COUNT = 0.005, 1600
 """Width and number of the cells of a table of deviates, sds: up to eight, interpolated between."""
 SEARCH_CENTRE, SEARCH_HALF_WIDTH = np.array([0.0, 0.0, 1.0, 1.0]), np.array([10.0, 5.0, 4.0, 2.5])
 """Where two shares are sought: logit of Student's, log of the normal sd, of ν − 2, of the ratio of the two scales."""
+MIN_FREEDOM = 2.05
+"""ν below which the law lies at the bound of its parameter, 2, without a variance: it is no law of these samples."""
 MAX_FINE_STEP = 1.0
 """Step ÷ sd below which the mean between two codes does not matter."""
 
@@ -114,13 +116,11 @@ class HeavyTails(Extension):
         if p_value < 1e-3:
             law = whole(histogram(fitted.good))
             gain = law.gain - (0.5 if law.share == 1.0 else 1.5) * float(np.log(n))
+        name = "excess kurtosis of the residuals"
+        if law.nu < MIN_FREEDOM:
+            return TestResult("heavy_tails", p_value, gain, kurtosis, name)
         return TestResult(
-            "heavy_tails",
-            p_value,
-            gain,
-            kurtosis,
-            "excess kurtosis of the residuals",
-            lambda: (extension(fitted, law, white),),
+            "heavy_tails", p_value, gain, kurtosis, name, lambda: (extension(fitted, law, white),)
         )
 
 

@@ -57,6 +57,8 @@ MAX_UNSEEN_SHARE = 0.3
 """Largest share of a motion below the noise, at either end; chosen for swaying that decays exponentially."""
 MARGIN_SHARE = 0.1
 """Share of a stretch that is left out on either side, because motion decays into the noise."""
+MAX_REGROWTH = 8.0
+"""Deviations by which a step of a transient may exceed one before: noise, of which both have √3, by 3 sds."""
 
 
 class Stretch(NamedTuple):
@@ -135,14 +137,30 @@ class Motion(Extension):
 
 
 def large_steps(y: FloatArray, interval: float, length: float) -> tuple[FloatArray, int]:
-    """Return the steps between blocks of `length`, s, over their standard deviation, and the samples in a block."""
+    """Return the steps between blocks of `length`, s, over their standard deviation, and the samples in a block.
+
+    Steps in a row of one sign at the beginning of a record, none much larger than the one before, are 0: a sensor that
+    warms up.
+    """
     size = max(MIN_BLOCK_SAMPLES, round(length / interval))
     blocks = y[: len(y) // size * size].reshape(-1, size)
     step = np.diff(blocks.mean(axis=1))
     usual = float(np.median(np.abs(step))) / 0.6745 + 1e-15
     local = np.mean(np.diff(blocks, 2, axis=1) ** 2, axis=1) + 1e-30
     variance_ratio = 0.5 * (local[1:] + local[:-1]) / float(np.median(local))
-    return np.abs(step) / (usual * np.sqrt(np.maximum(variance_ratio, 1.0))), size
+    ratio = np.abs(step) / (usual * np.sqrt(np.maximum(variance_ratio, 1.0)))
+    return np.where(np.arange(len(ratio)) < _settling(step, ratio), 0.0, ratio), size
+
+
+def _settling(step: FloatArray, ratio: FloatArray) -> int:
+    """Return how many blocks at the beginning only settle: their large steps are of one sign and shrink."""
+    large = np.flatnonzero(ratio > STEP_THRESHOLD)
+    if not len(large) or large[0] > 1:
+        return 0
+    first = np.split(large, np.flatnonzero(np.diff(large) > MIN_GAP_BLOCKS) + 1)[0]
+    shrinks = ratio[first[1:]] < np.minimum.accumulate(ratio[first])[:-1] + MAX_REGROWTH
+    settles = bool(np.all(shrinks)) and len(set(np.sign(step[first]).tolist())) == 1
+    return int(first[-1]) + 1 if settles else 0
 
 
 def stretches(channels: list[Channel]) -> list[Stretch]:

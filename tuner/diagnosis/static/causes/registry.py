@@ -17,14 +17,18 @@ from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.cross_axis import CrossAxis
 from tuner.diagnosis.static.causes.gauss_markov import MoreMarkov
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
+from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.mount_tilt import MountTilt
+from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
+from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import Ageing
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import Thermal, ThermalLag
@@ -62,6 +66,6 @@ CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
-        Clipping, Quantizer,
+        Clipping, Quantizer, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis,
     )
 )  # fmt: skip

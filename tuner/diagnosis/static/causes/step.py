@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.events import Step as Effect
+from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model import jump
@@ -25,6 +26,20 @@ from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
 
 FloatArray = NDArray[np.float64]
 
+GROSS_WINDOW = 64
+"""Samples on either side of a gross step whose means are compared: their difference is known to 0.2 white sds."""
+GROSS_STEP = 10.0
+"""Change of these means, in white sds, that goes before any noise is fitted.
+
+Chosen far beyond heavy tails and far above what a fit of the noise could take up without harm to the other tests.
+"""
+GROSS_DEVIATE = 12.0
+"""The same in robust sds of all such changes, so that coloured noise and a walk are no steps."""
+SHARP_SHARE, LASTING_SHARE = 0.7, 0.5
+"""Shares of a gross step that lie within a few samples, and that are still there after eight windows.
+
+Chosen apart from a bump (0) and a transient, and below 1 for the noise that moves on meanwhile.
+"""
 PLACES_IN_PAIRS = 96
 """Places tried beside another cause: about every hundredth of a record, as wide as a step among them is known."""
 
@@ -34,7 +49,8 @@ class Step(Template):
     """A step before sample `first`.
 
     On the blocks it is a template, the block it falls into part of the way. Where its size is known, `jump` in scales,
-    its fast part is taken out of the samples.
+    its fast part is taken out of the samples. Of a gross one so much, `taken`, goes out of the samples, and the
+    template is left with the rest.
     """
 
     cause = "step"
@@ -53,6 +69,7 @@ class Step(Template):
     abrupt = True
     first: int
     jump: float = 0.0
+    taken: float = 0.0
 
     def template(self, channel: Channel) -> FloatArray:
         """Return the step on the blocks, shape (M,)."""
@@ -95,13 +112,22 @@ class Step(Template):
         return replace(self, first=best * channel.block, values={"time": time})
 
     def clean_samples(self, channel: Channel) -> Channel:
-        """Take out what the slow track does not show of the step."""
+        """Take out what the slow track does not show of the step, or what is known of a gross one."""
+        if self.taken:
+            return replace(channel, y=channel.y - self.taken * (np.arange(len(channel)) >= self.first))
         if not self.jump:
             return channel
         return replace(channel, y=channel.y - jump.above_slow_track(channel, self.first, self.jump))
 
+    def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
+        """Take the size from the joint fit, beside what was taken out of the samples."""
+        whole = Value(self.taken + size.value, self.taken + size.lower, self.taken + size.upper)
+        return super().with_joint_estimate(fitted, index, whole)
+
     def refit(self, fitted: Residual, index: int) -> Step:
         """Place the step to the sample, with the size it has there."""
+        if self.taken:
+            return self
         size = float(fitted.fit.beta[first_column(fitted, index)])
         if self.jump != 0.0 and abs(size - self.jump) < MIN_LOG_CHANGE * abs(size):
             return self
@@ -115,3 +141,52 @@ class Step(Template):
         noise = float(fitted.power_at(lowest)) / channel.interval
         first, placed = jump.placed(whole, begin, end, size, max(noise, 1.0))
         return Step(first, size, values={"time": placed})
+
+
+def gross(channel: Channel, apart: Sequence[tuple[int, int]] = ()) -> TestResult | None:
+    """Return the test result of jumps that are large against all noise; None where there are none, or too many.
+
+    Parameters
+    ----------
+    channel : Channel
+        Samples, without those that are missing.
+    apart : sequence of (int, int)
+        Stretches of samples at whose edges levels are known to change.
+    """
+    n, w = len(channel), GROSS_WINDOW
+    total = np.concatenate(([0.0], np.cumsum(channel.y)))
+    change = (total[2 * w :] - 2.0 * total[w : n + 1 - w] + total[: n + 1 - 2 * w]) / w
+    usual = float(np.median(np.abs(change))) / 0.6745
+    size = np.abs(change)
+    large = np.flatnonzero(size > max(GROSS_STEP, GROSS_DEVIATE * usual))
+    if not len(large):
+        return None
+    found = []
+    for group in np.split(large, np.flatnonzero(np.diff(large) > 2 * w) + 1):
+        first = int(group[np.argmax(size[group])]) + w
+        if not any(a - 2 * w < first < b + 2 * w for a, b in apart):
+            found.append((first, float(change[first - w])))
+    if not found or len(found) > Step.repeats or not all(_jumps(channel.y, *one) for one in found):
+        return None
+    dt, start = channel.interval, channel.start
+
+    def time(first: int) -> Value:
+        return Value(start + first * dt, start + (first - 1) * dt, start + (first + 1) * dt, "s")
+
+    steps = tuple(Step(first, taken=jump, values={"time": time(first)}) for first, jump in found)
+    most = max(abs(jump) for _, jump in found)
+    gain = 0.25 * w * most**2
+    return TestResult(Step.cause, 0.0, gain, most, f"change between means of {w} samples", lambda: steps)
+
+
+def _jumps(y: FloatArray, first: int, jump: float) -> bool:
+    """Return whether the level changes by `jump` within a few samples, and stays."""
+    near, far = GROSS_WINDOW // 8, 8 * GROSS_WINDOW
+    sharp, lasting = (
+        float(
+            np.median(y[first + gap : first + gap + width])
+            - np.median(y[max(0, first - gap - width) : first - gap])
+        )
+        for gap, width in ((near // 2, near), (GROSS_WINDOW // 2, far))
+    )
+    return sharp / jump > SHARP_SHARE and lasting / jump > LASTING_SHARE

@@ -112,7 +112,7 @@ class ThermalLag(TimeConstantTemplate):
         if self.prompt:
             parts.append(centred(channel) - main)
         if self.settling:
-            parts.append(self._start(channel))
+            parts.append(self.start(channel))
         return np.stack(parts, axis=1)
 
     def columns_elsewhere(self, channel: Channel, *, same_record: bool) -> FloatArray:
@@ -127,13 +127,14 @@ class ThermalLag(TimeConstantTemplate):
         constant = best_constant(
             fitted, index, lambda x: self.at(x).columns(fitted.channel), self.time_constant
         )
-        settling = self.settling or further_ratio(fitted, self._start(fitted.channel)) > MIN_LIKELIHOOD_RATIO
+        settling = self.settling or further_ratio(fitted, self.start(fitted.channel)) > MIN_LIKELIHOOD_RATIO
         prompt = self.prompt or further_ratio(fitted, self.late(fitted.channel)) > MIN_LIKELIHOOD_RATIO
         moved = abs(np.log(constant / self.time_constant)) >= MIN_LOG_CHANGE
         new = replace(self, time_constant=constant, settling=settling, prompt=prompt)
         return new if moved or (settling, prompt) != (self.settling, self.prompt) else self
 
-    def _start(self, channel: Channel) -> FloatArray:
+    def start(self, channel: Channel) -> FloatArray:
+        """Return how a lag that did not begin at rest settles on the blocks, shape (M,)."""
         return np.asarray(np.exp(-channel.block_time / self.time_constant))
 
     def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:

@@ -25,7 +25,7 @@ from scipy.special import ndtr
 
 from models.noise import NoiseModel, Quantization, White
 from tuner.diagnosis.static.model.dct import inverse
-from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.model.residual import Residual, once
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +33,11 @@ MAX_FINE_STEP = 1.0
 """Step ÷ sd up to which the place in a cell does not matter: the variance is constant within 1e-7."""
 MIN_COARSE_STEP = 2.0
 """Step ÷ sd from which a quantizer is a finding: the variance begins to depend on the mean (2 %)."""
+MAX_TELLING_STEP = 3.0
+"""Step ÷ sd beyond which the law, the spectrum and the path of the samples are those of the rounding.
+
+Rounding then bends the mean by 0.1 sd and more (0.32 exp(−2π² sd²/step²) steps), and its error is not white.
+"""
 MIN_NOISE_SD, MAX_NOISE_SD = 0.2, 2.0
 """Bounds of the sd of the noise, steps; below, samples hardly leave their code and say nothing of their noise."""
 SPARSE_STRIDE = 64
@@ -124,6 +129,23 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
 
     Samples that say nothing of their noise have κ = ∞.
     """
+    known = _cells(fitted)
+    if known is None:
+        return None
+    sd, place, vague = known
+    dead = fitted.channel.deadband / fitted.channel.quantizer_step
+    variance, scatter = moments(sd, dead, vague).at(place)
+    silent = (variance < MIN_VARIANCE_RATIO * sd**2) | (sd < 1.01 * MIN_NOISE_SD)
+    usual = float(np.mean(variance[~silent])) if not bool(silent.all()) else 1.0
+    return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
+
+
+@once
+def _cells(fitted: Residual) -> tuple[float, FloatArray, float] | None:
+    """Return the sd of the noise, the places of the slow track, shape (n,), and the sd of these, steps.
+
+    None where rounding is fine.
+    """
     channel, step = fitted.channel, fitted.channel.quantizer_step
     if step <= 0.5 * MAX_FINE_STEP:
         return None
@@ -140,10 +162,13 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
     for _ in range(20):
         sd = float(np.sqrt(low * high))
         low, high = (low, sd) if float(np.mean(moments(sd, dead, vague).at(sparse)[0])) > seen else (sd, high)
-    variance, scatter = moments(sd, dead, vague).at(place)
-    silent = (variance < MIN_VARIANCE_RATIO * sd**2) | (sd < 1.01 * MIN_NOISE_SD)
-    usual = float(np.mean(variance[~silent])) if not bool(silent.all()) else 1.0
-    return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
+    return sd, place, vague
+
+
+def hides_noise(fitted: Residual) -> bool:
+    """Return whether a step exceeds `MAX_TELLING_STEP` sd of the noise: samples then show codes and not their noise."""
+    known = _cells(fitted)
+    return known is not None and known[0] * MAX_TELLING_STEP < 1.0
 
 
 def is_coarse(fitted: Residual) -> bool:

@@ -35,6 +35,8 @@ class Dilution:
     ----------
     variance : float
         Σ h², share of the variance.
+    third : float
+        Σ h³, factor on its skewness.
     fourth : float
         Σ h⁴, factor on its excess kurtosis.
     error : float
@@ -42,6 +44,7 @@ class Dilution:
     """
 
     variance: float
+    third: float
     fourth: float
     error: float
 
@@ -67,6 +70,7 @@ def dilution(fitted: Residual) -> Dilution:
     error = 2.0 * float(np.sqrt(fitted.fit.covariance[at, at]))
     return Dilution(
         max(float(h @ h), MIN_WHITE_SHARE),
+        max(float(np.sum(h**3)), MIN_WHITE_SHARE**1.5),
         max(float(np.sum(h**4)), MIN_WHITE_SHARE**2),
         error * density / own,
     )
