@@ -22,7 +22,7 @@ from tuner.identification.allan_leastsquares import fit as fit_curve
 from tuner.identification.allan_octaves import OctaveCurve
 from tuner.identification.arma import MIN_SAMPLES, Likelihood, fit_arma
 from tuner.identification.curve_limit import below_the_curve
-from tuner.identification.estimates import BASE, Estimates, from_fit, from_powers, from_segments
+from tuner.identification.estimates import ALLOWS_NONE, BASE, Estimates, from_fit, from_powers, from_segments
 from tuner.identification.likelihood import (
     LikelihoodFit,
     fit,
@@ -117,7 +117,10 @@ def identify_channel(
     minimum, floor, minimum_tau = _minimum(allan, len(longest) * single.interval)
     full = down_to_samples(allan, single, estimates.model)
     samples = single.interval / single.samples_a_mean
-    every = [_under_the_curve(term, full, samples) for term in (*estimates.terms, *bounds)]
+    described = None if band.m == 1 else band.m * single.interval
+    every = [
+        _under_the_curve(_hidden(term, described), full, samples) for term in (*estimates.terms, *bounds)
+    ]
     series = None
     if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
@@ -171,6 +174,15 @@ def _deviation_at(record: Record, model: NoiseModel, tau: float) -> Coefficient:
     low, high = point.interval()
     value = float(point.deviation()[0, 0])
     return Coefficient.known(value, float(low[0, 0]), float(high[0, 0]), record.unit)
+
+
+def _hidden(estimate: TermEstimate, described: float | None) -> TermEstimate:
+    """Return an absent term whose reason says from which cluster time on, s, it was sought; None: from all."""
+    ((name, coefficient), *others) = estimate.coefficients.items()
+    if described is None or coefficient.reason != ALLOWS_NONE[False]:
+        return estimate
+    reason = f"clusters from {described:.3g} s on, which the terms describe, show none; shorter ones may"
+    return TermEstimate(estimate.name, {name: replace(coefficient, reason=reason), **dict(others)})
 
 
 def _under_the_curve(estimate: TermEstimate, allan: AllanCurve, interval: float) -> TermEstimate:

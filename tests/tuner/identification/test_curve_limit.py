@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter, welch
 
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.identification import identify
@@ -43,6 +44,32 @@ def test_no_term_exceeds_the_measured_allan_deviation_where_the_model_is_wrong(s
     assert excess(choose_terms([daily(seed)], INTERVAL).fit.model, channel) > 1.2
     assert excess(channel.model, channel) <= 1.0 + 1e-9
     assert "weighted least squares" in " ".join(channel.warnings)
+
+
+def spectrum(y: np.ndarray, window: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return frequencies, two-sided density by Welch's method, and its degrees of freedom a bin (Welch 1967)."""
+    frequency, density = welch(y - y.mean(), 1.0 / INTERVAL, "hann", nperseg=window, detrend="linear")
+    return frequency[2:-1], 0.5 * density[2:-1], 2.0 * 0.95 * len(y) / (0.5 * window) / 1.06
+
+
+def filtered(seed: int) -> np.ndarray:
+    """Noise behind a low-pass filter of four samples."""
+    y = MODEL.sample(N, INTERVAL, np.random.default_rng(seed))
+    return np.asarray(lfilter([0.2], [1.0, -0.8], y))
+
+
+@pytest.mark.parametrize("made", [daily, filtered])
+def test_no_term_exceeds_the_measured_spectrum_where_it_is_described(made) -> None:
+    """An octave at a time; the limit is five standard deviations above the measured power."""
+    y = made(3)
+    found = identify_channel(record(y), "gyro_x", arma=None)
+    top = min(choose_terms([y], INTERVAL).band.highest, 0.45 / INTERVAL)
+    frequency, density, freedom = spectrum(y, N // 8)
+    for low in frequency[0] * 2.0 ** np.arange(int(np.log2(top / frequency[0]))):
+        band = (frequency >= low) & (frequency < 2.0 * low)
+        limit = density[band].mean() * (1.0 + 5.0 * np.sqrt(2.0 / (freedom * max(band.sum() / 1.5, 1.0))))
+        for term in found.model.terms:
+            assert term.psd(frequency[band], interval=INTERVAL).mean() <= limit, (term, low)
 
 
 def test_a_right_model_is_not_lowered() -> None:
