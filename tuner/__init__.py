@@ -14,7 +14,10 @@ and its parts, in the order of the work::
     verdict = tuner.check(config)                       # Monte-Carlo consistency of that filter
     scores = tuner.navigate("drive.npz", config)        # the same filter on a measured drive
     judged = tuner.score(errors, covariances)           # anyone's Monte Carlo: NEES, and each state
-    table = tuner.compare("static.csv", "mpu9250")      # sensors side by side
+    table = tuner.compare("static.csv", "mpu9250")      # sensors side by side, with predicted drift
+    grades = tuner.choose(outage=60, error=2)           # the grade for a tunnel of 60 s
+    hours = tuner.plan(noise, hours=1.0, accuracy=0.1)  # how long a static test must be
+    allan = tuner.curve(records[0], "oadev")            # one statistic of a record, raw
     text = tuner.export(config, "kalibr")               # the dialect of another filter
     units = tuner.fleet("logs/", limits="limits.yaml")  # many units: limits, outlying ones, spread
 
@@ -29,12 +32,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tuner.consistency.check import check
+    from tuner.consistency.choose_grade import choose
+    from tuner.consistency.compare_sensors import compare
     from tuner.consistency.drive import navigate_drive as navigate
     from tuner.consistency.score_output import score_arrays as score
+    from tuner.curves import empirical as curve
     from tuner.diagnosis import diagnose
     from tuner.exporters import export
     from tuner.identification import identify
-    from tuner.identification.compare_sources import compare
+    from tuner.identification.record_length import plan_test as plan
     from tuner.pipeline import tune
     from tuner.production.fleet import fleet
     from tuner.readers import read
@@ -42,12 +48,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check",
+    "choose",
     "compare",
+    "curve",
     "diagnose",
     "export",
     "fleet",
     "identify",
     "navigate",
+    "plan",
     "read",
     "score",
     "synthesize",
@@ -63,7 +72,10 @@ _HOMES = {
     "check": ("tuner.consistency.check", "check"),
     "navigate": ("tuner.consistency.drive", "navigate_drive"),
     "score": ("tuner.consistency.score_output", "score_arrays"),
-    "compare": ("tuner.identification.compare_sources", "compare"),
+    "compare": ("tuner.consistency.compare_sensors", "compare"),
+    "choose": ("tuner.consistency.choose_grade", "choose"),
+    "plan": ("tuner.identification.record_length", "plan_test"),
+    "curve": ("tuner.curves", "empirical"),
     "export": ("tuner.exporters", "export"),
     "fleet": ("tuner.production.fleet", "fleet"),
 }

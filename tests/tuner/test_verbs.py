@@ -152,7 +152,7 @@ def test_navigate_takes_a_drive_and_the_name_of_a_filter(drive):
 
 def test_compare_names_its_sources_and_refuses_one_alone(axis):
     noise = tuner.identify(tuner.read(axis), arma=None)
-    table = tuner.compare(axis, noise, "mpu9250")
+    table = tuner.compare(axis, noise, "mpu9250").noise
     assert table.names == ("axis", "axis", "mpu9250")
     white = next(row for row in table.axes["gyro_x"] if row.name == "white.density")
     assert white.values[0] == white.values[1]

@@ -38,6 +38,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "plan": "How long a static test must be.",
         "curve": "One empirical curve: Allan family, spectrum, correlation.",
         "compare": "Logs, identifications and built-in grades side by side.",
+        "choose": "Which built-in grade keeps the position without fixes within a limit.",
         "fleet": "Many logs, one row a unit: limits, outlying units, spread.",
         "export": "Write a configuration in the dialect of another filter.",
         "papers": "The three papers, reproduced and judged.",

@@ -20,7 +20,7 @@ from tuner.types.records import DataError, Record
 Source = str | Path | Identification | Sequence[Record]
 
 
-def compare(
+def compare_sources(
     *sources: Source,
     by: Literal["still", "temperature"] | None = None,
     progress: Progress = silent,

@@ -42,18 +42,19 @@ class ComparedCoefficient:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Every coefficient of every axis that at least one source has."""
+    """Every coefficient of every axis that at least one source has, and the sources themselves."""
 
     names: tuple[str, ...]
     units: Mapping[str, str]
     axes: Mapping[str, tuple[ComparedCoefficient, ...]]
+    sources: tuple[Identification, ...] = ()
 
 
 def compare_identifications(names: Sequence[str], found: Sequence[Identification]) -> Comparison:
     """Compare identifications axis by axis; ratios are of the last source to the first."""
     axes = list(dict.fromkeys(axis for one in found for axis in one.channels))
     units = {axis: next(one.channels[axis].unit for one in found if axis in one.channels) for axis in axes}
-    return Comparison(tuple(names), units, {axis: _compare_axis(axis, found) for axis in axes})
+    return Comparison(tuple(names), units, {axis: _compare_axis(axis, found) for axis in axes}, tuple(found))
 
 
 def _compare_axis(axis: str, found: Sequence[Identification]) -> tuple[ComparedCoefficient, ...]:
@@ -105,3 +106,59 @@ def _half_widths(c: Coefficient) -> tuple[float, float] | None:
     if c.interval is None or c.value is None or c.interval[0] <= 0 or c.value <= 0:
         return None
     return math.log(c.value / c.interval[0]), math.log(c.interval[1] / c.value)
+
+
+STATED_DIGITS_MARGIN = 1.05
+"""Factor on a stated number from which a measured one exceeds it: 1.05 is 1.0 in the two digits of a data sheet."""
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """A measured source against what a data sheet states.
+
+    Attributes
+    ----------
+    measured, stated : str
+        Names of the sources.
+    exceeded : tuple of (str, str, float)
+        Axis, coefficient, and measured ÷ stated, where the whole interval lies above what is stated
+        by more than the margin.
+    within : int
+        Number of coefficients that are not shown to exceed what is stated.
+    """
+
+    measured: str
+    stated: str
+    exceeded: tuple[tuple[str, str, float], ...]
+    within: int
+
+    @property
+    def passes(self) -> bool:
+        """Whether nothing exceeds what is stated."""
+        return not self.exceeded
+
+
+def limit_checks(comparison: Comparison) -> tuple[LimitCheck, ...]:
+    """Return every measured source against every data sheet or grade, in the coefficients of their noise terms."""
+    stated = [i for i, one in enumerate(comparison.sources) if _is_stated(one)]
+    checks = []
+    for sheet in stated:
+        for own in (i for i in range(len(comparison.sources)) if i not in stated):
+            exceeded, within = [], 0
+            for axis, rows in comparison.axes.items():
+                for row in rows:
+                    found, limit = row.values[own], row.values[sheet]
+                    if "." not in row.name or limit is None or not limit.value or found is None:
+                        continue
+                    low = 0.0 if found.interval is None else found.interval[0]
+                    if found.value is not None and low > STATED_DIGITS_MARGIN * limit.value:
+                        exceeded.append((axis, row.name, found.value / limit.value))
+                    else:
+                        within += 1
+            checks.append(LimitCheck(comparison.names[own], comparison.names[sheet], tuple(exceeded), within))
+    return tuple(checks)
+
+
+def _is_stated(source: Identification) -> bool:
+    """Return whether the numbers are stated, not measured: no time is covered."""
+    return all(channel.span == 0.0 for channel in source.channels.values())

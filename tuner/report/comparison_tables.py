@@ -2,52 +2,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.table import Table
 
 from models.sensors import SensorGrade
+from tuner.consistency.choose_grade import GradeChoice
+from tuner.consistency.compare_sensors import SensorComparison
 from tuner.formats.customary_units import (
     customary_unit,
     digits,
     in_customary,
-    phrase,
     pretty,
     symbol,
 )
-from tuner.identification.comparison import ComparedCoefficient, Comparison
-from tuner.identification.record_length import Plan
-from tuner.report.coefficient_text import LEVEL_NAMES
+from tuner.identification.comparison import LimitCheck
+from tuner.identification.record_length import Plan, PlannedParameter
+from tuner.report.identification_answer import terms_table
+from tuner.report.settings_rows import axes_text
+from tuner.report.terms_rows import channel_row, terms_rows
+from tuner.report.tune_answer import LINE_WIDTH, wrapped
+from tuner.types import FilterConfig
 
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
 
 
-def comparison_tables(comparison: Comparison) -> list[Table | str]:
-    """Return one table an axis; the last column says whether the last source differs from the first."""
-    answer: list[Table | str] = []
-    for axis, rows in comparison.axes.items():
-        unit = comparison.units[axis]
-        table = Table(title=axis)
-        for head in ("", *comparison.names, f"{comparison.names[-1]} ÷ {comparison.names[0]}"):
-            table.add_column(head, justify="right" if head else "left")
+def comparison_tables(found: SensorComparison) -> list[Table | str]:
+    """Return one table of the noise terms, the limits of data sheets, what differs, and the drift without fixes."""
+    names = found.noise.names
+    rows = [
+        (name, row)
+        for name, source in zip(names, found.noise.sources, strict=True)
+        for row in terms_rows(channel_row(channel) for channel in source.channels.values())
+    ]
+    answer: list[Table | str] = [terms_table(rows)]
+    answer.append("± 95 %; < 95 % limit; without ±: stated; – not stated")
+    answer += [line for one in found.limits for line in wrapped(_limits(one), 2)]
+    answer += wrapped(_differences(found), 2)
+    return [*answer, *_drift_table(found)]
+
+
+def _limits(one: LimitCheck) -> str:
+    head = f"{one.measured} against {one.stated}:"
+    if one.passes:
+        return f"{head} PASS: no interval lies above any of {one.within} stated numbers"
+    worst: dict[str, list[tuple[str, float]]] = {}
+    for axis, name, ratio in one.exceeded:
+        worst.setdefault(symbol(name), []).append((axis, ratio))
+    parts = [
+        f"{sign} of {axes_text([axis for axis, _ in at])} up to {digits(max(r for _, r in at))} ×"
+        for sign, at in worst.items()
+    ]
+    return f"{head} FAIL: {'; '.join(parts)} what is stated"
+
+
+def _differences(found: SensorComparison) -> str:
+    """Return where the last source differs from the first with 95 %, where both have intervals."""
+    noise = found.noise
+    differing: dict[str, list[tuple[str, float]]] = {}
+    judged = False
+    for axis, rows in noise.axes.items():
         for row in rows:
-            quantity = row.name if "." in row.name else "level"
-            label = (
-                f"{LEVEL_NAMES.get(row.name) or symbol(row.name)}, {pretty(customary_unit(quantity, unit))}"
-            )
-            cells = ["–" if v is None else phrase(v, quantity, unit, with_unit=False) for v in row.values]
-            table.add_row(label, *cells, _ratio(row))
-        answer.append(table)
-    return answer
+            judged |= row.ratio_interval is not None
+            if row.differs and row.ratio is not None and "." in row.name:
+                differing.setdefault(symbol(row.name), []).append((axis, row.ratio))
+    if not judged:
+        return ""
+    parts = []
+    for sign, at in differing.items():
+        ratios = sorted({digits(ratio) for _, ratio in at}, key=float)
+        span = ratios[0] if len(ratios) == 1 else f"{ratios[0]} to {ratios[-1]}"
+        parts.append(f"{sign} of {axes_text([axis for axis, _ in at])} {span} ×")
+    pair = f"{noise.names[-1]} ÷ {noise.names[0]}"
+    return f"{pair} differs at 95 % in {'; '.join(parts)}" if parts else f"{pair}: no term differs at 95 %"
 
 
-def _ratio(row: ComparedCoefficient) -> str:
-    if row.ratio is None:
-        return {None: "–", True: "differs", False: "agrees"}[row.differs]
-    if row.ratio_interval is None:
-        return f"{digits(row.ratio)} (no interval)"
-    low, high = row.ratio_interval
-    return f"{digits(row.ratio)} ({digits(low)} … {digits(high)}) {'differs' if row.differs else 'agrees'}"
+def _drift_table(found: SensorComparison) -> list[Table | str]:
+    known = [(name, one) for name, one in zip(found.noise.names, found.drift, strict=True) if one is not None]
+    if not known:
+        return ["No drift is predicted: no source has six axes"]
+    times = list(known[0][1].free)
+    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
+    table.add_column("predicted drift,\nm (rank)")
+    for kind in ("no fixes", "wheels"):
+        for time in times:
+            table.add_column(f"{kind}\n{time:g} s", justify="right")
+    errors = [[*one.free.values(), *one.wheels.values()] for _, one in known]
+    ranked = [sorted(column) for column in zip(*errors, strict=True)]
+    for (name, _), own in sorted(
+        zip(known, errors, strict=True), key=lambda pair: pair[0][1].free[times[-1]]
+    ):
+        cells = [f"{digits(x, 2)} ({order.index(x) + 1})" for x, order in zip(own, ranked, strict=True)]
+        table.add_row(name, *cells)
+    about = (
+        f"Horizontal, rms, after so long without fixes, of a filter tuned to each sensor and aided by {found.receiver} "
+        "for 15 min of city before; wheels: no sideways slip. Scale factors and misalignments come on top."
+    )
+    return [table, *wrapped(about)]
+
+
+def choice_tables(found: GradeChoice) -> list[Table | str]:
+    """Return the ranking of the built-in grades, and which noise would just do."""
+    with_wheels = "with" if found.wheels else "without"
+    limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
+    kept = len(found.kept)
+    answer: list[Table | str] = [
+        *wrapped(f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}:")
+    ]
+    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
+    table.add_column("grade")
+    table.add_column("drift,\nm (rms)", justify="right")
+    table.add_column("keeps\nit")
+    for head in ("gyro N,\ndeg/√h", "B,\ndeg/h", "accel N,\nµg/√Hz", "B,\nµg"):
+        table.add_column(head, justify="right")
+    for one in found.ranking:
+        cells = [digits(value) if value > 0.0 else "–" for value in noise_of(one.config, 1.0)]
+        table.add_row(one.name, digits(one.error, 2), "yes" if one.error <= found.limit else "no", *cells)
+    answer.append(table)
+    if found.factor is None:
+        text = (
+            "No factor on the noise of a grade leads to the limit: other errors than the sensor's decide it"
+        )
+    else:
+        gyro_n, gyro_b, accel_n, accel_b = (
+            digits(v, 2) for v in noise_of(found.nearest.config, found.factor)
+        )
+        text = (
+            f"It would just do: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
+            f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel N {accel_n} µg/√Hz, B {accel_b} µg"
+        )
+    return [*answer, *wrapped(text, 2), *wrapped("Scale factors and misalignments come on top.")]
+
+
+def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
+    """Return N and B of gyro x and accelerometer x of a grade times a factor, customary units; 0 where not stated."""
+    answer = []
+    for axis in ("gyro_x", "accel_x"):
+        channel = config.channels[axis]
+        known = {t.name: t for t in channel.identified}
+        for quantity in ("white.density", "bias_instability.level"):
+            name, _, parameter = quantity.partition(".")
+            found = known[name].coefficients[parameter].value if name in known else None
+            answer.append(factor * in_customary(found or 0.0, quantity, channel.unit))
+    gyro_n, gyro_b, accel_n, accel_b = answer
+    return gyro_n, gyro_b, accel_n, accel_b
 
 
 def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
@@ -77,18 +175,38 @@ def grade_tables(grades: Sequence[SensorGrade]) -> list[Table | str]:
     return [table]
 
 
-def plan_tables(plan: Plan, unit: str, title: str) -> list[Table | str]:
-    """Return what a planned test shows of each term, and the cluster rule."""
-    table = Table(title=f"{title}: {digits(plan.hours)} h, wanted accuracy {100 * plan.accuracy:g} %")
-    for head in ("term", "assumed", "best possible sd", "shown?", "hours for the wanted accuracy"):
-        table.add_column(head, justify="left" if head == "term" else "right")
-    for p in plan.parameters:
-        value = f"{digits(in_customary(p.value, p.name, unit))} {pretty(customary_unit(p.name, unit))}"
-        hours = "more than 10 000" if p.hours is None else digits(p.hours)
-        spread = f"{digits(100 * p.relative_sd, 2)} %" if p.relative_sd < 10 else "> 1000 %"
-        table.add_row(symbol(p.name), value, spread, "yes" if p.shown else "no: only a bound", hours)
+def plan_tables(plans: Mapping[str, Plan], units: Mapping[str, str], title: str) -> list[Table | str]:
+    """Return what a planned test shows of each term of each sensor, the worst axis, and the cluster rule."""
+    first = next(iter(plans.values()))
+    table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
+    wanted = f"{100 * first.accuracy:g} %"
+    for head in (
+        f"{title}, {digits(first.hours)} h",
+        "assumed",
+        "best possible sd",
+        "shown",
+        f"hours for {wanted}",
+    ):
+        table.add_column(head, justify="left" if head.startswith(title) else "right")
+    groups: dict[tuple[str, str], list[tuple[str, PlannedParameter]]] = {}
+    for axis, plan in plans.items():
+        for p in plan.parameters:
+            groups.setdefault((units[axis], p.name), []).append((axis, p))
+    for (unit, name), found in groups.items():
+        values = [in_customary(p.value, name, unit) for _, p in found]
+        ends = list(dict.fromkeys((digits(min(values)), digits(max(values)))))
+        spread = max(p.relative_sd for _, p in found)
+        hours = [p.hours for _, p in found]
+        needed = "more than 10 000" if None in hours else digits(max(h for h in hours if h is not None), 2)
+        table.add_row(
+            f"{symbol(name)} of {axes_text([axis for axis, _ in found])}",
+            f"{' to '.join(ends)} {pretty(customary_unit(name, unit))}",
+            f"{digits(100 * spread, 2)} %" if spread < 10 else "> 1000 %",
+            "yes" if all(p.shown for _, p in found) else "bound only",
+            needed,
+        )
     rule = (
-        f"  cluster rule: {100 * plan.accuracy:g} % on a single Allan point needs {plan.clusters} clusters, "
-        f"here up to τ = {digits(plan.longest_tau)} s"
+        f"A single Allan point to {wanted} needs {first.clusters} clusters: here up to τ = "
+        f"{digits(first.longest_tau)} s. Of several axes the worst."
     )
-    return [table, rule]
+    return [table, *wrapped(rule)]

@@ -35,7 +35,10 @@ def identification_answer(
     """
     channels = list(found.channels.values())
     rows = terms_rows(channel_row(channel) for channel in channels)
-    answer: list[Table | str] = [*wrapped(f"{name}: {_recording(found)}", 2), terms_table(rows)]
+    answer: list[Table | str] = [
+        *wrapped(f"{name}: {_recording(found)}", 2),
+        terms_table([("", row) for row in rows]),
+    ]
     answer += wrapped("± 95 %; < 95 % limit; – not stated", 2)
     answer += [
         line for row in rows if row.further for line in wrapped(f"{axes_text(row.axes)}: {row.further}", 2)
@@ -60,7 +63,7 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
         for one in pooled.values()
         if one.mean is not None
     )
-    lines: list[Table | str] = [f"{len(names)} logs pooled", terms_table(rows)]
+    lines: list[Table | str] = [f"{len(names)} logs pooled", terms_table([("", row) for row in rows])]
     lines += wrapped("± 95 % of the mean over the logs; < 95 % limit", 2)
     differing: dict[str, list[str]] = {}
     for channel in pooled.values():
@@ -74,17 +77,18 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
     return [*lines, *wrapped(f"{verdict}. Each log and the spread: --verbose", 2)]
 
 
-def terms_table(rows: Sequence[TermsRow]) -> Table:
-    """Return N, B and K of every row, under the units of its sensor."""
+def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
+    """Return N, B and K of every row, behind the name of its source, under the units of its sensor."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
     table.add_column("axes", no_wrap=True)
     for name in MAIN_TERMS:
         table.add_column(name, overflow="fold")
-    for unit in dict.fromkeys(row.unit for row in rows):
+    for unit in dict.fromkeys(row.unit for _, row in rows):
         table.add_row("", *(f"{symbol(n)}, {pretty(customary_unit(n, unit))}" for n in MAIN_TERMS))
-        for row in rows:
+        for name, row in rows:
             if row.unit == unit:
-                table.add_row(axes_text(row.axes), *(row.cell(name) for name in MAIN_TERMS))
+                label = f"{name} {axes_text(row.axes)}".strip()
+                table.add_row(label, *(row.cell(one) for one in MAIN_TERMS))
     return table
 
 

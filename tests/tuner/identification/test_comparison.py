@@ -1,12 +1,15 @@
 """Comparison of coefficients: which differ significantly and which do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from tuner.catalogue.grades import grade_identification, load_grade
 from tuner.identification import identify
-from tuner.identification.comparison import compare_identifications
+from tuner.identification.comparison import compare_identifications, limit_checks
+from tuner.types import Coefficient, Identification, TermEstimate
 from tuner.types.records import Record
 
 
@@ -46,3 +49,18 @@ def test_equal_sensors_differ_at_the_stated_rate():
         for i in range(0, 60, 2)
     ]
     assert sum(found) <= binom.ppf(1 - 1e-5, 30, 0.05)
+
+
+def test_a_measured_interval_above_what_is_stated_fails():
+    sheet = grade_identification(load_grade("icm20602"))
+    axis = sheet.channels["gyro_x"]
+    for factor, passes in ((0.9, True), (1.04, True), (1.2, False)):
+        density = factor * axis.term("white").coefficients["density"].value
+        white = Coefficient.known(density, 0.99 * density, 1.01 * density, "rad/s/√Hz")
+        measured = replace(axis, span=3600.0, terms=(TermEstimate("white", {"density": white}),))
+        both = compare_identifications(["sheet", "log"], [sheet, Identification({}, {"gyro_x": measured})])
+        (check,) = limit_checks(both)
+        assert check.passes is passes
+        assert check.measured == "log"
+        if not passes:
+            assert check.exceeded == (("gyro_x", "white.density", pytest.approx(factor)),)

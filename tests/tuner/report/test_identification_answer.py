@@ -6,9 +6,12 @@ import pytest
 from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
+from tuner.consistency.choose_grade import choose
+from tuner.consistency.compare_sensors import compare
 from tuner.formats.customary_units import amount
 from tuner.identification import identify
 from tuner.identification.several_logs import pool
+from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.identification_answer import identification_answer, pooled_answer
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient
@@ -64,3 +67,13 @@ def test_logs_that_agree_are_said_to(found):
 )
 def test_a_number_is_told_in_a_unit_of_its_size(coefficient, text):
     assert amount(coefficient) == text
+
+
+def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
+    told = lines(comparison_tables(compare("icm20602", "mpu9250")))
+    assert max(map(len, told)) <= 80
+    assert any(line.startswith("mpu9250 gyro x y z") for line in told)
+    assert any(line.startswith("icm20602") and line.count("(1)") == 6 for line in told)
+    told = lines(choice_tables(choose(60.0, 2.0)))
+    assert max(map(len, told)) <= 80
+    assert "It would just do" in " ".join(told)

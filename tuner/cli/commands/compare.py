@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 import click
@@ -18,17 +19,28 @@ from tuner.cli.progress import Messages
     type=click.Choice(["still", "temperature"]),
     help="Compare the parts of one log: its stationary parts, or three bins of temperature.",
 )
+@click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before an outage.")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the Allan curves of all sources over one another into FILE (PNG or SVG).",
+)
 @reading
 @common
 def command(
     sources: tuple[str, ...],
     by: Literal["still", "temperature"] | None,
+    gnss: str,
+    figure: Path | None,
     reading: Reading,
     seed: int,  # noqa: ARG001
     output: Output,
     messages: Messages,
 ) -> None:
-    """Compare sensors coefficient by coefficient, and test at 95 % whether the last differs from the first.
+    """Compare sensors: noise terms, limits of datasheets (pass or fail), drift after 10, 60 and 300 s without fixes.
+
+    Tests at 95 % whether the last differs from the first; ranks them by the drift, with wheels and without.
 
     A source is a log, an Allan curve, a datasheet, a noise.yaml, the JSON of identify or tune, or the name of a
     built-in grade. With --by, the parts of one log are compared. Without arguments, the grades are listed.
@@ -46,7 +58,12 @@ def command(
             show(grade_tables(grades))
         return
     loaded = [load_source(source, reading, messages) or source for source in sources]
-    comparison = compare(*loaded, by=by, progress=messages.say)
+    comparison = compare(*loaded, by=by, gnss=gnss, progress=messages.say)
     output.write(comparison_json(comparison))
+    if figure is not None:
+        from tuner.report.overlaid_figure import draw_overlaid
+
+        draw_overlaid(comparison.noise, [figure])
+        messages.say(f"wrote {figure}")
     if output.tables:
         show(comparison_tables(comparison))

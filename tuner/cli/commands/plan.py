@@ -46,5 +46,5 @@ def command(
     plans = plan_test(identification, hours=hours, accuracy=accuracy)
     output.write(plan_json(plans))
     if output.tables:
-        for axis, one in plans.items():
-            show(plan_tables(one, identification.channels[axis].unit, f"{source_name(source)} {axis}"))
+        units = {axis: channel.unit for axis, channel in identification.channels.items()}
+        show(plan_tables(plans, units, source_name(source)))

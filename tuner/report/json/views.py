@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from models.sensors import SensorGrade
+from tuner.consistency.choose_grade import GradeChoice
+from tuner.consistency.compare_sensors import SensorComparison
 from tuner.formats.identification import identification_json
 from tuner.formats.noise_terms import coefficient_json
-from tuner.identification.comparison import Comparison
 from tuner.identification.gnss_receiver import ReceiverErrors
 from tuner.identification.record_length import Plan
 from tuner.types import Identification, PooledChannel, PooledCoefficient
@@ -52,8 +53,9 @@ def plan_json(plans: Mapping[str, Plan]) -> dict[str, Any]:
     }
 
 
-def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Return every compared coefficient, in the order of the sources."""
+def comparison_json(found: SensorComparison) -> dict[str, Any]:
+    """Return every compared coefficient, in the order of the sources, the limits and the drift, m by seconds."""
+    comparison = found.noise
     return {
         "schema": "tuner.comparison/1",
         "sources": list(comparison.names),
@@ -72,6 +74,43 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
             }
             for axis, rows in comparison.axes.items()
         },
+        "limits": [
+            {
+                "measured": one.measured,
+                "stated": one.stated,
+                "passes": one.passes,
+                "exceeded": [{"channel": a, "coefficient": c, "ratio": r} for a, c, r in one.exceeded],
+            }
+            for one in found.limits
+        ],
+        "receiver": found.receiver,
+        "drift": [
+            None
+            if one is None
+            else {
+                kind: {f"{time:g}": value for time, value in errors.items()}
+                for kind, errors in (("free", one.free), ("wheels", one.wheels))
+            }
+            for one in found.drift
+        ],
+    }
+
+
+def choice_json(found: GradeChoice) -> dict[str, Any]:
+    """Return the ranking in the form ``tuner.choice/1``; errors in m, rms."""
+    return {
+        "schema": "tuner.choice/1",
+        "outage_s": found.outage,
+        "limit_m": found.limit,
+        "receiver": found.receiver,
+        "wheels": found.wheels,
+        "ranking": [
+            {"grade": one.name, "error_m": one.error, "kept": one.error <= found.limit}
+            for one in found.ranking
+        ],
+        "just_enough": None
+        if found.factor is None
+        else {"grade": found.nearest.name, "factor": found.factor},
     }
 
 

@@ -1,0 +1,53 @@
+"""`tuner choose`: which built-in grade keeps the position without fixes within a limit."""
+
+from __future__ import annotations
+
+import click
+
+from tuner.cli.commands.options import Finite, Output, common
+from tuner.cli.progress import Messages
+
+
+@click.command("choose", short_help="Which grade keeps the position without fixes within a limit.")
+@click.option(
+    "--outage",
+    type=Finite(min=1.0, max=300.0),
+    default=60.0,
+    show_default=True,
+    metavar="S",
+    help="Time without fixes, s.",
+)
+@click.option(
+    "--error",
+    type=Finite(min=0.0, min_open=True),
+    default=2.0,
+    show_default=True,
+    metavar="M",
+    help="Wanted horizontal error after it, rms, m.",
+)
+@click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before the outage.")
+@click.option("--wheels", is_flag=True, help="A vehicle on wheels that do not slip sideways.")
+@common
+def command(
+    outage: float,
+    error: float,
+    gnss: str,
+    wheels: bool,
+    seed: int,  # noqa: ARG001
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Rank the built-in grades by the drift that a filter of each predicts, and say which N and B would just do.
+
+    The filter is aided for fifteen minutes in a city, then left without fixes. Only noise and biases count.
+    """
+    from tuner import choose
+    from tuner.report.comparison_tables import choice_tables
+    from tuner.report.json.views import choice_json
+    from tuner.report.terminal import show
+
+    messages.say("predicting the drift of every grade (a first use compiles the filter: about 20 s)")
+    found = choose(outage, error, gnss=gnss, wheels=wheels)
+    output.write(choice_json(found))
+    if output.tables:
+        show(choice_tables(found))

@@ -1,0 +1,67 @@
+"""Sensors side by side, with the drift that a filter of each predicts without fixes. The verb `compare`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tuner.catalogue.grades import DEFAULT_RECEIVER, load_gnss
+from tuner.consistency.outage_drift import OutageDrift, outage_drift
+from tuner.identification.compare_sources import Source, compare_sources
+from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
+from tuner.synthesis import synthesize
+from tuner.types.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class SensorComparison:
+    """Sensors side by side.
+
+    Attributes
+    ----------
+    noise : Comparison
+        Every coefficient of every axis.
+    limits : tuple of LimitCheck
+        Each measured source against each data sheet.
+    receiver : str
+        Built-in receiver before the outages.
+    drift : tuple of OutageDrift or None
+        One a source; None for those that lack an axis.
+    """
+
+    noise: Comparison
+    limits: tuple[LimitCheck, ...]
+    receiver: str
+    drift: tuple[OutageDrift | None, ...]
+
+
+def compare(
+    *sources: Source,
+    by: Literal["still", "temperature"] | None = None,
+    gnss: str = DEFAULT_RECEIVER,
+    progress: Progress = silent,
+) -> SensorComparison:
+    """Compare sensors: coefficients, limits of data sheets, and predicted drift after 10, 60 and 300 s.
+
+    Parameters
+    ----------
+    *sources : str, Path, Identification or sequence of Record
+        Two or more of what `tuner.identification.identify_source` takes, or identifications.
+    by : str, optional
+        Compares the parts of one log instead: the stretches at rest between motions (``still``), or three bins of
+        temperature (``temperature``).
+    gnss : str
+        Built-in receiver that aids before an outage.
+    progress : callable, optional
+        Called with one line at each step.
+
+    Raises
+    ------
+    DataError
+        For fewer than two sources or parts, a source that cannot be identified, or an unknown receiver.
+    """
+    receiver = load_gnss(gnss)
+    noise = compare_sources(*sources, by=by, progress=progress)
+    configs = [synthesize(source, gnss=receiver) for source in noise.sources]
+    drift = tuple(outage_drift(config) if len(config.channels) == 6 else None for config in configs)
+    return SensorComparison(noise, limit_checks(noise), gnss, drift)
