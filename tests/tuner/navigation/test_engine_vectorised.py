@@ -54,24 +54,23 @@ def counts(filters):
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names of x86 instructions")
-@pytest.mark.parametrize("filters", [1, BATCH_SIZE])
-def test_loops_are_packed(filters, tmp_path):
+def test_loops_are_packed(tmp_path):
     """In a process and a cache of its own: a function read from the cache is called, and its code is not seen."""
     finished = subprocess.run(
-        [sys.executable, __file__, str(filters)],
+        [sys.executable, __file__],
         capture_output=True,
         text=True,
         check=True,
         env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)},
     )
-    (stepped, wide), (summed, _), (mechanised, _) = json.loads(finished.stdout)
-    assert stepped >= 60
-    assert summed >= 4
-    if filters > 1:
-        assert mechanised >= 150
-    if get_host_cpu_features().get("avx512f"):
-        assert wide >= 0.9 * stepped
+    alone, together = json.loads(finished.stdout)
+    for (stepped, wide), (summed, _), _ in (alone, together):
+        assert stepped >= 60
+        assert summed >= 4
+        if get_host_cpu_features().get("avx512f"):
+            assert wide >= 0.9 * stepped
+    assert together[2][0] >= 150  # of the mechanisation
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(counts(int(sys.argv[1]))))
+    sys.stdout.write(json.dumps([counts(filters) for filters in (1, BATCH_SIZE)]))
