@@ -19,11 +19,11 @@ from tuner.consistency.output_causes.error_model import (
     MODEL_ERROR,
     REGRESSORS,
     ErrorModel,
-    ExtraProcess,
     TrueNoise,
     error_model,
 )
 from tuner.consistency.output_causes.filter_model import FilterModel, course_of, fit_filter
+from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypothesis, scale_hypotheses
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.types.consistency import MeanError
@@ -39,15 +39,11 @@ SHORTLIST_NATS = 4.0
 FURTHER_SHARE = 0.2
 """Share of the gain of the first fault that a further one must have: what the first leaves, the linear model being off
 by some per cent, is not another fault."""
-LOG_MAX_SCALE = math.log(20.0)
-"""Largest ratio of true to assumed sd that is looked for, as a logarithm."""
 MAX_CAUSES = 3
 """Faults that are looked for one after another."""
 MAX_RUNS = 2
 """Runs of a Monte Carlo whose likelihoods are added: one tells a fault that scores show, and its size to some per cent,
 which is what the linear model of a filter is good for."""
-EXTRA_TIMES = (10.0, 60.0, 300.0)
-"""Time constants of processes that a filter may lack, s; halfway between, half the gain is still there."""
 SMALL_STEP = 0.15
 """Change of a size, as a logarithm, over which a deviance is about a parabola; and distance to a bound of the search
 that counts as beyond it."""
@@ -55,7 +51,6 @@ REFINED_COUNT = 6
 """Hypotheses of one size whose best size is sought: those that promise most; only the likeliest are named."""
 INTERVAL_SDS = 1.96
 """Half width of an interval of 95 %, sds."""
-_UNITS = {"gyro": "rad/s", "accel": "m/s^2", "fixes": "m"}
 
 
 @dataclass(frozen=True)
@@ -75,18 +70,6 @@ class Explanations:
     causes: tuple[OutputCause, ...] = ()
     means: tuple[MeanError, ...] = ()
     assumed: FilterModel | None = None
-
-
-@dataclass(frozen=True)
-class _Scale:
-    """A hypothesis of one size s, as a logarithm: what the truth is then."""
-
-    cause: str
-    subject: str
-    true: Callable[[TrueNoise, float], TrueNoise]
-    unit: str = "1"
-    bounds: tuple[float, float] = (-LOG_MAX_SCALE, LOG_MAX_SCALE)
-    time_constant: float | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +110,9 @@ def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
     causes: list[OutputCause] = []
     means: list[MeanError] = []
     while len(causes) < MAX_CAUSES:
-        fits = _candidates(models, base, fixed, known, [] if only_means else _scales(models[0], base))
+        fits = _candidates(
+            models, base, fixed, known, [] if only_means else scale_hypotheses(models[0], base)
+        )
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -146,7 +131,7 @@ def _candidates(
     base: TrueNoise,
     fixed: tuple[str, ...],
     known: int,
-    scales: Sequence[_Scale],
+    scales: Sequence[ScaleHypothesis],
 ) -> list[_Fit]:
     """Return the best fit of every cause, the likeliest first, with the names of constants already in the model."""
     deviance, products = _regression(models, base)
@@ -236,85 +221,9 @@ def _constant(
     return _Fit(cause, base, x, (name,))
 
 
-def _density(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
-    def true(base: TrueNoise, x: float) -> TrueNoise:
-        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.density)]
-        return replace(base, density=(scaled[0], scaled[1], scaled[2], scaled[3]))
-
-    return true
-
-
-def _fixes(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
-    def true(base: TrueNoise, x: float) -> TrueNoise:
-        scaled = [d * math.exp(x) if i in which else d for i, d in enumerate(base.fixes)]
-        return replace(base, fixes=(scaled[0], scaled[1]))
-
-    return true
-
-
-def _everything(base: TrueNoise, x: float) -> TrueNoise:
-    return _fixes(0, 1)(_density(0, 1, 2, 3)(base, x), x)
-
-
-def _extra(place: str, time_constant: float) -> Callable[[TrueNoise, float], TrueNoise]:
-    return lambda base, x: replace(base, extra=ExtraProcess(place, math.exp(x), time_constant))
-
-
-def _times(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
-    def true(base: TrueNoise, x: float) -> TrueNoise:
-        ratio = [math.exp(x) if i in which else 1.0 for i in (0, 1)]
-        return replace(base, time_ratio=(ratio[0], ratio[1]))
-
-    return true
-
-
-def _scales(model: ErrorModel, base: TrueNoise) -> list[_Scale]:
-    """Return all hypotheses of one size; of processes that the filter lacks only one at a time."""
-    r, q = "gnss_noise_scale", "imu_noise_scale"
-    found = [
-        _Scale(r, "", _fixes(0, 1)),
-        _Scale(r, "position fixes", _fixes(0)),
-        _Scale(r, "velocity fixes", _fixes(1)),
-        _Scale(q, "", _density(0, 1, 2, 3)),
-        _Scale(q, "gyros", _density(0, 2)),
-        _Scale(q, "accelerometers", _density(1, 3)),
-        _Scale(q, "white noise", _density(0, 1)),
-        _Scale(q, "bias noise", _density(2, 3)),
-        _Scale(q, "gyro white noise", _density(0)),
-        _Scale(q, "accelerometer white noise", _density(1)),
-        _Scale(q, "gyro bias noise", _density(2)),
-        _Scale(q, "accelerometer bias noise", _density(3)),
-        _Scale("noise_scale", "", _everything),
-    ]
-    if base.extra is not None or base.time_ratio != (1.0, 1.0):
-        return found
-    found += [
-        _Scale("time_constant", "", _times(0, 1)),
-        _Scale("time_constant", "gyro biases", _times(0)),
-        _Scale("time_constant", "accelerometer biases", _times(1)),
-    ]
-    sizes = {"gyro": 9, "accel": 12, "fixes": 0}
-    for place, code in (("gyro", "missing_state"), ("accel", "missing_state"), ("fixes", "correlated_gnss")):
-        first = sizes[place]
-        usual = (
-            math.sqrt(float(model.model.fix_variance[0]))
-            if place == "fixes"
-            else math.sqrt(float(np.median(np.diag(model.start)[first : first + 3])))
-        )
-        middle = math.log(max(usual, 1e-12))
-        bounds = (middle - 2.0 * LOG_MAX_SCALE, middle + LOG_MAX_SCALE)
-        subject = {"gyro": "gyro bias", "accel": "accelerometer bias", "fixes": ""}[place]
-        if place == "fixes" and model.by_innovations:
-            continue
-        found += [
-            _Scale(code, subject, _extra(place, time), _UNITS[place], bounds, time) for time in EXTRA_TIMES
-        ]
-    return found
-
-
 def _loss(
-    models: Sequence[ErrorModel], scale: _Scale, base: TrueNoise, fixed: tuple[str, ...]
-) -> tuple[_Scale, Callable[[float], float]]:
+    models: Sequence[ErrorModel], scale: ScaleHypothesis, base: TrueNoise, fixed: tuple[str, ...]
+) -> tuple[ScaleHypothesis, Callable[[float], float]]:
     """Return a hypothesis with its deviance as a function of its size."""
 
     def loss(x: float) -> float:
@@ -327,7 +236,7 @@ def _loss(
     return scale, loss
 
 
-def _promise(loss: Callable[[float], float], scale: _Scale, deviance: float) -> float:
+def _promise(loss: Callable[[float], float], scale: ScaleHypothesis, deviance: float) -> float:
     """Return about what a hypothesis lowers the deviance by: on a coarse grid, and by a parabola about no change."""
     low, high = scale.bounds
     if scale.unit != "1":
@@ -339,7 +248,7 @@ def _promise(loss: Callable[[float], float], scale: _Scale, deviance: float) -> 
 
 
 def _fitted(
-    scale: _Scale, loss: Callable[[float], float], base: TrueNoise, deviance: float, price: float
+    scale: ScaleHypothesis, loss: Callable[[float], float], base: TrueNoise, deviance: float, price: float
 ) -> _Fit | None:
     """Return a hypothesis at its best size, with the interval of the likelihood.
 
