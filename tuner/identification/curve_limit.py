@@ -54,12 +54,10 @@ def below_the_curve(
     tau = allan.tau[described]
     terms: list[TermEstimate] = []
     kept: list[Term] = []
-    present = iter(estimates.model.terms)
-    for estimate in estimates.terms:
-        if not estimate.present:
+    for estimate, term in estimates.with_terms():
+        if term is None:
             terms.append(estimate)
             continue
-        term = next(present)
         excess = term.allan_variance(tau, interval=interval) / limit
         worst = int(np.argmax(excess))
         factor = float(excess[worst]) ** -0.5

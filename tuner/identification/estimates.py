@@ -47,6 +47,11 @@ class Estimates:
     parameters: tuple[str, ...]
     covariance: FloatArray
 
+    def with_terms(self) -> list[tuple[TermEstimate, Term | None]]:
+        """Return every estimate with its term of the model; None where the term is absent."""
+        present = iter(self.model.terms)
+        return [(estimate, next(present) if estimate.present else None) for estimate in self.terms]
+
 
 def from_fit(
     model: NoiseModel, covariance: FloatArray, intervals: Sequence[Interval], unit: str, *, forced: bool
@@ -127,12 +132,10 @@ def _replaced(estimates: Estimates, answers: Mapping[str, _Answer], missing: str
     terms: list[TermEstimate] = []
     kept: list[Term] = []
     variances: list[float] = []
-    present = iter(estimates.model.terms)
-    for estimate in estimates.terms:
-        if not estimate.present:
+    for estimate, term in estimates.with_terms():
+        if term is None:
             terms.append(estimate)
             continue
-        term = next(present)
         (name, own), *others = estimate.coefficients.items()
         if estimate.name not in BASE:
             kept.append(term)
