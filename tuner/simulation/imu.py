@@ -23,8 +23,8 @@ from models.noise import (
     White,
 )
 from models.noise.bias_instability import ALLAN_FLOOR
+from models.noise.bounded_white_noise import BOUNDED_SHARE
 from models.sensors import SensorGrade
-from tuner.identification.bounded_white_noise import BOUNDED_SHARE
 from tuner.navigation.engine import SensorErrors
 from tuner.navigation.settings import ACCELS, GYROS
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate

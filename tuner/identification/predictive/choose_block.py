@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.identification.bounded_white_noise import bounded_white_density
+from models.noise.bounded_white_noise import bounded_white_density
 from tuner.identification.predictive.criteria import follows_curve
 from tuner.identification.predictive.curve_fit import fit_curve, raise_random_walk, with_bounded_parts
 from tuner.identification.predictive.forecast import compare_forecasts
