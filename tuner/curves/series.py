@@ -18,7 +18,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import detrend
 
 from tuner.curves.allan import by_column, sizes
 from tuner.curves.edf import PURE_NOISES
@@ -78,6 +77,8 @@ def nsec(y: ArrayLike, m: ArrayLike) -> FloatArray:
 
 def exponent(y: ArrayLike) -> float:
     """Return α of the spectrum f^α of a series, shape (n,), by its lag-1 autocorrelation."""
+    from scipy.signal import detrend  # loaded when used: scipy.signal is slow to import
+
     z = detrend(np.asarray(y, dtype=float))
     for d in range(3):
         z = z - z.mean()

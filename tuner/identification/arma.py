@@ -28,7 +28,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.stats import chi2, jarque_bera, kurtosis, norm, normaltest
 
 from tuner.curves import acf
@@ -69,6 +68,8 @@ def one_step(y: FloatArray, ar: tuple[float, ...], ma: tuple[float, ...]) -> Flo
     ar, ma : tuple of float
         x_k = Σ ar_i x_{k−i} + e_k + Σ ma_j e_{k−j}.
     """
+    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
     innovations = lfilter((1.0, *(-a for a in ar)), (1.0, *ma), y)
     return np.asarray(y - innovations)
 

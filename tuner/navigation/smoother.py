@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,9 @@ from numpy.typing import NDArray
 from models.error_state import corrected
 from models.strapdown import NavigationState
 from tuner.navigation.data import Solution
-from tuner.navigation.reference_filter import Passage
+
+if TYPE_CHECKING:
+    from tuner.navigation.reference_filter import Passage
 
 FloatArray = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from tuner.formats.customary_units import (
 )
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import Plan, PlannedParameter
+from tuner.report.answer_layout import LINE_WIDTH, wrapped
 from tuner.report.identification_answer import terms_table
 from tuner.report.settings_rows import axes_text
 from tuner.report.terms_rows import channel_row, terms_rows
-from tuner.report.tune_answer import LINE_WIDTH, wrapped
 from tuner.types import FilterConfig
 
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
+from tuner.report.answer_layout import LINE_WIDTH, settings_table, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
 from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row, terms_rows
-from tuner.report.tune_answer import LINE_WIDTH, settings_table, wrapped
 from tuner.types import FilterConfig, Identification, PooledChannel
 
 UNEQUAL_BELOW = 0.05

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from tuner.formats.customary_units import digits
-from tuner.pipeline import CHECK_RUNS, TuneResult
+from tuner.report.answer_layout import settings_table, wrapped
 from tuner.report.finding_groups import contradicted, drift_text, finding_groups
-from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows, units_of
+from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
 from tuner.report.verdict_text import verdict_text
 from tuner.synthesis.findings import judge_hidden
 
-LINE_WIDTH = 80
-"""Columns of a terminal as it opens."""
+if TYPE_CHECKING:
+    from tuner.pipeline import TuneResult
+
 SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
 HALF_LIMIT = "* only bounded: half of the 95 % limit"
@@ -50,6 +51,8 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
 
 def verdict_line(result: TuneResult) -> str:
     """Return whether the filter is as uncertain as it says, and whether its settings predict the log."""
+    from tuner.pipeline import CHECK_RUNS  # loaded when used: it imports every room
+
     parts = []
     if result.check is None:
         parts.append("The filter is not checked")
@@ -84,21 +87,6 @@ def recording_line(result: TuneResult) -> str:
 def assumptions(result: TuneResult) -> tuple[str, ...]:
     """Return what nobody stated of the log and was assumed."""
     return tuple(str(text) for text in result.identification.source.get("assumptions", ()))
-
-
-def settings_table(rows: Sequence[SettingsRow]) -> Table:
-    """Return the numbers of every group of axes, under the units of its sensor."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
-    table.add_column("axes", no_wrap=True)
-    for name in ("white", "bias", "walk"):
-        table.add_column(name, overflow="fold")
-    for unit in dict.fromkeys(row.unit for row in rows):
-        white, level, walk = units_of(unit)
-        table.add_row("", f"N, {white}", f"bias states, {level}", f"K, {walk}")
-        for row in rows:
-            if row.unit == unit:
-                table.add_row(axes_text(row.axes), row.white.text, row.bias, row.walk.text)
-    return table
 
 
 def legend(rows: Sequence[SettingsRow]) -> str:
@@ -143,10 +131,3 @@ def hidden_lines(result: TuneResult) -> list[str]:
     if result.key is None or result.diagnosis is None:
         return []
     return [line.strip() for line in hidden_effect_lines(judge_hidden(result.key, result.diagnosis))]
-
-
-def wrapped(text: str, indent: int = 0) -> list[str]:
-    """Return text in lines of a terminal, further ones indented; no word is broken."""
-    return wrap(
-        text, LINE_WIDTH, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
-    )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from models.earth import llh_displaced
 from models.filter_states import FILTER_STATES, Origin
@@ -126,6 +125,8 @@ def _path(
     settings: FilterSettings, state: int, rows: int, step: float, rng: np.random.Generator
 ) -> FloatArray:
     """Return one state at the beginning of every step, s; shape (rows,)."""
+    from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
     constant, density = settings.model.time_constant[state], settings.model.driving_density[state]
     first = settings.initial_sd[state] * rng.standard_normal()
     if density == 0.0 and np.isinf(constant):

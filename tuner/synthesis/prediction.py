@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tuner.identification.predictive.choose_block import choose_block
 from tuner.jobs import each
 from tuner.types import ChannelNoise, FilterConfig, TermEstimate
 from tuner.types.prediction import BlockSource, NoiseBlock, PredictedBlock
@@ -75,6 +74,8 @@ def _predicting(
     record: Record, channel: ChannelNoise, signals: Mapping[str, tuple[tuple[str, ...], FloatArray]]
 ) -> tuple[PredictedBlock | None, list[str]]:
     """Return the settings of an axis that predict its record, and what was taken out of that; None if too short."""
+    from tuner.identification.predictive.choose_block import choose_block  # loaded when used: slow to import
+
     axis, notes = channel.axis, []
     samples = _samples(record, channel)
     found = choose_block(samples, record.interval, _block(channel))

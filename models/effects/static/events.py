@@ -21,8 +21,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.signal.windows import tukey
 
 from models.effects.static.base import (
     GLITCH,
@@ -196,6 +194,9 @@ class Motion(Effect):
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Add an own sway to every channel."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+        from scipy.signal.windows import tukey  # loaded when used: scipy.signal is slow to import
+
         inside = np.flatnonzero((block.t >= self.start) & (block.t < self.start + self.duration))
         sway = np.zeros_like(block.y)
         if len(inside):

@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.signal import lfilter
 
 from models.effects.static.base import (
     FILTER,
@@ -126,6 +125,8 @@ class Vibration(Effect):
 
     def signal(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return `n` samples, stationary from the first on."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
         phi1, phi2 = self.recursion(interval)
         rho = phi1 / (1.0 - phi2)
         innovation = self.sd * math.sqrt((1.0 - phi2**2) * (1.0 - rho**2))
@@ -190,6 +191,8 @@ class LowPass(Effect):
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Filter everything before it: noise and signals."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
         a = self.denominator(block.interval)
         start = block.y[:1]
         y = start + lfilter([a.sum()], a, block.y - start, axis=0)
@@ -238,6 +241,8 @@ class Colour(Effect):
 
     def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
         """Colour the white part of every channel."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
         w = block.fast()
         return block.reshaped(w, lfilter([1.0, *self.ma], [1.0, *(-a for a in self.ar)], w, axis=0))
 
@@ -277,6 +282,8 @@ class CorrelatedDrift(Effect):
 
     def signal(self, n: int, interval: float, rng: np.random.Generator) -> FloatArray:
         """Return `n` point samples, stationary from the first on."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
         phi = math.exp(-interval / self.time_constant)
         w = self.sd * math.sqrt(1.0 - phi * phi) * rng.standard_normal(n)
         x, _ = lfilter([1.0], [1.0, -phi], w, zi=[phi * self.sd * rng.standard_normal()])

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.signal import lfilter
 
 from models.effects.static.base import (
     Effect,
@@ -99,6 +98,8 @@ class ThermalLag(Effect):
 
     def lagged(self, temperature: FloatArray, interval: float) -> FloatArray:
         """Return the lagging temperature (n,), °C, exact where the input is constant between samples."""
+        from scipy.signal import lfilter  # loaded when used: scipy.signal is slow to import
+
         phi = math.exp(-interval / self.time_constant)
         rise = np.concatenate(([0.0], temperature[:-1] - temperature[0]))
         return np.asarray(temperature[0] + lfilter([1.0 - phi], [1.0, -phi], rise), dtype=float)

@@ -17,7 +17,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from tuner.types.prediction import SpectralExcess
 
@@ -81,6 +80,8 @@ def octave_bands(interval: float, shortest: float) -> list[SpectralExcess]:
 
 def _spectrum(pieces: Sequence[FloatArray], interval: float, window: int) -> tuple[FloatArray, FloatArray]:
     """Return frequencies and one-sided density, without the first and the last bin."""
+    from scipy.signal import welch  # loaded when used: scipy.signal is slow to import
+
     total, weight, frequency = 0.0, 0, np.empty(0)
     for piece in pieces:
         if len(piece) < window:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.strapdown import NavigationState
-from tuner.navigation import reference_filter
 from tuner.navigation.data import Constraints, Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
 from tuner.navigation.engine.measurement_rows import measurements, parted
@@ -69,6 +68,8 @@ def run(
     """
     compiled = _compiled()
     if compiled is None:
+        from tuner.navigation import reference_filter  # loaded when used: filterpy is slow to import
+
         steps = steps if errors is None else disturbed(steps, errors)
         return reference_filter.run(
             settings,
@@ -108,6 +109,8 @@ def run_together(
     """
     compiled = _compiled()
     if compiled is None:
+        from tuner.navigation import reference_filter  # loaded when used: filterpy is slow to import
+
         drawn = [steps] * len(starts) if errors is None else [disturbed(steps, one) for one in errors]
         each = zip(starts, drawn, fixes, strict=True)
         return tuple(reference_filter.run(settings, start, own, some) for start, own, some in each)
