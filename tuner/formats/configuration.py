@@ -29,7 +29,7 @@ from tuner.types import (
     InitialUncertainty,
     TermEstimate,
 )
-from tuner.types.numbers import NonNegative, Positive
+from tuner.types.numbers import NonNegative, Positive, SamplingInterval
 
 FORMAT: Literal["tuner-noise/1"] = "tuner-noise/1"
 
@@ -79,7 +79,7 @@ class _ConfigForm:
 
     format: Literal["tuner-noise/1"] = FORMAT
     name: str
-    interval: Positive
+    interval: SamplingInterval
     sensors: Mapping[str, Mapping[str, _AxisForm]]
     initial: InitialUncertainty
     gnss: GnssNoise | None

@@ -11,7 +11,7 @@ from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Enlargement, Inflation
-from tuner.types.numbers import NonNegative, Positive
+from tuner.types.numbers import NonNegative, Positive, SamplingInterval
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class GnssNoise:
 
     position_sd: tuple[NonNegative, NonNegative, NonNegative]
     velocity_sd: tuple[NonNegative, NonNegative, NonNegative] | None
-    interval: Positive
+    interval: SamplingInterval
     gate: Positive
     correlated: tuple[GaussMarkov, ...] = ()
     reference: str = ""

@@ -33,6 +33,8 @@ LONGEST_LEVER_ARM = 100.0
 
 Finite = Annotated[float, Limits("a number")]
 Positive = Annotated[float, Limits("a positive number", 0.0, open_low=True)]
+SamplingInterval = Annotated[float, Limits("a number of seconds from 1e-7 to 86400", 1e-7, 86400.0)]
+"""s: from the fastest converters to one sample a day; what lies beyond is in another unit or damaged."""
 NonNegative = Annotated[float, Limits("a number not below 0", 0.0)]
 Share = Annotated[float, Limits("a number from 0 to 1", 0.0, 1.0)]
 Vector3 = Annotated[tuple[float, float, float], VectorLimits()]

@@ -103,7 +103,12 @@ def test_files_are_written_and_read(tmp_path: Path) -> None:
             "format: other/1",
             "expected a line 'format: tuner-noise/1', got 'other/1'",
         ),
-        ("interval: 0.008", "interval: -1", "interval: expected a positive number, got -1"),
+        ("interval: 0.008", "interval: -1", "interval: expected a number of seconds from 1e-7 to 86400"),
+        (
+            "interval: 0.008",
+            "interval: 1.0e+308",
+            "interval: expected a number of seconds from 1e-7 to 86400",
+        ),
         ("ramp_sd: 0.0", "ramp: 0.0", "filter: expected a key 'ramp_sd'"),
         (
             "constant_sd: 1.9",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,7 +94,8 @@ def _messages(path: Path) -> Iterator[Any]:
     )  # so that the file can be closed where reading its index fails
     try:
         with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
-            log.__init__(str(path), zero_time_base=True)
+            with _without_stderr():
+                log.__init__(str(path), zero_time_base=True)
             while (message := log.recv_match(type=WANTED)) is not None:
                 yield message
     finally:
@@ -101,6 +103,23 @@ def _messages(path: Path) -> Iterator[Any]:
             # A failed read may still hold a view of the mapped file: then it is closed with the last of them.
             with contextlib.suppress(AttributeError, BufferError):
                 getattr(log, handle).close()
+
+
+@contextlib.contextmanager
+def _without_stderr() -> Iterator[None]:
+    """Keep off the terminal what compiled code writes to standard error."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _imu(message: Any) -> tuple[float, ...]:
