@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 import tempfile
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -67,6 +68,16 @@ def _classified(path: Path) -> Any:
 def _npz(save: Callable[..., None], **arrays: Any) -> bytes:
     file = io.BytesIO()
     save(file, **arrays)
+    return file.getvalue()
+
+
+def _phone() -> bytes:
+    """Return a ZIP of phyphox: one CSV a sensor."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, rows, unit in (("Gyroscope", GYRO, "rad/s"), ("Accelerometer", ACCEL, "m/s^2")):
+            header = ",".join(['"Time (s)"', *(f'"{name} {axis} ({unit})"' for axis in "xyz")])
+            archive.writestr(f"{name}.csv", _text(np.column_stack([T, rows]), header))
     return file.getvalue()
 
 
@@ -234,6 +245,7 @@ def seeds() -> tuple[Seed, ...]:
         ),
         Seed("log.h5", _hdf5(), _classified),
         Seed("log.parquet", _parquet(), _classified),
+        Seed("phone.zip", _phone(), _classified),
         *_message_logs(),
         Seed("noise.yaml", noise_yaml.dumps(config).encode(), noise_yaml.load, text=True),
         Seed("sheet.yaml", (CONFIGS / "examples" / "datasheet.yaml").read_bytes(), read_datasheet, text=True),

@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from models.registry import RegistryError
 from tuner.cli.package_check import foreign_models
-from tuner.cli.process import Terminated, kernel_cache, robust_streams, termination
+from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
 from tuner.formats.guard import printable, reason
 from tuner.types.records import DataError
 
@@ -86,6 +86,9 @@ def main() -> None:
         sys.exit(_refuse(clash))
     with kernel_cache(), termination():
         status = run(sys.argv[1:])
+    if status in ANSWERS:  # threads that still work would hold up the usual end
+        sys.stderr.flush()
+        os._exit(status)
     sys.exit(status)
 
 
@@ -111,10 +114,10 @@ def run(arguments: Sequence[str]) -> int:
     except MemoryError as error:
         return _refuse(f"not enough memory: {error}; ask for less, or split the log")
     except (click.Abort, KeyboardInterrupt):
-        sys.stderr.write("tuner: interrupted; files already finished were kept\n")
+        sys.stderr.write(answer(130) + "\n")
         return 130
     except Terminated:
-        sys.stderr.write("tuner: terminated; files already finished were kept\n")
+        sys.stderr.write(answer(143) + "\n")
         return 143
     except Exception as error:
         return _confess(error)

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
+import socket
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 import models
+from tuner.formats.files import WRITING, remove_unfinished, temporary_place
+
+PATIENCE = 0.5
+"""Time in which what runs must answer a request to end, s: then the process ends all the same."""
+REQUESTS = {
+    int(getattr(signal, name)): status
+    for name, status in (("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 143))
+    if hasattr(signal, name)
+}
+"""Requests to end, with the exit status that each leads to."""
+ANSWERS = {130: "interrupted", 143: "terminated"}
+"""What is said of them."""
 
 
 class Terminated(BaseException):
@@ -21,22 +37,62 @@ class Terminated(BaseException):
 
 @contextmanager
 def termination() -> Iterator[None]:
-    """Turn a request to end (SIGTERM, and SIGHUP where it exists) into `Terminated`."""
+    """Turn a request to end (SIGTERM, and SIGHUP where it exists) into `Terminated`, and see that it is answered.
+
+    Python hands over a signal between two of its own steps. Compiled code and a wait for threads have none: where the
+    block has not ended `PATIENCE` after a request, a second thread removes temporary files and ends the process.
+    """
 
     def end(_number: int, _frame: FrameType | None) -> NoReturn:
         raise Terminated
 
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = [number for number, status in REQUESTS.items() if status == 143]
     before = [
         (number, signal.signal(number, end))
         for number in numbers
         if signal.getsignal(number) == signal.SIG_DFL
     ]
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    woken = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=_end_what_does_not, args=(receiver,), daemon=True).start()
     try:
         yield
     finally:
+        signal.set_wakeup_fd(woken)
+        sender.close()
         for number, handler in before:
             signal.signal(number, handler)
+
+
+def _end_what_does_not(receiver: socket.socket) -> None:
+    """End the process some time after a signal came through a socket, unless the socket is closed before."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)  # they are for the main thread
+    asked: int | None = None
+    deadline = math.inf
+    while (left := deadline - time.monotonic()) > 0.0:
+        receiver.settimeout(None if asked is None else left)
+        try:
+            numbers = receiver.recv(64)
+        except TimeoutError:
+            break
+        if not numbers:
+            return
+        requests = [number for number in numbers if number in REQUESTS]
+        if asked is None and requests:
+            asked, deadline = requests[0], time.monotonic() + PATIENCE
+    assert asked is not None
+    WRITING.acquire()
+    remove_unfinished()
+    with suppress(OSError):
+        os.write(2, f"\n{answer(REQUESTS[asked])}\n".encode())
+    os._exit(REQUESTS[asked])
+
+
+def answer(status: int) -> str:
+    """Return the last line of a process that was asked to end."""
+    return f"tuner: {ANSWERS[status]}; files already finished were kept"
 
 
 def robust_streams() -> None:
@@ -58,8 +114,8 @@ def kernel_cache() -> Iterator[None]:
     if "NUMBA_CACHE_DIR" in os.environ or _cache_is_writable():
         yield
         return
-    with tempfile.TemporaryDirectory(prefix="tuner-kernels-") as folder:
-        os.environ["NUMBA_CACHE_DIR"] = folder
+    with temporary_place(Path(tempfile.mkdtemp(prefix="tuner-kernels-"))) as folder:
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)
         yield
 
 

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tuner.formats.files import mode_for, to_disk, umask, whole_file
+from tuner.formats.files import WRITING, mode_for, to_disk, umask, whole_file
 
 STAGE = ".tuner-"
 """Begin of the names of folders that hold a set while it is written."""
@@ -63,7 +63,7 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     linked = [name for name in files if (target / name).is_symlink()]
     plain = all(p.is_file() and not p.is_symlink() for p in others) and not linked
     whole = not target.exists() or (plain and target.is_dir() and not _is_within(Path.cwd(), target))
-    with _uninterrupted():
+    with WRITING, _uninterrupted():
         if not whole or not _exchanged(target, files, others):
             _one_by_one(target, files, last, gone)
 

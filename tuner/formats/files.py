@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+WRITING = threading.Lock()
+"""Held while files that belong together are replaced: nothing may end the process then."""
+_unfinished: set[Path] = set()
+"""Temporary files and folders of this process, for the case that it must end without its usual ways."""
 
 Put = Callable[[Path, bytes], None]
 """Writes the content of a file, or keeps it to be written with others."""
@@ -23,15 +30,36 @@ def whole_file(path: Path) -> Iterator[Path]:
     target.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{target.stem[:40]}-", suffix=target.suffix, dir=target.parent)
     os.close(handle)
-    temporary = Path(name)
-    try:
+    with temporary_place(Path(name)) as temporary:
         yield temporary
         temporary.chmod(mode_for(target))
         to_disk(temporary)
         temporary.replace(target)
         to_disk(target.parent)
+
+
+@contextmanager
+def temporary_place(path: Path) -> Iterator[Path]:
+    """Remove a file or folder at the end of this block, or of the process (`remove_unfinished`)."""
+    _unfinished.add(path)
+    try:
+        yield path
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(path)
+        _unfinished.discard(path)
+
+
+def remove_unfinished() -> None:
+    """Remove every temporary file and folder: the process ends at once."""
+    for path in tuple(_unfinished):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -7,6 +7,7 @@ be read alone.
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.formats.files import temporary_place
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
 from tuner.readers.text import find_dialect, read_numbers
@@ -25,6 +27,8 @@ FloatArray = NDArray[np.float64]
 
 MAX_UNPACKED = 1 << 32
 """Largest size of a member of a ZIP that is unpacked, bytes: days of a phone's samples."""
+MAX_EXPANSION, FREE_BYTES = 200, 1 << 28
+"""Unpacked ÷ packed that a member of more than `FREE_BYTES` may have: measured samples stay below 20."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,7 @@ def list_phone(path: Path) -> Listing:
     """
     if path.is_dir():
         return _list(path, path)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_place(Path(tempfile.mkdtemp(prefix="tuner-phone-"))) as folder:
         try:
             with zipfile.ZipFile(path) as archive:
                 wanted = {name for app in APPS for name in (*app.gyro, *app.accel)}
@@ -77,13 +81,16 @@ def list_phone(path: Path) -> Listing:
                     name = Path(member.filename).name
                     if name not in wanted or member.is_dir():
                         continue
-                    if member.file_size > MAX_UNPACKED:
+                    if member.file_size > min(
+                        MAX_UNPACKED, max(FREE_BYTES, MAX_EXPANSION * member.compress_size)
+                    ):
                         size = member.file_size
                         msg = (
                             f"{path}: {name} unpacks to {size} bytes: unpack it yourself and name the folder"
                         )
                         raise DataError(msg)
-                    (Path(folder) / name).write_bytes(archive.read(member))
+                    with archive.open(member) as packed, (folder / name).open("wb") as unpacked:
+                        shutil.copyfileobj(packed, unpacked)
         except (
             OSError,
             zipfile.BadZipFile,
@@ -94,7 +101,7 @@ def list_phone(path: Path) -> Listing:
         ) as error:
             msg = f"{path}: cannot be unpacked: {error}; unpack it yourself and name the folder"
             raise DataError(msg) from None
-        return _list(path, Path(folder))
+        return _list(path, folder)
 
 
 def _list(path: Path, folder: Path) -> Listing:

@@ -90,3 +90,42 @@ def test_no_place_for_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
         assert folder.is_dir()
     assert not folder.exists()
     assert cli.COMMANDS
+
+
+BUSY = """
+import signal, sys, threading, time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from tuner.cli.process import termination
+from tuner.formats.files import WRITING, whole_file
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts its background jobs without it
+with termination(), ThreadPoolExecutor(1) as threads, whole_file(Path(sys.argv[1]) / "result.json") as temporary:
+    threads.submit(time.sleep, 60.0)  # as a compiled call on another processor: the pool waits for its end
+    with WRITING:
+        end = time.monotonic() + 1.0
+        while not (Path(sys.argv[1]) / "set").exists():
+            try:
+                print("ready", flush=True)
+                time.sleep(max(0.0, end - time.monotonic()))
+                (Path(sys.argv[1]) / "set").touch()
+            except BaseException:
+                pass
+    temporary.write_text("half")
+    raise KeyboardInterrupt
+"""
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_no_call_that_lasts_holds_up_an_end(tmp_path: Path, number: signal.Signals, status: int) -> None:
+    """Nor does an end come while a set is replaced, or leave a temporary file."""
+    running = subprocess.Popen(
+        [sys.executable, "-c", BUSY, str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert running.stdout is not None
+    running.stdout.readline()
+    running.send_signal(number)
+    begin = time.monotonic()
+    _, said = running.communicate(timeout=50)
+    assert (running.returncode, time.monotonic() - begin < 20.0) == (status, True)
+    assert said.decode().splitlines()[-1].endswith("; files already finished were kept")
+    assert [path.name for path in tmp_path.iterdir()] == ["set"]

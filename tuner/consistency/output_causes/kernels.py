@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def covariance_recursion(phi, noise, fixed, q, r, start):  # type: ignore[no-untyped-def]
     """Return P after every epoch and the gains of its fix: (k, n, n), (k, n, 6).
 
@@ -40,7 +40,7 @@ def covariance_recursion(phi, noise, fixed, q, r, start):  # type: ignore[no-unt
     return covariance, gain
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def error_likelihood(dynamics, noise, shift, start, seen, variance, known, inputs, outputs):  # type: ignore[no-untyped-def]
     """Return Σ ln s and the products of whitened residuals of data and regressors, (1 + m, 1 + m).
 

@@ -102,7 +102,7 @@ def _predictions(block: NoiseBlock, durations: FloatArray) -> tuple[FloatArray, 
     return gains, np.array(added)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _run_filter(  # type: ignore[no-untyped-def]
     means, step, decay, driving_variance, power, noise, ahead, gains, floors, settling_share
 ):
