@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from tuner.cli.commands.external_filter import external_options, tune_filter
 from tuner.cli.commands.inputs import load_source
 from tuner.cli.commands.options import (
     DIRECTORY,
@@ -36,6 +37,7 @@ from tuner.cli.progress import Messages
 @latitude
 @click.option("--conservative", is_flag=True, help="Use the noise of the worst stretch of LOG throughout.")
 @replicas
+@external_options
 @verbose
 @reading
 @jobs
@@ -47,6 +49,9 @@ def command(
     reading: Reading,
     output: Output,
     messages: Messages,
+    filter_command: str | None,
+    dialect: str | None,
+    filter_timeout: float,
     **how: Any,
 ) -> None:
     """Turn a static log into a filter configuration, with the check of that filter and a report.
@@ -56,12 +61,33 @@ def command(
     With --drive, what a measured drive shows to be wrong with the filter enters the configuration too; without LOG,
     the stationary parts of the drive stand in for it. With neither, an IMU is simulated, with an effect drawn from
     --seed hidden in its data.
+
+    With --filter, another program filters the drive as it is: settings in its DIALECT are written, it is run, its
+    output is scored, and noise, walks and sds of fixes are moved to the best score. LOG may then be a configuration.
     """
     from tuner import tune
     from tuner.report.result_set import tune_json, tune_tables, write_tune_result
     from tuner.report.terminal import show
     from tuner.report.tune_answer import answer_lines
 
+    if filter_command is not None:
+        tune_filter(
+            filter_command,
+            log,
+            dialect=dialect,
+            drive=how.pop("drive"),
+            gnss=how.pop("gnss"),
+            time_limit=filter_timeout,
+            how=how,
+            output_dir=output_dir,
+            reading=reading,
+            output=output,
+            messages=messages,
+        )
+        return
+    if dialect is not None:
+        msg = "--to: expected --filter COMMAND with it; `tuner export` writes a configuration in a dialect"
+        raise click.UsageError(msg)
     result = tune(load_source(log, reading, messages), progress=messages.say, **how)
     directory = output_dir or Path("tuner-out") / result.name
     write_tune_result(result, directory, stated_command(click.get_current_context().obj))
