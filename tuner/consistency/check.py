@@ -6,6 +6,7 @@ filter does whose configuration is wrong.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +39,8 @@ DEFAULT_DURATION = 3600.0
 """Length of a run, s: three outages of five minutes fit in."""
 MIN_INTERVAL = 0.01
 """Shortest sampling interval that is simulated, s: densities do not depend on it."""
+MIN_FIX_INTERVAL = 1.0
+"""Shortest interval of fixes that is simulated, s; smaller sds stand for the fixes in between, whose errors average."""
 
 
 def check(
@@ -86,15 +89,26 @@ def check(
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     sensor, its_receiver = load_sensor(truth) if isinstance(truth, str | Path) else (truth, None)
     receiver = receiver or its_receiver
-    settings = filter_settings(config, constants=config.constants)
     if config.gnss is None:
         msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
         raise DataError(msg)
+    receiver = receiver or config.gnss
+    often = receiver.interval / MIN_FIX_INTERVAL
+    if often < 0.999:
+        config, receiver = (
+            replace(config, gnss=_with_fewer_fixes(config.gnss, often)),
+            _with_fewer_fixes(receiver, often),
+        )
+    settings = filter_settings(config, constants=config.constants)
     sensor = sensor or sensor_of_config(config)
     notes = list(sensor.notes)
     if config.interval < 0.999 * MIN_INTERVAL:
         notes.append(f"simulated at {1.0 / MIN_INTERVAL:g} Hz, not {1.0 / config.interval:g} Hz")
-    plan = scenario(motion, receiver or config.gnss, max(config.interval, MIN_INTERVAL))
+    if often < 0.999:
+        notes.append(
+            f"simulated with a fix every {MIN_FIX_INTERVAL:g} s, as accurate as {1.0 / often:.3g} fixes together"
+        )
+    plan = scenario(motion, receiver, max(config.interval, MIN_INTERVAL))
     simulated = simulate(settings, sensor, plan, runs=runs, seed=seed, progress=progress)
     drawn = {
         name: own
@@ -119,3 +133,16 @@ def check(
         with_explanations(found, explanations) if spurious is None else (spurious.verdict, *verdicts(found))
     )
     return Check(replace(found, verdicts=reasons), settings.size, tuple(notes), shares, seen, explanations)
+
+
+def _with_fewer_fixes(gnss: GnssNoise, share: float) -> GnssNoise:
+    """Return a receiver with a share of the fixes, whose white errors are so much smaller that they tell as much."""
+    less = math.sqrt(share)
+
+    def smaller(sd: tuple[float, float, float]) -> tuple[float, float, float]:
+        return (less * sd[0], less * sd[1], less * sd[2])
+
+    velocity = None if gnss.velocity_sd is None else smaller(gnss.velocity_sd)
+    return replace(
+        gnss, position_sd=smaller(gnss.position_sd), velocity_sd=velocity, interval=gnss.interval / share
+    )

@@ -7,7 +7,7 @@ own, spawned from the seed: the answer does not depend on the number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -176,14 +176,26 @@ def simulate(
     """
     streams = np.random.default_rng(seed).spawn(runs)
     fixes = scenario_fixes(settings, plan)
-    done: list[tuple[FloatArray, Solution]] = []
-    blocks = [streams[first : first + BATCH_SIZE] for first in range(0, runs, BATCH_SIZE)]
+    out = _room(plan.times, runs, int(np.count_nonzero(error_rows(settings.model) >= 15)))
+
+    def fill(first: int) -> int:
+        own = streams[first : first + BATCH_SIZE]
+        for i, (error, solution) in enumerate(_together(settings, sensor, plan, fixes, own), first):
+            out.error[i], out.further_error[i] = error[:, :15], error[:, 15:]
+            out.covariance[i], out.further_covariance[i] = solution.covariance, solution.further_covariance
+            out.innovation[i], out.innovation_covariance[i] = (
+                solution.innovation,
+                solution.innovation_covariance,
+            )
+            out.use[i] = solution.use
+        return first + len(own)
+
+    blocks = range(0, runs, BATCH_SIZE)
     with ThreadPoolExecutor(max_workers=min(len(blocks), usable())) as pool:
-        for block in pool.map(lambda own: _together(settings, sensor, plan, fixes, own), blocks):
-            done.extend(block)
+        for done in pool.map(fill, blocks):
             if progress is not None:
-                progress(len(done), runs)
-    return gather(plan.times, done)
+                progress(done, runs)
+    return out
 
 
 def scenario_fixes(settings: FilterSettings, plan: Scenario) -> Fixes:
@@ -200,17 +212,18 @@ def assumed_fix_sd(settings: FilterSettings, receiver: GnssNoise) -> FloatArray:
     return np.array([*position, *velocity])
 
 
-def gather(t: FloatArray, done: Sequence[tuple[FloatArray, Solution]]) -> Runs:
-    """Put the errors (k, 15 + r) and solutions of runs into arrays."""
+def _room(t: FloatArray, m: int, r: int) -> Runs:
+    """Return arrays for m runs with r further states, to be filled."""
+    k = len(t)
     return Runs(
         t,
-        np.stack([error[:, :15] for error, _ in done]),
-        np.stack([s.covariance.astype(np.float32) for _, s in done]),
-        np.stack([s.innovation for _, s in done]),
-        np.stack([s.innovation_covariance.astype(np.float32) for _, s in done]),
-        np.stack([s.use for _, s in done]),
-        np.stack([error[:, 15:] for error, _ in done]),
-        np.stack([s.further_covariance for _, s in done]),
+        np.empty((m, k, 15)),
+        np.empty((m, k, 15, 15), dtype=np.float32),
+        np.empty((m, k, 6)),
+        np.empty((m, k, 6, 6), dtype=np.float32),
+        np.empty((m, k, 2), dtype=np.int64),
+        np.empty((m, k, r)),
+        np.empty((m, k, r, r)),
     )
 
 
