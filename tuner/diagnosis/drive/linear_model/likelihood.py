@@ -62,6 +62,12 @@ class NoiseHypothesis:
         """Rows that enter ln L: taken, after the filter has settled; shape (k, 6)."""
         return self.rows & self.linearized.available & self.linearized.scored[:, None]
 
+    def part(self, which: slice, settling: int) -> NoiseHypothesis:
+        """Return the hypothesis for a part of the run, see `LinearizedRun.rows`."""
+        return replace(
+            self, linearized=self.linearized.rows(which, settling), sd=self.sd[which], rows=self.rows[which]
+        )
+
     @property
     def count(self) -> int:
         """Number of rows that enter ln L."""

@@ -10,7 +10,7 @@ in `models.error_state`. All causes, other Q, R and further states are evaluated
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,33 @@ class LinearizedRun:
     def counted(self) -> BoolArray:
         """Rows that enter sums: taken by the filter, after it has settled; shape (k, 6)."""
         return self.used & self.scored[:, None]
+
+    def rows(self, which: slice, settling: int) -> LinearizedRun:
+        """Return a part of the run, a filter begun anew there with P of the start, of which so many fixes count not."""
+        scored = self.scored[which].copy()
+        scored[:settling] = False
+        out = LinearizedRun(
+            self.t[which],
+            self.transition[which],
+            {name: of[which] for name, of in self.noise.items()},
+            self.H[which],
+            self.innovation[which],
+            self.sd[which],
+            self.reported_sd[which],
+            self.available[which],
+            self.used[which],
+            self.correction[which],
+            self.initial,
+            self.parameters,
+            self.B[which],
+            self.D[which],
+            self.starts[which],
+            scored,
+        )
+        for name, dense in (("transition", out.transition), *out.noise.items()):
+            whole = self.sparse(name)
+            out.sparse_cache[name] = replace(whole, of=dense, values=whole.values[which])
+        return out
 
     def sparse(self, name: str) -> SparseStack:
         """Return ``transition``, or the lower half of a process noise, without its zeros."""

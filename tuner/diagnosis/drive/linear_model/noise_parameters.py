@@ -53,11 +53,14 @@ class NoiseParameters:
         (noise, parameters (q,)) → noise.
     slopes : callable
         (noise, parameters (q,), gradient at the changed noise) → derivatives of ln L, (q,).
+    of_part : callable
+        (fixes of a part of the run) → the same parameters for the part.
     """
 
     names: tuple[str, ...]
     change: Callable[[NoiseHypothesis, FloatArray], NoiseHypothesis]
     slopes: Callable[[NoiseHypothesis, FloatArray, Gradient], FloatArray]
+    of_part: Callable[[slice], NoiseParameters]
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,14 @@ class ReportedLevels:
     classes: Mapping[str, NDArray[np.int64]]
     logs: Mapping[str, FloatArray]
     typical: Mapping[str, float]
+
+    def rows(self, which: slice) -> ReportedLevels:
+        """Return those of some fixes."""
+        return ReportedLevels(
+            {name: of[which] for name, of in self.classes.items()},
+            {name: of[which] for name, of in self.logs.items()},
+            self.typical,
+        )
 
 
 NO_LEVELS = ReportedLevels({}, {}, {})
@@ -130,7 +141,7 @@ def noise_parameters(names: tuple[str, ...], levels: ReportedLevels = NO_LEVELS)
                 out[j] = (evaluate(longer).value - gradient.value) / TIME_CONSTANT_STEP
         return out
 
-    return NoiseParameters(names, change, slopes)
+    return NoiseParameters(names, change, slopes, lambda which: noise_parameters(names, levels.rows(which)))
 
 
 def _of_rows(name: str) -> bool:
