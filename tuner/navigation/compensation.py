@@ -8,6 +8,7 @@ time_offset.delay                positions of stamp t are those of t − delay
 velocity_lag.delay               velocities are so much later than the positions beside them
 lever_arm.x y z                  true lever arm less the given one (none: 0)
 gnss_frame.roll pitch yaw        v_reported = Rz(yaw) Ry(pitch) Rx(roll) v
+velocity_scale.factor            v_reported = (1 + factor) v
 gyro_scale, accel_scale .x y z   scale factor errors
 misalignment.roll pitch yaw      the gyros are rotated against the accelerometers by Rz(yaw) Ry(pitch) Rx(roll)
 g_sensitivity.xx …               gyro error by specific force

@@ -12,6 +12,7 @@ gnss_noise_scale    position_horizontal, position_vertical, velocity_horizontal,
 gnss_outliers       fraction                                                              receiver
 gnss_velocity       fraction, rms                                                         receiver
 gnss_frame          roll, pitch, yaw                                                      receiver
+velocity_scale      factor                                                                receiver
 imu_noise_scale     gyro, accel: true ÷ assumed density                                   unit
 gyro_scale          x, y, z                                                               unit
 accel_scale         x, y, z                                                               unit
@@ -44,6 +45,7 @@ from models.effects.drive.gnss import (
     LeverArm,
     TimeOffset,
     VelocityLag,
+    VelocityScale,
 )
 from models.effects.drive.imu import (
     AccelScale,
@@ -85,7 +87,7 @@ EFFECTS: Registry[type[DriveEffect]] = Registry(
 EFFECTS.extend(
     (
         TimeOffset, VelocityLag, LeverArm, CorrelatedGnss, GnssNoiseScale, GnssOutliers, GnssVelocity,
-        GnssFrame, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
+        GnssFrame, VelocityScale, ImuNoiseScale, GyroScale, AccelScale, Misalignment, GSensitivity, Mounting, Gravity,
         BiasJump,
     )
 )  # fmt: skip

@@ -9,6 +9,7 @@
     gnss_outliers      `fraction` of the positions off by `size` sds in a random direction, in runs
     gnss_velocity      `fraction` of the velocities off by a normal vector of length `rms`
     gnss_frame         v_meas = R v                 R = Rz(yaw) Ry(pitch) Rx(roll) in north-east-down
+    velocity_scale     v_meas = (1 + factor) v
     time_offset        p_meas(t) = p(t − delay), v_meas(t) = v(t − delay): stamps are late by `delay`
 """
 
@@ -316,6 +317,40 @@ class GnssFrame(Turn):
     def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
         """0.05 … 3° about a random axis."""
         return cls(*(np.radians(log_uniform(rng, 0.05, 3.0)) * direction(rng)).tolist())
+
+
+@dataclass(frozen=True)
+class VelocityScale(DriveEffect):
+    """Velocities that are too large or too small by a factor: an odometer's radius, a receiver's smoothing.
+
+    Attributes
+    ----------
+    factor : float
+        Reported velocity over the true one, less 1.
+    """
+
+    name: ClassVar[str] = "velocity_scale"
+    stage: ClassVar[int] = FRAME_STAGE
+    is_constant: ClassVar[bool] = True
+    factor: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_finite(factor=self.factor)
+
+    @classmethod
+    def corrected(cls, correction: Correction, values: Mapping[str, float]) -> Correction:
+        """Return a correction of a drive that divides the velocities, too."""
+        scale = 1.0 + values.get("factor", 0.0)
+        return replace(correction, velocity_rotation=correction.velocity_rotation / scale)
+
+    def apply(self, drive: DriveSamples, rng: np.random.Generator) -> DriveSamples:
+        """Scale the velocities."""
+        return replace(drive, vel_n=(1.0 + self.factor) * drive.vel_n)
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, drive: DriveSamples) -> Self:
+        """± 0.3 … 5 %."""
+        return cls(sign(rng) * log_uniform(rng, 3e-3, 0.05))
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ REPORTED = {
     "misalignment": {"roll", "pitch", "yaw"},
     "g_sensitivity": {a + b for a in "xyz" for b in "xyz"},
     "gnss_frame": {"roll", "pitch", "yaw"},
+    "velocity_scale": {"factor"},
     "gravity": {"offset"},
     "mounting": {"roll", "pitch", "yaw"},
     "bias_jump": {"time", "x", "y", "z"},
@@ -57,6 +58,7 @@ NOTHING = (
     "misalignment:",
     "g_sensitivity:",
     "gnss_frame:",
+    "velocity_scale:",
     "gravity:offset=0",
     "mounting:",
     "bias_jump:time=50",
@@ -268,6 +270,12 @@ def test_a_turned_frame_turns_velocities_only():
     np.testing.assert_array_equal(out.llh, CLEAN.llh)
     eastward = only(f"gnss_frame:yaw={np.pi / 2}", replace(CLEAN, vel_n=np.tile([3.0, 0.0, 0.0], (199, 1))))
     np.testing.assert_allclose(eastward.vel_n[0], [0.0, 3.0, 0.0], atol=1e-12)
+
+
+def test_a_velocity_scale_scales_velocities_only():
+    out = only("velocity_scale:factor=0.02")
+    np.testing.assert_allclose(out.vel_n, 1.02 * CLEAN.vel_n, rtol=1e-14)
+    np.testing.assert_array_equal(out.llh, CLEAN.llh)
 
 
 # ---- the unit

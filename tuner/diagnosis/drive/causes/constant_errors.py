@@ -91,6 +91,23 @@ class GnssFrame(ConstantCause):
         return _columns(None, -rotation.skew(geometry.velocity))
 
 
+class VelocityScale(ConstantCause):
+    """Velocities too large by a factor: δv = v for each unit."""
+
+    cause = "velocity_scale"
+    effect = gnss.VelocityScale
+    channels = ("gnss",)
+    meaning = "velocities are too large by the factor, too small where it is negative"
+    consequence = "scale the velocities"
+    units = dict.fromkeys(("factor",), "1")
+    prior_sd, largest = 0.02, 0.2
+
+    @classmethod
+    def fix_sensitivity(cls, geometry: FixGeometry) -> FloatArray:
+        """Return D (k, 6, 1)."""
+        return _columns(None, geometry.velocity[:, :, None])
+
+
 class GyroScale(ConstantCause):
     """Scale factor errors of the gyros."""
 

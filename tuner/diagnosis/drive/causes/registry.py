@@ -17,6 +17,7 @@ from tuner.diagnosis.drive.causes.constant_errors import (
     Misalignment,
     TimeOffset,
     VelocityLag,
+    VelocityScale,
 )
 from tuner.diagnosis.drive.causes.correlated_gnss import CorrelatedGnss
 from tuner.diagnosis.drive.causes.gnss_outliers import GnssOutliers, GnssVelocity
@@ -32,8 +33,9 @@ non-normal errors."""
 
 DRIVE_CAUSES.extend(
     (
-        TimeOffset, VelocityLag, LeverArm, GnssFrame, GyroScale, AccelScale, Misalignment, GSensitivity, Gravity,
-        GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, BiasJump, GnssOutliers, GnssVelocity, SensorBias, Mounting,
+        TimeOffset, VelocityLag, LeverArm, GnssFrame, VelocityScale, GyroScale, AccelScale, Misalignment, GSensitivity,
+        Gravity, GnssNoiseScale, ImuNoiseScale, CorrelatedGnss, BiasJump, GnssOutliers, GnssVelocity, SensorBias,
+        Mounting,
     )
 )  # fmt: skip
 
