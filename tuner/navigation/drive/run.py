@@ -30,6 +30,7 @@ from tuner.navigation.data import Constraints, Fixes, Solution, Steps, split_at
 from tuner.navigation.drive.alignment import Alignment, align, velocities
 from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
 from tuner.navigation.drive.clock import AGREEING, Clock
+from tuner.navigation.drive.sampling_rate import rate_note
 from tuner.navigation.drive.unit_checks import refuse_wrong_units, suspected_unit
 from tuner.navigation.drive.velocity_latency import advanced, interpolated, velocities_at
 from tuner.navigation.settings import FilterSettings
@@ -126,6 +127,9 @@ def prepare(
             f"{len(gaps)} gaps longer than {MAX_BRIDGED_GAP:g} s in the inertial record, the longest "
             f"{dt.max():.1f} s: aligned anew after each"
         )
+    bias_sd = [settings.initial_sd[settings.model.layout[f"{sensor}_bias"]] for sensor in ("gyro", "accel")]
+    if rare := rate_note(Steps(float(drive.imu_t[0]), dt, rates[1:] * dt[:, None]), np.concatenate(bias_sd)):
+        notes.append(rare)
     edges = np.concatenate([[0], gaps + 1, [len(drive.imu_t)]])
     stretches: list[Stretch] = []
     failure = ""
