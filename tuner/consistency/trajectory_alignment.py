@@ -78,10 +78,10 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
     llh = local = None
     if given.llh is not None:
         speed = given.vel_n / metres_per_radian(given.llh)
-        llh = _cubic(without_jumps(given.llh), speed, given.t, before, u, step)
+        llh = cubic(without_jumps(given.llh), speed, given.t, before, u, step)
         llh[outside] = np.nan
     elif given.local is not None:
-        local = _cubic(given.local, given.vel_n, given.t, before, u, step)
+        local = cubic(given.local, given.vel_n, given.t, before, u, step)
         local[outside] = np.nan
     quat = np.full((len(t), 4), np.nan)
     if np.isfinite(given.quat_nb).any():
@@ -103,7 +103,7 @@ def at_times(given: FilterOutput, t: FloatArray) -> FilterOutput:
     )
 
 
-def _cubic(
+def cubic(
     values: FloatArray,
     slope: FloatArray,
     t: FloatArray,

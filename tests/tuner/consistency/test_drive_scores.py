@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from models import rotation
+from models.earth import ned_between
 from models.measurements import perfect_fixes
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
 from tuner.consistency.drive import drive_filter, navigate_drive
-from tuner.consistency.drive_scores import differences, errors
+from tuner.consistency.drive_scores import differences, errors, reference_at
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align, stationary_until
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
@@ -26,7 +27,7 @@ from tuner.readers.drive import read_drive
 from tuner.synthesis import synthesize
 from tuner.synthesis.from_drive import receiver_of
 from tuner.synthesis.load_config import load_config
-from tuner.types.records import DataError, Gnss
+from tuner.types.records import DataError, Gnss, Reference
 
 INTERVAL = 0.02
 LEVER = (0.5, -0.3, -1.2)
@@ -55,6 +56,25 @@ def test_simulated_drive_is_navigated(result):
     blocks = {s.name: s.ratio for s in found.blocks}
     assert set(blocks) == {"position", "velocity", "attitude"}
     assert max(blocks.values()) < 1.6
+
+
+def test_a_slow_reference_does_not_cut_corners():
+    """A reference of 1 Hz between its rows, in a town: straight lines are off by 0.3 m, 0.3 m/s and degrees."""
+    motion = TRAJECTORIES["city"](120.0)
+    t = np.arange(0.0, 120.5)
+    state, between = motion.evaluate(t), np.arange(0.5, 119.0)
+    reference = Reference(
+        t, state.llh, state.vel_n, np.mod(rotation.rpy_from_mat(state.mat_nb) + np.pi, 2 * np.pi) - np.pi
+    )
+    true = motion.evaluate(between)
+    llh, vel_n, rpy = reference_at(reference, between)
+    assert np.abs(ned_between(llh, true.llh)).max() < 0.04
+    assert np.abs(vel_n - true.vel_n).max() < 0.15
+    off = rotation.rotvec_from_mat(rotation.mat_from_rpy(rpy) @ np.swapaxes(true.mat_nb, 1, 2))
+    assert np.degrees(np.abs(off)).max() < 3.0
+    at, _, _ = reference_at(reference, np.array([-1.0, 3.0, 121.0]))
+    np.testing.assert_array_equal(np.isfinite(at).all(axis=1), [False, True, False])
+    np.testing.assert_allclose(at[1], state.llh[3], rtol=1e-14)
 
 
 def test_clock_offset_and_biases_are_found(result):
