@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from models import rotation
 from models.filter_states import FILTER_STATES
 from tuner.diagnosis.drive.causes.mounting import mounting, untestable_causes
 from tuner.diagnosis.drive.causes.quantizer import coarse_quantizer_notes
@@ -20,11 +21,13 @@ from tuner.diagnosis.drive.causes.time_offset import (
 )
 from tuner.diagnosis.drive.findings import finding, inseparable_causes
 from tuner.diagnosis.drive.held_out_gain import held_out_gain
-from tuner.diagnosis.drive.hypothesis import Hypothesis, in_sensor_axes, run_filter, thin_fixes
+from tuner.diagnosis.drive.hypothesis import FilterRun, Hypothesis, in_sensor_axes, run_filter, thin_fixes
 from tuner.diagnosis.drive.linear_model.likelihood import as_configured, evaluate
+from tuner.diagnosis.drive.plausibility import plausible
 from tuner.diagnosis.drive.search import SearchResult, search_causes
 from tuner.formats.diagnosis import config_finding
 from tuner.navigation.drive.axis_checks import refuse_wrong_axes
+from tuner.navigation.drive.vehicle_constraints import turned_from
 from tuner.types import Compensation, DriveDiagnosis, FilterConfig, Gain, Parameter, Unexplained
 from tuner.types.records import DataError, Drive
 
@@ -112,7 +115,23 @@ def _examine(
         states = ", ".join(FILTER_STATES[name].meaning for name in config.constants)
         notes = (*notes, f"searched without the further states of the configuration: {states}")
     gain = held_out_gain(sensor, outcome)
-    return ExaminedDrive(sensor, outcome, _diagnosis(drive, config, wheels, outcome, notes, gain))
+    diagnosis = plausible(_diagnosis(drive, config, wheels, outcome, notes, gain), outcome.final)
+    if turned := _turned_axes(drive, outcome.final):
+        diagnosis = replace(diagnosis, unexplained=(*diagnosis.unexplained, turned))
+    return ExaminedDrive(sensor, outcome, diagnosis)
+
+
+def _turned_axes(drive: Drive, run: FilterRun) -> Unexplained | None:
+    """Return what the motion says of a stated mounting that it contradicts; a run is in the axes of the sensor."""
+    if drive.mounting is None:
+        return None
+    solution = run.solutions[0]
+    to_vehicle = rotation.quat_from_mat(drive.mounting)
+    quat = rotation.quat_multiply(
+        solution.state.quat_nb, np.broadcast_to(to_vehicle, solution.state.quat_nb.shape)
+    )
+    text = turned_from(replace(solution, state=replace(solution.state, quat_nb=quat)))
+    return None if text is None else Unexplained(text, ("imu",), 0.0)
 
 
 def _diagnosis(

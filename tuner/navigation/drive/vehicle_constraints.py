@@ -106,7 +106,7 @@ def turned_from(solution: Solution) -> str | None:
     angles = ", ".join(f"{value:.0f}" for value in np.round(np.degrees(rotation.rpy_from_mat(axes))) + 0.0)
     return (
         f"the vehicle moves as if its axes were turned by {angles}° (roll, pitch, yaw) from those stated: check "
-        "the frame of the unit, the mounting and the lever arm; constraints use the axes of the motion"
+        "the frame of the unit, the mounting and the lever arm"
     )
 
 

@@ -1,0 +1,76 @@
+"""What cannot be true is not given as a list of causes: a start that failed, impossible estimates, wrong axes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tuner.navigation.drive.run as drive_run
+from models import rotation
+from tuner.diagnosis.drive import diagnose_drive
+from tuner.diagnosis.drive.plausibility import reasons
+from tuner.types import Coefficient, Finding
+
+TURN = np.radians(40.0)
+
+
+@pytest.fixture(scope="module")
+def drive(simulated):
+    return simulated(2, duration=240.0)
+
+
+def test_a_start_that_failed_is_all_that_is_said(drive, drive_config, monkeypatch):
+    """A heading 40° off, stated to 2°: biases, noise and scale factors of the catalogue take the blame otherwise."""
+    align = drive_run.align
+
+    def turned(*args, **options):
+        a = align(*args, **options)
+        wrong = rotation.quat_from_rotvec(np.array([0.0, 0.0, TURN]))
+        return replace(a, quat_nb=rotation.quat_multiply(wrong, a.quat_nb), heading_sd=np.radians(1.0))
+
+    monkeypatch.setattr(drive_run, "align", turned)
+    found = diagnose_drive(drive, drive_config)
+    assert found.findings == ()
+    assert found.after is found.before
+    assert "the start failed" in found.unexplained[0].statistic
+    assert any("at rest" in note for note in found.notes)
+
+
+def test_axes_of_another_frame_are_told(drive, drive_config):
+    """A unit whose axes are forward, left, up where its mounting says forward, right, down."""
+    up = np.diag([1.0, -1.0, -1.0])
+    rates = np.hstack([drive.rates[:, :3] @ up, drive.rates[:, 3:] @ up])
+    found = diagnose_drive(replace(drive, rates=rates, mounting=np.eye(3)), drive_config)
+    assert any("180" in one.statistic and "axes" in one.statistic for one in found.unexplained)
+    right = diagnose_drive(replace(drive, rates=rates, mounting=up), drive_config)
+    assert not any("axes" in one.statistic for one in right.unexplained)
+
+
+def _finding(cause, value=0.0, **parameters):
+    known = {name: Coefficient.known(x, 0.9 * x, 1.1 * x, "1") for name, x in parameters.items()}
+    return Finding(cause, ("drive",), "", value, 0.0, known, "")
+
+
+@pytest.mark.parametrize(
+    ("finding", "possible"),
+    [
+        (_finding("sensor_bias", 10.0, gyro_x=0.1), True),
+        (_finding("sensor_bias", 40.0, gyro_x=0.1), False),
+        (_finding("imu_noise_scale", gyro=20.0), True),
+        (_finding("imu_noise_scale", gyro=80.0), False),
+        (_finding("correlated_gnss", sd=2.0, time_constant=300.0), True),
+        (_finding("correlated_gnss", sd=2.0, time_constant=3000.0), False),
+    ],
+)
+def test_impossible_estimates_have_a_reason(finding, possible):
+    assert (not list(reasons(finding, 1000.0))) == possible
+
+
+def test_velocities_too_large_are_a_scale_not_a_sensor(drive, drive_config):
+    """An odometer's radius 2 % too large; unnamed, it was read as scale factors of the accelerometers."""
+    fast = replace(drive, gnss=replace(drive.gnss, vel_n=1.02 * drive.gnss.vel_n))
+    (finding,) = diagnose_drive(fast, drive_config).findings
+    assert finding.cause == "velocity_scale"
+    assert finding.parameters["factor"].value == pytest.approx(0.02, abs=0.004)

@@ -1,0 +1,120 @@
+"""Can a diagnosis be true? Where the start failed, or an estimate is impossible, no list of causes is given.
+
+What no cause of the catalogue explains takes the shape of one that can: an attitude that is wrong from the start makes
+biases and noise of sensors that no sensor has. So causes are withdrawn where
+
+- the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
+  residual behind it is one of the start, and nothing else can be named;
+- a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated, or errors of the fixes
+  last longer than the drive, so that they cannot be told from a constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tuner.diagnosis.drive.causes.base import is_noise_scale
+from tuner.diagnosis.drive.causes.correlated_gnss import CORRELATED_GNSS
+from tuner.diagnosis.drive.causes.sensor_bias import CAUSE_CODE as SENSOR_BIAS
+from tuner.diagnosis.drive.hypothesis import FilterRun
+from tuner.navigation.drive.run import SETTLING_TIME
+from tuner.types import DriveDiagnosis, Finding, Unexplained
+
+MAX_START_CORRECTION = 6.0
+"""Correction of the attitude while a filter settles, in sds of its start, above which the start failed.
+
+The correction of a right start has at most the variance of the start: six sds of three angles come with 6e-9; a start
+whose sd is stated 30 % too small comes to 4.6.
+"""
+MAX_BIAS = 20.0
+"""Bias in prior sds above which no sensor explains it: data sheets err by factors of a few."""
+MAX_RATIO = 50.0
+"""Ratio of a true to a stated sd of noise above which no noise explains it: vibrating units have 5 to 20."""
+ANGLES = ("about north", "about east", "in heading")
+START_HELP = (
+    "begin with a minute at rest, then accelerate and brake on a straight line before turning, with fixes at 1 Hz or "
+    "more often"
+)
+UNKNOWN_HELP = (
+    "check units, axes and mounting; a reference solution, or a static log of the unit, would show more"
+)
+
+
+def plausible(found: DriveDiagnosis, final: FilterRun) -> DriveDiagnosis:
+    """Return a diagnosis without causes that cannot be, the configuration then as it was, and the reason.
+
+    Parameters
+    ----------
+    found : DriveDiagnosis
+        As searched.
+    final : FilterRun
+        The run with all causes in it.
+    """
+    if failed := start_correction(final):
+        why = Unexplained(f"the start failed: {failed}", ("drive",), 0.0)
+        return replace(
+            found,
+            findings=(),
+            after=found.before,
+            unexplained=(why, *found.unexplained),
+            inseparable=(),
+            notes=(f"causes are not named where the start failed; {START_HELP}", *found.notes),
+        )
+    span = float(final.linearized.t[-1] - final.linearized.t[0])
+    impossible = {one.cause: why for one in found.findings for why in reasons(one, span)}
+    if not impossible:
+        return found
+    unknown = tuple(
+        Unexplained(f"unknown, fitted as {cause}: {why}", ("drive",), 0.0)
+        for cause, why in impossible.items()
+    )
+    return replace(
+        found,
+        findings=tuple(one for one in found.findings if one.cause not in impossible),
+        after=found.before,
+        unexplained=(*unknown, *found.unexplained),
+        notes=(
+            f"what cannot be true stands for something else, which may also be in the others; {UNKNOWN_HELP}",
+            *found.notes,
+        ),
+    )
+
+
+def start_correction(run: FilterRun) -> str:
+    """Return in words by how much the attitude of a start was corrected beyond its sd, "" where it was not."""
+    linearized, at = run.linearized, run.settings.model.layout["gyro_bias"]
+    variance = np.diag(linearized.initial)
+    # Gyro biases that are not known yet turn the unit meanwhile, too.
+    sd = np.sqrt(variance[6:9] + variance[at].max() * SETTLING_TIME**2)
+    worst, text = MAX_START_CORRECTION, ""
+    for begin in np.flatnonzero(linearized.starts).tolist():
+        t = linearized.t[begin:]
+        early = int(np.argmax(linearized.scored[begin:])) or len(t)
+        total = linearized.correction[begin : begin + early, 6:9].sum(axis=0)
+        ratio = np.abs(total) / sd
+        if ratio.max() > worst:
+            i, worst = int(np.argmax(ratio)), float(ratio.max())
+            size, stated = np.degrees(abs(total[i])), np.degrees(sd[i])
+            text = (
+                f"from {t[0]:.0f} to {t[early - 1]:.0f} s its attitude was corrected by {size:.1f}° {ANGLES[i]}, "
+                f"{worst:.0f} times the sd of {stated:.1f}° that it was stated with"
+            )
+    return text
+
+
+def reasons(one: Finding, span: float) -> Iterator[str]:
+    """Yield why a finding cannot be true on a drive of a length, s."""
+    if one.cause == SENSOR_BIAS and one.value > MAX_BIAS:
+        yield f"a bias of {one.value:.0f} prior sds"
+    if is_noise_scale(one.cause):
+        ratio = max((c.value or 0.0 for name, c in one.parameters.items() if "edge" not in name), default=0.0)
+        if ratio > MAX_RATIO:
+            yield f"noise {ratio:.0f} times as large as stated"
+    if one.cause == CORRELATED_GNSS and (one.parameters["time_constant"].value or 0.0) > span:
+        yield (
+            f"errors with a time constant of {one.parameters['time_constant'].value:.0f} s on a drive of {span:.0f} s, "
+            "which is a constant, a drift or no error of the receiver"
+        )
