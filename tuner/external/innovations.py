@@ -1,9 +1,9 @@
 """What scores a filter's settings: innovations that it states, or fixes less what it predicted, or its errors.
 
 A filter that writes more often than it gets fixes shows its innovations without stating them: the last epoch before a
-fix is its prediction. The position there, carried to the fix by the velocity, and its sds with those of the fix give
-the innovation and its variance. Their likelihood is that of the settings [1]_. Where neither is known, the errors
-against a reference stand in: their score has its maximum at the right settings, too, as these have the least errors.
+fix is its prediction. The position there, carried to the fix by velocity and acceleration, and its sds with those of
+the fix give the innovation and its variance. Their likelihood is that of the settings [1]_. Where neither is known,
+the errors against a reference stand in: their score is best at the right settings, too, as these have the least errors.
 
 References
 ----------
@@ -149,7 +149,9 @@ def _predictions(output: FilterOutput, fixes: Fixes, fix_factor: float) -> Devia
         arm = np.zeros((len(rows), 3))
     else:
         return None
-    way = output.vel_n[rows] * ahead[near, None] + arm
+    steps = output.t[rows] - output.t[rows - 1]
+    gained = (output.vel_n[rows] - output.vel_n[rows - 1]) / steps[:, None]
+    way = output.vel_n[rows] * ahead[near, None] + 0.5 * gained * ahead[near, None] ** 2 + arm
     z = ned_between(fixes.llh[near], output.llh[rows]) - way
     sd = fix_factor * fixes.sd[near]
     s = np.where(np.isfinite(p), p, 0.0) + sd[:, :, None] ** 2 * np.eye(3)

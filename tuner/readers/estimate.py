@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tuner.readers.estimate_bag import is_bag, read_estimate_bag
 from tuner.readers.estimate_columns import Frames
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
 from tuner.readers.estimate_npz import read_estimate_npz
 from tuner.readers.kf_gins_output import read_kf_gins_output
+from tuner.readers.log_format import library_of
+from tuner.readers.messages.rosbag import FORMAT as BAG_FORMAT
 from tuner.readers.navego_output import read_navego_output
 from tuner.readers.text import find_dialect
 from tuner.readers.trajectory_files import is_euroc, read_euroc, read_kitti, read_tum
@@ -21,7 +24,9 @@ from tuner.types.records import DataError
 
 MAX_UNUSABLE_SHARE = 0.01
 """Share of rows without a time or out of order above which a file is refused."""
-KNOWN_FORMS = "CSV with named columns, NPZ, TUM, KITTI, EuRoC, *.nav of KF-GINS, nav_e of NaveGo as .mat"
+KNOWN_FORMS = (
+    "CSV with named columns, NPZ, TUM, KITTI, EuRoC, *.nav of KF-GINS, nav_e of NaveGo as .mat, ROS bag, MCAP"
+)
 """What can be read, for messages."""
 
 
@@ -31,6 +36,7 @@ def read_estimate(
     frame: str | None = None,
     body: str | None = None,
     columns: Mapping[str, str] | None = None,
+    topic: str | None = None,
 ) -> FilterOutput:
     """Read the output of a filter, or a truth.
 
@@ -44,6 +50,8 @@ def read_estimate(
         Axes of the body: three letters such as FLU; by default FRD.
     columns : mapping of str to str, optional
         Columns of a CSV by our name.
+    topic : str, optional
+        Topic of a bag, where it has several.
 
     Raises
     ------
@@ -51,7 +59,14 @@ def read_estimate(
         What cannot be used, in one line.
     """
     path = Path(path)
-    found = _read(path, Frames(frame, body or "FRD"), body is not None, columns)
+    frames = Frames(frame, body or "FRD")
+    if path.exists() and is_bag(path):
+        with library_of(BAG_FORMAT, path):
+            return in_order(read_estimate_bag(path, frames, body_stated=body is not None, topic=topic))
+    if topic is not None:
+        msg = f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file"
+        raise DataError(msg)
+    found = _read(path, frames, body is not None, columns)
     return in_order(found)
 
 

@@ -54,6 +54,8 @@ def _windows(
 @click.option(
     "--truth-columns", callback=_columns, metavar="NAME=COLUMN,…", help="Columns of a CSV of the truth."
 )
+@click.option("--topic", metavar="NAME", help="Topic of a ROS bag of the estimate.")
+@click.option("--truth-topic", metavar="NAME", help="Topic of a ROS bag of the truth.")
 @click.option("--frame", metavar="AXES", help="Axes of x, y, z of the estimate: NED, ENU, NWU, ECEF, …")
 @click.option("--truth-frame", metavar="AXES", help="The same of the truth.")
 @click.option("--body", metavar="AXES", help="Axes of the body of the estimate: FRD (default), FLU, RFU, …")
@@ -84,6 +86,8 @@ def command(
     truths: tuple[str, ...],
     columns: dict[str, str] | None,
     truth_columns: dict[str, str] | None,
+    topic: str | None,
+    truth_topic: str | None,
     frame: str | None,
     truth_frame: str | None,
     body: str | None,
@@ -100,7 +104,8 @@ def command(
     """Score the output of any filter by its errors, or by its innovations.
 
     ESTIMATE is a CSV with columns t, lat, lon, height or n, e, d, vn, ve, vd, roll, pitch, yaw, their sds sd_NAME, an
-    NPZ, a trajectory of TUM, KITTI or EuRoC, or what KF-GINS or NaveGo write. Several are runs of a Monte Carlo.
+    NPZ, a trajectory of TUM, KITTI or EuRoC, odometry, poses or a path in a ROS bag, or what KF-GINS or NaveGo write.
+    Several are runs of a Monte Carlo.
     """
     from tuner.consistency.score_output import score_outputs
     from tuner.consistency.trajectory_alignment import Alignment
@@ -109,9 +114,12 @@ def command(
     from tuner.report.output_score_tables import output_score_tables
     from tuner.report.terminal import show
 
-    outputs = [read_estimate(path, frame=frame, body=body, columns=columns) for path in estimates]
+    outputs = [
+        read_estimate(path, frame=frame, body=body, columns=columns, topic=topic) for path in estimates
+    ]
     references = [
-        read_estimate(path, frame=truth_frame, body=truth_body, columns=truth_columns) for path in truths
+        read_estimate(path, frame=truth_frame, body=truth_body, columns=truth_columns, topic=truth_topic)
+        for path in truths
     ]
     found = score_outputs(outputs, references, how=Alignment(align), align_time=align_time, outages=outages)
     source = {

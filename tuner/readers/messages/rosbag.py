@@ -8,6 +8,8 @@ for one epoch, east, north, up.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +40,9 @@ METADATA = "metadata.yaml"
 SIGNATURES = (b"#ROSBAG V2.0", b"\x89MCAP")
 
 
-def read_bag(path: Path) -> MessageLog:
-    """Return the inertial samples and fixes of a bag.
+@contextmanager
+def opened_bag(path: Path) -> Iterator[Any]:
+    """Open a bag; what goes wrong while it is read is one line.
 
     Raises
     ------
@@ -49,22 +52,11 @@ def read_bag(path: Path) -> MessageLog:
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 
-    samples: dict[str, list[tuple[float, ...]]] = {}
-    stamps: dict[str, list[tuple[int, int]]] = {}
     try:
         with AnyReader([_whole(path)], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
-            wanted = [c for c in bag.connections if c.msgtype in (IMU, FIX, *VELOCITIES)]
-            kinds = {c.topic: c.msgtype for c in wanted}
-            topics = tuple(
-                f"{name} ({topic.msgtype}, {topic.msgcount})" for name, topic in bag.topics.items()
-            )
-            for connection, recorded, raw in bag.messages(connections=wanted) if wanted else ():
-                message: Any = bag.deserialize(raw, connection.msgtype)
-                stamp = message.header.stamp
-                stamps.setdefault(connection.topic, []).append(
-                    (stamp.sec * 1_000_000_000 + stamp.nanosec, recorded)
-                )
-                samples.setdefault(connection.topic, []).append(_numbers(message, connection.msgtype))
+            yield bag
+    except DataError:
+        raise
     except (
         AnyReaderError,
         OSError,
@@ -77,8 +69,31 @@ def read_bag(path: Path) -> MessageLog:
         reason = " ".join(str(error).split())
         msg = f"{path}: cannot be read as a ROS bag: {reason}; `ros2 bag info` or `rosbag check` tell more"
         raise DataError(msg) from None
+
+
+def read_bag(path: Path) -> MessageLog:
+    """Return the inertial samples and fixes of a bag.
+
+    Raises
+    ------
+    DataError
+        What is no bag, or a damaged one.
+    """
+    samples: dict[str, list[tuple[float, ...]]] = {}
+    stamps: dict[str, list[tuple[int, int]]] = {}
+    with opened_bag(path) as bag:
+        wanted = [c for c in bag.connections if c.msgtype in (IMU, FIX, *VELOCITIES)]
+        kinds = {c.topic: c.msgtype for c in wanted}
+        topics = tuple(f"{name} ({topic.msgtype}, {topic.msgcount})" for name, topic in bag.topics.items())
+        for connection, recorded, raw in bag.messages(connections=wanted) if wanted else ():
+            message: Any = bag.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            stamps.setdefault(connection.topic, []).append(
+                (stamp.sec * 1_000_000_000 + stamp.nanosec, recorded)
+            )
+            samples.setdefault(connection.topic, []).append(_numbers(message, connection.msgtype))
     rows = {topic: np.array(values) for topic, values in samples.items()}
-    clocks = {topic: _clock(np.array(pairs, dtype=np.int64)) for topic, pairs in stamps.items()}
+    clocks = {topic: clock_of_stamps(np.array(pairs, dtype=np.int64)) for topic, pairs in stamps.items()}
     inertial = tuple(
         InertialStream(
             topic,
@@ -100,7 +115,7 @@ def _whole(path: Path) -> Path:
     return path.parent if (path.parent / METADATA).is_file() else path
 
 
-def _clock(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+def clock_of_stamps(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the header's stamps, ns, those of recording where a driver left the header's empty."""
     header, recorded = pairs.T
     chosen: NDArray[np.int64] = recorded if np.count_nonzero(header) < 0.5 * len(header) else header

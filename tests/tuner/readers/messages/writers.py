@@ -113,6 +113,8 @@ def _message(store, name, stamp, fields, *, ros1):
     def vector(xyz):
         return types["geometry_msgs/msg/Vector3"](*map(float, xyz))
 
+    if name.endswith(("Odometry", "PoseWithCovarianceStamped", "PoseStamped", "Path")):
+        return _poses(types, name, header, fields)
     nine = np.zeros(9)
     if name == "sensor_msgs/msg/Imu":
         none = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
@@ -123,3 +125,26 @@ def _message(store, name, stamp, fields, *, ros1):
         return types[name](header, status, *map(float, fields["llh"]), covariance, 2)
     twist = types["geometry_msgs/msg/Twist"](vector(fields["enu"]), vector((0, 0, 0)))
     return types[name](header, twist)
+
+
+def _poses(types, name, header, fields):
+    """Return a pose or path: {place, quat (w first), covariance, velocity, velocity_covariance}, or {poses}."""
+    if name.endswith("Path"):
+        return types[name](
+            header, [_poses(types, "geometry_msgs/msg/PoseStamped", header, f) for f in fields["poses"]]
+        )
+    w, *xyz = map(float, fields["quat"])
+    point = types["geometry_msgs/msg/Point"](*map(float, fields["place"]))
+    pose = types["geometry_msgs/msg/Pose"](point, types["geometry_msgs/msg/Quaternion"](*xyz, w))
+    if name.endswith("PoseStamped"):
+        return types[name](header, pose)
+    whole = types["geometry_msgs/msg/PoseWithCovariance"](pose, np.ravel(fields["covariance"]).astype(float))
+    if name.endswith("PoseWithCovarianceStamped"):
+        return types[name](header, whole)
+    vector = types["geometry_msgs/msg/Vector3"]
+    twist = types["geometry_msgs/msg/Twist"](vector(*map(float, fields["velocity"])), vector(0.0, 0.0, 0.0))
+    spread = np.zeros((6, 6))
+    spread[:3, :3] = fields["velocity_covariance"]
+    return types[name](
+        header, "base_link", whole, types["geometry_msgs/msg/TwistWithCovariance"](twist, spread.ravel())
+    )
