@@ -45,6 +45,7 @@ from tuner.types.consistency import Check
 from tuner.types.prediction import PredictedBlock
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
+from tuner.types.shown import Shown
 
 CHECK_RUNS = 20
 """Simulated runs behind the verdict of `tune`: the position ratio is then known to 5 %, in half a minute."""
@@ -96,7 +97,7 @@ class LogResult:
 
 
 @dataclass(frozen=True)
-class TuneResult:
+class TuneResult(Shown):
     """A filter configuration with everything it rests on.
 
     Attributes

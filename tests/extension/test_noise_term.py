@@ -20,7 +20,7 @@ from models.registry import RegistryError
 from tests.extension.second_order_gauss_markov import SecondOrderGaussMarkov
 from tuner.diagnosis.static.switching.models import Slow, block_noise
 from tuner.identification import identify
-from tuner.report.allan_figure import draw_allan
+from tuner.report.allan_figure import allan_figure
 from tuner.synthesis.bias_states import spectrum_bound
 from tuner.types.records import DataError, Record
 
@@ -172,7 +172,7 @@ def test_a_long_name_leaves_the_panels_of_the_allan_figure_their_width(
     record = Record("gyro", INTERVAL * np.arange(2000), y, axes, "rad/s", INTERVAL)
     with TERMS.added(named):
         found = identify((record,), terms=("white", named.name), arma=None)
-        draw_allan(found, [tmp_path / "allan.png"])
+        allan_figure(found, [tmp_path / "allan.png"])
     assert len(widths) == 3
     assert min(widths) > 0.25
 

@@ -10,6 +10,7 @@ from tuner.consistency.outage_drift import outage_drift
 from tuner.synthesis import synthesize
 from tuner.types import ChannelNoise, FilterConfig
 from tuner.types.records import DataError
+from tuner.types.shown import Shown
 
 MAX_NOISE_FACTOR = 100.0
 """Factor on all noise of a grade within which one that just keeps the limit is looked for: grades span as much."""
@@ -27,7 +28,7 @@ class RankedGrade:
 
 
 @dataclass(frozen=True)
-class GradeChoice:
+class GradeChoice(Shown):
     """The built-in grades by the error of the position after an outage, the best first.
 
     Attributes

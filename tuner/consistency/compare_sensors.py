@@ -11,10 +11,11 @@ from tuner.identification.compare_sources import Source, compare_sources
 from tuner.identification.comparison import Comparison, LimitCheck, limit_checks
 from tuner.synthesis import synthesize
 from tuner.types.progress import Progress, silent
+from tuner.types.shown import Shown
 
 
 @dataclass(frozen=True)
-class SensorComparison:
+class SensorComparison(Shown):
     """Sensors side by side.
 
     Attributes

@@ -54,6 +54,7 @@ from tuner.synthesis.from_drive import config_for_drive, receiver_of
 from tuner.types import FilterConfig, GnssNoise
 from tuner.types.consistency import Consistency, Outage, Whiteness
 from tuner.types.records import DataError, Drive, Reference
+from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ AS_REPORTED = (
 
 
 @dataclass(frozen=True)
-class DriveResult:
+class DriveResult(Shown):
     """The outcome of filtering a measured drive.
 
     Attributes

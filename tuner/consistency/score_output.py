@@ -33,6 +33,7 @@ from tuner.types.consistency import Consistency, Score, Severity, Verdict, Verdi
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
 from tuner.types.records import DataError
+from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ MIN_COARSE_OFFSET = 0.3
 
 
 @dataclass(frozen=True)
-class OutputScore:
+class OutputScore(Shown):
     """The outcome of scoring a filter by its output.
 
     Attributes

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,11 @@ from tuner.readers.columns import Progress, digest
 from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
+from tuner.readers.tables import Table, list_table
 from tuner.types.records import DataError, Record
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["FORMATS", "LogFormat", "is_curve", "parse_columns", "read", "read_curve"]
 
@@ -32,7 +37,7 @@ FORMATS.extend((phone_folders.FORMAT, kitti.FORMAT, text.FORMAT))
 
 
 def read(
-    path: str | Path,
+    path: str | Path | Table | pd.DataFrame,
     *,
     rate: float | None = None,
     gyro_unit: str | None = None,
@@ -49,8 +54,9 @@ def read(
 
     Parameters
     ----------
-    path : str or Path
-        The log; its format is found by the ending of its name, else by its first bytes.
+    path : str, Path, mapping of str to array, or DataFrame
+        The log; the format of a file is found by the ending of its name, else by its first bytes. Columns of a table
+        have the names of a file's, ``gyro_x [deg/s]`` or ``gyro`` (n, 3); an index of time stands for ``t``.
     rate : float, optional
         Sampling rate, Hz: needed where the file has neither stamps nor a stated rate; checked against stamps.
     gyro_unit, accel_unit : str, optional
@@ -82,7 +88,6 @@ def read(
     DataError
         A file that cannot be used: one line with file, place, expected, found and what to do.
     """
-    path = file_of(Path(path))
     for name, value in (("--rate", rate), ("--gyro-scale", gyro_scale), ("--accel-scale", accel_scale)):
         if value is not None and not 0.0 < value < float("inf"):
             msg = f"{name}: expected a positive number, got {value}"
@@ -90,6 +95,19 @@ def read(
     if assume not in (None, "si"):
         msg = f"--assume: expected si, got {assume}"
         raise DataError(msg)
+    options = Options(
+        rate=rate,
+        unit={"gyro": gyro_unit, "accel": accel_unit},
+        scale={"gyro": gyro_scale, "accel": accel_scale},
+        columns=columns,
+        constant_axes=constant_axes,
+        assume_si=assume == "si",
+    )
+    if not isinstance(path, str | Path):
+        listing, identity = list_table(path)
+        plan = plan_of(listing, options)
+        return checked(listing, plan, even(listing, plan, identity, options), options)
+    path = file_of(Path(path))
     if not path.exists():
         msg = f"{path}: no such file"
         raise DataError(msg)
@@ -100,14 +118,6 @@ def read(
         )
         raise DataError(msg)
     listing = columns_of(path, progress)
-    options = Options(
-        rate=rate,
-        unit={"gyro": gyro_unit, "accel": accel_unit},
-        scale={"gyro": gyro_scale, "accel": accel_scale},
-        columns=columns,
-        constant_axes=constant_axes,
-        assume_si=assume == "si",
-    )
     with input_guard(path, "a log"), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plan = plan_of(listing, options)
         how = reduction(listing, plan, memory)

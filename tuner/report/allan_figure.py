@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tuner.formats.customary_units import customary_unit, digits, in_customary, pretty, symbol
@@ -47,14 +48,14 @@ LEGEND_WIDTH = 60
 """Characters in a line of the legend beyond which each parameter gets a line: about as many as fit into a panel."""
 
 
-def draw_allan(
+def allan_figure(
     identification: Identification,
-    paths: Sequence[Path],
+    paths: Sequence[Path] = (),
     *,
     title: str = "",
     predictions: Mapping[str, PredictedBlock] = MappingProxyType({}),
     put: Put = write_bytes,
-) -> None:
+) -> Figure:
     """Draw every channel of an identification, with what the written settings predict where that is known.
 
     One file a path is handed to `put`: PNG, SVG, … by its suffix.
@@ -74,6 +75,7 @@ def draw_allan(
             panels[0].set_ylabel(f"Allan deviation, {pretty(customary_unit('level', row[0].unit))}")
         if title:
             figure.suptitle(title, parse_math=False)
+    return figure
 
 
 def _draw_channel(panel: Axes, channel: ChannelIdentification, predicted: PredictedBlock | None) -> None:

@@ -17,7 +17,7 @@ def settings_table(rows: Sequence[SettingsRow]) -> Table:
     """Return the numbers of every group of axes, under the units of its sensor."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
     table.add_column("axes", no_wrap=True)
-    for name in ("white", "bias", "walk"):
+    for name in ("N", "bias states", "K"):
         table.add_column(name, overflow="fold")
     for unit in dict.fromkeys(row.unit for row in rows):
         white, level, walk = units_of(unit)

@@ -18,7 +18,7 @@ from tuner.formats.customary_units import (
 )
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import Plan, PlannedParameter
-from tuner.report.answer_layout import LINE_WIDTH, wrapped
+from tuner.report.answer_layout import LINE_WIDTH
 from tuner.report.identification_answer import terms_table
 from tuner.report.settings_rows import axes_text
 from tuner.report.terms_rows import channel_row, terms_rows
@@ -37,8 +37,8 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
     ]
     answer: list[Table | str] = [terms_table(rows)]
     answer.append("± 95 %; < 95 % limit; without ±: stated; – not stated")
-    answer += [line for one in found.limits for line in wrapped(_limits(one), 2)]
-    answer += wrapped(_differences(found), 2)
+    answer += [_limits(one) for one in found.limits]
+    answer += [text for text in (_differences(found),) if text]
     return [*answer, *_drift_table(found)]
 
 
@@ -98,7 +98,7 @@ def _drift_table(found: SensorComparison) -> list[Table | str]:
         f"Horizontal, rms, after so long without fixes, of a filter tuned to each sensor and aided by {found.receiver} "
         "for 15 min of city before; wheels: no sideways slip. Scale factors and misalignments come on top."
     )
-    return [table, *wrapped(about)]
+    return [table, about]
 
 
 def choice_tables(found: GradeChoice) -> list[Table | str]:
@@ -106,9 +106,7 @@ def choice_tables(found: GradeChoice) -> list[Table | str]:
     with_wheels = "with" if found.wheels else "without"
     limit = f"{found.limit:g} m after {found.outage:g} s without fixes, {found.receiver} before, {with_wheels} wheels"
     kept = len(found.kept)
-    answer: list[Table | str] = [
-        *wrapped(f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}:")
-    ]
+    answer: list[Table | str] = [f"{kept or 'None'} of {len(found.ranking)} built-in grades keep {limit}:"]
     table = Table(box=None, padding=(0, 2, 0, 0), width=LINE_WIDTH)
     table.add_column("grade")
     table.add_column("drift,\nm (rms)", justify="right")
@@ -131,7 +129,7 @@ def choice_tables(found: GradeChoice) -> list[Table | str]:
             f"It would just do: {digits(found.factor, 2)} × the noise and biases of {found.nearest.name}: gyro N "
             f"{gyro_n} deg/√h, B {gyro_b} deg/h; accel N {accel_n} µg/√Hz, B {accel_b} µg"
         )
-    return [*answer, *wrapped(text, 2), *wrapped("Scale factors and misalignments come on top.")]
+    return [*answer, f"{text}. Scale factors and misalignments come on top."]
 
 
 def noise_of(config: FilterConfig, factor: float) -> tuple[float, float, float, float]:
@@ -209,4 +207,4 @@ def plan_tables(plans: Mapping[str, Plan], units: Mapping[str, str], title: str)
         f"A single Allan point to {wanted} needs {first.clusters} clusters: here up to τ = "
         f"{digits(first.longest_tau)} s. Of several axes the worst."
     )
-    return [table, *wrapped(rule)]
+    return [table, rule]

@@ -26,7 +26,7 @@ _TITLES = {
 }
 
 
-def _title(name: str) -> str:
+def score_title(name: str) -> str:
     """Return what a score is of, in words."""
     if name in FILTER_STATES and name not in _TITLES:
         return f"NEES, {FILTER_STATES[name].meaning}"
@@ -44,7 +44,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     for score in found.scores:
         outage = blind.get(score.name)
         table.add_row(
-            _title(score.name),
+            score_title(score.name),
             f"{score.ratio:.3f}",
             _band(score),
             "" if outage is None else f"{outage.rms:.3g} m",

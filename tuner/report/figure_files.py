@@ -22,8 +22,18 @@ FILE_DPI = 130
 """Dots of a PNG on an inch: a panel of 4.6 inches fills a third of a common screen."""
 
 
+class ShownFigure(Figure):
+    """A figure that a notebook shows by itself."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the figure for a notebook."""
+        return figure_bytes(self, ".png")
+
+
 @contextmanager
-def new_figure(size: tuple[float, float], paths: Sequence[Path], put: Put = write_bytes) -> Iterator[Figure]:
+def new_figure(
+    size: tuple[float, float], paths: Sequence[Path] = (), put: Put = write_bytes
+) -> Iterator[Figure]:
     """Yield an empty figure of a size in inches; write it afterwards, PNG, SVG, … by the suffix of each path.
 
     The same figure gives the same bytes: no date, and names of its parts that follow from their content.
@@ -33,7 +43,7 @@ def new_figure(size: tuple[float, float], paths: Sequence[Path], put: Put = writ
     with mpl.rc_context(
         {"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none", "svg.hashsalt": "tuner"}
     ):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = ShownFigure(figsize=size, layout="constrained")
         yield figure
         lay_out(figure)
         for path in paths:
@@ -60,13 +70,13 @@ def _decades(axis: Axis) -> float:
     return float(np.log10(high / low)) if axis.get_scale() == "log" and 0.0 < low < high else 0.0
 
 
-def draw_all(figures: Sequence[Callable[[Put], None]], put: Put) -> None:
+def draw_all(figures: Sequence[Callable[[Put], object]], put: Put) -> None:
     """Draw figures on all processors, and hand their files to `put` in their order.
 
     Each of `figures` draws one and hands its files to its argument.
     """
 
-    def files(draw: Callable[[Put], None]) -> dict[Path, bytes]:
+    def files(draw: Callable[[Put], object]) -> dict[Path, bytes]:
         made: dict[Path, bytes] = {}
         draw(made.__setitem__)
         return made

@@ -11,7 +11,6 @@ import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -120,15 +119,23 @@ def write_page(
 
 
 def write_sections_page(
-    title: str, sections: Sequence[tuple[str, Sequence[Table | str]]], figures: Sequence[tuple[str, Path]]
+    title: str, sections: Sequence[tuple[str, Sequence[Table | str], Sequence[Picture]]], command: str = ""
 ) -> str:
-    """Return a page of sections and SVG figures with their captions, without an identification."""
+    """Return a page of sections with their tables and captioned SVG figures, and the command that makes it again."""
     content = {
         "name": title,
-        "sections": [(heading, _blocks(content)) for heading, content in sections],
-        "pictures": [_shown(Picture(caption, path.name, path.read_bytes())) for caption, path in figures],
+        "sections": [
+            (heading, _blocks(content), [_shown(picture) for picture in pictures])
+            for heading, content, pictures in sections
+        ],
+        "command": command,
     }
     return _filled("sections.html.j2", content)
+
+
+def tables_html(content: Sequence[Table | str]) -> str:
+    """Return tables and lines as HTML without a page around them."""
+    return _filled("tables.html.j2", {"content": _blocks(content)})
 
 
 def _filled(template: str, content: Mapping[str, Any]) -> str:

@@ -80,9 +80,9 @@ def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> 
 def terms_table(rows: Sequence[tuple[str, TermsRow]]) -> Table:
     """Return N, B and K of every row, behind the name of its source, under the units of its sensor."""
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False, width=LINE_WIDTH)
-    table.add_column("axes", no_wrap=True)
+    table.add_column("noise of", no_wrap=True)
     for name in MAIN_TERMS:
-        table.add_column(name, overflow="fold")
+        table.add_column(symbol(name), overflow="fold")
     for unit in dict.fromkeys(row.unit for _, row in rows):
         table.add_row("", *(f"{symbol(n)}, {pretty(customary_unit(n, unit))}" for n in MAIN_TERMS))
         for name, row in rows:

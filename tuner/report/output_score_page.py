@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.table import Table
 
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import autocorrelation, normalized
@@ -18,7 +19,7 @@ from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
 from tuner.formats.files import whole_file, write_text
 from tuner.report.consistency_tables import consistency_tables
-from tuner.report.html_page import write_sections_page
+from tuner.report.html_page import Picture, write_sections_page
 from tuner.report.output_cause_text import cause_text, change_text
 from tuner.report.output_score_tables import states_table
 from tuner.types.filter_output import BLOCKS
@@ -50,22 +51,25 @@ def write_output_score(found: OutputScore, content: Mapping[str, Any], directory
     directory : Path
         Made where it does not exist; each file is written whole or not at all.
     """
-    figures = [
-        (
+    pictures = [
+        Picture(
             "Errors (blue) and the ±3 sd that the filter states (grey), over time, s; right: autocorrelation of the "
             "normalised errors.",
-            path,
+            path.name,
+            path.read_bytes(),
         )
         for path in _draw(found, directory)
     ]
-    sections = [("Is it consistent?", consistency_tables(found.consistency, found.notes))]
+    sections: list[tuple[str, Sequence[Table | str], Sequence[Picture]]] = [
+        ("Is it consistent?", consistency_tables(found.consistency, found.notes), pictures)
+    ]
     if found.causes:
         lines = [line for cause in found.causes for line in (cause_text(cause), change_text(cause))]
-        sections.append(("What explains it, and what to change", list(lines)))
+        sections.append(("What explains it, and what to change", lines, []))
     if found.states and not found.consistency.diverged:
-        sections.append(("State by state", [states_table(found.states)]))
+        sections.append(("State by state", [states_table(found.states)], []))
     title = f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}"
-    write_text(directory / "report.html", write_sections_page(title, sections, figures))
+    write_text(directory / "report.html", write_sections_page(title, sections))
     write_text(directory / "score.json", json_text(content))
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.formats.files import Put, write_bytes
@@ -20,7 +21,7 @@ STATED_TAU = (0.01, 1e4)
 """Cluster times over which a data sheet is drawn, s."""
 
 
-def draw_overlaid(comparison: Comparison, paths: Sequence[Path], *, put: Put = write_bytes) -> None:
+def overlaid_figure(comparison: Comparison, paths: Sequence[Path] = (), *, put: Put = write_bytes) -> Figure:
     """Draw every axis of every source: measured as points with their fit, stated as a dashed line."""
     units = list(dict.fromkeys(c.unit for one in comparison.sources for c in one.channels.values()))
     with new_figure((5.4 * len(units) + 0.4, 4.4), paths, put) as figure:
@@ -36,6 +37,7 @@ def draw_overlaid(comparison: Comparison, paths: Sequence[Path], *, put: Put = w
             panel.set_ylabel(f"Allan deviation, {pretty(customary_unit('level', unit))}")
             panel.grid(which="major", color="0.88", lw=0.6)
             panel.legend(fontsize=8)
+    return figure
 
 
 def _draw(panel: Axes, channel: ChannelIdentification, colour: str, label: str | None) -> None:

@@ -17,7 +17,7 @@ from tuner.formats.files import Put
 from tuner.formats.identification import identification_json
 from tuner.formats.prediction import predictions_json
 from tuner.pipeline import CHECK_RUNS, CHECK_TRAJECTORY, TuneResult
-from tuner.report.allan_figure import draw_allan
+from tuner.report.allan_figure import allan_figure
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.drive_diagnosis_figures import draw_drive
@@ -63,11 +63,11 @@ def tune_files(result: TuneResult, command: str = "") -> dict[str, bytes]:
         files[path.name] = content
 
     here = Path()
-    figures: list[Callable[[Put], None]] = []
+    figures: list[Callable[[Put], object]] = []
     if any(channel.allan.tau.size for channel in found.channels.values()):
         paths = [here / "allan.png", here / "allan.svg"]
         figures.append(
-            lambda put: draw_allan(found, paths, title=result.name, predictions=result.predictions, put=put)
+            lambda put: allan_figure(found, paths, title=result.name, predictions=result.predictions, put=put)
         )
     drawn: list[tuple[str, Path]] = []
     if result.diagnosis is not None:

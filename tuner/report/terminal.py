@@ -9,6 +9,9 @@ from collections.abc import Iterable
 from rich.console import Console
 from rich.table import Table
 
+UNKNOWN_WIDTH = 160
+"""Columns where nobody says how many, and no terminal does."""
+
 
 class _Console(Console):
     """A console that leaves it to the program what happens where nobody reads on."""
@@ -18,9 +21,9 @@ class _Console(Console):
         raise BrokenPipeError
 
 
-def show(tables: Iterable[Table | str]) -> None:
-    """Print tables and lines on standard output, wide enough when it is not a terminal."""
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
+def show(tables: Iterable[Table | str], width: int = UNKNOWN_WIDTH) -> None:
+    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as is asked."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else width
     console = _Console(width=width, highlight=False, markup=False, emoji=False)
     for table in tables:
         console.print(table)

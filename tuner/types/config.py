@@ -12,6 +12,7 @@ from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Enlargement, Inflation
 from tuner.types.numbers import NonNegative, Positive, SamplingInterval
+from tuner.types.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class InitialUncertainty:
 
 
 @dataclass(frozen=True)
-class FilterConfig:
+class FilterConfig(Shown):
     """Settings of a navigation filter, with the reason of every choice.
 
     `channels` are keyed by axis (``gyro_x`` … ``accel_z``); a sensor the log lacks is absent, and `notes` says so.

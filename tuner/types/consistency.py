@@ -14,6 +14,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.types.shown import Shown
+
 FloatArray = NDArray[np.float64]
 
 
@@ -236,7 +238,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Consistency:
+class Consistency(Shown):
     """Scores of a filter and the verdicts on them.
 
     Attributes
@@ -365,7 +367,7 @@ class Observability:
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Shown):
     """The outcome of a Monte-Carlo check of a configuration.
 
     Attributes

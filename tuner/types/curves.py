@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from tuner.types.coefficient import LEVEL
+from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class AllanCurve:
+class AllanCurve(Shown):
     """An empirical curve of the Allan family: one variance a cluster time and axis.
 
     Attributes
@@ -61,7 +62,7 @@ class AllanCurve:
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class Spectrum(Shown):
     """An empirical two-sided power spectral density.
 
     Attributes
@@ -92,7 +93,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Correlogram:
+class Correlogram(Shown):
     """Sample autocorrelation or partial autocorrelation.
 
     Attributes

@@ -12,6 +12,7 @@ from tuner.types.coefficient import Coefficient
 from tuner.types.compensation import Compensation
 from tuner.types.config import FilterConfig
 from tuner.types.inflation import Enlargement
+from tuner.types.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """What the simulation of the base model gets wrong.
 
     Attributes
@@ -201,7 +202,7 @@ class NoiseScaleEstimate:
 
 
 @dataclass(frozen=True)
-class DriveDiagnosis:
+class DriveDiagnosis(Shown):
     """What the navigation simulation gets wrong on a measured drive.
 
     Attributes

@@ -9,6 +9,7 @@ from typing import Literal
 
 from tuner.types.coefficient import Coefficient
 from tuner.types.identification import PooledCoefficient
+from tuner.types.shown import Shown
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class FleetUnit:
 
 
 @dataclass(frozen=True)
-class Fleet:
+class Fleet(Shown):
     """All units, in the order of their files.
 
     Attributes

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from models.noise import NoiseModel
 from tuner.types.coefficient import Coefficient
 from tuner.types.curves import AllanCurve
+from tuner.types.shown import Shown
 
 FloatArray = NDArray[np.float64]
 
@@ -137,7 +138,7 @@ class ChannelIdentification:
 
 
 @dataclass(frozen=True)
-class Identification:
+class Identification(Shown):
     """The noise of every channel of one or more logs, with where it came from."""
 
     source: Mapping[str, Any]

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from models.noise import NoiseModel, RandomWalk, White
-from tuner.consistency.choose_grade import choose
+from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import compare
 from tuner.formats.customary_units import amount
 from tuner.identification import identify
@@ -14,6 +14,7 @@ from tuner.identification.several_logs import pool
 from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.identification_answer import identification_answer, pooled_answer
 from tuner.simulation.static import simulate
+from tuner.synthesis.load_config import load_config
 from tuner.types import Coefficient
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -27,7 +28,7 @@ def found():
 
 
 def lines(content):
-    console = Console(width=200, highlight=False, markup=False, emoji=False)
+    console = Console(width=80, highlight=False, markup=False, emoji=False)
     with console.capture() as capture:
         for one in content:
             console.print(one)
@@ -74,6 +75,7 @@ def test_the_table_of_a_comparison_and_of_a_choice_fit_a_terminal():
     assert max(map(len, told)) <= 80
     assert any(line.startswith("mpu9250 gyro x y z") for line in told)
     assert any(line.startswith("icm20602") and line.count("(1)") == 6 for line in told)
-    told = lines(choice_tables(choose(60.0, 2.0)))
+    grade = RankedGrade("icm20602", load_config("icm20602", gnss="rtk"), 4.0)
+    told = lines(choice_tables(GradeChoice(60.0, 2.0, "rtk", True, (grade,), grade, 0.5)))
     assert max(map(len, told)) <= 80
     assert "It would just do" in " ".join(told)

@@ -11,7 +11,7 @@ from models.noise import NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
 from tuner.formats.customary_units import digits_to
 from tuner.identification import identify
-from tuner.report.allan_figure import draw_allan
+from tuner.report.allan_figure import allan_figure
 from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.figure_files import lay_out
 from tuner.report.static_diagnosis_figures import draw_findings
@@ -143,7 +143,7 @@ def test_the_same_figure_has_the_same_bytes(suffix):
     noise = identify(record(), arma=None)
     drawn = []
     for _ in range(2):
-        draw_allan(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
+        allan_figure(noise, [Path(f"allan{suffix}")], put=lambda _, content: drawn.append(content))
     assert drawn[0] == drawn[1]
     assert b"<dc:date>" not in drawn[0]
 

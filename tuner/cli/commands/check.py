@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import click
 
-from tuner.cli.commands.options import Finite, Output, common, jobs, strict
+from tuner.cli.commands.options import Finite, Output, common, jobs, paged, strict
 from tuner.cli.progress import Messages
 
 
@@ -38,6 +40,7 @@ from tuner.cli.progress import Messages
 @strict("the filter is not consistent")
 @jobs
 @common
+@paged
 def command(
     config: str,
     truth: str | None,
@@ -48,6 +51,7 @@ def command(
     budget: bool,
     strict: bool,
     seed: int,
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> int:
@@ -89,6 +93,7 @@ def command(
         "states": found.states,
         "seed": seed,
     }
+    page(f"Check of the filter of {configured.name}", {"Is it consistent?": found})
     output.write(check_json(found, source=source, budget=budget))
     if output.tables:
         show(check_tables(found, budget=budget))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import click
 
-from tuner.cli.commands.options import Finite, Output, common
+from tuner.cli.commands.options import Finite, Output, common, paged
 from tuner.cli.progress import Messages
 
 
@@ -28,12 +30,14 @@ from tuner.cli.progress import Messages
 @click.option("--gnss", default="spp", show_default=True, metavar="GRADE", help="Receiver before the outage.")
 @click.option("--wheels", is_flag=True, help="A vehicle on wheels that do not slip sideways.")
 @common
+@paged
 def command(
     outage: float,
     error: float,
     gnss: str,
     wheels: bool,
     seed: int,  # noqa: ARG001
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> None:
@@ -42,6 +46,7 @@ def command(
     The filter is aided for fifteen minutes in a city, then left without fixes. Only noise and biases count.
     """
     from tuner import choose
+    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import choice_tables
     from tuner.report.json.views import choice_json
     from tuner.report.terminal import show
@@ -49,5 +54,6 @@ def command(
     messages.say("predicting the drift of every grade (a first use compiles the filter: about 20 s)")
     found = choose(outage, error, gnss=gnss, wheels=wheels)
     output.write(choice_json(found))
+    page("Choice of a sensor", {f"{error:g} m after {outage:g} s": found})
     if output.tables:
-        show(choice_tables(found))
+        show(choice_tables(found), LINE_WIDTH)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal
 
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Output, Reading, common, reading
+from tuner.cli.commands.options import Output, Reading, common, paged, reading
 from tuner.cli.progress import Messages
 
 
@@ -28,6 +29,7 @@ from tuner.cli.progress import Messages
 )
 @reading
 @common
+@paged
 def command(
     sources: tuple[str, ...],
     by: Literal["still", "temperature"] | None,
@@ -35,6 +37,7 @@ def command(
     figure: Path | None,
     reading: Reading,
     seed: int,  # noqa: ARG001
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> None:
@@ -47,6 +50,7 @@ def command(
     """
     from tuner import compare
     from tuner.catalogue.grades import grade_names, load_grade
+    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import comparison_tables, grade_tables
     from tuner.report.json.views import comparison_json, grades_json
     from tuner.report.terminal import show
@@ -60,10 +64,11 @@ def command(
     loaded = [load_source(source, reading, messages) or source for source in sources]
     comparison = compare(*loaded, by=by, gnss=gnss, progress=messages.say)
     output.write(comparison_json(comparison))
+    page("Comparison of " + ", ".join(comparison.noise.names), {"Side by side": comparison})
     if figure is not None:
-        from tuner.report.overlaid_figure import draw_overlaid
+        from tuner.report.overlaid_figure import overlaid_figure
 
-        draw_overlaid(comparison.noise, [figure])
+        overlaid_figure(comparison.noise, [figure])
         messages.say(f"wrote {figure}")
     if output.tables:
-        show(comparison_tables(comparison))
+        show(comparison_tables(comparison), LINE_WIDTH)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import click
 
 from tuner.cli.commands.inputs import assumed, load_records
-from tuner.cli.commands.options import Output, Reading, common, reading
+from tuner.cli.commands.options import Output, Reading, common, paged, reading
 from tuner.cli.progress import Messages
 from tuner.types.records import DataError
 
@@ -35,12 +37,14 @@ ESTIMATORS = (
 @click.option("--tau", metavar="LIST", help="Cluster times, s, separated by commas; default log-spaced.")
 @reading
 @common
+@paged
 def command(
     log: str,
     estimator: str,
     tau: str | None,
     reading: Reading,
     seed: int,  # noqa: ARG001
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> None:
@@ -57,6 +61,7 @@ def command(
     except ValueError as error:
         raise DataError(f"{log}: {error}") from error  # noqa: EM102
     output.write(curves_json(found))
+    page(f"{estimator} of {log}", {r.name: one for r, one in zip(records, found, strict=True)})
     if output.tables:
         show(assumed(records))
         for one in found:

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import click
 
 from tuner.cli.commands.inputs import assumed, load_data, load_records
-from tuner.cli.commands.options import Output, Reading, common, jobs, reading, replicas, strict, verbose
+from tuner.cli.commands.options import (
+    Output,
+    Reading,
+    common,
+    jobs,
+    paged,
+    reading,
+    replicas,
+    strict,
+    verbose,
+)
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
@@ -32,6 +43,7 @@ if TYPE_CHECKING:
 @reading
 @jobs
 @common
+@paged
 def command(
     log: str,
     holdout: str | None,
@@ -43,6 +55,7 @@ def command(
     verbose: bool,
     reading: Reading,
     seed: int,
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> int:
@@ -72,6 +85,7 @@ def command(
         progress=messages.say,
     )
     output.write(diagnosis_json(found))
+    page(f"Diagnosis of {log}", {"What a simulation gets wrong": found})
     if output.tables:
         show(assumed(data))
         if isinstance(found, DriveDiagnosis):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from tuner.cli.commands.options import (
     jobs,
     latitude,
     noise_terms,
+    paged,
     reading,
     verbose,
 )
@@ -59,6 +60,7 @@ METHODS = ("likelihood", "leastsquares", "slopes", "unweighted")
 @reading
 @jobs
 @common
+@paged
 def command(
     logs: tuple[str, ...],
     terms: tuple[str, ...] | None,
@@ -69,6 +71,7 @@ def command(
     verbose: bool,
     reading: Reading,
     seed: int,  # noqa: ARG001
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> None:
@@ -120,6 +123,7 @@ def command(
         for source, one in zip(loaded, found, strict=True)
     ]
     names = [source_name(log) for log in logs]
+    page("Noise of " + ", ".join(names), dict(zip(names, found, strict=True)))
     if len(found) > 1:
         output.write(pooled_json(names, found, pool(found)))
     else:
@@ -127,11 +131,11 @@ def command(
         added = {} if written is None else {"settings": settings_json(*written)}
         output.write(identification_json(found[0]) | added)
     if figure is not None:
-        from tuner.report.allan_figure import draw_allan
+        from tuner.report.allan_figure import allan_figure
 
         for name, one in zip(names, found, strict=True):
             path = figure if len(found) == 1 else figure.with_stem(f"{figure.stem}-{name}")
-            draw_allan(one, [path], title=name)
+            allan_figure(one, [path], title=name)
             messages.say(f"wrote {path}")
     if not output.tables:
         return

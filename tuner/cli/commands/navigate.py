@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, POSITIVE, Output, common, state, strict, three_numbers
+from tuner.cli.commands.options import (
+    DIRECTORY,
+    POSITIVE,
+    Output,
+    common,
+    paged,
+    state,
+    strict,
+    three_numbers,
+)
 from tuner.cli.progress import Messages
 
 
@@ -66,6 +76,7 @@ from tuner.cli.progress import Messages
 )
 @strict("the filter is not consistent")
 @common
+@paged
 def command(
     drive: str,
     config: str,
@@ -79,6 +90,7 @@ def command(
     directory: Path | None,
     strict: bool,
     seed: int,
+    page: Callable[[str, Mapping[str, object]], None],
     output: Output,
     messages: Messages,
 ) -> int:
@@ -104,6 +116,7 @@ def command(
     notes = found.notes
     if not found.consistency.consistent:
         notes = (*notes, f"`tuner diagnose {drive} --config {config}` looks for the causes")
+    page(f"Filter of {config} on {drive}", {"Is it consistent?": found})
     output.write(navigation_json(found, measured, notes=notes, seed=seed))
     if output.tables:
         written = () if directory is None else (f"  solution, tracks and figures: {directory}",)

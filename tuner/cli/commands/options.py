@@ -34,7 +34,7 @@ class Finite(click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
-WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--jobs")
+WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--jobs")
 """Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
 """Options that change how much is printed."""
@@ -102,6 +102,32 @@ def common(command: Command) -> Command:
         messages = Messages(quiet)
         with messages.kept():
             return command(*args, output=Output(json_file), messages=messages, **options)
+
+    return wrapped
+
+
+def paged(command: Command) -> Command:
+    """Add ``--page``; the command receives `page`, a function that writes results by their headings where wanted."""
+
+    @click.option(
+        "--page",
+        "page_file",
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar="FILE",
+        help="Write tables and figure as one offline page (HTML).",
+    )
+    @functools.wraps(command)
+    def wrapped(*args: Any, page_file: Path | None, messages: Messages, **options: Any) -> Any:
+        def page(title: str, results: Mapping[str, object]) -> None:
+            if page_file is not None:
+                from tuner.report.result_views import page_of
+
+                write_text(
+                    page_file, page_of(results, title, stated_command(click.get_current_context().obj))
+                )
+                messages.say(f"wrote {page_file}")
+
+        return command(*args, page=page, messages=messages, **options)
 
     return wrapped
 

@@ -37,6 +37,7 @@ def command(
     from tuner.identification.identify_source import identify_source
     from tuner.identification.record_length import plan_test
     from tuner.readers.source_kind import source_name
+    from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
     from tuner.report.terminal import show
@@ -47,4 +48,4 @@ def command(
     output.write(plan_json(plans))
     if output.tables:
         units = {axis: channel.unit for axis, channel in identification.channels.items()}
-        show(plan_tables(plans, units, source_name(source)))
+        show(plan_tables(plans, units, source_name(source)), LINE_WIDTH)

@@ -1,0 +1,107 @@
+"""Results in a notebook: frames hold the numbers of the result, datasets its axes, figures and tables are made."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tuner
+from tuner.consistency.choose_grade import GradeChoice, RankedGrade
+from tuner.readers.tables import arrays_of_frame
+from tuner.report.result_views import VIEWS, page_of
+from tuner.synthesis.load_config import load_config
+from tuner.types import Diagnosis
+from tuner.types.consistency import Consistency, Score
+from tuner.types.records import DataError
+
+RATE, COUNT = 50.0, 4000
+
+
+@pytest.fixture(scope="module")
+def frame():
+    samples = np.random.default_rng(5).normal(0.0, 0.1, (COUNT, 1))
+    index = pd.date_range("2026-01-01", periods=COUNT, freq="20ms")
+    return pd.DataFrame(samples, columns=["gyro_x [deg/s]"], index=index)
+
+
+@pytest.fixture(scope="module")
+def noise(frame):
+    return tuner.identify(frame, arma=None)
+
+
+def test_a_frame_is_read_in_its_units_on_its_clock(frame, noise):
+    # White noise of sd s at rate f has N = s/√f; 95 % of 1/√(2n) and five times that.
+    density = np.radians(0.1) / np.sqrt(RATE)
+    for channel in noise.channels.values():
+        assert channel.interval == pytest.approx(1.0 / RATE)
+        assert channel.model.white_density() == pytest.approx(density, rel=5.0 / np.sqrt(2.0 * COUNT))
+    (record,) = tuner.read({"gyro_x": frame["gyro_x [deg/s]"].to_numpy()}, rate=RATE, gyro_unit="deg/s")
+    np.testing.assert_allclose(record.y, tuner.read(frame)[0].y)
+    named = frame.reset_index(drop=True)
+    named.index = pd.Index(np.arange(COUNT) / RATE, name="t")
+    assert "t" in arrays_of_frame(named)
+    assert tuner.read(named)[0].interval == pytest.approx(1.0 / RATE)
+
+
+def test_what_a_table_cannot_be_is_refused(frame):
+    with pytest.raises(DataError, match="expected numbers"):
+        tuner.read({"gyro_x": frame["gyro_x [deg/s]"].to_numpy(), "name": np.array(["a"] * COUNT)}, rate=RATE)
+    with pytest.raises(DataError, match="--rate"):
+        tuner.read({"gyro_x": frame["gyro_x [deg/s]"].to_numpy()}, gyro_unit="deg/s")
+
+
+def test_a_data_frame_and_a_dataset_hold_the_numbers(noise):
+    table = noise.to_pandas().set_index(["axis", "coefficient"])
+    white = noise.channels["gyro_x"].term("white").coefficients["density"]
+    assert tuple(table.loc[("gyro_x", "white.density"), ["value", "low", "high"]]) == (
+        white.value,
+        *white.interval,
+    )
+    data = noise.to_xarray()
+    assert float(data["value"].sel(axis="gyro_x", coefficient="white.density")) == white.value
+    curve = noise.channels["gyro_x"].allan
+    assert curve.to_xarray()["deviation"].sel(axis="gyro_x").values == pytest.approx(curve.deviation()[:, 0])
+
+
+SCORES = (Score("nees", 20.0, 15, 300.0, (13.0, 17.0)), Score("outage 60 s", 2.0, 2, 40.0, (1.0, 3.0)))
+
+
+def shown(kind, noise, frame):
+    config = load_config("icm20602", gnss="rtk")
+    record = tuner.read(frame)[0]
+    grade = RankedGrade("icm20602", config, 4.0)
+    made = {
+        "Identification": lambda: noise,
+        "FilterConfig": lambda: config,
+        "AllanCurve": lambda: tuner.curve(record, "adev"),
+        "Spectrum": lambda: tuner.curve(record, "psd"),
+        "Correlogram": lambda: tuner.curve(record, "acf"),
+        "Diagnosis": lambda: Diagnosis(()),
+        "Consistency": lambda: Consistency(SCORES[0], (), (), None, (), {}, 0.0, diverged=False),
+        "SensorComparison": lambda: tuner.compare("icm20602", noise),
+        "GradeChoice": lambda: GradeChoice(60.0, 5.0, "rtk", False, (grade,), grade, 1.3),
+    }
+    return made[kind]()
+
+
+KINDS = "Identification FilterConfig AllanCurve Spectrum Correlogram Diagnosis Consistency SensorComparison GradeChoice"
+
+
+@pytest.mark.parametrize("kind", KINDS.split())
+def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
+    result = shown(kind, noise, frame)
+    assert isinstance(result.to_pandas(), pd.DataFrame)
+    assert result._repr_html_().lstrip().startswith("<")
+    assert result.plot()._repr_png_().startswith(b"\x89PNG")
+    page = page_of({"Part": result}, "A title", "tuner something")
+    assert '<html lang="en">' in page
+    assert "tuner something" in page
+    assert not re.search(r'(src|href)="http', page)
+
+
+def test_every_verb_returns_what_can_be_shown():
+    assert {kind.__name__ for kind in VIEWS} >= {"TuneResult", "Check", "DriveResult", "OutputScore", "Fleet"}
+    assert all(hasattr(kind, "plot") for kind in VIEWS)

@@ -1,0 +1,329 @@
+"""How each type of result is shown: numbers as a data frame, tables, and a figure. One entry a type in `VIEWS`.
+
+`tuner.types.shown` asks here for the methods of results; ``--page`` of the commands makes one offline page of the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from tuner.consistency.choose_grade import GradeChoice
+from tuner.consistency.compare_sensors import SensorComparison
+from tuner.consistency.drive import DriveResult
+from tuner.consistency.score_output import OutputScore
+from tuner.pipeline import TuneResult
+from tuner.report.allan_figure import allan_figure
+from tuner.report.answer_layout import settings_table
+from tuner.report.comparison_tables import choice_tables, comparison_tables
+from tuner.report.consistency_tables import check_tables, consistency_tables
+from tuner.report.curve_tables import statistic_tables
+from tuner.report.drive_diagnosis_tables import drive_tables
+from tuner.report.figure_files import figure_bytes
+from tuner.report.fleet_files import fleet_frame
+from tuner.report.fleet_tables import fleet_tables
+from tuner.report.html_page import Picture, tables_html, write_sections_page
+from tuner.report.identification_tables import identification_tables
+from tuner.report.output_score_tables import output_score_tables
+from tuner.report.overlaid_figure import overlaid_figure
+from tuner.report.result_figures import (
+    choice_figure,
+    curve_figure,
+    drift_figure,
+    fleet_figure,
+    scores_figure,
+    settings_figure,
+)
+from tuner.report.settings_rows import settings_rows
+from tuner.report.static_diagnosis_tables import diagnosis_tables
+from tuner.types import (
+    AllanCurve,
+    Coefficient,
+    Correlogram,
+    Diagnosis,
+    FilterConfig,
+    Identification,
+    Spectrum,
+)
+from tuner.types.consistency import Check, Consistency, Score
+from tuner.types.diagnosis import DriveDiagnosis, Finding
+from tuner.types.fleet import Fleet
+from tuner.types.records import DataError
+
+
+@dataclass(frozen=True)
+class View:
+    """How a type is shown.
+
+    Attributes
+    ----------
+    frame : callable
+        Returns its numbers as a data frame.
+    index : tuple of str
+        Columns of the frame that are the axes of a dataset.
+    tables : callable
+        Returns its tables.
+    figure : callable
+        Returns its figure.
+    caption : str
+        What the figure shows.
+    """
+
+    frame: Callable[[Any], pd.DataFrame]
+    index: tuple[str, ...]
+    tables: Callable[[Any], Sequence[Table | str]]
+    figure: Callable[[Any], Figure]
+    caption: str
+
+
+def view_of(result: object) -> View:
+    """Return how a result is shown."""
+    return VIEWS[type(result)]
+
+
+def frame_of(result: object) -> pd.DataFrame:
+    """Return the numbers of a result."""
+    return view_of(result).frame(result)
+
+
+def figure_of(result: object) -> Figure:
+    """Return the figure of a result."""
+    return view_of(result).figure(result)
+
+
+def html_of(result: object) -> str:
+    """Return the tables of a result for a notebook."""
+    return tables_html(view_of(result).tables(result))
+
+
+def dataset_of(result: object) -> Any:
+    """Return the numbers of a result as an `xarray.Dataset`; rows that share their place are numbered.
+
+    Raises
+    ------
+    DataError
+        Where xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError as error:
+        msg = "to_xarray: xarray is not installed: pip install 'ins-noise-tuner[xarray]'"
+        raise DataError(msg) from error
+    view = view_of(result)
+    frame, index = view.frame(result), list(view.index)
+    if frame.duplicated(index).any():
+        frame["which"] = frame.groupby(index).cumcount()
+        index.append("which")
+    return xarray.Dataset.from_dataframe(frame.set_index(index))
+
+
+def page_of(results: Mapping[str, object], title: str, command: str) -> str:
+    """Return one offline page of results by their headings: tables and figure of each, and how it is made again."""
+    sections = []
+    for heading, result in results.items():
+        view = view_of(result)
+        picture = Picture(view.caption, "figure.svg", figure_bytes(view.figure(result), ".svg"))
+        sections.append((heading, view.tables(result), [picture]))
+    return write_sections_page(title, sections, command)
+
+
+def _coefficients(named: Iterable[tuple[Mapping[str, object], Coefficient]]) -> pd.DataFrame:
+    """Return coefficients as rows behind what names them."""
+    rows = [
+        {
+            **head,
+            "value": c.value,
+            "low": None if c.interval is None else c.interval[0],
+            "high": None if c.interval is None else c.interval[1],
+            "upper": c.upper,
+            "unit": c.unit,
+        }
+        for head, c in named
+    ]
+    numbers = ["value", "low", "high", "upper"]
+    return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)) if rows else pd.DataFrame(columns=numbers)
+
+
+def _identification(found: Identification) -> pd.DataFrame:
+    return _coefficients(
+        ({"axis": axis, "coefficient": name}, c)
+        for axis, channel in found.channels.items()
+        for name, c in (
+            *((f"{t.name}.{field}", c) for t in channel.terms for field, c in t.coefficients.items()),
+            *((level, getattr(channel, level)) for level in ("mean", "sigma_10s", "minimum", "floor")),
+        )
+    )
+
+
+def _curve(found: AllanCurve | Spectrum | Correlogram) -> pd.DataFrame:
+    if isinstance(found, Correlogram):
+        columns = {"lag": found.lag, "value": found.value}
+    else:
+        low, high = found.interval()
+        if isinstance(found, AllanCurve):
+            columns = {
+                "tau": found.tau,
+                "deviation": found.deviation(),
+                "low": low,
+                "high": high,
+                "dof": found.dof,
+            }
+        else:
+            columns = {"frequency": found.frequency, "density": found.density, "low": low, "high": high}
+    parts = [
+        pd.DataFrame({"axis": axis, **{name: x[:, k] if x.ndim == 2 else x for name, x in columns.items()}})
+        for k, axis in enumerate(found.axes)
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _findings(findings: Sequence[Finding]) -> pd.DataFrame:
+    return _coefficients(
+        (
+            {
+                "finding": number,
+                "cause": one.cause,
+                "channels": " ".join(one.channels),
+                "p_value": one.p_value,
+                "parameter": name,
+            },
+            c,
+        )
+        for number, one in enumerate(findings)
+        for name, c in one.parameters.items()
+    )
+
+
+def _settings(config: FilterConfig) -> pd.DataFrame:
+    rows: list[tuple[str, str, float, str]] = []
+    for axis, noise in config.channels.items():
+        rows += [
+            (axis, "white_density", noise.white_density, f"{noise.unit}/√Hz"),
+            (axis, "random_walk_density", noise.random_walk_density, f"{noise.unit}/√s"),
+            (axis, "constant_sd", noise.constant_sd, noise.unit),
+        ]
+        for state in noise.markov:
+            rows.append((axis, f"markov_sd_{state.time_constant:g}s", state.sd, noise.unit))
+    return pd.DataFrame(rows, columns=["axis", "setting", "value", "unit"])
+
+
+def _scores(scores: Sequence[Score]) -> pd.DataFrame:
+    columns = ["score", "ratio", "low", "high", "consistent"]
+    rows = [(s.name, s.ratio, *((limit / s.dof) ** 0.5 for limit in s.band), s.consistent) for s in scores]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _consistency(found: Consistency, states: Sequence[Score] = ()) -> pd.DataFrame:
+    return _scores([*found.scores, *states])
+
+
+def _comparison(found: SensorComparison) -> pd.DataFrame:
+    noise = found.noise
+    return _coefficients(
+        ({"axis": axis, "coefficient": row.name, "source": name}, value)
+        for axis, rows in noise.axes.items()
+        for row in rows
+        for name, value in zip(noise.names, row.values, strict=True)
+        if value is not None
+    )
+
+
+def _choice(found: GradeChoice) -> pd.DataFrame:
+    rows = [(one.name, one.error, one.error <= found.limit) for one in found.ranking]
+    return pd.DataFrame(rows, columns=["grade", "error", "kept"])
+
+
+SCORES_CAPTION = "True rms ÷ predicted sd of each score, with the band in which the filter is consistent"
+CURVE_CAPTION = "The curve with its 95 % interval"
+VIEWS: dict[type, View] = {
+    TuneResult: View(
+        lambda r: _settings(r.config),
+        ("axis", "setting"),
+        lambda r: [settings_table(settings_rows(r.config)), *consistency_part(r)],
+        lambda r: allan_figure(r.identification, predictions=r.predictions),
+        "Allan deviation: measured, identified terms, and what the settings predict",
+    ),
+    Identification: View(
+        _identification,
+        ("axis", "coefficient"),
+        identification_tables,
+        allan_figure,
+        "Allan deviation: measured with its 95 % interval, and the identified terms",
+    ),
+    FilterConfig: View(
+        _settings,
+        ("axis", "setting"),
+        lambda c: [settings_table(settings_rows(c))],
+        settings_figure,
+        "Allan deviation of the noise that the filter assumes of each axis",
+    ),
+    Diagnosis: View(
+        lambda d: _findings(d.findings),
+        ("finding", "parameter"),
+        diagnosis_tables,
+        lambda d: drift_figure(d.findings),
+        "Position error of one sensor axis without fixes, with each finding in the samples and without it",
+    ),
+    DriveDiagnosis: View(
+        lambda d: _findings(d.findings),
+        ("finding", "parameter"),
+        drive_tables,
+        lambda d: drift_figure(d.findings),
+        "Position error of one sensor axis without fixes, with each finding in the samples and without it",
+    ),
+    Check: View(
+        lambda c: _consistency(c.consistency),
+        ("score",),
+        lambda c: check_tables(c, budget=c.budget is not None),
+        lambda c: scores_figure(c.consistency.scores),
+        SCORES_CAPTION,
+    ),
+    DriveResult: View(
+        lambda r: _consistency(r.consistency),
+        ("score",),
+        lambda r: consistency_tables(r.consistency, r.notes),
+        lambda r: scores_figure(r.consistency.scores),
+        SCORES_CAPTION,
+    ),
+    OutputScore: View(
+        lambda s: _consistency(s.consistency, s.states),
+        ("score",),
+        output_score_tables,
+        lambda s: scores_figure([*s.consistency.scores, *s.states]),
+        SCORES_CAPTION,
+    ),
+    Consistency: View(
+        _consistency, ("score",), consistency_tables, lambda c: scores_figure(c.scores), SCORES_CAPTION
+    ),
+    SensorComparison: View(
+        _comparison,
+        ("axis", "coefficient", "source"),
+        comparison_tables,
+        lambda c: overlaid_figure(c.noise),
+        "Allan deviation of every axis: measured (points, 95 % band, fit), stated (dashed)",
+    ),
+    GradeChoice: View(
+        _choice, ("grade",), choice_tables, choice_figure, "Predicted error after the outage, with the limit"
+    ),
+    Fleet: View(
+        fleet_frame,
+        ("unit",),
+        fleet_tables,
+        fleet_figure,
+        "Each unit ÷ the median of the fleet, outlying ones named",
+    ),
+    AllanCurve: View(_curve, ("axis", "tau"), statistic_tables, curve_figure, CURVE_CAPTION),
+    Spectrum: View(_curve, ("axis", "frequency"), statistic_tables, curve_figure, CURVE_CAPTION),
+    Correlogram: View(_curve, ("axis", "lag"), statistic_tables, curve_figure, CURVE_CAPTION),
+}
+"""Every type of result, with how it is shown."""
+
+
+def consistency_part(result: TuneResult) -> Sequence[Table | str]:
+    """Return the tables of the check of a configuration, where it was checked."""
+    return [] if result.check is None else consistency_tables(result.check.consistency, result.check.notes)
