@@ -82,7 +82,10 @@ def _value(code: str, parameter: Field[Any], text: str) -> Parameter:
             return text
         if declared.startswith("tuple"):
             return tuple(float(part) for part in text.split("/") if part)
-        return int(text) if declared == "int" else float(text)
+        number = float(text)
+        if declared == "int" and not number.is_integer():
+            raise ValueError
+        return int(number) if declared == "int" else number
     except ValueError:
         wanted = {"int": "an integer", "tuple[float, ...]": "numbers parted by '/'"}.get(declared, "a number")
         msg = f"'{parameter.name}' of '{code}' must be {wanted}, got '{text}'"

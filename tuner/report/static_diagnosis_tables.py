@@ -38,7 +38,9 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
         unexplained.setdefault(one.statistic, []).append(one)
     for statistic, tests in unexplained.items():
         axes = ", ".join(dict.fromkeys(axis for one in tests for axis in one.channels))
-        answer.append(f"  unexplained: {statistic} in {axes}, p = {min(one.p_value for one in tests):.1e}")
+        answer.append(
+            f"  unexplained: {statistic} in {axes}{size_text(max(tests, key=lambda one: one.nats))}"
+        )
     return answer + [f"  note: {note}" for note in diagnosis.notes]
 
 
@@ -56,11 +58,22 @@ def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:
         if finding.gain is not None and contradicted(finding):
             answer.append(f"    not confirmed: held out ({finding.gain.split}), data are less likely with it")
     answer += [
-        f"  unexplained: {u.statistic} in {', '.join(u.channels)}, p = {u.p_value:.1e}"
+        f"  unexplained: {u.statistic} in {', '.join(u.channels)}{size_text(u)}"
         for u in diagnosis.unexplained
     ]
     answer += [f"  note: {note}" for note in diagnosis.notes]
     return answer
+
+
+def size_text(one: Unexplained) -> str:
+    """Return place, size and drift of what is unexplained, to be put after its words."""
+    place = f", {one.place}" if one.place else ""
+    size = f": {one.nats:.3g} nats (p = {one.p_value:.1e})" if one.nats else f", p = {one.p_value:.1e}"
+    drift = "; ".join(
+        f"{after} without fixes {measured:.3g} m, {predicted:.3g} m by the model"
+        for after, (measured, predicted) in one.drift.items()
+    )
+    return place + size + (f"; {drift}" if drift else "")
 
 
 def gain_text(gain: Gain) -> str:

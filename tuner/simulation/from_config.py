@@ -25,10 +25,11 @@ from models.effects import parsing as text
 from models.effects.drive.base import DriveEffect
 from models.effects.parsing import Kind
 from models.effects.static.base import STAMP
-from models.noise import GaussMarkov, NoiseModel
+from models.effects.static.sampling import Quantizer
+from models.noise import GaussMarkov, NoiseModel, White
 from tuner.simulation.effect_spec import PlacedEffect
 from tuner.simulation.imu import noise_of_channel
-from tuner.simulation.static import Channel
+from tuner.simulation.static import Channel, gravity_of
 from tuner.types import FilterConfig
 from tuner.types.records import DataError
 
@@ -77,25 +78,41 @@ def channels_of_config(
         }
         noise = {axis: without.get(axis) or noise_of_channel(c) for axis, c in config.channels.items()}
         effects: list[PlacedEffect] = []
+        fixed: set[str] = set()
+        stamps: dict[str, PlacedEffect] = {}  # a simulated log has one clock
         for finding in static:
             known = without.keys() >= set(finding["channels"])
             in_noise = _in_the_noise(finding["cause"], fitted_together=known)
+            level = finding.get("extension", {}).get("level")
             for axes, values in _parts(finding):
                 if in_noise:
                     rest = _beside(noise[axes[0]], values) if finding["cause"] == "telegraph" else None
                     if rest is None:
                         continue
                     noise[axes[0]] = rest
-                effect = _effect(finding["cause"], values) if set(axes) <= noise.keys() else None
+                if finding["cause"] == Quantizer.name and "step" in values:
+                    noise |= {a: _unrounded(noise[a], values["step"]["value"], config.interval) for a in axes}
+                effect = (
+                    _effect(finding["cause"], values, _about(level, axes[0]))
+                    if set(axes) <= noise.keys()
+                    else None
+                )
+                if effect is not None and effect.absolute:
+                    fixed |= set(axes)
                 if effect is None or (drive and effect.stage == STAMP):
                     notes.append(f"{finding['cause']} in {', '.join(axes)} is left out")
+                elif effect.stage == STAMP:
+                    stamps.setdefault(finding["cause"], PlacedEffect(effect, tuple(noise)))
                 else:
                     effects.append(PlacedEffect(effect, axes))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         msg = f"{config.name}: expected findings as tune writes them, got {error}"
         raise DataError(msg) from None
-    channels = {axis: Channel(noise[axis], c.constant_sd) for axis, c in config.channels.items()}
-    return channels, tuple(effects), tuple(notes)
+    channels = {
+        axis: Channel(noise[axis], 0.0 if axis in fixed else c.constant_sd)
+        for axis, c in config.channels.items()
+    }
+    return channels, (*effects, *stamps.values()), tuple(notes)
 
 
 def _in_the_noise(cause: str, *, fitted_together: bool) -> bool:
@@ -179,14 +196,35 @@ def _parts(finding: Mapping[str, Any]) -> list[tuple[tuple[str, ...], Mapping[st
     return [((axis,), finding.get("by_channel", {}).get(axis, finding["parameters"])) for axis in axes]
 
 
-def _effect(cause: str, values: Mapping[str, Any]) -> Effect | None:
-    """Return a finding as an effect; None where it lies at readings, of whose mean a configuration says nothing.
+def _about(level: float | None, axis: str) -> float | None:
+    """Return the level of a log about what a simulated axis reads without a bias."""
+    return None if level is None else level - gravity_of(axis)
 
-    None as well where there is no such effect, or its parameters are outside of its range.
+
+def _unrounded(noise: NoiseModel, step: float, interval: float) -> NoiseModel:
+    """Return noise as it was before a quantizer added step²/12 to the variance of each sample.
+
+    Of white noise at least what a tenth of a step makes is left: with less the quantizer would not move.
+    """
+    added, least = step**2 * interval / 12.0, 0.01 * step**2 * interval
+    return NoiseModel(
+        White(math.sqrt(max(term.density**2 - added, min(least, term.density**2))))
+        if isinstance(term, White)
+        else term
+        for term in noise.terms
+    )
+
+
+def _effect(cause: str, values: Mapping[str, Any], level: float | None) -> Effect | None:
+    """Return a finding as an effect; one that lies at readings about the `level` of the log, about no bias.
+
+    None where there is no such effect, its parameters are outside of its range, or the level is not known.
     """
     known = EFFECTS.get(cause)
-    if known is None or known.absolute:
+    if known is None or (known.absolute and level is None):
         return None
+    if known.absolute:
+        values = {name: {**value, "value": value["value"] - level} for name, value in values.items()}
     try:
         return _made(cause, values, EFFECTS)
     except ValueError:
@@ -202,7 +240,17 @@ def _made(
     """Return a finding as an effect; ValueError where there is none or its parameters are outside of its range."""
     known = {field.name for field in fields(text.kind(cause, kinds))}
     known_values = {name: value["value"] for name, value in values.items() if name in known}
-    parts = [f"{name}={value!r}" for name, value in known_values.items() if value is not None]
+    for name in known:  # a list is found number by number
+        listed = sorted(
+            key for key in values if key.rpartition("_")[0] == name and key.rpartition("_")[2].isdigit()
+        )
+        if listed:
+            known_values[name] = tuple(values[key]["value"] for key in listed)
+    parts = [
+        f"{name}={'/'.join(map(repr, value)) if isinstance(value, tuple) else repr(value)}"
+        for name, value in known_values.items()
+        if value is not None
+    ]
     if values and not parts:
         msg = f"no effect has {', '.join(values)}"
         raise ValueError(msg)

@@ -6,15 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from models.effects.static.temperature_profiles import Diurnal, Profile
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_names, load_gnss, load_grade
 from tuner.catalogue.trajectories import load_trajectory
 from tuner.formats import noise_yaml
 from tuner.readers.source_kind import is_file
 from tuner.simulation.drive import simulate_drive
+from tuner.simulation.effect_spec import PlacedEffect
 from tuner.simulation.from_config import channels_of_config, drive_effects_of_config
 from tuner.simulation.static import simulate
 from tuner.types import FilterConfig
 from tuner.types.records import DataError, Drive, Record
+
+MIDDLE_TEMPERATURE, TEMPERATURE_SWING, TEMPERATURE_CYCLES = 25.0, 8.0, 1.5
+"""Middle (°C), swing (K) and cycles in a record of the temperature that findings follow.
+
+Chosen as the swing of a warm-up, so that slopes are as clear.
+"""
 
 
 @dataclass(frozen=True)
@@ -90,8 +98,16 @@ def simulate_source(
         rate=rate or 1.0 / config.interval,
         seed=seed,
         effects=(*findings, *effects),
+        temperature=_profile(findings, duration),
     )
     return Simulated(config.name, records, key, notes)
+
+
+def _profile(findings: tuple[PlacedEffect, ...], duration: float) -> Profile | None:
+    """Return a temperature that rises and falls where findings follow one: no transient resembles it."""
+    if not any(one.effect.needs_temperature for one in findings):
+        return None
+    return Diurnal(MIDDLE_TEMPERATURE, TEMPERATURE_SWING, period=duration / TEMPERATURE_CYCLES)
 
 
 def _drive_of_config(

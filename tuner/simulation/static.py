@@ -113,7 +113,7 @@ def simulate(
         msg = f"'duration' and 'rate' must give two samples or more, got {duration} s at {rate} Hz"
         raise DataError(msg)
     noise, biases, draws, applied, reading = np.random.default_rng(seed).spawn(5)
-    constant = {a: _gravity(a) + c.bias_sd * float(biases.standard_normal()) for a, c in channels.items()}
+    constant = {a: gravity_of(a) + c.bias_sd * float(biases.standard_normal()) for a, c in channels.items()}
     t = np.arange(round(duration * rate)) / rate
     profile = temperature or Warming(25.0, 8.0, duration / 6.0)
     y, white = sample_noise(channels, constant, len(t), 1.0 / rate, noise)
@@ -201,7 +201,8 @@ def _clear_effect(rng: np.random.Generator, white_sd: float, floor: float) -> Ef
     return choices[int(rng.integers(len(choices)))]
 
 
-def _gravity(axis: str) -> float:
+def gravity_of(axis: str) -> float:
+    """Return what gravity makes an axis of a level unit read, SI."""
     return -GRAVITY if axis == "accel_z" else 0.0
 
 

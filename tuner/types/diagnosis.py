@@ -116,11 +116,31 @@ def of_each(
 
 @dataclass(frozen=True)
 class Unexplained:
-    """A rejected test that no cause explains."""
+    """A rejected test that no cause explains.
+
+    Attributes
+    ----------
+    statistic : str
+        What rejects, in words.
+    channels : tuple of str
+        Axes that show it.
+    p_value : float
+        Chance of it where the model is right, the search paid for.
+    nats : float
+        Size: log likelihood that the best description of what is left gains on the model; 0 where it is not known.
+    place : str
+        Where it shows most: time, frequency, or the whole record.
+    drift : mapping of str to (float, float)
+        Position error, m, after so long without fixes (``60 s``), as the axis shows it, what was found taken out, and
+        as its model has it; of a static log.
+    """
 
     statistic: str
     channels: tuple[str, ...]
     p_value: float
+    nats: float = 0.0
+    place: str = ""
+    drift: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True)

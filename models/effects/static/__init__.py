@@ -4,6 +4,7 @@
 code                    parameters                                      module
 ======================  ==============================================  ==========================
 line                    frequency, amplitude                            spectral
+comb                    spacing, sd                                     spectral
 vibration               frequency, quality, sd                          spectral
 lowpass                 cutoff                                          spectral
 colour                  ar, ma                                          spectral
@@ -56,7 +57,7 @@ from models.effects.static.distribution import (
 )
 from models.effects.static.events import Motion, Spikes, Step, Telegraph
 from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
-from models.effects.static.spectral import Colour, CorrelatedDrift, Line, LowPass, Vibration
+from models.effects.static.spectral import Colour, Comb, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import (
     Hysteresis,
     TemperatureSlope,
@@ -88,7 +89,7 @@ EFFECTS.extend(
     (
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
         CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
-        CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis,
+        CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis, Comb,
     )
 )  # fmt: skip
 

@@ -3,6 +3,7 @@
 Two-sided spectra of the sampled sequence with interval Δ, z = exp(2πifΔ)::
 
     line           A²/4 at ±frequency;   AVAR(τ) = A² sin⁴(πfτ)/(πfτ)²
+    comb           lines of even power at all multiples of `spacing`
     vibration      c / |1 − 2r cos(θ) z⁻¹ + r² z⁻²|²,   r = exp(−πfΔ/quality), pole angle θ = 2πfΔ
     lowpass        S_y · Π |1 − p|² / |1 − p z⁻¹|²,     p = exp(s Δ), s the poles of a Butterworth filter
     colour         S_w · |1 + Σ ma_j z⁻ʲ|² / |1 − Σ ar_i z⁻ⁱ|²
@@ -86,6 +87,41 @@ class Line(Effect):
         """Frequency 0.05 Hz … 0.49 of the rate, amplitude 0.003 … 1 white sd."""
         top = 0.49 / scale.interval
         return cls(log_uniform(rng, min(0.05, 0.1 * top), top), scale.white_sd * log_uniform(rng, 0.003, 1.0))
+
+
+@dataclass(frozen=True)
+class Comb(Effect):
+    """A pulse of one sample that comes again and again: lines of one spacing up to half the rate.
+
+    Attributes
+    ----------
+    spacing : float
+        Frequency of the pulses, Hz.
+    sd : float
+        Root mean square of the pulses over the record, unit.
+    """
+
+    name: ClassVar[str] = "comb"
+    locates: ClassVar[tuple[str, ...]] = ("spacing",)
+    positive: ClassVar[tuple[str, ...]] = ("spacing", "sd")
+    spacing: float
+    sd: float
+
+    def __post_init__(self) -> None:
+        require_positive(spacing=self.spacing)
+        require_not_negative(sd=self.sd)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the pulses to every channel, the first by chance."""
+        turns = np.floor((block.t - block.t[0]) * self.spacing + rng.uniform())
+        pulse = np.diff(turns, prepend=turns[0]) > 0.0
+        return block.add(pulse * self.sd / math.sqrt(max(float(pulse.mean()), 1.0 / len(pulse))))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Spacing of 20 … 2000 samples, sd 0.03 … 0.3 of the white one."""
+        spacing = 1.0 / (scale.interval * log_uniform(rng, 20.0, 2000.0))
+        return cls(spacing, scale.white_sd * log_uniform(rng, 0.03, 0.3))
 
 
 @dataclass(frozen=True)

@@ -278,7 +278,9 @@ def rated(rng: np.random.Generator) -> Made:
     noise, felt = drawn_noise(rng), box(rng)
     d = hundreds(rng)
     x = np.gradient(felt, CLOCK)
-    return made(samples(noise, rng) + sized(noise, x, d, felt), ("temperature_rate",), d, told(rng, felt))
+    return made(
+        samples(noise, rng) + sized(noise, x, d, felt), ("thermal", "temperature_rate"), d, told(rng, felt)
+    )
 
 
 def hysteretic(rng: np.random.Generator) -> Made:

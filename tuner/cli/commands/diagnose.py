@@ -22,12 +22,20 @@ from tuner.cli.commands.options import (
 from tuner.cli.progress import Messages
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tuner.types import Diagnosis
+    from tuner.types.records import Drive, Record
 
 
 @click.command("diagnose", short_help="What the simulation gets wrong, why, and the gain of modelling it.")
 @click.argument("log", metavar="LOG|DRIVE")
 @click.option("--holdout", metavar="LOG2", help="A second log of the same unit, to measure the gain on.")
+@click.option(
+    "--against",
+    metavar="REST",
+    help="A log of the same unit in another state, as at rest: what differs, by cause.",
+)
 @click.option("--config", metavar="CONFIG", help="Of a drive: the filter, as noise.yaml or built-in grade.")
 @click.option(
     "--gnss", metavar="GRADE|LOG", help="Of a drive: receiver, where the fixes report no standard deviations."
@@ -47,6 +55,7 @@ if TYPE_CHECKING:
 def command(
     log: str,
     holdout: str | None,
+    against: str | None,
     config: str | None,
     gnss: str | None,
     wheels: bool,
@@ -74,6 +83,9 @@ def command(
     from tuner.types.records import Drive
 
     data = load_data(log, reading, messages)
+    if against is not None:
+        _compare(log, data, against, reading, seed, output, messages)
+        return 0
     found: Diagnosis | DriveDiagnosis = diagnose(
         data,
         holdout=None if holdout is None else load_records(holdout, reading, messages),
@@ -95,3 +107,28 @@ def command(
             show(diagnosis_tables(found) if verbose else ())
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
+
+
+def _compare(
+    log: str,
+    data: Drive | Sequence[Record],
+    against: str,
+    reading: Reading,
+    seed: int,
+    output: Output,
+    messages: Messages,
+) -> None:
+    """Show what differs between a log and one of the same unit in another state."""
+    from tuner.diagnosis.static.against import compare_states
+    from tuner.report.state_tables import state_tables, states_json
+    from tuner.report.terminal import show
+    from tuner.types.records import DataError, Drive
+
+    if isinstance(data, Drive):
+        msg = f"--against {against}: expected with a static log, got the drive {log}"
+        raise DataError(msg)
+    comparison = compare_states(data, load_records(against, reading, messages), seed=seed)
+    output.write(states_json(comparison))
+    if output.tables:
+        show(assumed(data))
+        show(state_tables(comparison))

@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.diagnosis.data_quality.copied_samples import Lines, Packets, find_lines, find_packets
 from tuner.diagnosis.data_quality.frozen import Frozen, cut, frozen, together
 from tuner.diagnosis.data_quality.quantizer import quantizer_step, read_codes
 from tuner.diagnosis.data_quality.repeated_samples import find_repeated_samples
@@ -53,7 +54,7 @@ class DataQualityTest:
     Attributes
     ----------
     cause : str
-        ``duplicates timing clipping lattice``.
+        ``duplicates timing clipping lattice repeated_packets interpolated``.
     channels : tuple of str
         Axes it concerns.
     statistic : float
@@ -68,6 +69,8 @@ class DataQualityTest:
         The same in words.
     stretches : tuple of (int, int)
         Samples that say nothing: frozen ones.
+    level : float, optional
+        Median of the samples that its readings lie about, where these are not about zero, unit.
     """
 
     cause: str
@@ -78,6 +81,7 @@ class DataQualityTest:
     note: bool = False
     text: str = ""
     stretches: tuple[tuple[int, int], ...] = ()
+    level: float | None = None
 
 
 def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
@@ -97,7 +101,10 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
     single = {axis: without_frozen(record, (axis,), stuck).pieces(axis) for axis in record.axes}
     steps = {axis: quantizer_step(pieces) for axis, pieces in single.items()}
     repeated = duplicates(record, steps, stuck)
+    lines: dict[str, Lines] = {}
     tests = [timing(record), *stuck, *repeated]
+    if all(test.p_value > DECISIVE_P_VALUE for test in repeated):
+        tests += packets(record)
     for axis, pieces in single.items():
         if any(test.p_value < DECISIVE_P_VALUE and axis in test.channels for test in repeated):
             fresh = tuple(piece[np.diff(piece, prepend=np.nan) != 0.0] for piece in pieces)
@@ -107,7 +114,8 @@ def data_quality_tests(record: Record) -> tuple[DataQualityTest, ...]:
             clipping(fresh, steps[axis], axis=axis, unit=record.unit),
             quantizer_test(fresh, steps[axis], axis=axis, unit=record.unit),
         ]
-    return tuple(tests)
+        lines[axis] = find_lines(fresh, steps[axis])
+    return (*tests, *interpolated(lines))
 
 
 def timing(record: Record) -> DataQualityTest:
@@ -224,6 +232,47 @@ def _duplicates(record: Record, steps: Mapping[str, float]) -> DataQualityTest:
     )
 
 
+def packets(record: Record) -> list[DataQualityTest]:
+    """Test for packets that come twice: of all axes together, and of each axis where they do not come together."""
+    found = [(record.axes, find_packets(record.y))]
+    if len(record.axes) > 1 and found[0][1].p_value > DECISIVE_P_VALUE:
+        found = [((axis,), find_packets(record.column(axis)[:, None])) for axis in record.axes]
+    return [_packets_test(axes, one) for axes, one in found if one.number]
+
+
+def _packets_test(axes: tuple[str, ...], found: Packets) -> DataQualityTest:
+    """Return the test of packets, with the copies as stretches that say nothing."""
+    edge = np.diff(np.concatenate(([0], found.copies.astype(np.int8), [0])))
+    share, length = float(found.copies.mean()), float(found.length)
+    parameters = {
+        "fraction": Coefficient.known(share, share, share, "1"),
+        "length": Coefficient.known(length, length, length, "1"),
+    }
+    return DataQualityTest(
+        "repeated_packets",
+        axes,
+        float(found.number),
+        found.p_value,
+        parameters,
+        text=f"{found.number} packets of {found.length} samples come twice",
+        stretches=tuple(
+            zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True)
+        ),
+    )
+
+
+def interpolated(lines: Mapping[str, Lines]) -> list[DataQualityTest]:
+    """Return the test of samples that lie on lines between their neighbours, one for all axes that have them."""
+    axes = [axis for axis, found in lines.items() if found.p_value < DECISIVE_P_VALUE]
+    if not axes:
+        return []
+    shares = sorted(lines[axis].share for axis in axes)
+    parameters = {"fraction": Coefficient.known(shares[len(shares) // 2], shares[0], shares[-1], "1")}
+    text = f"{100 * shares[-1]:.3g} % of the samples lie on a line between their neighbours"
+    chance = max(lines[axis].p_value for axis in axes)
+    return [DataQualityTest("interpolated", tuple(axes), shares[-1], chance, parameters, text=text)]
+
+
 def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:
     """Test whether the range of an axis, given as gap-free pieces (n,), ends at rails."""
     low, high = rails(pieces, step)
@@ -237,7 +286,10 @@ def clipping(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str)
         f"{worst.count} samples lie at {worst.level:.6g} {unit}, none beyond; "
         f"{worst.crossings:.3g} were to be expected there"
     )
-    return DataQualityTest("clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text)
+    level = float(np.median(np.concatenate(pieces)))
+    return DataQualityTest(
+        "clipping", (axis,), worst.crossings, worst.p_value, parameters, text=text, level=level
+    )
 
 
 def quantizer_test(pieces: Sequence[FloatArray], step: float, *, axis: str, unit: str) -> DataQualityTest:

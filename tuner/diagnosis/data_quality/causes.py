@@ -30,6 +30,28 @@ class Frozen(Duplicates):
     )
 
 
+class RepeatedPackets(Cause):
+    """Packets of samples that come twice in place of the next."""
+
+    cause = "repeated_packets"
+    group = "samples"
+    meaning = "packets of samples come twice, in place of the next"
+    consequence = "drop the copies: a filter that takes them for measurements counts their noise twice"
+    view = "values"
+
+
+class Interpolated(Cause):
+    """Samples that lie on lines between their neighbours."""
+
+    cause = "interpolated"
+    group = "samples"
+    meaning = "samples lie on lines between their neighbours: the log was put on a higher rate"
+    consequence = (
+        "log the samples as they come: density, spectrum and law of these are those of the interpolation"
+    )
+    view = "values"
+
+
 class Timing(Cause):
     """Time stamps of an uneven clock."""
 

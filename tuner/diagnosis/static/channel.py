@@ -68,6 +68,8 @@ class Channel:
         Block means of further channels.
     quantizer_step, deadband : float
         Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
+    interpolated : bool
+        Whether law and spectrum of the samples are those of an interpolation.
     """
 
     axis: str
@@ -82,6 +84,7 @@ class Channel:
     covariates: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     quantizer_step: float = 0.0
     deadband: float = 0.0
+    interpolated: bool = False
 
     def __len__(self) -> int:
         return len(self.y)

@@ -46,7 +46,7 @@ def prepared(
     """
     ready = []
     for axis in record.axes:
-        stuck = [t for t in tests if t.stretches]
+        stuck = [t for t in tests if t.stretches and (t.cause == "duplicates" or t.p_value < limit)]
         others = [t for t in tests if not t.stretches and axis in t.channels]
         mine = {t.cause: t for t in others if t.p_value < limit or t.note}
         codes = mine["lattice"].parameters if "lattice" in mine else {}
@@ -62,7 +62,7 @@ def prepared(
             source, repeated = _thinned(source, ~repeated), None
         try:
             even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
-            ready.append(replace(even, deadband=dead / even.scale))
+            ready.append(replace(even, deadband=dead / even.scale, interpolated="interpolated" in mine))
         except DataError as error:
             refused.append(str(error))
     return ready

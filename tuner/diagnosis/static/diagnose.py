@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from models.noise import NoiseModel
+from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
 from tuner.diagnosis.data_quality.causes import Frozen
 from tuner.diagnosis.static.causes import attitude, cross_axis, motion, mount_tilt
@@ -13,17 +14,17 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
-from tuner.diagnosis.static.drift import with_drifts
+from tuner.diagnosis.static.drift import left_drifts, with_drifts
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
-from tuner.diagnosis.static.search import search_causes
+from tuner.diagnosis.static.search import Accepted, SearchResult, group_of, search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
-from tuner.types import Diagnosis, Finding, Identification, Unexplained
+from tuner.types import Alternative, Diagnosis, Finding, Identification, Unexplained
 from tuner.types.records import DataError, Record
 
 MAX_MOVING_SHARE = 0.4
@@ -44,6 +45,23 @@ class _Diagnosed:
     final: Residual
     before: NoiseModel
     after: NoiseModel
+
+
+WHOLE_RECORD = "the whole record"
+"""Where a misfit shows that no part of the record shows more than another."""
+UNKNOWN = "unknown"
+"""Code of what is none of the causes, in a list of alternatives."""
+MIN_LEFT_SHARE = 0.05
+"""Share of what a finding explains above which what it leaves makes it uncertain: a likelihood ratio of 20."""
+OF_GROUP: Mapping[str, Group] = {
+    "spectrum": "fast spectrum",
+    "slow spectrum": "slow part",
+    "unnamed": "slow part",
+    "periodic variance": "distribution",
+    "variance by bias": "distribution",
+    "irregular variance": "distribution",
+}
+"""Groups of the causes that statistics without one are about."""
 
 
 def diagnose(
@@ -114,7 +132,11 @@ def diagnose(
             outcome = covered(outcome, replicas, seed)
         before = noise_before(record_of[part.axis], part.axis, identification)
         after = noise_after(outcome.final, before)
-        unexplained = tuple(Unexplained(r.name, (part.axis,), r.p_value) for r in outcome.unexplained)
+        outcome = replace(outcome, accepted=tuple(_with_unknown(a, outcome) for a in outcome.accepted))
+        unexplained = tuple(
+            Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
+            for r in outcome.unexplained
+        )
         outcome.final.scaled  # noqa: B018  # for what channels share, in the process that has its parts
         return _Diagnosed(singles(part.axis, outcome, before), unexplained, outcome.final, before, after)
 
@@ -125,14 +147,31 @@ def diagnose(
     grouped = findings([single for one in every for single in one.singles])
     reported = [f for f in grouped if not (stretched and f.cause == "attitude")]
     found += [*reported, *_common(finals, limit)]
+    models = {axis: one.after for axis, one in zip(axes, every, strict=True)}
     unexplained = tuple(left for one in every for left in one.unexplained)
+    if unexplained:
+        drifts = left_drifts(found, sensors, models)
+        unexplained = tuple(replace(left, drift=drifts.get(left.channels[0], {})) for left in unexplained)
     return Diagnosis(
         with_drifts(found, sensors),
         (*unexplained, *stretched),
         (*notes, *refused, *sampling.notes(finals)),
-        {axis: one.after for axis, one in zip(axes, every, strict=True)},
+        models,
         {axis: one.before for axis, one in zip(axes, every, strict=True)},
     )
+
+
+def _with_unknown(accepted: Accepted, outcome: SearchResult) -> Accepted:
+    """Return what was accepted with something else among its alternatives, where a misfit of its own kind is left.
+
+    Its weight is what is left against what is explained: as much, and the name is worth no more than something else.
+    """
+    group = accepted.extension.group
+    left = sum(r.nats for r in outcome.unexplained if OF_GROUP.get(r.cause, group_of(r.cause)) == group)
+    if left <= MIN_LEFT_SHARE * accepted.result.gain:
+        return accepted
+    unknown = Alternative(UNKNOWN, min(left / max(accepted.result.gain, left), 1.0))
+    return replace(accepted, alternatives=(*accepted.alternatives, unknown))
 
 
 def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
@@ -228,10 +267,10 @@ def _motion(
     stretches = motion.stretches(channels)
     if not stretches:
         return [], [(c, ()) for c in channels]
-    axes = tuple(c.axis for c in channels)
     extensions = tuple(motion.extension(channels[0], stretch) for stretch in stretches)
     found = []
-    for extension in extensions:
+    for extension, stretch in zip(extensions, stretches, strict=True):
+        axes = tuple(c.axis for c in channels if motion.moved(c, stretch)) or tuple(c.axis for c in channels)
         parameters = {
             k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()
         }
@@ -262,7 +301,7 @@ def _longest_still(stretches: Sequence[motion.Stretch], n: int) -> tuple[int, in
 
 
 def _finding(test: DataQualityTest) -> Finding:
-    cause = Frozen if test.stretches else CAUSES[test.cause]
+    cause = Frozen if test.cause == "duplicates" and test.stretches else CAUSES[test.cause]
     return Finding(
         test.cause,
         test.channels,
@@ -272,5 +311,6 @@ def _finding(test: DataQualityTest) -> Finding:
         test.parameters,
         f"{test.cause} in {', '.join(test.channels)}: {cause.meaning} ({test.text})",
         cause.consequence,
-        {"cause": test.cause, "joins": joins(test.cause)},
+        {"cause": test.cause, "joins": joins(test.cause)}
+        | ({"level": test.level} if test.level is not None else {}),
     )

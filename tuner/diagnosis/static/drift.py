@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from models.earth import SEMI_MAJOR_AXIS
 from models.effects import EFFECTS, Samples
-from models.noise import GaussMarkov
+from models.noise import GaussMarkov, NoiseModel
 from models.units import STANDARD_GRAVITY
 from tuner.curves.allan import overlapping_allan
 from tuner.types import Finding
@@ -61,6 +61,38 @@ def with_drifts(findings: Sequence[Finding], records: Sequence[Record]) -> tuple
     still = [_without_motion(record, findings) for record in records]
     measured: dict[str, Mapping[float, float]] = {}
     return tuple(replace(finding, drift=_drift(finding, still, measured)) for finding in findings)
+
+
+def left_drifts(
+    findings: Sequence[Finding], records: Sequence[Record], models: Mapping[str, NoiseModel]
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return, by axis, the drift as measured less the signals that were found, and as the model has it, m.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        On the samples of `records`.
+    records : sequence of Record
+        Log that was diagnosed.
+    models : mapping of str to NoiseModel
+        Model of each axis, SI.
+    """
+    signals = found_signals(findings, records)
+    out = {}
+    for record in (_without_motion(one, findings) for one in records):
+        for axis in (axis for axis in record.axes if axis in models):
+            signal = signals[axis][1] if axis in signals else np.zeros(len(record))
+            pieces = [record.column(axis)[a:b] - signal[a:b] for a, b in record.segments]
+            out[axis] = {
+                f"{h:g} s": (
+                    position_drift(record.unit, np.sqrt(variance), h),
+                    position_drift(
+                        record.unit, np.sqrt(float(models[axis].allan_variance(np.array([h]))[0])), h
+                    ),
+                )
+                for h, variance in _allan(pieces, record.interval).items()
+            }
+    return out
 
 
 def _without_motion(record: Record, findings: Sequence[Finding]) -> Record:

@@ -26,6 +26,7 @@ from scipy.stats import norm
 from models.noise import NoiseModel, White
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
+from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.motion import Motion
@@ -51,7 +52,7 @@ FloatArray = NDArray[np.float64]
 FITTED_SHARE = 0.6
 """Part of a single record that the parameters are taken from; chosen so that both parts are long."""
 MARGIN_SHARE = 0.03
-"""Share of the record before the cut within which an event is not told apart from one that begins there.
+"""Share of the record before the cut within which an event is not distinguished from one that begins there.
 
 Chosen as a twentieth of the first part: a jump with less behind it is hardly found again in that part alone.
 """
@@ -212,6 +213,9 @@ def _score(fitted: Residual, test: _Test, free: FloatArray | None = None) -> flo
             z = 2.0 / n * complex(np.sum((y - y.mean()) * np.exp(-1j * phase)))
             y = y - np.real(z * np.exp(1j * phase))
             charge += 1.0
+        if isinstance(extension, Comb):
+            y = y - extension.elsewhere(y)
+            charge += float(np.log(len(extension.profile)))
         if isinstance(extension, Telegraph):
             step = test.channel.block * dt
             charge -= extension.lead(test.channel.block_mean(y), step, block_noise(fitted.fit.terms(), step))

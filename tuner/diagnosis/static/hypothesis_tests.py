@@ -91,7 +91,9 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     first.
     """
     tested = few_shapes(fitted)
-    unnamed = TestResult("spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst)
+    unnamed = TestResult(
+        "spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst, misfit=tested.misfit_nats
+    )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
     certain = any(one.gain > CERTAIN_GAIN for one in resonances)
     if fitted.count("lowpass", "colour") or (certain and not whole):
@@ -111,10 +113,16 @@ def slow_spectrum_misfit(fitted: Residual) -> tuple[TestResult, ...]:
     edges = np.unique(np.geomspace(4, singles, 13).astype(int))
     count = np.diff(edges) / float(np.mean(course(fitted) ** 2))
     mean = np.add.reduceat(ratio[: edges[-1]], edges[:-1]) / np.diff(edges)
-    deviance = float(np.sum(count * (mean - 1.0 - np.log(mean))))
+    share = count * (mean - 1.0 - np.log(mean))
+    deviance = float(np.sum(share))
     inflation = float(np.mean(1.0 + 1.0 / (3.0 * count)))
     p_value = float(chi2.sf(deviance / inflation, len(count)))
-    return (TestResult("slow spectrum", p_value, 0.0, deviance, "shape of the slow spectrum"),)
+    worst = int(np.argmax(share))
+    longest, shortest = 2.0 * fitted.channel.span / edges[worst : worst + 2]
+    place = f"{10.0 * np.log10(mean[worst]):+.2g} dB at periods of {shortest:.3g} … {longest:.3g} s"
+    left = 0.5 * max(deviance - len(count), 0.0)
+    name = "shape of the slow spectrum"
+    return (TestResult("slow spectrum", p_value, 0.0, deviance, name, misfit=left, place=place),)
 
 
 def retest(fitted: Residual, cause: str) -> TestResult | None:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tuner.diagnosis.static.causes.base import Extension
 
 NO_GAIN = -9.0
 """Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
+LEAST_CHANCE = 1e-300
+"""Smallest p-value that is a number; its 690 nats are then a lower bound."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,10 @@ class TestResult:
         Makes the extensions (one; two for a pair); None where the family names no cause.
     local : bool
         A frequency was compared with its neighbourhood: no broad shape of the spectrum can be the reason.
+    misfit : float
+        Of a test without a cause: nats that a description of its own would gain, 0 for that of the p-value.
+    place : str
+        Where it shows most, in words; empty for the whole record.
     """
 
     __test__ = False
@@ -42,6 +50,13 @@ class TestResult:
     name: str
     propose: Callable[[], tuple[Extension, ...]] | None = None
     local: bool = False
+    misfit: float = 0.0
+    place: str = ""
+
+    @property
+    def nats(self) -> float:
+        """How much the data contradict the model, nats: of a fit, or what a p-value is worth."""
+        return max(self.misfit, self.gain, -float(np.log(max(self.p_value, LEAST_CHANCE))))
 
     @property
     def without_proposal(self) -> TestResult:

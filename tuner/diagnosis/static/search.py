@@ -1,7 +1,8 @@
 """Search for causes: fit, test, extend the model by the cause that gains most, fit again, until no test rejects.
 
 An extension is accepted where its test rejects and its penalised gain is the largest. A cause whose test rejected too
-and no longer does is a rival; rivals within `ALTERNATIVE_NATS` nats are its alternatives. When no test rejects any
+and no longer does is a rival; rivals within `ALTERNATIVE_NATS` nats, near twins within `NEAR_TWIN_NATS`, are its
+alternatives. When no test rejects any
 more, each extension is taken out in turn and stays out unless its own test then rejects.
 """
 
@@ -20,7 +21,9 @@ from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
+from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tests, retest, significant
@@ -41,6 +44,14 @@ A refit that changes nothing ends them earlier.
 """
 ALTERNATIVE_NATS = 3.0
 """Nats within which a rival counts as an alternative: a likelihood ratio of 20, the usual 5 %."""
+NEAR_TWIN_NATS = 10.0
+"""Nats within which two slow shapes, or two shapes of the fast spectrum, are alternatives.
+
+Errors of what they are functions of (a thermometer's lag and noise, a transient that is no exponential, a filter of
+another order) cost a true one that much.
+"""
+SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
+"""Shapes of the fast spectrum that differ in the order of a filter only."""
 MIN_GAIN_SHARE = 0.2
 """Share of the largest gain from which the rejection of another group is accepted in the same pass.
 
@@ -145,7 +156,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             ]
         rejections = _not_superseded(rejections)
         broad = [result for result in rejections if is_broad(result.cause)]
-        chosen = _clearest(rejections)
+        chosen = [_measured_first(result, rejections) for result in _clearest(rejections)]
         paths = any(result.cause == "telegraph" for result in chosen)
         jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
         wider = _wider(found, jumps, len(given))
@@ -175,6 +186,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             found, accepted = _with_lag(found, accepted)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = _without_lag(found, accepted)
+    found, accepted = _with_curve(found, accepted)
     found = _with_joint_estimates(found)
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
@@ -266,6 +278,29 @@ def _clearest(rejections: list[TestResult]) -> list[TestResult]:
     return chosen
 
 
+def _measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
+    """Return a result, or in place of a smooth shape of time the near twin that follows a measured quantity."""
+    causes = CAUSES.extensions()
+    named = causes.get(result.cause)
+    if named is None or not issubclass(named, Template) or named.covariate is not None or named.abrupt:
+        return result
+    measured = [
+        other
+        for other in rejections
+        if _twins(result.cause, other.cause)
+        and getattr(causes[other.cause], "covariate", None) is not None
+        and other.gain > result.gain - NEAR_TWIN_NATS
+    ]
+    return max(measured, key=lambda other: other.gain, default=result)
+
+
+def _twins(one: str, other: str) -> bool:
+    """Return whether two causes have shapes that errors of the model can turn into each other."""
+    causes = CAUSES.extensions()
+    slow = all(code in causes and issubclass(causes[code], Template) for code in (one, other))
+    return one != other and (slow or {one, other} == SPECTRUM_TWINS)
+
+
 def _with_rivals(
     one: Accepted, before: tuple[TestResult, ...], after: tuple[TestResult, ...], threshold: float
 ) -> Accepted:
@@ -284,7 +319,10 @@ def _with_rivals(
         and group_of(a.cause) == group
         and a.cause != one.result.cause
         and significant(a, threshold)
-        and a.gain > max(one.result.gain - ALTERNATIVE_NATS, 0.0)
+        and a.gain
+        > max(
+            one.result.gain - (NEAR_TWIN_NATS if _twins(one.result.cause, a.cause) else ALTERNATIVE_NATS), 0.0
+        )
     }
     if one.result.cause == "gauss_markov":
         rivals |= {
@@ -339,6 +377,35 @@ def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
             twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
             changed = replace(one, extension=refits[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
+    return fitted, accepted
+
+
+def _with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with slope and square of the temperature in place of a lag that explains less, or as its twin.
+
+    Neither of the two explains alone what a lag, with two parameters, does.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if not isinstance(one.extension, ThermalLag) or fitted.count("temperature_squared"):
+            continue
+        pair = (Temperature(), TemperatureSquared())
+        changed = (*fitted.extensions[: given + at], *pair, *fitted.extensions[given + at + 1 :])
+        other = residual(fitted.channel, changed, starts=fitted.starts, near=fitted)
+        lead = other.fit.log_likelihood - fitted.fit.log_likelihood
+        if abs(lead) > NEAR_TWIN_NATS and lead < 0.0:
+            return fitted, accepted
+        twin = Alternative(
+            TemperatureSquared.cause if lead < 0.0 else ThermalLag.cause, float(np.exp(-abs(lead)))
+        )
+        if lead < 0.0:
+            known = [*one.alternatives, twin]
+            return fitted, [*accepted[:at], replace(one, alternatives=tuple(known)), *accepted[at + 1 :]]
+        twins = (twin,) if lead < NEAR_TWIN_NATS else ()
+        square = retest(without(other, given + at + 1), TemperatureSquared.cause)
+        result = one.result if square is None else square.without_proposal
+        both = [Accepted(pair[0], one.result, twins), Accepted(pair[1], result, twins)]
+        return other, [*accepted[:at], *both, *accepted[at + 1 :]]
     return fitted, accepted
 
 

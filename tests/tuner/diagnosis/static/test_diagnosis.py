@@ -102,6 +102,13 @@ CLEAR = {
         "variance_ratio": (2.0, 2.0 * np.sqrt(2.0 / (100.0 * RATE))),
     },
     "variance_drift:slope=3e-4": {"slope": (3e-4, np.sqrt(24.0 / COUNT) / SPAN)},
+    "comb:spacing=0.4,sd=8e-4": {
+        "spacing": (0.4, 0.5 * 0.4 / COUNT),
+        "sd": (
+            8e-4,
+            0.5 * WHITE**2 / 8e-4 * np.sqrt(2.0 * RATE / 0.4) / COUNT + 8e-4 * WHITE / np.sqrt(COUNT) / 8e-4,
+        ),
+    },
     "skewed_noise:skewness=-0.2": {"skewness": (-0.2, np.sqrt(6.0 / COUNT))},
     "periodic_variance:period=0.7,depth=0.15": {
         "period": (0.7, 0.7**2 * np.sqrt(12.0 / COUNT) / (np.pi * SPAN * 0.15)),

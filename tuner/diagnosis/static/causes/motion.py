@@ -179,6 +179,24 @@ def stretches(channels: list[Channel]) -> list[Stretch]:
     return joined
 
 
+def moved(channel: Channel, stretch: Stretch) -> bool:
+    """Return whether an axis shows a stretch of motion: large steps of its means or samples, or another level after."""
+    inside = slice(stretch.first, stretch.last)
+    for length in (BLOCK_LENGTH, 4.0 * BLOCK_LENGTH):
+        ratio, size = large_steps(channel.y, channel.interval, length)
+        if np.any(ratio[stretch.first // size : stretch.last // size] > STEP_THRESHOLD):
+            return True
+    if np.any(np.abs(np.diff(channel.y[inside])) > JUMP_THRESHOLD * np.sqrt(2.0)):
+        return True
+    before, after = (
+        channel.y[max(0, stretch.first - GAP_NEIGHBOURS) : stretch.first],
+        channel.y[stretch.last : stretch.last + GAP_NEIGHBOURS],
+    )
+    return bool(
+        len(before) and len(after) and abs(np.median(after) - np.median(before)) > 0.5 * JUMP_THRESHOLD
+    )
+
+
 def _swayed(channels: list[Channel]) -> list[Stretch]:
     """Return the stretches that steps of short means show, on two scales."""
     found, sizes = [], set()

@@ -8,12 +8,20 @@ from __future__ import annotations
 
 from models.effects import EFFECTS
 from tuner.diagnosis.cause import Cause
-from tuner.diagnosis.data_quality.causes import Clipping, Duplicates, Quantizer, Timing
+from tuner.diagnosis.data_quality.causes import (
+    Clipping,
+    Duplicates,
+    Interpolated,
+    Quantizer,
+    RepeatedPackets,
+    Timing,
+)
 from tuner.diagnosis.registry_of_causes import RegistryOfCauses
 from tuner.diagnosis.static.causes.base import Extension
 from tuner.diagnosis.static.causes.burst import Burst
 from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.colour import Colour
+from tuner.diagnosis.static.causes.comb import Comb
 from tuner.diagnosis.static.causes.cross_axis import CrossAxis
 from tuner.diagnosis.static.causes.gauss_markov import MoreMarkov
 from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
@@ -66,6 +74,7 @@ CAUSES.extend(
     (
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
-        Clipping, Quantizer, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis,
+        Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
+        Hysteresis, Comb,
     )
 )  # fmt: skip

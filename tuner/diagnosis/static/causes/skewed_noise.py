@@ -26,6 +26,7 @@ from models.effects.static.distribution import SkewedNoise as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
 from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.variance.local_variance import local_variance
 from tuner.diagnosis.static.variance.white_share import dilution
 
 FloatArray = NDArray[np.float64]
@@ -65,8 +66,10 @@ class SkewedNoise(Extension):
         return np.maximum(1.0 + 0.5 * self.skewness * e, MIN_PLACE)
 
     @classmethod
-    def test(cls, fitted: Residual) -> TestResult:
-        """Compare the third moment of the residuals with that of an even law."""
+    def test(cls, fitted: Residual) -> TestResult | None:
+        """Compare the third moment of the residuals with that of an even law; None where rounding makes one."""
+        if local_variance(fitted).rounded:
+            return None
         e = np.clip(fitted.good, -RESIDUAL_CLIP, RESIDUAL_CLIP)
         cube = e**3 - 3.0 * e
         seen, error = float(cube.mean()), float(cube.std()) / float(np.sqrt(len(e)))

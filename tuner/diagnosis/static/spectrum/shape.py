@@ -236,6 +236,13 @@ class ShapeTest:
         return min(1.0, 3.0 * min(self.p_value, self.misfit, self.resonance_p_value))
 
     @property
+    def misfit_nats(self) -> float:
+        """Log likelihood that a power of its own for every bin gains, less its expectation."""
+        ratio = self.data.power / self.null.expected
+        gained = float(np.sum(self.data.count * (ratio - 1.0 - np.log(ratio))))
+        return max(gained - 0.5 * (len(ratio) - 3 - len(self.null.x)), 0.0)
+
+    @property
     def worst(self) -> str:
         """Frequency and size of the largest misfit of the null, in words."""
         deviation = self.data.power / self.null.expected

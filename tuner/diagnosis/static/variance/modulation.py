@@ -20,6 +20,8 @@ References
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import idct
@@ -57,9 +59,21 @@ def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
                  f"the variance of the white noise swells and ebbs with a period of {period:.4g} s"),
         _unnamed("variance by bias", chance, by_bias,
                  "the variance of the white noise moves with the bias"),
-        _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
-                 f"the variance of the white noise changes irregularly, between {LEVEL_BLOCKS} parts of the record"),
+        replace(
+            _unnamed("irregular variance", float(chi2.sf(scatter, freedom)), scatter,
+                     f"the variance of the white noise changes irregularly between {LEVEL_BLOCKS} parts of the record"),
+            misfit=0.5 * max(scatter - freedom, 0.0),
+            place=_worst_part(fitted, deviate),
+        ),
     )  # fmt: skip
+
+
+def _worst_part(fitted: Residual, deviate: FloatArray) -> str:
+    """Return the time of the part of the record whose variance is farthest off, in words."""
+    worst, length = int(np.argmax(np.abs(deviate))), fitted.channel.span / LEVEL_BLOCKS
+    first = fitted.channel.start + worst * length
+    kind = "largest" if deviate[worst] > 0.0 else "least"
+    return f"{kind} between {first:.6g} and {first + length:.6g} s"
 
 
 def _unnamed(family: str, p_value: float, statistic: float, name: str) -> TestResult:

@@ -24,6 +24,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
 from models.noise import NoiseModel, Quantization, White
+from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.model.dct import inverse
 from tuner.diagnosis.static.model.residual import Residual, once
 
@@ -38,6 +39,8 @@ MAX_TELLING_STEP = 3.0
 
 Rounding then bends the mean by 0.1 sd and more (0.32 exp(−2π² sd²/step²) steps), and its error is not white.
 """
+MIN_BLOCK_SAMPLES = 4
+"""Least samples in a block whose scatter is used; in fewer the mean takes most of it."""
 MIN_NOISE_SD, MAX_NOISE_SD = 0.2, 2.0
 """Bounds of the sd of the noise, steps; below, samples hardly leave their code and say nothing of their noise."""
 SPARSE_STRIDE = 64
@@ -129,23 +132,6 @@ def cell_moments(fitted: Residual) -> tuple[FloatArray, FloatArray] | None:
 
     Samples that say nothing of their noise have κ = ∞.
     """
-    known = _cells(fitted)
-    if known is None:
-        return None
-    sd, place, vague = known
-    dead = fitted.channel.deadband / fitted.channel.quantizer_step
-    variance, scatter = moments(sd, dead, vague).at(place)
-    silent = (variance < MIN_VARIANCE_RATIO * sd**2) | (sd < 1.01 * MIN_NOISE_SD)
-    usual = float(np.mean(variance[~silent])) if not bool(silent.all()) else 1.0
-    return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
-
-
-@once
-def _cells(fitted: Residual) -> tuple[float, FloatArray, float] | None:
-    """Return the sd of the noise, the places of the slow track, shape (n,), and the sd of these, steps.
-
-    None where rounding is fine.
-    """
     channel, step = fitted.channel, fitted.channel.quantizer_step
     if step <= 0.5 * MAX_FINE_STEP:
         return None
@@ -153,22 +139,50 @@ def _cells(fitted: Residual) -> tuple[float, FloatArray, float] | None:
     seen = noise / step**2
     if channel.deadband == 0.0 and seen - 1.0 / 12.0 >= MAX_FINE_STEP**-2:
         return None
-    code = channel.y[int(np.argmax(channel.valid))]
-    zero = float(np.round((code + channel.level / channel.scale) / step)) if channel.deadband > 0.0 else 0.0
+    code, zero = _codes(channel)
     place = (slow - code) / step + zero
-    sparse = np.sort(place[::SPARSE_STRIDE])
     dead, vague = channel.deadband / step, float(np.sqrt(unsure)) / step
+    sd = _sd_of(seen, np.sort(place[::SPARSE_STRIDE]), dead, vague)
+    variance, scatter = moments(sd, dead, vague).at(place)
+    silent = (variance < MIN_VARIANCE_RATIO * sd**2) | (sd < 1.01 * MIN_NOISE_SD)
+    usual = float(np.mean(variance[~silent])) if not bool(silent.all()) else 1.0
+    return np.where(silent, 1.0, variance / usual), np.where(silent, np.inf, scatter)
+
+
+def _codes(channel: Channel) -> tuple[float, float]:
+    """Return a sample, scales, and the code that it has, whole steps, counted from 0 where there is a dead band."""
+    step, code = channel.quantizer_step, float(channel.y[int(np.argmax(channel.valid))])
+    return code, float(
+        np.round((code + channel.level / channel.scale) / step)
+    ) if channel.deadband > 0.0 else 0.0
+
+
+def _sd_of(seen: float, place: FloatArray, deadband: float, unsure: float) -> float:
+    """Return the sd of noise whose codes have this variance where its mean lies at rising places, shape (p,); steps."""
     low, high = MIN_NOISE_SD, MAX_NOISE_SD
     for _ in range(20):
         sd = float(np.sqrt(low * high))
-        low, high = (low, sd) if float(np.mean(moments(sd, dead, vague).at(sparse)[0])) > seen else (sd, high)
-    return sd, place, vague
+        less = float(np.mean(moments(sd, deadband, unsure).at(place)[0])) > seen
+        low, high = (low, sd) if less else (sd, high)
+    return sd
 
 
+@once
 def hides_noise(fitted: Residual) -> bool:
-    """Return whether a step exceeds `MAX_TELLING_STEP` sd of the noise: samples then show codes and not their noise."""
-    known = _cells(fitted)
-    return known is not None and known[0] * MAX_TELLING_STEP < 1.0
+    """Return whether samples do not show their noise: interpolated, or codes of more than `MAX_TELLING_STEP` sd.
+
+    The sd is that of the samples in a block about its mean, with coloured noise: all of it moves them between codes.
+    """
+    channel, step = fitted.cleaned, fitted.channel.quantizer_step
+    if channel.interpolated or step <= 0.5 * MAX_FINE_STEP or channel.block < MIN_BLOCK_SAMPLES:
+        return channel.interpolated
+    code, zero = _codes(fitted.channel)
+    x = ((channel.y - code) / step + zero).reshape(channel.blocks, channel.block)
+    seen = float(np.mean(x.var(axis=1, ddof=1)))
+    if seen > MAX_TELLING_STEP**-2 + 0.25:
+        return False
+    dead = channel.deadband / step
+    return _sd_of(seen, np.sort(x.mean(axis=1)), dead, 0.0) * MAX_TELLING_STEP < 1.0
 
 
 def is_coarse(fitted: Residual) -> bool:

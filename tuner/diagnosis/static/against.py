@@ -1,0 +1,163 @@
+"""What differs between two logs of one unit, as at rest and with motors on: by cause, and where a filter feels it.
+
+A cause of one log is that of the other where what locates it (a frequency, a period) agrees; then its sizes are
+compared. Coefficients of the noise, and means, which vibration shifts by rectification, are compared at 95 %
+(`tuner.identification.comparison`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.diagnose import diagnose
+from tuner.identification.comparison import compare_identifications
+from tuner.identification.identify import identify
+from tuner.types import Coefficient, Diagnosis, Finding
+from tuner.types.records import DataError, Record
+
+NOISE, MEAN = "noise", "mean"
+"""What differs where no cause does: a coefficient of the noise terms, and the mean."""
+ENTRY_OF_GROUP: Mapping[str, str] = {
+    "fast spectrum": "white_density",
+    "distribution": "white_density",
+    "several channels": "white_density",
+}
+"""Entry of an axis in the configuration that causes of a group move."""
+ENTRY_OF_CAUSE: Mapping[str, str] = {
+    "gauss_markov": "markov",
+    "telegraph": "markov",
+    "step": "random_walk_density",
+    "motion": "",
+    "warmup": "constant_sd",
+}
+"""The same of single causes; all others are taken out of the samples and leave the noise as it is."""
+ENTRY_OF_TERM: Mapping[str, str] = {
+    "white": "white_density",
+    "bias_instability": "markov",
+    "gauss_markov": "markov",
+    "random_walk": "random_walk_density",
+    "ramp": "ramp_sd",
+    "mean": "constant_sd",
+}
+"""Entry that a noise term, or the mean, is written to."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing in which two states of a unit differ.
+
+    Attributes
+    ----------
+    axis : str
+    cause : str
+        Code of a cause, ``noise`` for a coefficient that changed, or ``mean``.
+    parameter : str
+        What was compared, such as ``amplitude`` or ``white.density``.
+    at_rest, running : Coefficient or None
+        Its size in either log, SI; None where the log does not have it.
+    entry : str
+        Entry of the configuration that it moves, such as ``channels.gyro_x.white_density``; empty for none.
+    """
+
+    axis: str
+    cause: str
+    parameter: str
+    at_rest: Coefficient | None
+    running: Coefficient | None
+    entry: str
+
+
+@dataclass(frozen=True)
+class StateComparison:
+    """Differences of two states of a unit, by axis, and the diagnosis of either log."""
+
+    differences: tuple[Difference, ...]
+    at_rest: Diagnosis
+    running: Diagnosis
+
+
+def compare_states(running: Sequence[Record], at_rest: Sequence[Record], *, seed: int = 0) -> StateComparison:
+    """Compare a log of a unit in operation with one at rest.
+
+    Raises
+    ------
+    DataError
+        Where the logs share no axis, or a log cannot be analysed.
+    """
+    axes = [a for record in running for a in record.axes if any(a in other.axes for other in at_rest)]
+    if not axes:
+        theirs, mine = (" ".join(a for r in log for a in r.axes) for log in (running, at_rest))
+        msg = f"--against: expected an axis of the log, {theirs}, got {mine}; give two logs of one unit"
+        raise DataError(msg)
+    found, before = diagnose(running, seed=seed), diagnose(at_rest, seed=seed)
+    rows = compare_identifications(
+        ["at rest", "running"], [identify(at_rest, arma=None), identify(running, arma=None)]
+    ).axes
+    differences: list[Difference] = []
+    for axis in axes:
+        differences += _by_cause(axis, found.findings, before.findings)
+        for row in rows.get(axis, ()):
+            term = row.name.partition(".")[0]
+            if row.differs and term in ENTRY_OF_TERM:
+                cause = MEAN if term == MEAN else NOISE
+                entry = f"channels.{axis}.{ENTRY_OF_TERM[term]}"
+                differences.append(Difference(axis, cause, row.name, row.values[0], row.values[-1], entry))
+    return StateComparison(tuple(differences), before, found)
+
+
+def _by_cause(axis: str, running: Sequence[Finding], at_rest: Sequence[Finding]) -> list[Difference]:
+    """Return the causes that one log has and the other has not, and those whose sizes differ."""
+    mine, others = ([f for f in found if axis in f.channels] for found in (running, at_rest))
+    differences = []
+    for finding in mine:
+        twin = next((other for other in others if _same(axis, finding, other)), None)
+        if twin is not None:
+            others.remove(twin)
+        name = _size(finding)
+        now, then = _value(axis, finding, name), None if twin is None else _value(axis, twin, name)
+        if twin is None or _apart(now, then):
+            differences.append(Difference(axis, finding.cause, name, then, now, _entry(axis, finding.cause)))
+    for finding in others:
+        name = _size(finding)
+        then = _value(axis, finding, name)
+        differences.append(Difference(axis, finding.cause, name, then, None, _entry(axis, finding.cause)))
+    return differences
+
+
+def _entry(axis: str, cause: str) -> str:
+    """Return the entry of the configuration that a cause moves; empty for none."""
+    declared = CAUSES.get(cause)
+    group = "" if declared is None else declared.group
+    entry = ENTRY_OF_CAUSE.get(cause, ENTRY_OF_GROUP.get(group, ""))
+    return f"channels.{axis}.{entry}" if entry else ""
+
+
+def _value(axis: str, finding: Finding, name: str) -> Coefficient | None:
+    return finding.by_channel.get(axis, finding.parameters).get(name)
+
+
+def _locating(cause: str) -> tuple[str, ...]:
+    declared = CAUSES.get(cause)
+    return () if declared is None or declared.effect is None else declared.effect.locates
+
+
+def _size(finding: Finding) -> str:
+    """Return the name of the parameter that says how much there is of a cause."""
+    places = _locating(finding.cause)
+    return next((n for n in finding.parameters if n not in places), next(iter(finding.parameters), ""))
+
+
+def _same(axis: str, one: Finding, other: Finding) -> bool:
+    """Return whether findings of two logs are one cause, at one place where it has one."""
+    return one.cause == other.cause and not any(
+        _apart(_value(axis, one, name), _value(axis, other, name)) for name in _locating(one.cause)
+    )
+
+
+def _apart(one: Coefficient | None, other: Coefficient | None) -> bool:
+    """Return whether the 95 % intervals of two numbers do not meet."""
+    if one is None or other is None or one.interval is None or other.interval is None:
+        return False
+    return one.interval[1] < other.interval[0] or other.interval[1] < one.interval[0]

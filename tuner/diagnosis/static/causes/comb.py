@@ -1,0 +1,154 @@
+"""Comb: something short that comes again and again at one period, lines of one spacing in the spectrum.
+
+None of the lines needs to stand out. The period is sought in the autocorrelation r of the residuals, which is raised at
+every multiple of it: the largest mean of r at `PERIOD_MULTIPLES` of them, among periods that differ by parts of a
+sample. Statistic: at that period, refined, the residuals are folded into K bins; Σ count · mean² is χ²_K where nothing
+repeats, with a price for every period. What has most of its power in `FEW_LINES` lines is one of lines, not a comb.
+Extension: the mean course over a period is taken out of the samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
+from scipy.stats import chi2
+
+from models.effects.static.spectral import Comb as Effect
+from tuner.diagnosis.static.causes.base import Extension, Value
+from tuner.diagnosis.static.channel import Channel
+from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual
+from tuner.diagnosis.static.outcome import NO_GAIN, TestResult
+from tuner.diagnosis.static.variance.quantized_noise import slow_track
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+MIN_PERIOD, MAX_PERIOD = 16.0, 2000.0
+"""Periods, samples: below there are too few lines for a comb, above few periods for their multiples."""
+PERIOD_MULTIPLES = 32
+"""Multiples of a period at which the autocorrelation is averaged: its deviation falls by their root."""
+MIN_SCORE = 5.5
+"""Deviations of that mean below which no period is folded: one of 1e5 exceeds it by chance in 2e-3 of records."""
+FEW_LINES, MAX_LINE_SHARE = 3, 0.6
+"""Lines that hold less than this share of the power of a comb; a pulse spreads its power over all of them evenly."""
+
+
+@dataclass(frozen=True)
+class Comb(Extension):
+    """A course over a period, `profile` at even phases, in scales; `period` in samples."""
+
+    cause = "comb"
+    effect = Effect
+    group = "fast spectrum"
+    view = "spectrum"
+    meaning = "something short comes again at one period: many lines of one spacing, none of which stands out"
+    consequence = (
+        "find what happens at that period (a bus, a clock, a heater) and keep it off; take its course out"
+    )
+    period: float
+    profile: tuple[float, ...]
+
+    def clean_samples(self, channel: Channel) -> Channel:
+        """Take the course out."""
+        return replace(channel, y=channel.y - np.array(self.profile)[_bins(len(channel), self.period)])
+
+    def elsewhere(self, y: FloatArray) -> FloatArray:
+        """Return the course in other samples, shape (n,), with the phase among all that these show."""
+        place, profile = _bins(len(y), self.period), np.array(self.profile)
+        level = np.bincount(place, y - y.mean(), len(profile))
+        agreement = irfft(rfft(level) * np.conj(rfft(profile)), len(profile))
+        return np.asarray(profile[(place - int(np.argmax(agreement))) % len(profile)])
+
+    @classmethod
+    def test(cls, fitted: Residual) -> TestResult:
+        """Search for a period, and fold the residuals at it."""
+        name = "sum of squared means over a period"
+        score, period, number = _best_period(fitted)
+        if score < MIN_SCORE:
+            return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
+        e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
+        period, folded = _refined(e, period)
+        lines = np.sort(np.abs(rfft(folded - folded.mean())) ** 2)[::-1]
+        if lines[:FEW_LINES].sum() > MAX_LINE_SHARE * lines.sum():
+            return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
+        square = float(np.sum(np.bincount(_bins(len(e), period), minlength=len(folded)) * folded**2))
+        p_value = min(1.0, number * len(e) / period * float(chi2.sf(square, len(folded))))
+        gain = 0.5 * (square - len(folded)) - float(np.log(number * len(e) / period))
+        return TestResult(cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period),))
+
+
+def _best_period(fitted: Residual) -> tuple[float, float, int]:
+    """Return the largest mean of the autocorrelation over multiples, in sds, its period, samples, and their number."""
+    n = len(fitted.e)
+    power = fitted.spectrum[1]
+    r = irfft(np.concatenate(([0.0], power)), 2 * len(power))[: n // 2] * np.sqrt(n)
+    r = (r[:-1] + r[1:]) / np.sqrt(2.0)
+    periods = np.arange(MIN_PERIOD, min(MAX_PERIOD, (len(r) - 1) / PERIOD_MULTIPLES), 1.0 / PERIOD_MULTIPLES)
+    if not len(periods):
+        return 0.0, MIN_PERIOD, 1
+    total = np.zeros(len(periods))
+    for multiple in range(1, PERIOD_MULTIPLES + 1):
+        total += r[(multiple * periods).astype(np.intp)]
+    score = total / np.sqrt(PERIOD_MULTIPLES)
+    best = int(np.argmax(score))
+    return float(score[best]), float(periods[best]), len(periods)
+
+
+def _bins(n: int, period: float) -> IntArray:
+    """Return which phase of the period each of n samples has, as a whole number below the period, shape (n,)."""
+    number = int(period)
+    return np.minimum((np.arange(n) / period % 1.0 * number).astype(np.intp), number - 1)
+
+
+def _fold(x: FloatArray, period: float) -> FloatArray:
+    """Return the means of samples at each phase, shape (int(period),)."""
+    place, number = _bins(len(x), period), int(period)
+    count = np.bincount(place, minlength=number)
+    return np.asarray(np.bincount(place, x, number) / np.maximum(count, 1))
+
+
+def _refined(e: FloatArray, near: float) -> tuple[float, FloatArray]:
+    """Return the period next to one at which the residuals fold best, and their means there."""
+    period, reach = near, 1.0 / PERIOD_MULTIPLES
+    while reach > 0.25 * period / len(e):
+        tried = period + reach * np.linspace(-1.0, 1.0, 17)
+        tried = tried[tried.astype(int) == int(near)] if len({int(p) for p in tried}) > 1 else tried
+        period = float(max(tried, key=lambda p: float(np.sum(_fold(e, p) ** 2))))
+        reach /= 4.0
+    return period, _fold(e, period)
+
+
+def _extension(fitted: Residual, period: float) -> Comb:
+    """Return the course over the period, with the spacing of its lines and its sd."""
+    channel, n = fitted.cleaned, len(fitted.cleaned)
+    slow, variance, _ = slow_track(fitted)
+    profile = _fold(channel.y - slow, period)
+    profile = _shrunk(profile - profile.mean(), variance * len(profile) / n)
+    noise = variance * len(profile) / n
+    power = max(float(np.mean(profile**2)), 1e-3 * noise)
+    sd = float(np.sqrt(power))
+    frequency = 1.0 / (period * channel.interval)
+    values = {
+        "spacing": Value.of(frequency, 0.5 * frequency / n, "Hz"),
+        "sd": Value.log(sd, float(np.sqrt(variance / n / power + 0.5 / len(profile))), "{u}"),
+    }
+    return Comb(period, tuple(profile.tolist()), values=values)
+
+
+def _shrunk(means: FloatArray, variance: float) -> FloatArray:
+    """Return means, shape (K,), of this variance with less noise: only those that stand out, or all of them smaller.
+
+    What is nearer to the truth by Stein's estimate of the risk: means beyond √(2 ln K) sds, or all times
+    1 − (K − 2) variance ÷ Σ means² (James and Stein).
+    """
+    z, number = means / np.sqrt(variance), len(means)
+    square = float(z @ z)
+    kept = z * z > 2.0 * np.log(number)
+    alone = float(np.sum(2.0 - z[kept] ** 2))
+    together = -((number - 2.0) ** 2) / square
+    if alone < together:
+        return np.where(kept, means, 0.0)
+    return np.asarray(means * max(1.0 - (number - 2.0) / square, 0.0))
