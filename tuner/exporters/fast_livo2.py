@@ -1,7 +1,8 @@
 """FAST-LIVO2: white noise as variances per IMU step, N²/dt, as the filter adds them times dt².
 
 imu/acc_cov (m/s²)² and imu/gyr_cov (rad/s)². The variances of the bias walks are fixed at 1e-4 in the source; keys
-such as b_acc_cov are not read.
+such as b_acc_cov are not read. That walk is larger than any of a sensor, so N is the configuration's own, and the
+header says what the two predict.
 
 Source: hku-mars/FAST-LIVO2 src/LIVMapper.cpp (readParameters, initializeComponents), src/IMU_Processing.cpp
 (UndistortPcl).
@@ -10,10 +11,13 @@ Source: hku-mars/FAST-LIVO2 src/LIVMapper.cpp (readParameters, initializeCompone
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from tuner.exporters import fastlio
 from tuner.exporters.dialect import Dialect, Target
+from tuner.exporters.header import mismatch_words, provenance
+from tuner.exporters.triad_values import mean, triad
 from tuner.formats.yaml_text import yaml_text
+from tuner.synthesis.error_growth import walk_growth
 from tuner.types import FilterConfig
 
 _FIXED_BIAS_VARIANCE = 1e-4
@@ -22,13 +26,20 @@ _FIXED_BIAS_VARIANCE = 1e-4
 
 def write(config: FilterConfig, target: Target) -> str:
     """Return the two variances that FAST-LIVO2 reads."""
-    known = fastlio.entries(config, target)
     walk = math.sqrt(_FIXED_BIAS_VARIANCE * target.interval)
+    entries: dict[str, Any] = {
+        key: mean(
+            triad(config, sensor), lambda c: c.white_density**2 / target.interval, f"{unit}; N²/dt"
+        ).noted()
+        for key, sensor, unit in (("acc_cov", "accel", "(m/s²)²"), ("gyr_cov", "gyro", "(rad/s)²"))
+    }
     header = (
-        *fastlio.header(config, target, "FAST-LIVO2: imu entries"),
+        *provenance(config, "FAST-LIVO2: imu entries"),
+        f"dt = {target.interval:g} s of the IMU",
         f"its bias walks are fixed in the source: K = {walk:.3g} rad/s²/√Hz and {walk:.3g} m/s³/√Hz at this rate",
+        *mismatch_words(config, lambda c, lag: walk_growth(c.white_density, walk, lag), target.memory),
     )
-    return yaml_text({"imu": {key: known[key] for key in ("acc_cov", "gyr_cov")}}, header=header)
+    return yaml_text({"imu": entries}, header=header)
 
 
 DIALECT = Dialect("fast-livo2", "FAST-LIVO2 YAML", "(m/s²)², (rad/s)² (per IMU step)", write)

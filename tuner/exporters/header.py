@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tuner.exporters.triad_values import triad
 from tuner.formats.customary_units import phrase
@@ -15,6 +18,8 @@ from tuner.synthesis.equivalent_models import (
 )
 from tuner.synthesis.error_growth import fading_growth, modelled_growth
 from tuner.types import ChannelNoise, FilterConfig
+
+FloatArray = NDArray[np.float64]
 
 SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 """Prefix of the axes of the two triads, and their name."""
@@ -48,7 +53,9 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
             for term in channel.identified
             for name, coefficient in term.coefficients.items()
         )
-        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz; identified: {known or 'nothing'}"
+        why = channel.handling.get("white", "")
+        fitted = why.removeprefix("not used") if why.startswith("not used") else ""
+        yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz{fitted}; identified: {known or 'nothing'}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
             f"Gauss–Markov states are in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
@@ -88,14 +95,26 @@ def fading_words(config: FilterConfig, time: float, memory: float) -> Iterator[s
         f"one T = {time:g} s for all states; N and σ are those whose prediction of the integrated error is nearest "
         f"from 1 s to {memory:g} s (assumed memory of the filter)"
     )
+
+    def predicted(channel: ChannelNoise, lag: float) -> FloatArray:
+        found = equivalent_noise(channel, memory=memory, fading_time=time)
+        return fading_growth(found.white_density, found.bias, time, lag)
+
+    yield from mismatch_words(config, predicted, memory)
+
+
+def mismatch_words(
+    config: FilterConfig, predicted: Callable[[ChannelNoise, float], FloatArray], memory: float
+) -> Iterator[str]:
+    """Yield how far a target's prediction of the integrated error is off, by sensor; `predicted` is its variance."""
     for sensor, name in SENSORS.items():
         if channels := triad(config, sensor):
-            found = [(c, equivalent_noise(c, memory=memory, fading_time=time)) for c in channels]
             ratios = []
             for lag in (*REPORTED_LAGS, memory):
-                predicted = sum(fading_growth(e.white_density, e.bias, time, lag) for _, e in found)
-                modelled = sum(modelled_growth(c, lag, memory=memory) for c, _ in found)
-                ratios.append(f"{math.sqrt(predicted / modelled):.2f} at {lag:g} s")
+                modelled = sum(modelled_growth(c, lag, memory=memory) for c in channels)
+                ratios.append(
+                    f"{math.sqrt(sum(predicted(c, lag) for c in channels) / modelled):.2f} at {lag:g} s"
+                )
             yield f"{name}: predicted ÷ modelled sd of the integrated error {', '.join(ratios)}"
 
 

@@ -441,3 +441,19 @@ def test_no_dialect_carries_more_digits_than_it_should(dialect: str) -> None:
     text = export(replace(CONFIG, channels=third, interval=1.0 / 30.0), dialect)
     numbers = re.findall(r"(?<![\w.])\d+\.\d+", text)
     assert max(len(number.replace(".", "").strip("0")) for number in numbers) <= CLOCK_DIGITS
+
+
+def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
+    text = export(CONFIG, "fast-livo2", memory=100.0)
+    assert yaml.safe_load(text)["imu"]["gyr_cov"] == near(N_GYRO**2 / DT)
+    # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration.
+    modelled = N_GYRO**2 * 100.0 + S_GYRO**2 * 2.0 / TIME * 100.0**3 / 3.0
+    ratio = math.sqrt((N_GYRO**2 * 100.0 + 1e-6 * 100.0**3 / 3.0) / modelled)
+    said = re.search(r"gyroscopes: predicted .* (\d+\.\d\d) at 100 s", text)
+    assert float(said[1]) == pytest.approx(ratio, rel=0.05)
+
+
+def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_terms() -> None:
+    one = replace(CONFIG.channels["gyro_x"], handling={"white": "not used: fitted to the Allan curve"})
+    text = written("kalibr", replace(CONFIG, channels=dict(CONFIG.channels) | {"gyro_x": one}))
+    assert "gyro_x: N = 0.0002 rad/s/√Hz: fitted to the Allan curve; identified: nothing" in text
