@@ -22,6 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from models.registry import RegistryError
+from tuner.cli.examples import EXAMPLES
 from tuner.cli.package_check import foreign_models
 from tuner.cli.process import ANSWERS, Terminated, answer, kernel_cache, robust_streams, termination
 from tuner.formats.guard import printable, reason
@@ -62,6 +63,8 @@ class _Commands(click.Group):
             return None
         command = importlib.import_module(f"tuner.cli.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
+        lines = "\n".join(f"  {line}" for line in EXAMPLES[cmd_name])
+        command.epilog = f"\b\nExamples:\n{lines}"
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

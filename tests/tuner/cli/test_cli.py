@@ -1,6 +1,7 @@
 """The command line from end to end: files, JSON schemas, exit status, one line for bad input."""
 
 import json
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 import yaml
 
 from tuner import pipeline
-from tuner.cli import COMMANDS, run
+from tuner.cli import COMMANDS, run, tuner
+from tuner.cli.examples import EXAMPLES
 from tuner.formats import noise_yaml
 from tuner.formats.configuration import load_config
 from tuner.formats.logs import write_log
@@ -89,11 +91,27 @@ def refused(capsys, arguments):
     return err
 
 
-def test_every_command_has_help(capsys):
-    for name in COMMANDS:
-        assert run([name, "--help"]) == 0
-        out, _ = said(capsys)
-        assert out.startswith("Usage: tuner " + name)
+@pytest.mark.parametrize("name", list(COMMANDS))
+def test_examples_in_the_help_are_lines_that_can_be_typed(name, capsys):
+    assert run([name, "--help"]) == 0
+    text = said(capsys)[0]
+    assert text.startswith(f"Usage: tuner {name}")
+    assert len(EXAMPLES[name]) == 2
+    for line in EXAMPLES[name]:
+        assert f"  {line}\n" in text
+        program, command, *arguments = shlex.split(line)
+        assert (program, command) == ("tuner", name)
+        context = tuner.get_command(None, name).make_context(name, arguments)
+        context.close()
+
+
+def test_a_shell_completes_commands_and_options(monkeypatch, capsys):
+    monkeypatch.setenv("_TUNER_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", "tuner cho")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    with pytest.raises(SystemExit):
+        tuner.main(args=[], prog_name="tuner")
+    assert "plain,choose" in capsys.readouterr().out
 
 
 def test_tune_writes_everything_and_names_what_is_absent(tuned):
