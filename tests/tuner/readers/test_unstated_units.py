@@ -1,0 +1,122 @@
+"""Units that nothing states are told by gravity and the turn of the Earth, assumed with a word, or asked for."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, RNG, notes, refused, rows, write
+from tuner.readers import read
+
+
+def cure(message: str) -> dict[str, object]:
+    """The options that a message says to pass, as arguments of `read`."""
+    found = re.findall(r"--(accel|gyro)-(unit|scale) ([\w/^.]+)", message.split(", or --")[0])
+    return {f"{sensor}_{what}": value if what == "unit" else float(value) for sensor, what, value in found}
+
+
+def test_noise_without_gravity_is_taken_as_si_only_where_that_is_stated(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", rows(accel=ACCEL - ACCEL.mean(axis=0)))
+    refused(path, "accel reads .* where gravity is 9.81, and nothing states its unit.*--assume si")
+    assert "accel: m/s^2 assumed, as --assume si says" in notes(path, assume="si")
+    assert "unit could not be checked" in notes(path, accel_unit="m/s^2")
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [("g", 9.80665), ("mg", 9.80665e-3), ("cm/s^2", 0.01), ("ft/s^2", 0.3048), ("m/s", 100.0)],
+)
+def test_accelerometers_in_another_unit_are_refused_with_it(tmp_path: Path, unit: str, size: float) -> None:
+    path = write(tmp_path / "log.csv", rows(accel=ACCEL / size))
+    message = refused(path, f"--accel-unit {re.escape(unit)}, or --assume si")
+    gyro_unit = "rad" if unit == "m/s" else "rad/s"
+    factor = 0.01 if unit == "m/s" else 1.0
+    path = write(tmp_path / "log.csv", rows(gyro=GYRO * factor, accel=ACCEL / size))
+    _, accel = read(path, **cure(message), gyro_unit=gyro_unit)  # type: ignore[arg-type]
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9)
+
+
+def test_counts_of_an_accelerometer_are_refused_with_their_scale(tmp_path: Path) -> None:
+    counts = np.rint(ACCEL / 9.80665 * 8192)
+    message = refused(
+        write(tmp_path / "log.csv", rows(accel=counts)), r"--accel-unit g --accel-scale .*1 / 8192"
+    )
+    _, accel = read(tmp_path / "log.csv", **cure(message), gyro_unit="rad/s")  # type: ignore[arg-type]
+    np.testing.assert_allclose(accel.y, ACCEL, atol=9.81 / 8192)
+
+
+def test_gyroscopes_beside_accelerometers_in_g_are_not_assumed(tmp_path: Path) -> None:
+    quiet = RNG.normal(1e-3, 1e-3, (COUNT, 3))
+    path = write(tmp_path / "log.csv", rows(gyro=quiet, accel=ACCEL / 9.80665))
+    refused(
+        path, "accel is in g, and nothing states the unit of gyro: pass --gyro-unit deg/s", accel_unit="g"
+    )
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-300])
+def test_a_signal_that_no_sensor_resolves(tmp_path: Path, size: float) -> None:
+    header = re.sub(r"(gyro_.)", r"\1 [rad/s]", HEADER)
+    refused(write(tmp_path / "log.csv", rows(gyro=GYRO * size), header), "which no sensor resolves")
+
+
+@pytest.mark.parametrize("white", [0.002, 0.01, 0.03])
+def test_gyroscopes_in_degrees_are_refused_with_the_unit(tmp_path: Path, white: float) -> None:
+    """White noise of built-in MEMS gyroscopes, deg/s/√Hz, is more than any sensor has in rad/s/√Hz."""
+    y = RNG.normal(0.1, white * 10.0, (COUNT, 3))
+    message = refused(write(tmp_path / "log.csv", rows(gyro=y)), "--gyro-unit deg/s, or --assume si")
+    gyro, _ = read(tmp_path / "log.csv", **cure(message))  # type: ignore[arg-type]
+    np.testing.assert_allclose(gyro.y, np.deg2rad(y), rtol=1e-9)
+    assert "gyro: rad/s assumed, as --assume si says" in notes(tmp_path / "log.csv", assume="si")
+
+
+def test_the_step_of_a_gyroscope_tells_its_unit(tmp_path: Path) -> None:
+    """A quiet gyroscope of ± 250 deg/s in 16 bits: noise and bias alone would allow both units."""
+    degrees = np.rint(RNG.normal(0.0, 1.5, (COUNT, 3))) / 131.0
+    path = write(tmp_path / "log.csv", rows(gyro=degrees))
+    refused(path, "multiples of a step that gyroscopes have in deg/s.*--gyro-unit deg/s")
+    assert "the step of its samples" in notes(write(tmp_path / "log.csv", rows(gyro=np.deg2rad(degrees))))
+
+
+def test_a_gyroscope_that_turns_as_the_earth_tells_its_unit(tmp_path: Path) -> None:
+    earth = np.rad2deg(7.292115e-5) * np.array([0.6, 0.0, -0.8])
+    path = write(tmp_path / "log.csv", rows(gyro=RNG.normal(0.0, 1e-3, (COUNT, 3)) + earth))
+    refused(path, "turns as the Earth does in deg/s.*--gyro-unit deg/s")
+
+
+def test_an_open_unit_is_assumed_with_what_another_would_change(tmp_path: Path) -> None:
+    gyro, _ = read(write(tmp_path / "log.csv", rows(gyro=RNG.normal(1e-3, 1e-3, (COUNT, 3)))))
+    assert "gyro: rad/s assumed, as nothing states the unit" in gyro.assumptions[0]
+    assert "in deg/s 57.3 times too large" in gyro.assumptions[0]
+    assert gyro.notes[: len(gyro.assumptions)] == gyro.assumptions
+
+
+def test_a_stated_unit_that_gravity_contradicts_is_refused(tmp_path: Path) -> None:
+    header = re.sub(r"(accel_.)", r"\1 [m/s^2]", HEADER)
+    path = write(tmp_path / "log.csv", rows(accel=ACCEL / 9.80665), header)
+    message = refused(path, r"unit m/s\^2 is wrong by 10x|unit m/s\^2 is wrong by 9.8")
+    _, accel = read(path, **cure(message), gyro_unit="rad/s")  # type: ignore[arg-type]
+    np.testing.assert_allclose(accel.y, ACCEL, rtol=1e-9)
+
+
+def test_rates_beside_increments_are_not_assumed(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", rows(gyro=GYRO * 0.01, accel=ACCEL * 0.01))
+    refused(path, "accel is in m/s, an increment.*--gyro-unit rad or deg", accel_unit="m/s")
+
+
+def test_an_index_in_brackets_is_no_unit(tmp_path: Path) -> None:
+    """The names of PX4: ``gyro_rad[0]`` is the x axis in rad/s."""
+    names = [f"gyro_rad[{j}]" for j in range(3)] + [f"accelerometer_m_s2[{j}]" for j in range(3)]
+    gyro, accel = read(write(tmp_path / "log.csv", rows(), ",".join(["t", *names])))
+    np.testing.assert_array_equal(gyro.y, GYRO)
+    np.testing.assert_array_equal(accel.y, ACCEL)
+    assert gyro.assumptions[0].startswith("gyro: rad/s assumed")
+
+
+def test_columns_that_are_left_out_are_named(tmp_path: Path) -> None:
+    lines = [f"{row},1,2" for row in rows()]
+    assert "columns not used: status, mag_x" in notes(
+        write(tmp_path / "log.csv", lines, HEADER + ",status,mag_x")
+    )
