@@ -12,9 +12,9 @@ from tuner.types.records import DataError
 
 COUNT = 1000
 T = 0.01 * np.arange(COUNT)
-RNG = np.random.default_rng(2)
-GYRO = RNG.normal(0.0, 1e-2, (COUNT, 3))
-ACCEL = RNG.normal(0.0, 0.02, (COUNT, 3)) + np.array([0.1, -0.2, 9.8])
+_RNG = np.random.default_rng(2)
+GYRO = _RNG.normal(0.0, 1e-2, (COUNT, 3))
+ACCEL = _RNG.normal(0.0, 0.02, (COUNT, 3)) + np.array([0.1, -0.2, 9.8])
 HEADER = "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
 
 

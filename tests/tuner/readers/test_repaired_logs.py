@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, RNG, T, notes, refused, rows, write
+from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, T, notes, refused, rows, write
 from tuner.readers import read
 
 
@@ -79,10 +79,10 @@ def test_more_than_one_percent_of_broken_cells(tmp_path: Path) -> None:
 
 def test_motion_and_steps_are_no_broken_cells(tmp_path: Path) -> None:
     """Quiet sensors that are turned by 90° within 50 ms, and one whose bias jumps by 2000 noise sds."""
-    f = np.array([0.1, -0.2, 9.8]) + RNG.normal(0.0, 1e-4, (COUNT, 3))
+    f = np.array([0.1, -0.2, 9.8]) + np.random.default_rng(3).normal(0.0, 1e-4, (COUNT, 3))
     turn = np.clip((np.arange(COUNT) - 400) / 5.0, 0.0, 1.0)[:, None]
     f = (1.0 - turn) * f + turn * f[:, ::-1]
-    y = RNG.normal(0.0, 1e-4, (COUNT, 3)) + 0.2 * (np.arange(COUNT)[:, None] > 600)
+    y = np.random.default_rng(4).normal(0.0, 1e-4, (COUNT, 3)) + 0.2 * (np.arange(COUNT)[:, None] > 600)
     assert not [
         n for n in read(write(tmp_path / "log.csv", rows(gyro=y, accel=f)))[0].notes if "reading more" in n
     ]
@@ -117,7 +117,7 @@ def test_noise_below_the_step_of_a_quantizer_is_known_as_a_bound(
 ) -> None:
     """The sd of what a quantizer leaves of 0.2 steps is 41 % low; the bound that is told holds."""
     step, count = 1e-3, 20_000
-    y = np.rint(RNG.normal(0.0, sd, count)) * step
+    y = np.rint(np.random.default_rng(5).normal(0.0, sd, count)) * step
     np.savez(tmp_path / "log.npz", t=0.01 * np.arange(count), gyro_x=y, gyro_unit="rad/s")
     found = re.search(r"at most (\S+) rad/s/√Hz", notes(tmp_path / "log.npz"))
     assert (found is not None) == limited

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, RNG, notes, refused, rows, write
+from tests.tuner.readers.plain_logs import ACCEL, COUNT, GYRO, HEADER, notes, refused, rows, write
 from tuner.readers import read
 
 
@@ -49,7 +49,7 @@ def test_counts_of_an_accelerometer_are_refused_with_their_scale(tmp_path: Path)
 
 
 def test_gyroscopes_beside_accelerometers_in_g_are_not_assumed(tmp_path: Path) -> None:
-    quiet = RNG.normal(1e-3, 1e-3, (COUNT, 3))
+    quiet = np.random.default_rng(3).normal(1e-3, 1e-3, (COUNT, 3))
     path = write(tmp_path / "log.csv", rows(gyro=quiet, accel=ACCEL / 9.80665))
     refused(
         path, "accel is in g, and nothing states the unit of gyro: pass --gyro-unit deg/s", accel_unit="g"
@@ -65,7 +65,7 @@ def test_a_signal_that_no_sensor_resolves(tmp_path: Path, size: float) -> None:
 @pytest.mark.parametrize("white", [0.002, 0.01, 0.03])
 def test_gyroscopes_in_degrees_are_refused_with_the_unit(tmp_path: Path, white: float) -> None:
     """White noise of built-in MEMS gyroscopes, deg/s/√Hz, is more than any sensor has in rad/s/√Hz."""
-    y = RNG.normal(0.1, white * 10.0, (COUNT, 3))
+    y = np.random.default_rng(4).normal(0.1, white * 10.0, (COUNT, 3))
     message = refused(write(tmp_path / "log.csv", rows(gyro=y)), "--gyro-unit deg/s, or --assume si")
     gyro, _ = read(tmp_path / "log.csv", **cure(message))  # type: ignore[arg-type]
     np.testing.assert_allclose(gyro.y, np.deg2rad(y), rtol=1e-9)
@@ -74,7 +74,7 @@ def test_gyroscopes_in_degrees_are_refused_with_the_unit(tmp_path: Path, white: 
 
 def test_the_step_of_a_gyroscope_tells_its_unit(tmp_path: Path) -> None:
     """A quiet gyroscope of ± 250 deg/s in 16 bits: noise and bias alone would allow both units."""
-    degrees = np.rint(RNG.normal(0.0, 1.5, (COUNT, 3))) / 131.0
+    degrees = np.rint(np.random.default_rng(5).normal(0.0, 1.5, (COUNT, 3))) / 131.0
     path = write(tmp_path / "log.csv", rows(gyro=degrees))
     refused(path, "multiples of a step that gyroscopes have in deg/s.*--gyro-unit deg/s")
     assert "the step of its samples" in notes(write(tmp_path / "log.csv", rows(gyro=np.deg2rad(degrees))))
@@ -82,12 +82,16 @@ def test_the_step_of_a_gyroscope_tells_its_unit(tmp_path: Path) -> None:
 
 def test_a_gyroscope_that_turns_as_the_earth_tells_its_unit(tmp_path: Path) -> None:
     earth = np.rad2deg(7.292115e-5) * np.array([0.6, 0.0, -0.8])
-    path = write(tmp_path / "log.csv", rows(gyro=RNG.normal(0.0, 1e-3, (COUNT, 3)) + earth))
+    path = write(
+        tmp_path / "log.csv", rows(gyro=np.random.default_rng(6).normal(0.0, 1e-3, (COUNT, 3)) + earth)
+    )
     refused(path, "turns as the Earth does in deg/s.*--gyro-unit deg/s")
 
 
 def test_an_open_unit_is_assumed_with_what_another_would_change(tmp_path: Path) -> None:
-    gyro, _ = read(write(tmp_path / "log.csv", rows(gyro=RNG.normal(1e-3, 1e-3, (COUNT, 3)))))
+    gyro, _ = read(
+        write(tmp_path / "log.csv", rows(gyro=np.random.default_rng(7).normal(1e-3, 1e-3, (COUNT, 3))))
+    )
     assert "gyro: rad/s assumed, as nothing states the unit" in gyro.assumptions[0]
     assert "in deg/s 57.3 times too large" in gyro.assumptions[0]
     assert gyro.notes[: len(gyro.assumptions)] == gyro.assumptions
