@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from models.noise import NoiseModel
 from tuner.diagnosis.cause import Group
 from tuner.diagnosis.data_quality import DataQualityTest, data_quality_tests
@@ -107,8 +109,7 @@ def diagnose(
     notes: list[str] = []
     refused: list[str] = []
     ready: list[Channel] = []
-    for record in sensors:
-        tests = data_quality_tests(record)
+    for record, tests in zip(sensors, each(data_quality_tests, sensors), strict=True):
         found += [_finding(t) for t in tests if t.p_value < limit and not t.note]
         notes += [f"{', '.join(t.channels)}: {t.text}" for t in tests if t.note]
         ready += prepared(record, tests, limit, seed, refused)
@@ -140,8 +141,16 @@ def diagnose(
         outcome.final.scaled  # noqa: B018  # for what channels share, in the process that has its parts
         return _Diagnosed(singles(part.axis, outcome, before), unexplained, outcome.final, before, after)
 
-    every = each(diagnosed, parts, shared=[part for part, _ in parts])
+    longest_first = sorted(parts, key=lambda part: -_colour(part[0]))
+    found_in = dict(
+        zip(
+            (part.axis for part, _ in longest_first),
+            each(diagnosed, longest_first, shared=[part for part, _ in parts]),
+            strict=True,
+        )
+    )
     axes = [part.axis for part, _ in parts]
+    every = [found_in[axis] for axis in axes]
     finals = {axis: one.final for axis, one in zip(axes, every, strict=True)}
     stretched = mount_tilt.stretched(finals, limit)
     grouped = findings([single for one in every for single in one.singles])
@@ -172,6 +181,14 @@ def _with_unknown(accepted: Accepted, outcome: SearchResult) -> Accepted:
         return accepted
     unknown = Alternative(UNKNOWN, min(left / max(accepted.result.gain, left), 1.0))
     return replace(accepted, alternatives=(*accepted.alternatives, unknown))
+
+
+def _colour(channel: Channel) -> float:
+    """Return how far samples are from white noise, the log of their sd ÷ that of their differences / √2.
+
+    The search is longest where most is to be found, and this tells beforehand where that is likely.
+    """
+    return abs(float(np.log(np.std(channel.y))))
 
 
 def _nothing_left(refused: Sequence[str], found: Sequence[Finding]) -> str:
