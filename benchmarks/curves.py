@@ -46,12 +46,13 @@ def _read(x: np.ndarray) -> float:
 
 @njit(fastmath=True, nogil=True)
 def _read_again(x: np.ndarray, times: int) -> float:
-    total_ = 0.0
+    half, total_, other = x.size // 2, 0.0, 0.0
     for _ in range(times):
-        for i in range(x.size):
+        for i in range(half):  # two sums: one alone waits for its own additions, and reads a tenth less
             total_ += x[i]
-        x[0] += total_ * 1e-300  # keep every pass
-    return total_
+            other += x[half + i]
+        x[0] += (total_ + other) * 1e-300  # keep every pass
+    return total_ + other
 
 
 def peer(name: str, y: np.ndarray, m: np.ndarray) -> float:

@@ -1,0 +1,194 @@
+"""How long a user waits: whole commands, and kernels beside other programs, as the table of docs/speed.md.
+
+    python benchmarks/speed.py [--long] [--jobs N] > docs/speed.md
+
+Every row is measured in this one run. Whole commands run as children with a cache of compiled kernels of their own,
+filled by a first run whose time has rows too. Wall time means something only while nothing else runs; processor time
+(user and system, all processes) and memory (the largest process) hardly depend on that. With `--long` also logs of
+1.8e7 samples. The real recording is taken from the folder named by TUNER_DATA, KF-GINS is compared by
+`benchmarks/kf_gins.py`, peers of the filter by `benchmarks/filter.py`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from models.noise import BiasInstability, NoiseModel, RandomWalk, White
+from tuner.curves.allan import overlapping_allan
+from tuner.identification.arma_whittle import fit_orders
+from tuner.jobs import usable
+from tuner.simulation.static import simulate
+
+ROOT = Path(__file__).parents[1]
+RECORDING = "static/adis16405_run1.npz"
+LONG, SHORT = 18_000_000, 1_000_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measured work: wall and processor time, s, largest memory, MB, and what is wanted."""
+
+    work: str
+    wall: float
+    processor: float
+    memory: float
+    wanted: str
+    peer: str = ""
+
+
+def command(words: list[str], cache: Path, jobs: int) -> tuple[float, float, float]:
+    """Return wall time, processor time, s, and memory of the largest process, MB, of a command."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "NUMBA_NUM_THREADS": str(jobs)}
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from tuner.cli import main; main()", *words],
+        env=environment,
+        cwd=cache,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if os.waitstatus_to_exitcode(status) != 0:
+        sys.exit(f"failed: tuner {' '.join(words)}")
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return wall, processor, used.ru_maxrss / 1e3
+
+
+def simulated(samples: int, axes: int, folder: Path) -> Path:
+    """Write a log of white noise, bias instability and random walk at 100 Hz; three axes each of two sensors."""
+    path = folder / f"log-{axes}-{samples}.npz"
+    gyro = NoiseModel([White(1e-4), BiasInstability(2e-5), RandomWalk(1e-6)])
+    accel = NoiseModel([White(1e-3), BiasInstability(2e-4), RandomWalk(1e-5)])
+    names = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"][:axes]
+    sensor = {name: gyro if name.startswith("gyro") else accel for name in names}
+    records, _ = simulate(sensor, duration=samples / 100.0, rate=100.0, seed=3)
+    columns = {axis: record.column(axis) for record in records for axis in record.axes}
+    np.savez(path, t=np.arange(samples) / 100.0, **columns)
+    return path
+
+
+def commands(folder: Path, jobs: int, *, long: bool) -> list[Row]:
+    """Measure whole commands, first ones with an empty cache first."""
+    one, six = simulated(SHORT, 1, folder), simulated(SHORT, 6, folder)
+    works = [
+        ("`check mpu9250`, first ever", ["check", "mpu9250"], "20 s"),
+        ("`check mpu9250`", ["check", "mpu9250"], "4 s"),
+        ("first command of the README, nothing compiled", ["tune", "--seed", "1"], "30 s"),
+        ("`identify`, 1 × 1e6", ["identify", str(one)], "2 s"),
+        ("`identify`, 6 × 1e6", ["identify", str(six)], "3 s"),
+        ("`diagnose`, 1 × 1e6, clean", ["diagnose", str(one)], "2 s"),
+        ("`tune`, 6 × 1e6", ["tune", str(six)], "9 s, 800 MB"),
+    ]
+    recording = Path(os.environ.get("TUNER_DATA", "")) / RECORDING
+    if recording.is_file():
+        works.append(("`tune`, adis16405_run1", ["tune", str(recording)], "15 s"))
+    if long:
+        works.append(("`tune`, 6 × 1.8e7 NPZ", ["tune", str(simulated(LONG, 6, folder))], "25 s, 1500 MB"))
+    rows = []
+    for number, (work, words, wanted) in enumerate(works):
+        cache = folder / ("first" if "nothing compiled" in work else "cache")
+        cache.mkdir(exist_ok=True)
+        if number > 2:
+            command(words, cache, jobs)  # compiles
+        wall, processor, memory = command(words, cache, jobs)
+        rows.append(Row(work, wall, processor, memory, wanted))
+    return rows
+
+
+def timed(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:
+    """Return the least wall and processor time of some runs, s."""
+    found = []
+    for _ in range(repeats):
+        begin, own = time.perf_counter(), time.process_time()
+        work()
+        found.append((time.perf_counter() - begin, time.process_time() - own))
+    return min(found)
+
+
+def kernels() -> list[Row]:
+    """Measure kernels and, in turn with them, what others take for the same."""
+    import allantools
+    from statsmodels.tsa.stattools import arma_order_select_ic
+
+    rng = np.random.default_rng(0)
+    y = rng.standard_normal(SHORT)
+    sizes = np.unique(np.rint(np.geomspace(1, SHORT // 9, 70)).astype(np.int64))[:60]
+    series = rng.standard_normal(10_000)
+    pairs = [
+        (
+            "overlapping Allan variance, 60 sizes, 1e6",
+            lambda: overlapping_allan(y, sizes),
+            "allantools",
+            lambda: allantools.oadev(y, rate=1.0, data_type="freq", taus=sizes.astype(float)),
+            "",
+        ),
+        (
+            "ARMA orders up to (3, 3), 1e4",
+            lambda: fit_orders(series),
+            "statsmodels",
+            lambda: arma_order_select_ic(series, max_ar=3, max_ma=3),
+            "0.03 s",
+        ),
+    ]
+    rows = []
+    for work, ours, name, theirs, wanted in pairs:
+        ours()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            (wall, processor), (other, _) = timed(ours), timed(theirs, 1)
+        rows.append(Row(work, wall, processor, 0.0, wanted, f"{name}: × {other / wall:.3g}"))
+    return rows
+
+
+def machine() -> str:
+    """Return processor, number of processors that may be used, system and versions in one line."""
+    model = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        lines = [line for line in cpuinfo.read_text().splitlines() if line.startswith("model name")]
+        model = lines[0].partition(":")[2].strip() if lines else model
+    return f"{model}, {usable()} processors, Python {platform.python_version()}, numpy {np.__version__}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--long", action="store_true")
+    parser.add_argument("--jobs", type=int, default=usable())
+    asked = parser.parse_args()
+    revision = subprocess.run(
+        ["git", "-C", str(ROOT), "describe", "--always", "--dirty"],
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout.strip()
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [*commands(Path(folder), asked.jobs, long=asked.long), *kernels()]
+    print("# How long it takes\n")
+    print(f"Output of `python benchmarks/speed.py`: {machine()}, {asked.jobs} jobs, load ", end="")
+    print(f"{os.getloadavg()[0]:.1f}, {datetime.now(UTC):%Y-%m-%d}, revision {revision or 'unknown'}.\n")
+    print("| work | wall, s | processor, s | memory, MB | wanted | beside |")
+    print("|---|---|---|---|---|---|")
+    for row in rows:
+        memory = f"{row.memory:.0f}" if row.memory else ""
+        figures = f"{row.wall:.3g} | {row.processor:.3g} | {memory} | {row.wanted} | {row.peer}"
+        print(f"| {row.work} | {figures} |")
+
+
+if __name__ == "__main__":
+    main()
