@@ -240,16 +240,25 @@ def imu_increments(motion: Motion, interval: float) -> tuple[FloatArray, FloatAr
     dtheta, dvel : ndarray, shape (n, 3)
         ∫ω_ib dt, rad, and ∫f dt, m/s, in the body frame.
     """
+    parts = [increments_of(motion, interval, chunk) for chunk in increment_chunks(motion, interval)]
+    dtheta, dvel = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return dtheta, dvel
+
+
+def increment_chunks(motion: Motion, interval: float) -> list[range]:
+    """Return the numbers of the increments of a motion in chunks, whose `increments_of` may be had in any order."""
     if not 0.0 < interval <= motion.duration:
         msg = f"'interval' must be positive and at most the duration {motion.duration}, got {interval}"
         raise ValueError(msg)
     n = int(np.floor(motion.duration / interval * (1.0 + 1e-12)))
+    return [range(first, min(first + CHUNK_INTERVALS, n)) for first in range(0, n, CHUNK_INTERVALS)]
+
+
+def increments_of(motion: Motion, interval: float, chunk: range) -> tuple[FloatArray, FloatArray]:
+    """Return the increments with these numbers, as `imu_increments` does."""
     nodes, weights = legendre.leggauss(INCREMENT_NODES)
     offsets, weights = 0.5 * interval * (1.0 + nodes), 0.5 * interval * weights
-    dtheta, dvel = np.empty((n, 3)), np.empty((n, 3))
-    for first in range(0, n, CHUNK_INTERVALS):
-        k = np.arange(first, min(first + CHUNK_INTERVALS, n))
-        state = motion.evaluate((k[:, None] * interval + offsets).ravel())
-        dtheta[k] = np.einsum("kij,i->kj", state.omega_ib_b.reshape(-1, INCREMENT_NODES, 3), weights)
-        dvel[k] = np.einsum("kij,i->kj", state.f_b.reshape(-1, INCREMENT_NODES, 3), weights)
-    return dtheta, dvel
+    state = motion.evaluate((np.asarray(chunk)[:, None] * interval + offsets).ravel())
+    dtheta = np.einsum("kij,i->kj", state.omega_ib_b.reshape(-1, INCREMENT_NODES, 3), weights)
+    dvel = np.einsum("kij,i->kj", state.f_b.reshape(-1, INCREMENT_NODES, 3), weights)
+    return np.asarray(dtheta), np.asarray(dvel)

@@ -19,8 +19,8 @@ from models.earth import llh_displaced, ned_between
 from models.error_state import corrected, navigation_error
 from models.measurements import perfect_fixes
 from models.strapdown import NavigationState
-from models.trajectory.motion import Motion, imu_increments
-from tuner.jobs import usable
+from models.trajectory.motion import Motion, increment_chunks, increments_of
+from tuner.jobs import each, usable
 from tuner.navigation import engine
 from tuner.navigation.data import Fixes, Solution, Steps
 from tuner.navigation.engine.layout import BATCH_SIZE
@@ -130,7 +130,9 @@ def scenario(
     outages : ndarray, shape (w, 2), optional
         By default those of `outage_windows`.
     """
-    increments = np.hstack(imu_increments(motion, interval))
+    motion.evaluate([0.0])  # solves for the positions, once and not in every process
+    chunks = increment_chunks(motion, interval)
+    increments = np.concatenate(each(lambda chunk: np.hstack(increments_of(motion, interval, chunk)), chunks))
     n, stride = len(increments), max(1, round(receiver.interval / interval))
     after = np.arange(stride, n + 1, stride)
     times: FloatArray = np.asarray(after * interval, dtype=float)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def switching(
     y: FloatArray,
     levels: FloatArray,
@@ -118,7 +118,7 @@ def switching(
     return total
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def still(y: FloatArray, phi: FloatArray, q: FloatArray, initial: FloatArray, r: FloatArray) -> float:
     """Return the log likelihood of y, shape (M,), with one level of 0: `switching` without switches."""
     n = phi.size
@@ -144,7 +144,7 @@ def still(y: FloatArray, phi: FloatArray, q: FloatArray, initial: FloatArray, r:
     return total
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@numba.njit(cache=True, nogil=True)  # type: ignore[misc, unused-ignore]
 def paired(
     y: FloatArray,
     levels: FloatArray,
