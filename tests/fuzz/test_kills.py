@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import resource
@@ -17,7 +18,13 @@ import pytest
 from tuner.formats.file_set import stale_files
 
 ENDS = int(os.environ.get("TUNER_KILLS", "200"))
-RUN = [sys.executable, "-m", "tuner", "tune"]
+COMMANDS = {
+    "tune": ("tune", "{log}", "-o", "{place}"),
+    "fleet": ("fleet", "{log}", "{again}", "-o", "{place}"),
+    "simulate": ("simulate", "{sheet}", "--hours", "0.5", "-o", "{place}/s.csv"),
+    "identify": ("identify", "{log}", "--json", "{place}/i.json", "--figure", "{place}/f.png"),
+}
+"""Commands that write a folder, files one by one, or a file and its companion; both sources differ in every byte."""
 
 
 def log(path: Path, sd: float) -> Path:
@@ -27,9 +34,12 @@ def log(path: Path, sd: float) -> Path:
 
 
 def state(folder: Path) -> tuple[dict[str, str], list[str]]:
-    """The digests of a result, and the files that do not fit it."""
-    last = folder / "result.json"
-    return (json.loads(last.read_text())["files"], stale_files(last)) if last.exists() else ({}, [])
+    """The digests of the files of a result, and those that do not fit it."""
+    last = next((folder / name for name in ("result.json", "fleet.json") if (folder / name).exists()), None)
+    if last is not None:
+        return json.loads(last.read_text())["files"], stale_files(last)
+    files = sorted(p for p in folder.glob("[!.]*") if p.is_file()) if folder.exists() else []
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in files}, []
 
 
 def leftovers(folder: Path) -> list[str]:
@@ -38,37 +48,54 @@ def leftovers(folder: Path) -> list[str]:
     )
 
 
-def tuned(source: Path, folder: Path) -> subprocess.Popen[bytes]:
-    arguments = [*RUN, str(source), "-o", str(folder), "--quiet"]
-    return subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def started(command: str, source: Path, folder: Path) -> subprocess.Popen[bytes]:
+    words = {"log": source, "again": source.with_stem("again"), "sheet": source.stem, "place": folder}
+    arguments = [word.format(**words) for word in COMMANDS[command]]
+    return subprocess.Popen(
+        [sys.executable, "-m", "tuner", *arguments, "--quiet"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
 
 
 @pytest.mark.slow
-def test_runs_that_are_ended_at_any_moment(tmp_path: Path) -> None:
-    sources = [log(tmp_path / "one.npz", 1e-3), log(tmp_path / "other.npz", 2e-3)]
+@pytest.mark.parametrize("command", COMMANDS)
+def test_runs_that_are_ended_at_any_moment(tmp_path: Path, command: str) -> None:
+    """Each file is that of one run or the other; of `tune` and `fleet`, all are of one."""
+    log(tmp_path / "again.npz", 3e-3)
+    sources = [log(tmp_path / "mpu9250.npz", 1e-3), log(tmp_path / "stim300.npz", 2e-3)]
     whole = []
     for number, source in enumerate(sources):
         begin = time.monotonic()
-        assert tuned(source, tmp_path / f"whole{number}").wait() == 0
-        whole.append(state(tmp_path / f"whole{number}")[0])
+        place = tmp_path / f"whole{number}" / "unit"
+        place.parent.mkdir()
+        assert started(command, source, place).wait() == 0
+        whole.append(state(place)[0])
     length = time.monotonic() - begin
     rng = np.random.default_rng(16)
     folder = tmp_path / "results" / "unit"
-    ended = 0
-    for round_ in range(ENDS):
-        running = tuned(sources[round_ % 2], folder)
+    folder.parent.mkdir()
+    ended, left = 0, set[str]()
+    for round_ in range(ENDS // len(COMMANDS)):
+        running = started(command, sources[round_ % 2], folder)
         late = rng.random() < 0.5  # half of them in the last part, where files are written
         time.sleep(float(rng.uniform(0.7 if late else 0.0, 1.1) * length))
         number = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT][round_ % 3]
         running.send_signal(number)
-        ended += running.wait(30) != 0
+        begin = time.monotonic()
+        ended += running.wait(60) != 0
+        assert number == signal.SIGKILL or time.monotonic() - begin < 30.0, round_
         digests, stale = state(folder)
-        assert digests in ({}, *whole), round_
+        if command in ("tune", "fleet"):
+            assert digests in ({}, *whole), round_
+        else:
+            assert all(digest in (w[name] for w in whole) for name, digest in digests.items()), round_
         assert not stale, round_
-        if number != signal.SIGKILL:
-            assert not leftovers(folder), round_
-    print(f"{ended} of {ENDS} runs of {length:.1f} s were ended; left: {leftovers(folder)}")  # noqa: T201
-    assert tuned(sources[0], folder).wait() == 0
+        assert number == signal.SIGKILL or set(leftovers(folder)) <= left, round_
+        left = set(leftovers(folder))  # by runs that were killed; the next that writes removes it
+    print(f"{ended} runs of {length:.1f} s were ended; left by kills: {left}")  # noqa: T201
+    assert started(command, sources[0], folder).wait() == 0
     assert not leftovers(folder)
 
 
@@ -76,10 +103,19 @@ def test_runs_that_are_ended_at_any_moment(tmp_path: Path) -> None:
 @pytest.mark.parametrize("limit", [0, 16384])
 def test_no_room_to_write(tmp_path: Path, limit: int) -> None:
     source, folder = log(tmp_path / "one.npz", 1e-3), tmp_path / "out" / "unit"
-    assert tuned(source, folder).wait() == 0
+    assert started("tune", source, folder).wait() == 0
     before = state(folder)
     done = subprocess.run(
-        [*RUN, str(log(tmp_path / "other.npz", 2e-3)), "-o", str(folder), "--quiet"],
+        [
+            sys.executable,
+            "-m",
+            "tuner",
+            "tune",
+            str(log(tmp_path / "other.npz", 2e-3)),
+            "-o",
+            str(folder),
+            "--quiet",
+        ],
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
         capture_output=True,
         check=False,

@@ -20,10 +20,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tuner.formats.files import WRITING, mode_for, to_disk, umask, whole_file
+from tuner.formats.files import STAGE, WRITING, mode_for, remove_abandoned, to_disk, umask, whole_file
 
-STAGE = ".tuner-"
-"""Begin of the names of folders that hold a set while it is written."""
 MANIFEST = "files"
 """Key of the last file of a set, JSON, under which it has the SHA-256 of the others."""
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -54,7 +52,8 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     """
     target = directory.resolve()
     target.parent.mkdir(parents=True, exist_ok=True)
-    _remove_abandoned(target)
+    for parent in {target.parent, target}:
+        remove_abandoned(parent)
     old = _manifest(target / last) | {last} if target.is_dir() else set()
     gone = old - files.keys()
     others = (
@@ -163,22 +162,3 @@ def _one_by_one(target: Path, files: Mapping[str, bytes], last: str, gone: set[s
     for name in gone:
         (target / name).unlink(missing_ok=True)
     to_disk(target)
-
-
-def _remove_abandoned(target: Path) -> None:
-    """Remove folders of processes that were killed while they wrote."""
-    for parent in {target.parent, target}:
-        for stage in parent.glob(f"{STAGE}*-*") if parent.is_dir() else ():
-            process = stage.name.removeprefix(STAGE).partition("-")[0]
-            if process.isdigit() and not _is_alive(int(process)):
-                shutil.rmtree(stage, ignore_errors=True)
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+STAGE = ".tuner-"
+"""Begin of the names of temporary files and folders beside a result; the number of the process follows."""
 WRITING = threading.Lock()
 """Held while files that belong together are replaced: nothing may end the process then."""
 _unfinished: set[Path] = set()
@@ -28,7 +30,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     target = path.resolve() if path.is_symlink() else path
     target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem[:40]}-", suffix=target.suffix, dir=target.parent)
+    remove_abandoned(target.parent)
+    prefix = f"{STAGE}{os.getpid()}-{target.stem[:40]}-"
+    handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)
     os.close(handle)
     with temporary_place(Path(name)) as temporary:
         yield temporary
@@ -53,6 +57,24 @@ def remove_unfinished() -> None:
     """Remove every temporary file and folder: the process ends at once."""
     for path in tuple(_unfinished):
         _remove(path)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what processes that were killed while they wrote have left in a folder."""
+    for stage in folder.glob(f"{STAGE}*-*") if folder.is_dir() else ():
+        process = stage.name.removeprefix(STAGE).partition("-")[0]
+        if process.isdigit() and not _is_alive(int(process)):
+            _remove(stage)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def _remove(path: Path) -> None:

@@ -70,6 +70,7 @@ texts = st.text(max_size=12)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 perhaps_undefined = st.floats(allow_infinity=False)
 positive = st.floats(min_value=1e-300, max_value=1e300)
+sampling_intervals = st.floats(min_value=1e-7, max_value=86400.0)
 deviations = st.floats(min_value=1e-150, max_value=1e150)
 intervals = st.tuples(numbers | st.just(-math.inf), numbers | st.just(math.inf))
 coefficients = st.builds(
@@ -233,11 +234,13 @@ def channel_noises(draw: st.DrawFn) -> dict[str, ChannelNoise]:
 configs = st.builds(
     FilterConfig,
     texts,
-    positive,
+    sampling_intervals,
     channel_noises(),
     st.builds(InitialUncertainty, sizes, sizes, sizes, sizes, reasons),
     st.none()
-    | st.builds(GnssNoise, triples, st.none() | triples, positive, positive, states, texts, positive),
+    | st.builds(
+        GnssNoise, triples, st.none() | triples, sampling_intervals, positive, states, texts, positive
+    ),
     st.lists(inflations, max_size=3).map(tuple),
     plain_mappings,
     codes,
