@@ -82,10 +82,8 @@ Read in the sources above, against what tables and forums state:
 
 ## Not written
 
-- *Isaac ROS Visual SLAM* (`gyro_noise_density` … `calibration_frequency`): its node passes them to a library whose
-  source is not public (isaac_ros_visual_slam/src/impl/visual_slam_impl.cpp:301–307), and how that uses them could
-  not be read.
-- *MATLAB* `insfilter…`, `factorIMUParameters`: neither the code nor a formula for what one step adds is public.
+- *MATLAB* `insfilter…`, `factorIMUParameters`: their pages name covariances in (rad/s)² and (m/s²)², which fits a
+  density squared and the variance of a sample alike; neither the code nor a formula for what one step adds is public.
   `imuSensor` is written by its reference page, the one row here that rests on a page alone.
 """
 

@@ -194,6 +194,14 @@ def _mins(text: str, sensor: str) -> Step:
     return _densities(from_yaml(text, "imu"), f"{sensor}_noise", f"{sensor}_bias")
 
 
+def _isaac(text: str, sensor: str) -> Step:
+    v = from_yaml(text, "/**", "ros__parameters")
+    rate = v["calibration_frequency"]
+    return Step(
+        STEP, v[f"{sensor}_noise_density"] ** 2 * rate * STEP**2, v[f"{sensor}_random_walk"] ** 2 / rate
+    )
+
+
 def _orbslam3(text: str, sensor: str) -> Step:
     v, name = from_yaml(text), {"gyro": ("NoiseGyro", "GyroWalk"), "accel": ("NoiseAcc", "AccWalk")}[sensor]
     rate = v["IMU.Frequency"]
@@ -238,6 +246,12 @@ FILTERS = (
         "gyro_noise_std gyro_bias_std accel_noise_std accel_bias_std",
         "basalt-headers calibration.hpp:151–160; basalt sqrt_keypoint_vio.cpp:115, 161, imu_block.hpp:76",
         _basalt,
+    ),
+    Filter(
+        "isaac-visual-slam",
+        "gyro_noise_density gyro_random_walk accel_noise_density accel_random_walk calibration_frequency",
+        "nvidia-isaac/cuVSLAM libs/common/imu_calibration.cpp, libs/imu/imu_preintegration.cpp (update_state)",
+        _isaac,
     ),
     Filter(
         "kimera-vio",

@@ -17,7 +17,7 @@ from tuner.exporters import DIALECTS
 
 OPENCV = [name for name in DIALECTS if text_of("walk", name).startswith("%YAML:1.0")]
 OTHERS = ["kalibr", "liosam", "liosam-ros2", "lvi-sam", "fastlio", "fastlio-ros2", "fast-livo2", "point-lio"]
-OTHERS += ["kf-gins", "ob-gins", "dm-vio", "robot-localization"]
+OTHERS += ["kf-gins", "ob-gins", "dm-vio", "robot-localization", "isaac-visual-slam"]
 
 
 def leaves(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
