@@ -12,6 +12,7 @@ gauss_markov            sd, time_constant                               spectral
 temperature             slope                                           thermal
 thermal_lag             slope, time_constant                            thermal
 temperature_squared     curvature                                       thermal
+temperature_rate        slope                                           thermal
 hysteresis              slope, width                                    thermal
 warmup                  amplitude, time_constant                        thermal
 step                    time, size                                      events
@@ -60,6 +61,7 @@ from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timi
 from models.effects.static.spectral import Colour, Comb, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import (
     Hysteresis,
+    TemperatureRate,
     TemperatureSlope,
     TemperatureSquared,
     ThermalLag,
@@ -89,7 +91,8 @@ EFFECTS.extend(
     (
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
         CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
-        CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, Hysteresis, Comb,
+        CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, TemperatureRate, Hysteresis,
+        Comb,
     )
 )  # fmt: skip
 

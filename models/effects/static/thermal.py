@@ -5,6 +5,7 @@
     temperature    slope · (T − T_0)
     thermal_lag    slope · (L − T_0),    time_constant · dL/dt = T − L,   L(0) = T_0
     temperature_squared   curvature · (T − T_m)²
+    temperature_rate   slope · dT/dt
     hysteresis     slope · (P − T_0),    P the temperature behind a play of `width`
     warmup         amplitude · exp(−(t − t_0) / time_constant)
 
@@ -146,6 +147,34 @@ class TemperatureSquared(Effect):
     def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
         """Curvature ± 0.3 … 3 Allan floors per square kelvin."""
         return cls(sign(rng) * scale.floor * log_uniform(rng, 0.3, 3.0))
+
+
+@dataclass(frozen=True)
+class TemperatureRate(Effect):
+    """Bias in proportion to the rate of the temperature.
+
+    Attributes
+    ----------
+    slope : float
+        unit·s/K.
+    """
+
+    name: ClassVar[str] = "temperature_rate"
+    deterministic: ClassVar[bool] = True
+    needs_temperature: ClassVar[bool] = True
+    slope: float
+
+    def __post_init__(self) -> None:
+        require_finite(slope=self.slope)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the bias to every channel."""
+        return block.add(self.slope * np.gradient(_temperature(block, self.name), block.interval))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Slope ± 1000 … 10 000 Allan floors per K/s."""
+        return cls(sign(rng) * scale.floor * log_uniform(rng, 1e3, 1e4))
 
 
 @dataclass(frozen=True)

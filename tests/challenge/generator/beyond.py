@@ -275,7 +275,7 @@ def squared(rng: np.random.Generator) -> Made:
 
 def rated(rng: np.random.Generator) -> Made:
     """A bias that follows the rate of the temperature."""
-    noise, felt = drawn_noise(rng), box(rng)
+    noise, felt = drawn_noise(rng), box(rng, str(rng.choice(["diurnal", "chamber"])))
     d = hundreds(rng)
     x = np.gradient(felt, CLOCK)
     return made(

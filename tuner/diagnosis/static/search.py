@@ -21,6 +21,7 @@ from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
 from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
 from tuner.diagnosis.static.causes.template import Template
@@ -30,7 +31,8 @@ from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tes
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
 from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
+from tuner.diagnosis.static.model.residual import Residual, extended, relabelled, residual, without
+from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
 from tuner.types import Alternative, Gain
@@ -186,7 +188,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             found, accepted = _with_lag(found, accepted)
     found, accepted = _prune(found, accepted, threshold)
     found, accepted = _without_lag(found, accepted)
-    found, accepted = _with_curve(found, accepted)
+    found, accepted = _with_curve(*_with_one_lag(found, accepted))
     found = _with_joint_estimates(found)
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
@@ -378,6 +380,30 @@ def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, 
             changed = replace(one, extension=refits[given + at], alternatives=(twin,))
             return other, [*accepted[:at], changed, *accepted[at + 1 :]]
     return fitted, accepted
+
+
+def _with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with one lag in place of a temperature and its rate, where that explains as much.
+
+    A short lag τ is L = T − τ dT/dt.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    place = {a.extension.cause: at for at, a in enumerate(accepted)}
+    if not {Temperature.cause, TemperatureRate.cause} <= place.keys():
+        return fitted, accepted
+    first, second = place[Temperature.cause], place[TemperatureRate.cause]
+    bare = without(without(fitted, given + max(first, second)), given + min(first, second))
+    tried = ThermalLag.candidates(fitted.channel)
+    scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
+    other = extended(bare, tried[scores.best].likeliest(bare))
+    refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+    other = residual(fitted.channel, refits, starts=other.starts, near=other)
+    lead = other.fit.log_likelihood - fitted.fit.log_likelihood
+    if lead < -ALTERNATIVE_NATS:
+        return fitted, accepted
+    twin = Alternative(TemperatureRate.cause, float(np.exp(min(-lead, 0.0))))
+    lag = replace(accepted[first], extension=refits[-1], alternatives=(*accepted[first].alternatives, twin))
+    return other, [*(a for at, a in enumerate(accepted) if at not in (first, second)), lag]
 
 
 def _with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:

@@ -36,6 +36,7 @@ from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.step import Step
 from tuner.diagnosis.static.causes.telegraph import Telegraph
 from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
 from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import Ageing
 from tuner.diagnosis.static.causes.template import Template
@@ -75,6 +76,6 @@ CAUSES.extend(
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
         Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
-        Hysteresis, Comb,
+        TemperatureRate, Hysteresis, Comb,
     )
 )  # fmt: skip
