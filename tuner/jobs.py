@@ -22,8 +22,11 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from io import BytesIO
 from multiprocessing import current_process
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
+
+from tuner.free_memory import free_memory
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -82,7 +85,7 @@ def each(
     Exception
         Whatever the function raises, of the first item for which it does.
     """
-    processes = min(usable(), len(items))
+    processes = min(usable(), len(items), _affordable())
     if processes < 2 or not _can_copy():
         return [function(item) for item in items]
     numbers = _numbers(len(items))
@@ -108,6 +111,15 @@ def each(
             raise value
         results.append(value)
     return results
+
+
+def _affordable() -> int:
+    """Return how many processes the memory allows if each copy comes to need as much as this process has."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return sys.maxsize
+    return 1 + int(min(free_memory() / max(pages * os.sysconf("SC_PAGE_SIZE"), 1), 1e6))
 
 
 def _can_copy() -> bool:

@@ -97,3 +97,9 @@ def test_identification_and_diagnosis_do_not_depend_on_the_number_of_processors(
             found = diagnose(records, identification=identified)
         texts.append(json.dumps([identification_json(identified), diagnosis_json(found)], default=str))
     assert texts[0] == texts[1]
+
+
+def test_no_copies_where_memory_is_scarce(monkeypatch):
+    monkeypatch.setattr("tuner.jobs.free_memory", lambda: 0.0)
+    with limited(4):
+        assert each(lambda _: os.getpid(), range(3)) == 3 * [os.getpid()]

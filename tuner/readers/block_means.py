@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.free_memory import free_memory
 from tuner.readers.assemble import EvenRecords, Plan, checked, even
 from tuner.readers.columns import Listing
-from tuner.readers.free_memory import free_memory
 from tuner.readers.options import Options
 from tuner.readers.time_base import MIN_SEGMENT_SAMPLES
 from tuner.types.records import DataError, Record, ShortClusters
@@ -36,8 +36,8 @@ MIN_ROWS = 1 << 14
 """Rows from which a part tells rate, gaps and broken readings as a whole log does."""
 BASE_BYTES = 400e6
 """Memory of the program without samples."""
-BYTES_A_NUMBER = 32.0
-"""Memory behind each number of a record while it is read, identified and diagnosed."""
+BYTES_A_NUMBER, BYTES_A_ROW = 24.0, 250.0
+"""Memory behind each number of a record that is read, and behind each row while one axis is diagnosed."""
 SHARE_OF_FREE = 0.5
 """Part of the free memory that a log may take where nobody says how much."""
 MAX_RATE_CHANGE = 1e-3
@@ -63,7 +63,7 @@ def reduction(listing: Listing, plan: Plan, memory: float | None) -> Reduction |
         return None
     allowed = SHARE_OF_FREE * free_memory() if memory is None else memory - BASE_BYTES
     columns = sum(map(len, plan.groups)) + (plan.layout.time is None)
-    fitting = max(allowed / (BYTES_A_NUMBER * columns), float(MIN_ROWS))
+    fitting = max(allowed / (BYTES_A_NUMBER * columns + BYTES_A_ROW), float(MIN_ROWS))
     if listing.rows <= fitting:
         return None
     size = 1 << math.ceil(math.log2(listing.rows / fitting))

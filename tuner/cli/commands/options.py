@@ -246,7 +246,8 @@ def reading(command: Command) -> Command:
         "--memory",
         type=POSITIVE,
         metavar="GB",
-        help="Memory that the program may take, by default half of what is free; larger logs become means of samples.",
+        help="Memory that the program may take, by default half of what is free: larger logs become means of samples; "
+        "on one processor.",
     )
     @functools.wraps(command)
     def wrapped(
@@ -266,7 +267,8 @@ def reading(command: Command) -> Command:
         chosen = None if columns is None else parse_columns(columns)
         size = None if memory is None else 1e9 * memory
         how = Reading(rate, gyro_unit, accel_unit, gyro_scale, accel_scale, chosen, assume, size)
-        return command(*args, reading=how, **options)
+        with limited(None if memory is None else 1):  # each processor takes memory of its own
+            return command(*args, reading=how, **options)
 
     return wrapped
 
