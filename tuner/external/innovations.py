@@ -1,9 +1,10 @@
 """What scores a filter's settings: innovations that it states, or fixes less what it predicted, or its errors.
 
 A filter that writes more often than it gets fixes shows its innovations without stating them: the last epoch before a
-fix is its prediction. The position there, carried to the fix by velocity and acceleration, and its sds with those of
-the fix give the innovation and its variance. Their likelihood is that of the settings [1]_. Where neither is known,
-the errors against a reference stand in: their score is best at the right settings, too, as these have the least errors.
+fix is its prediction. The position there, carried to the fix by velocity and acceleration, and its variance, carried
+on as it grows, with that of the fix give the innovation and its variance. Their likelihood is that of the settings
+[1]_. Where neither is known, the errors against a reference stand in: their score is best at the right settings, too,
+as these have the least errors.
 
 References
 ----------
@@ -153,8 +154,10 @@ def _predictions(output: FilterOutput, fixes: Fixes, fix_factor: float) -> Devia
     gained = (output.vel_n[rows] - output.vel_n[rows - 1]) / steps[:, None]
     way = output.vel_n[rows] * ahead[near, None] + 0.5 * gained * ahead[near, None] ** 2 + arm
     z = ned_between(fixes.llh[near], output.llh[rows]) - way
-    sd = fix_factor * fixes.sd[near]
-    s = np.where(np.isfinite(p), p, 0.0) + sd[:, :, None] ** 2 * np.eye(3)
+    variance = np.einsum("nii->ni", output.covariance)[:, :3]
+    growth = (variance[rows] - variance[rows - 1]).clip(0.0) * (ahead[near] / steps)[:, None]
+    own = growth + (fix_factor * fixes.sd[near]) ** 2
+    s = np.where(np.isfinite(p), p, 0.0) + own[:, :, None] * np.eye(3)
     return Deviations("predictions of fixes", fixes.t[near], z, s)
 
 
