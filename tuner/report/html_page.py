@@ -18,9 +18,9 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 from rich.table import Table
 
-from tuner.exporters import DIALECTS
+from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats.customary_units import digits, in_customary, term_title
-from tuner.pipeline import TuneResult
+from tuner.pipeline import EXPORTED_DIALECTS, TuneResult
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.drive_diagnosis_tables import drive_tables
@@ -84,6 +84,11 @@ def write_page(
     axes = list(dict.fromkeys(axis for by_axis in drawn.values() for axis in by_axis))
     noise = _blocks(identification_tables(result.identification))
     checked = result.check
+    others = {
+        name: export(result.config, name)
+        for name, dialect in DIALECTS.items()
+        if name not in ("native", *EXPORTED_DIALECTS) and not lacking(result.config, dialect)
+    }
     content = {
         "name": result.name,
         "verdict": verdict_line(result),
@@ -93,7 +98,8 @@ def write_page(
         "legend": legend(settings_rows(result.config)),
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
-        "dialects": list(DIALECTS),
+        "dialects": list(others),
+        "texts": _for_script(others),
         **_findings(result, pictures),
         "axes": axes,
         "kinds": [(kind, KINDS[kind]) for kind in drawn],

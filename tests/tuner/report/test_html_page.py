@@ -148,9 +148,10 @@ def test_a_browser_shows_it_without_an_error(page, tmp_path):
     width = "document.documentElement.dataset.over=document.documentElement.scrollWidth-window.innerWidth"
     drawn = "document.documentElement.dataset.drawn=document.querySelectorAll('.main-svg').length"
     click = "document.querySelectorAll('[role=tab]')[1].click()"
+    choose = "const d=document.getElementById('dialect');d.value='px4';d.dispatchEvent(new Event('change'))"
     file = tmp_path / "page.html"
     file.write_text(
-        page.replace("</body>", f"<script>{click};{width};{drawn}</script></body>"), encoding="utf-8"
+        page.replace("</body>", f"<script>{click};{choose};{width};{drawn}</script></body>"), encoding="utf-8"
     )
     done = subprocess.run(
         [
@@ -169,3 +170,5 @@ def test_a_browser_shows_it_without_an_error(page, tmp_path):
     assert int(re.search('data-drawn="([0-9]+)"', done.stdout)[1]) >= 3
     tabs = re.findall(r'role="tab"[^>]*aria-selected="(\w+)"', done.stdout)
     assert tabs == ["false", "true"]
+    shown = re.search(r'<pre id="text-other"[^>]*>(.*?)</pre>', done.stdout, re.DOTALL)[1]
+    assert "EKF2_GYR_NOISE" in shown

@@ -24,6 +24,14 @@
   });
   if (tabs.length) { choose(tabs[0], false); }
 
+  const dialect = document.getElementById("dialect");
+  const texts = JSON.parse(document.getElementById("texts").textContent);
+  function tell() {
+    document.getElementById("text-other").textContent = texts[dialect.value];
+    document.querySelector('[data-copy="text-other"]').dataset.name = dialect.value;
+  }
+  if (dialect) { dialect.addEventListener("change", tell); tell(); }
+
   const said = document.getElementById("copied");
   function select(node) {
     const range = document.createRange();
