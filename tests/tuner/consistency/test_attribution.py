@@ -90,7 +90,13 @@ CASES = {  # what is configured, the reason, true ÷ configured
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+MIRRORED = ("Q×10", "R×0.3")
+"""Their opposites run always; the analytical oracle holds both."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in MIRRORED)) for name in CASES]
+)
 def test_a_wrong_setting_is_named(town, name):
     wrong, reason, size = CASES[name]
     settings = filter_settings(configured(**wrong))
@@ -114,7 +120,7 @@ def test_a_wrong_setting_is_named(town, name):
         assert other is None
 
 
-@pytest.mark.parametrize("factor", [1.0 / 9.0, 9.0])
+@pytest.mark.parametrize("factor", [pytest.param(1.0 / 9.0, marks=pytest.mark.slow), 9.0])
 def test_wrong_gyros_are_distinguished_from_wrong_accelerometers(town, factor):
     settings = filter_settings(configured(q=factor, white=1.0 / factor, sensors=("gyro",)))
     [(found, simulated)] = studies(settings, town, 4, 1, runs=16)

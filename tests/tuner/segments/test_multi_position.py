@@ -9,9 +9,10 @@ import pytest
 import yaml
 from scipy.stats import binom
 
+import tuner
 from models.units import STANDARD_GRAVITY as G
-from tuner.cli import run
-from tuner.formats.logs import write_log
+from tuner.formats import noise_yaml
+from tuner.report.result_set import tune_json
 from tuner.segments.multi_position import (
     BIAS_AND_SCALE,
     MISALIGNMENTS,
@@ -140,17 +141,12 @@ def test_a_log_at_rest_is_none_of_several_poses():
     assert calibrate(turned(np.tile(directions(rng, 1), (5, 1)), rng)) is None
 
 
-def test_tune_writes_the_calibration(tmp_path):
+def test_tune_writes_the_calibration():
     rng = np.random.default_rng(7)
-    path = tmp_path / "poses.npz"
-    write_log(turned(directions(rng, 14), rng), path)
-    assert (
-        run(["tune", str(path), "-o", str(tmp_path / "out"), "--quiet", "--json", str(tmp_path / "x.json")])
-        == 0
-    )
-    calibration = json.loads((tmp_path / "x.json").read_text())["calibration"]
+    result = tuner.tune(turned(directions(rng, 14), rng))
+    calibration = json.loads(json.dumps(tune_json(result)))["calibration"]
     assert calibration["accel"]["bias_x"]["value"] == pytest.approx(BIAS[0], abs=0.03)
-    config = yaml.safe_load((tmp_path / "out" / "noise.yaml").read_text())
+    config = yaml.safe_load(noise_yaml.dumps(result.config))
     stored = config["provenance"]["calibration"]
     assert stored.keys() == calibration.keys()
     for sensor in ("gyro", "accel"):
