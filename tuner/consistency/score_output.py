@@ -81,6 +81,7 @@ def score_outputs(
     how: Alignment = Alignment.NONE,
     align_time: bool = False,
     outages: ArrayLike = (),
+    sensor_noise: tuple[float, float] | None = None,
 ) -> OutputScore:
     """Score the output of a filter.
 
@@ -96,6 +97,8 @@ def score_outputs(
         Whether an offset of the clocks is taken out.
     outages : array_like, shape (w, 2)
         Begin and end of outages beyond those that the outputs mark, s.
+    sensor_noise : (float, float), optional
+        White densities of gyros (rad/s/√Hz) and accelerometers (m/s²/√Hz) at rest, to tell causes apart.
 
     Raises
     ------
@@ -145,7 +148,11 @@ def score_outputs(
     why = (
         Explanations()
         if lost
-        else explain(runs or [_without_truth(o) for o in innovative], only_means=found.consistent)
+        else explain(
+            runs or [_without_truth(o) for o in innovative],
+            only_means=found.consistent,
+            sensor_noise=sensor_noise,
+        )
     )
     found = replace(found, mean_errors=why.means)
     causes = () if found.consistent else why.causes

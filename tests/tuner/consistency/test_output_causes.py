@@ -7,13 +7,19 @@ are 0.577 and 3.16 times those.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models import rotation
 from tests import textbook_filters as textbook
+from tuner.consistency.output_causes import _Fit, _with_sensor_noise
+from tuner.consistency.output_causes.error_model import TrueNoise
+from tuner.consistency.output_causes.filter_model import FilterModel
 from tuner.consistency.score_output import score_outputs
 from tuner.types.filter_output import filter_output
+from tuner.types.output_score import OutputCause
 
 FILTERS = (textbook.run_ukf, textbook.run_invariant)
 
@@ -97,6 +103,32 @@ def test_innovations_alone_name_a_fault():
     (found,) = scored(textbook.run_invariant, 1, 5, innovations=True, delay=0.1)
     assert not found.consistency.consistent
     assert found.causes[0].cause == "time_offset"
+
+
+def test_noise_of_the_unit_at_rest_speaks_against_hypotheses_with_less():
+    fits = [
+        _Fit(
+            OutputCause(name, 1.0, (0.9, 1.1), "1", 10.0),
+            TrueNoise(density=(size, size, 1.0, 1.0)),
+            np.zeros(0),
+            (),
+        )
+        for name, size in (("gnss_noise_scale", 1.0), ("imu_noise_scale", 3.0))
+    ]
+    fits[0] = replace(fits[0], cause=replace(fits[0].cause, gain=11.0))
+    model = FilterModel(
+        np.array([1e-4, 1e-3, 1e-6, 1e-5]), np.ones(2), np.ones(6), 0.01, np.array([0.2, 9.0, 9.0, 9.0])
+    )
+
+    def first(noise):
+        return _with_sensor_noise(fits, TrueNoise(), model, noise)[0].cause.cause
+
+    assert first(None) == "gnss_noise_scale"
+    assert first((3e-4, 1e-3)) == "imu_noise_scale"  # the filter assumes a third of the gyro noise at rest
+    assert first((1e-5, 1e-3)) == "gnss_noise_scale"  # more than at rest is what motion may add
+    assert (
+        first((1e-4, 3e-3)) == "gnss_noise_scale"
+    )  # its sds do not tell what it assumes of the accelerometers
 
 
 STUDY = {

@@ -105,6 +105,16 @@ def test_a_bag_is_scored_against_another(tmp_path):
         fields["covariance"] = np.diag([0.01] * 3 + [1e-4] * 3)
     estimate = bag(tmp_path, "ros1", {"/odometry/filtered": (ODOMETRY, given)})
     truth = bag(tmp_path, "ros2", {"/truth": (ODOMETRY, rows()), "/other": (ODOMETRY, rows())})
-    command = ["score", str(estimate), "--truth", str(truth), "--quiet", "--json", str(tmp_path / "s.json")]
+    command = [
+        "score",
+        str(estimate),
+        "--truth",
+        str(truth),
+        "--imu",
+        "icm20602",
+        "--quiet",
+        "--json",
+        str(tmp_path / "s.json"),
+    ]
     assert run([*command, "--truth-topic", "/truth"]) == 0
     assert run(command) == 2

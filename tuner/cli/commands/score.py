@@ -77,6 +77,11 @@ def _windows(
     help="Time without fixes, s; may be repeated.",
 )
 @click.option(
+    "--imu",
+    metavar="LOG|CONFIG|GRADE",
+    help="Of the inertial unit: its noise at rest helps to tell which assumption is wrong.",
+)
+@click.option(
     "-o", "--output-dir", type=DIRECTORY, metavar="DIR", help="Write report.html, score.svg, score.json."
 )
 @strict("the filter is not consistent")
@@ -95,6 +100,7 @@ def command(
     align: str,
     align_time: bool,
     outages: list[tuple[float, float]],
+    imu: str | None,
     output_dir: Path | None,
     strict: bool,
     seed: int,
@@ -121,12 +127,20 @@ def command(
         read_estimate(path, frame=truth_frame, body=truth_body, columns=truth_columns, topic=truth_topic)
         for path in truths
     ]
-    found = score_outputs(outputs, references, how=Alignment(align), align_time=align_time, outages=outages)
+    found = score_outputs(
+        outputs,
+        references,
+        how=Alignment(align),
+        align_time=align_time,
+        outages=outages,
+        sensor_noise=None if imu is None else _sensor_noise(imu),
+    )
     source = {
         "estimates": list(estimates),
         "truths": list(truths),
         "align": align,
         "align_time": align_time,
+        "imu": imu,
         "runs": len(outputs),
         "seed": seed,
     }
@@ -140,3 +154,25 @@ def command(
         show(output_score_tables(found))
     output.write(content)
     return 1 if strict and not found.consistency.consistent else 0
+
+
+def _sensor_noise(source: str) -> tuple[float, float]:
+    """Return the white densities of gyros and accelerometers, rms over the axes, of a log, configuration or grade."""
+    from tuner import identify, read, synthesize
+    from tuner.readers.source_kind import is_log
+    from tuner.synthesis.load_config import load_config
+    from tuner.types.records import DataError
+
+    if is_log(source):
+        records = read(source)
+        config = synthesize(identify(records), records=records)
+    else:
+        config = load_config(source)
+    found = []
+    for sensor in ("gyro", "accel"):
+        squares = [c.white_density**2 for axis, c in config.channels.items() if axis.startswith(sensor)]
+        if not squares:
+            msg = f"--imu {source}: expected gyroscopes and accelerometers, found no {sensor}"
+            raise DataError(msg)
+        found.append(math.sqrt(sum(squares) / len(squares)))
+    return found[0], found[1]

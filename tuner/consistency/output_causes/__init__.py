@@ -47,6 +47,8 @@ which is what the linear model of a filter is good for."""
 SMALL_STEP = 0.15
 """Change of a size, as a logarithm, over which a deviance is about a parabola; and distance to a bound of the search
 that counts as beyond it."""
+SENSOR_NOISE_SD = 0.1
+"""Sd of the logarithm of a white density from a log: units, temperatures and mounts differ by as much."""
 REFINED_COUNT = 6
 """Hypotheses of one size whose best size is sought: those that promise most; only the likeliest are named."""
 INTERVAL_SDS = 1.96
@@ -82,7 +84,9 @@ class _Fit:
     names: tuple[str, ...]
 
 
-def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
+def explain(
+    runs: Sequence[OutputErrors], *, only_means: bool, sensor_noise: tuple[float, float] | None = None
+) -> Explanations:
     """Return what explains the errors of runs of one filter; nothing where its sds are not those of such a filter.
 
     Parameters
@@ -91,6 +95,9 @@ def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
         The runs.
     only_means : bool
         Whether only constants are looked for: where no score speaks against the filter.
+    sensor_noise : (float, float), optional
+        White densities of gyros and accelerometers at rest, from a log of the unit. In motion they are no smaller: a
+        hypothesis with less is less likely by as much.
     """
     runs = runs[:MAX_RUNS]
     courses = [course_of(run) for run in runs]
@@ -113,6 +120,7 @@ def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
         fits = _candidates(
             models, base, fixed, known, [] if only_means else scale_hypotheses(models[0], base)
         )
+        fits = _with_sensor_noise(fits, base, model, sensor_noise)
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -124,6 +132,25 @@ def explain(runs: Sequence[OutputErrors], *, only_means: bool) -> Explanations:
             means += _mean_errors(models[0], best)
         base, fixed = best.base, (*fixed, *best.names)
     return Explanations(tuple(causes), tuple(means), model)
+
+
+def _with_sensor_noise(
+    fits: Sequence[_Fit], base: TrueNoise, model: FilterModel, sensor_noise: tuple[float, float] | None
+) -> list[_Fit]:
+    """Return the fits, the likeliest first, with what the noise of the sensors at rest says for or against them."""
+    if sensor_noise is None:
+        return list(fits)
+    lacking = np.log(np.array(sensor_noise) / model.density[:2])
+    sd = np.hypot(model.log_density_sd[:2], SENSOR_NOISE_SD)
+
+    def evidence(true: TrueNoise) -> float:
+        return float(-0.5 * np.sum((lacking - np.log(true.density[:2])).clip(0.0) ** 2 / sd**2))
+
+    found = [
+        replace(fit, cause=replace(fit.cause, gain=fit.cause.gain + evidence(fit.base) - evidence(base)))
+        for fit in fits
+    ]
+    return sorted(found, key=lambda fit: -fit.cause.gain)
 
 
 def _candidates(

@@ -12,7 +12,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,8 @@ MAX_FITTED_EPOCHS = 400
 """Epochs of a run that are fitted: eight numbers follow from far fewer."""
 MAX_MISFIT = 0.15
 """Rms difference of the logarithms of sds above which no such filter explains them: 15 %."""
+MIN_MISFIT = 0.01
+"""Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 MIN_FIXED_DROP = 1e-4
 """Relative drop of the position variance that shows a fix."""
 STEADY_GROWTH = 0.05
@@ -91,12 +93,15 @@ class FilterModel:
         Of position and velocity fixes.
     misfit : float
         Rms difference of the logarithms of its sds and those stated.
+    log_density_sd : ndarray, shape (4,)
+        How well the sds tell the logarithms of the densities: errors of one epoch's sds, as those of all are alike.
     """
 
     density: FloatArray
     time_constant: FloatArray
     fix_variance: FloatArray
     misfit: float
+    log_density_sd: FloatArray = field(default_factory=lambda: np.full(4, np.inf))
 
     @property
     def fits(self) -> bool:
@@ -249,7 +254,11 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     found = least_squares(
         residual, guess, bounds=(guess - LOG_SPAN, guess + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
     )
-    return _model(found.x, float(np.sqrt(np.mean(found.fun**2))))
+    misfit = float(np.sqrt(np.mean(found.fun**2)))
+    # Sds of neighbouring epochs err together: all of them are worth one.
+    information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(guess))
+    sd = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
+    return replace(_model(found.x, misfit), log_density_sd=sd[:4])
 
 
 def _model(x: FloatArray, misfit: float) -> FilterModel:
