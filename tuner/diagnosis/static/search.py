@@ -281,19 +281,19 @@ def _clearest(rejections: list[TestResult]) -> list[TestResult]:
 
 
 def _measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
-    """Return a result, or in place of a smooth shape of time the near twin that follows a measured quantity."""
-    causes = CAUSES.extensions()
-    named = causes.get(result.cause)
-    if named is None or not issubclass(named, Template) or named.covariate is not None or named.abrupt:
+    """Return a result, or in place of a smooth shape its near twin that is the temperature itself, or lags it.
+
+    A shape of time gives way to both; another function of the temperature to the temperature only.
+    """
+    named = CAUSES.extensions().get(result.cause)
+    plain = (Temperature.cause, ThermalLag.cause)
+    if named is None or not issubclass(named, Template) or named.abrupt or result.cause in plain:
         return result
-    measured = [
-        other
-        for other in rejections
-        if _twins(result.cause, other.cause)
-        and getattr(causes[other.cause], "covariate", None) is not None
-        and other.gain > result.gain - NEAR_TWIN_NATS
-    ]
-    return max(measured, key=lambda other: other.gain, default=result)
+    for cause in plain if named.covariate is None else plain[:1]:
+        for other in rejections:
+            if other.cause == cause and other.gain > result.gain - NEAR_TWIN_NATS:
+                return other
+    return result
 
 
 def _twins(one: str, other: str) -> bool:
