@@ -21,9 +21,10 @@ from tuner.diagnosis.static.findings import Single, findings, joins, singles, wo
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
+from tuner.diagnosis.static.outcome import Accepted
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
-from tuner.diagnosis.static.search import Accepted, SearchResult, group_of, search_causes
+from tuner.diagnosis.static.search import SearchResult, group_of, search_causes
 from tuner.diagnosis.static.spectrum import aliasing as sampling
 from tuner.jobs import each
 from tuner.types import Alternative, Diagnosis, Finding, Identification, Unexplained

@@ -15,7 +15,8 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.held_out_gain import summed
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import Residual
-from tuner.diagnosis.static.search import Accepted, SearchResult
+from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.search import SearchResult
 from tuner.formats.customary_units import amount
 from tuner.types import Alternative, Coefficient, Enlargement, Finding, Quantity
 from tuner.types.diagnosis import of_each

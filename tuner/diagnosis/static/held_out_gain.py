@@ -42,7 +42,8 @@ from tuner.diagnosis.static.hypothesis_tests import retest
 from tuner.diagnosis.static.model.dct import inverse, transform
 from tuner.diagnosis.static.model.profile_likelihood import first_column
 from tuner.diagnosis.static.model.residual import RESIDUAL_CLIP, Residual, gain_of, once, power_of, residual
-from tuner.diagnosis.static.search import Accepted, SearchResult
+from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.search import SearchResult
 from tuner.diagnosis.static.switching.models import block_noise
 from tuner.diagnosis.static.variance.quantized_noise import slow_track
 from tuner.types import Gain

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tuner.diagnosis.static.causes.base import Extension
+from tuner.types import Alternative, Gain
 
 NO_GAIN = -9.0
 """Gain, nats, of what was not worth a fit: below any that a fit could give by chance, so that it is never chosen."""
@@ -62,3 +63,13 @@ class TestResult:
     def without_proposal(self) -> TestResult:
         """The result without `propose`, which would keep the whole residual in memory."""
         return replace(self, propose=None)
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An extension, the test result that proposed it, and its gain on data held out."""
+
+    extension: Extension
+    result: TestResult
+    alternatives: tuple[Alternative, ...] = ()
+    gain: Gain | None = None

@@ -20,22 +20,26 @@ from tuner.diagnosis.static.causes.chirp import Sweep
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.step import Step
-from tuner.diagnosis.static.causes.temperature import Temperature
-from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
-from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.temperature_times_time import UNNAMED
-from tuner.diagnosis.static.causes.template import Template
-from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.channel import Channel
 from tuner.diagnosis.static.hypothesis_tests import CERTAIN_GAIN, hypothesis_tests, retest, significant
 from tuner.diagnosis.static.masked_pairs import PAIR, replacing_pair
 from tuner.diagnosis.static.masked_pairs import test as pair_test
 from tuner.diagnosis.static.model.profile_likelihood import first_column
-from tuner.diagnosis.static.model.residual import Residual, extended, relabelled, residual, without
-from tuner.diagnosis.static.model.score_scan import scan
-from tuner.diagnosis.static.outcome import TestResult
+from tuner.diagnosis.static.model.residual import Residual, relabelled, residual, without
+from tuner.diagnosis.static.near_twins import (
+    ALTERNATIVE_NATS,
+    NEAR_TWIN_NATS,
+    measured_first,
+    twins,
+    with_curve,
+    with_lag,
+    with_one_lag,
+    without_lag,
+)
+from tuner.diagnosis.static.outcome import Accepted, TestResult
 from tuner.diagnosis.static.variance.quantized_noise import hides_noise
-from tuner.types import Alternative, Gain
+from tuner.types import Alternative
 
 MAX_PASSES = 16
 """Largest number of passes; chosen to bound the search above the number of causes that one record has."""
@@ -44,16 +48,6 @@ MAX_REFITS = 2
 
 A refit that changes nothing ends them earlier.
 """
-ALTERNATIVE_NATS = 3.0
-"""Nats within which a rival counts as an alternative: a likelihood ratio of 20, the usual 5 %."""
-NEAR_TWIN_NATS = 10.0
-"""Nats within which two slow shapes, or two shapes of the fast spectrum, are alternatives.
-
-Errors of what they are functions of (a thermometer's lag and noise, a transient that is no exponential, a filter of
-another order) cost a true one that much.
-"""
-SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
-"""Shapes of the fast spectrum that differ in the order of a filter only."""
 MIN_GAIN_SHARE = 0.2
 """Share of the largest gain from which the rejection of another group is accepted in the same pass.
 
@@ -62,18 +56,6 @@ while independent effects of like size do not cost a pass each.
 """
 GROUPS: tuple[Group, ...] = ("fast spectrum", "distribution", "slow part")
 """Groups of which one cause each can be accepted in the same pass."""
-LAG_LIKELIHOOD_RATIO = 24.0
-"""Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An extension, the test result that proposed it, and its gain on data held out."""
-
-    extension: Extension
-    result: TestResult
-    alternatives: tuple[Alternative, ...] = ()
-    gain: Gain | None = None
 
 
 @dataclass(frozen=True)
@@ -158,7 +140,7 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             ]
         rejections = _not_superseded(rejections)
         broad = [result for result in rejections if is_broad(result.cause)]
-        chosen = [_measured_first(result, rejections) for result in _clearest(rejections)]
+        chosen = [measured_first(result, rejections) for result in _clearest(rejections)]
         paths = any(result.cause == "telegraph" for result in chosen)
         jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
         wider = _wider(found, jumps, len(given))
@@ -185,10 +167,10 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
                 break
             found = residual(channel, refits, starts=found.starts, near=found)
         if any(x.cause == "temperature" for x in new):
-            found, accepted = _with_lag(found, accepted)
+            found, accepted = with_lag(found, accepted)
     found, accepted = _prune(found, accepted, threshold)
-    found, accepted = _without_lag(found, accepted)
-    found, accepted = _with_curve(*_with_one_lag(found, accepted))
+    found, accepted = without_lag(found, accepted)
+    found, accepted = with_curve(*with_one_lag(found, accepted))
     found = _with_joint_estimates(found)
     estimated = found.extensions[len(given) :]
     accepted = [replace(a, extension=x) for a, x in zip(accepted, estimated, strict=True)]
@@ -280,29 +262,6 @@ def _clearest(rejections: list[TestResult]) -> list[TestResult]:
     return chosen
 
 
-def _measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
-    """Return a result, or in place of a smooth shape its near twin that is the temperature itself, or lags it.
-
-    A shape of time gives way to both; another function of the temperature to the temperature only.
-    """
-    named = CAUSES.extensions().get(result.cause)
-    plain = (Temperature.cause, ThermalLag.cause)
-    if named is None or not issubclass(named, Template) or named.abrupt or result.cause in plain:
-        return result
-    for cause in plain if named.covariate is None else plain[:1]:
-        for other in rejections:
-            if other.cause == cause and other.gain > result.gain - NEAR_TWIN_NATS:
-                return other
-    return result
-
-
-def _twins(one: str, other: str) -> bool:
-    """Return whether two causes have shapes that errors of the model can turn into each other."""
-    causes = CAUSES.extensions()
-    slow = all(code in causes and issubclass(causes[code], Template) for code in (one, other))
-    return one != other and (slow or {one, other} == SPECTRUM_TWINS)
-
-
 def _with_rivals(
     one: Accepted, before: tuple[TestResult, ...], after: tuple[TestResult, ...], threshold: float
 ) -> Accepted:
@@ -323,7 +282,7 @@ def _with_rivals(
         and significant(a, threshold)
         and a.gain
         > max(
-            one.result.gain - (NEAR_TWIN_NATS if _twins(one.result.cause, a.cause) else ALTERNATIVE_NATS), 0.0
+            one.result.gain - (NEAR_TWIN_NATS if twins(one.result.cause, a.cause) else ALTERNATIVE_NATS), 0.0
         )
     }
     if one.result.cause == "gauss_markov":
@@ -356,99 +315,6 @@ def _prune(fitted: Residual, accepted: list[Accepted], threshold: float) -> tupl
             accepted = [a for i, a in enumerate(accepted) if i != at]
         else:
             at += 1
-    return fitted, accepted
-
-
-def _without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
-    """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
-
-    A transient that was not in the model yet can make a lag look needed.
-    """
-    given = len(fitted.extensions) - len(accepted)
-    for at, one in enumerate(accepted):
-        lag = one.extension
-        if not isinstance(lag, ThermalLag) or lag.prompt or len(accepted) < 2:
-            continue
-        plain = list(fitted.extensions)
-        plain[given + at] = Temperature()
-        other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
-        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, refits, starts=other.starts, near=other)
-        lead = fitted.fit.log_likelihood - other.fit.log_likelihood
-        if lead < ALTERNATIVE_NATS:
-            twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
-            changed = replace(one, extension=refits[given + at], alternatives=(twin,))
-            return other, [*accepted[:at], changed, *accepted[at + 1 :]]
-    return fitted, accepted
-
-
-def _with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
-    """Return the model with one lag in place of a temperature and its rate, where that explains as much.
-
-    A short lag τ is L = T − τ dT/dt.
-    """
-    given = len(fitted.extensions) - len(accepted)
-    place = {a.extension.cause: at for at, a in enumerate(accepted)}
-    if not {Temperature.cause, TemperatureRate.cause} <= place.keys():
-        return fitted, accepted
-    first, second = place[Temperature.cause], place[TemperatureRate.cause]
-    bare = without(without(fitted, given + max(first, second)), given + min(first, second))
-    tried = ThermalLag.candidates(fitted.channel)
-    scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
-    other = extended(bare, tried[scores.best].likeliest(bare))
-    refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-    other = residual(fitted.channel, refits, starts=other.starts, near=other)
-    lead = other.fit.log_likelihood - fitted.fit.log_likelihood
-    if lead < -ALTERNATIVE_NATS:
-        return fitted, accepted
-    twin = Alternative(TemperatureRate.cause, float(np.exp(min(-lead, 0.0))))
-    lag = replace(accepted[first], extension=refits[-1], alternatives=(*accepted[first].alternatives, twin))
-    return other, [*(a for at, a in enumerate(accepted) if at not in (first, second)), lag]
-
-
-def _with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
-    """Return the model with slope and square of the temperature in place of a lag that explains less, or as its twin.
-
-    Neither of the two explains alone what a lag, with two parameters, does.
-    """
-    given = len(fitted.extensions) - len(accepted)
-    for at, one in enumerate(accepted):
-        if not isinstance(one.extension, ThermalLag) or fitted.count("temperature_squared"):
-            continue
-        pair = (Temperature(), TemperatureSquared())
-        changed = (*fitted.extensions[: given + at], *pair, *fitted.extensions[given + at + 1 :])
-        other = residual(fitted.channel, changed, starts=fitted.starts, near=fitted)
-        lead = other.fit.log_likelihood - fitted.fit.log_likelihood
-        if abs(lead) > NEAR_TWIN_NATS and lead < 0.0:
-            return fitted, accepted
-        twin = Alternative(
-            TemperatureSquared.cause if lead < 0.0 else ThermalLag.cause, float(np.exp(-abs(lead)))
-        )
-        if lead < 0.0:
-            known = [*one.alternatives, twin]
-            return fitted, [*accepted[:at], replace(one, alternatives=tuple(known)), *accepted[at + 1 :]]
-        twins = (twin,) if lead < NEAR_TWIN_NATS else ()
-        square = retest(without(other, given + at + 1), TemperatureSquared.cause)
-        result = one.result if square is None else square.without_proposal
-        both = [Accepted(pair[0], one.result, twins), Accepted(pair[1], result, twins)]
-        return other, [*accepted[:at], *both, *accepted[at + 1 :]]
-    return fitted, accepted
-
-
-def _with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
-    """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
-    given = len(fitted.extensions) - len(accepted)
-    for at, one in enumerate(accepted):
-        if one.extension.cause != "temperature":
-            continue
-        lag, ratio = beside_temperature(fitted)
-        if ratio < LAG_LIKELIHOOD_RATIO:
-            return fitted, accepted
-        wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
-        other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
-        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
-        other = residual(fitted.channel, refits, starts=other.starts, near=other)
-        return other, [*accepted[:at], replace(one, extension=refits[given + at]), *accepted[at + 1 :]]
     return fitted, accepted
 
 

@@ -1,0 +1,152 @@
+"""Near twins: slow shapes that errors of a thermometer or of a model turn into each other, and which of them is named.
+
+A shape that follows a measured quantity goes before one of time alone; a lag, a slope with a rate and a slope with a
+square are held against each other once one of them was accepted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tuner.diagnosis.static.causes.registry import CAUSES
+from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
+from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
+from tuner.diagnosis.static.causes.template import Template
+from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
+from tuner.diagnosis.static.hypothesis_tests import retest
+from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
+from tuner.diagnosis.static.model.score_scan import scan
+from tuner.diagnosis.static.outcome import Accepted, TestResult
+from tuner.types import Alternative
+
+ALTERNATIVE_NATS = 3.0
+"""Nats within which a rival counts as an alternative: a likelihood ratio of 20, the usual 5 %."""
+NEAR_TWIN_NATS = 10.0
+"""Nats within which two slow shapes, or two shapes of the fast spectrum, are alternatives.
+
+Errors of what they are functions of (a thermometer's lag and noise, a transient that is no exponential, a filter of
+another order) cost a true one that much.
+"""
+SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
+"""Shapes of the fast spectrum that differ in the order of a filter only."""
+LAG_LIKELIHOOD_RATIO = 24.0
+"""Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
+
+
+def measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
+    """Return a result, or in place of a smooth shape its near twin that is the temperature itself, or lags it.
+
+    A shape of time gives way to both; another function of the temperature to the temperature only.
+    """
+    named = CAUSES.extensions().get(result.cause)
+    plain = (Temperature.cause, ThermalLag.cause)
+    if named is None or not issubclass(named, Template) or named.abrupt or result.cause in plain:
+        return result
+    for cause in plain if named.covariate is None else plain[:1]:
+        for other in rejections:
+            if other.cause == cause and other.gain > result.gain - NEAR_TWIN_NATS:
+                return other
+    return result
+
+
+def twins(one: str, other: str) -> bool:
+    """Return whether two causes have shapes that errors of the model can turn into each other."""
+    causes = CAUSES.extensions()
+    slow = all(code in causes and issubclass(causes[code], Template) for code in (one, other))
+    return one != other and (slow or {one, other} == SPECTRUM_TWINS)
+
+
+def without_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with the temperature itself where its lag is not worth its price beside what else was found.
+
+    A transient that was not in the model yet can make a lag look needed.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        lag = one.extension
+        if not isinstance(lag, ThermalLag) or lag.prompt or len(accepted) < 2:
+            continue
+        plain = list(fitted.extensions)
+        plain[given + at] = Temperature()
+        other = residual(fitted.channel, tuple(plain), starts=fitted.starts, near=fitted)
+        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, refits, starts=other.starts, near=other)
+        lead = fitted.fit.log_likelihood - other.fit.log_likelihood
+        if lead < ALTERNATIVE_NATS:
+            twin = Alternative("thermal_lag", float(np.exp(min(lead - ALTERNATIVE_NATS, 0.0))))
+            changed = replace(one, extension=refits[given + at], alternatives=(twin,))
+            return other, [*accepted[:at], changed, *accepted[at + 1 :]]
+    return fitted, accepted
+
+
+def with_one_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with one lag in place of a temperature and its rate, where that explains as much.
+
+    A short lag τ is L = T − τ dT/dt.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    place = {a.extension.cause: at for at, a in enumerate(accepted)}
+    if not {Temperature.cause, TemperatureRate.cause} <= place.keys():
+        return fitted, accepted
+    first, second = place[Temperature.cause], place[TemperatureRate.cause]
+    bare = without(without(fitted, given + max(first, second)), given + min(first, second))
+    tried = ThermalLag.candidates(fitted.channel)
+    scores, _ = scan(bare, np.stack([one.template(fitted.channel) for one in tried], axis=1))
+    other = extended(bare, tried[scores.best].likeliest(bare))
+    refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+    other = residual(fitted.channel, refits, starts=other.starts, near=other)
+    lead = other.fit.log_likelihood - fitted.fit.log_likelihood
+    if lead < -ALTERNATIVE_NATS:
+        return fitted, accepted
+    twin = Alternative(TemperatureRate.cause, float(np.exp(min(-lead, 0.0))))
+    lag = replace(accepted[first], extension=refits[-1], alternatives=(*accepted[first].alternatives, twin))
+    return other, [*(a for at, a in enumerate(accepted) if at not in (first, second)), lag]
+
+
+def with_curve(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with slope and square of the temperature in place of a lag that explains less, or as its twin.
+
+    Neither of the two explains alone what a lag, with two parameters, does.
+    """
+    given = len(fitted.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if not isinstance(one.extension, ThermalLag) or fitted.count("temperature_squared"):
+            continue
+        pair = (Temperature(), TemperatureSquared())
+        changed = (*fitted.extensions[: given + at], *pair, *fitted.extensions[given + at + 1 :])
+        other = residual(fitted.channel, changed, starts=fitted.starts, near=fitted)
+        lead = other.fit.log_likelihood - fitted.fit.log_likelihood
+        if abs(lead) > NEAR_TWIN_NATS and lead < 0.0:
+            return fitted, accepted
+        twin = Alternative(
+            TemperatureSquared.cause if lead < 0.0 else ThermalLag.cause, float(np.exp(-abs(lead)))
+        )
+        if lead < 0.0:
+            known = [*one.alternatives, twin]
+            return fitted, [*accepted[:at], replace(one, alternatives=tuple(known)), *accepted[at + 1 :]]
+        twins = (twin,) if lead < NEAR_TWIN_NATS else ()
+        square = retest(without(other, given + at + 1), TemperatureSquared.cause)
+        result = one.result if square is None else square.without_proposal
+        both = [Accepted(pair[0], one.result, twins), Accepted(pair[1], result, twins)]
+        return other, [*accepted[:at], *both, *accepted[at + 1 :]]
+    return fitted, accepted
+
+
+def with_lag(fitted: Residual, accepted: list[Accepted]) -> tuple[Residual, list[Accepted]]:
+    """Return the model with a lag in place of a temperature that a second, late way is clearly wanted beside."""
+    given = len(fitted.extensions) - len(accepted)
+    for at, one in enumerate(accepted):
+        if one.extension.cause != "temperature":
+            continue
+        lag, ratio = beside_temperature(fitted)
+        if ratio < LAG_LIKELIHOOD_RATIO:
+            return fitted, accepted
+        wider = [*fitted.extensions[: given + at], lag, *fitted.extensions[given + at + 1 :]]
+        other = residual(fitted.channel, tuple(wider), starts=fitted.starts, near=fitted)
+        refits = tuple(x.refit(other, i) for i, x in enumerate(other.extensions))
+        other = residual(fitted.channel, refits, starts=other.starts, near=other)
+        return other, [*accepted[:at], replace(one, extension=refits[given + at]), *accepted[at + 1 :]]
+    return fitted, accepted
