@@ -270,7 +270,7 @@ def squared(rng: np.random.Generator) -> Made:
     noise, felt = drawn_noise(rng), box(rng)
     d, x = hundreds(rng), felt - 25.0
     y = samples(noise, rng) + sized(noise, x**2, d, x) + sized(noise, x, d)
-    return made(y, ("temperature_squared",), d, told(rng, felt))
+    return made(y, ("temperature_squared", "temperature"), d, told(rng, felt))
 
 
 def rated(rng: np.random.Generator) -> Made:
@@ -279,7 +279,10 @@ def rated(rng: np.random.Generator) -> Made:
     d = hundreds(rng)
     x = np.gradient(felt, CLOCK)
     return made(
-        samples(noise, rng) + sized(noise, x, d, felt), ("thermal", "temperature_rate"), d, told(rng, felt)
+        samples(noise, rng) + sized(noise, x, d, felt),
+        ("temperature_rate", "thermal", "temperature"),
+        d,
+        told(rng, felt),
     )
 
 
@@ -291,7 +294,9 @@ def hysteretic(rng: np.random.Generator) -> Made:
     )
     d, half = hundreds(rng), 0.5 * rng.uniform(0.05, 0.25) * float(np.ptp(felt))
     x = play(felt, half)
-    return made(samples(noise, rng) + sized(noise, x, d, felt), ("hysteresis",), d, told(rng, felt))
+    return made(
+        samples(noise, rng) + sized(noise, x, d, felt), ("hysteresis", "temperature"), d, told(rng, felt)
+    )
 
 
 def play(x: FloatArray, half: float) -> FloatArray:

@@ -9,14 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
+from tuner.diagnosis.static.causes.hysteresis import Hysteresis
 from tuner.diagnosis.static.causes.registry import CAUSES
-from tuner.diagnosis.static.causes.temperature import Temperature
+from tuner.diagnosis.static.causes.temperature import COVARIATE, Temperature
 from tuner.diagnosis.static.causes.temperature_rate import TemperatureRate
 from tuner.diagnosis.static.causes.temperature_squared import TemperatureSquared
 from tuner.diagnosis.static.causes.template import Template
 from tuner.diagnosis.static.causes.thermal_lag import ThermalLag, beside_temperature
 from tuner.diagnosis.static.hypothesis_tests import retest
+from tuner.diagnosis.static.model.dct import block_transform
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
 from tuner.diagnosis.static.model.residual import Residual, extended, residual, without
 from tuner.diagnosis.static.model.score_scan import scan
 from tuner.diagnosis.static.outcome import Accepted, TestResult
@@ -35,6 +39,9 @@ SPECTRUM_TWINS = frozenset({"lowpass", "colour"})
 LAG_LIKELIHOOD_RATIO = 24.0
 """Likelihood ratio from which a lag replaces a temperature: χ²₁ at 1e-6, 1e-5 for the dozen lags of the grid."""
 
+THERMAL = (Temperature, TemperatureRate, TemperatureSquared, ThermalLag, Hysteresis)
+"""Causes that are functions of the temperature."""
+
 
 def measured_first(result: TestResult, rejections: list[TestResult]) -> TestResult:
     """Return a result, or in place of a smooth shape its near twin that is the temperature itself, or lags it.
@@ -50,6 +57,28 @@ def measured_first(result: TestResult, rejections: list[TestResult]) -> TestResu
             if other.cause == cause and other.gain > result.gain - NEAR_TWIN_NATS:
                 return other
     return result
+
+
+def behind_thermometer(fitted: Residual, result: TestResult, threshold: float) -> TestResult:
+    """Return a result, or in place of a smooth shape of time a temperature behind a thermometer that is late.
+
+    A thermometer late by τ reads T − τ dT/dt: what follows T follows its reading, and the rate of that.
+    """
+    named = CAUSES.extensions().get(result.cause)
+    if named is None or not issubclass(named, Template) or named.abrupt or named.covariate is not None:
+        return result
+    if COVARIATE not in fitted.channel.covariates or fitted.count(*(c.cause for c in THERMAL)):
+        return result
+    pair = Temperature(), TemperatureRate()
+    columns = np.stack([one.template(fitted.channel) for one in pair], axis=1)
+    best = fitted.refit(block_transform(columns, fitted.cleaned, fitted.track.singles))
+    ratio = max(0.0, 2.0 * (best.log_likelihood - fitted.fit.log_likelihood))
+    gain = 0.5 * ratio - 0.5 * float(np.log(fitted.channel.blocks))
+    p_value = float(chi2.sf(SLOW_RATIO_FACTOR * ratio, 2))
+    if gain < result.gain - NEAR_TWIN_NATS or p_value > threshold:
+        return result
+    name = "likelihood ratio of the temperature and its rate"
+    return TestResult(Temperature.cause, p_value, gain, ratio, name, lambda: pair)
 
 
 def twins(one: str, other: str) -> bool:

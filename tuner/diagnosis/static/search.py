@@ -30,6 +30,7 @@ from tuner.diagnosis.static.model.residual import Residual, relabelled, residual
 from tuner.diagnosis.static.near_twins import (
     ALTERNATIVE_NATS,
     NEAR_TWIN_NATS,
+    behind_thermometer,
     measured_first,
     twins,
     with_curve,
@@ -140,7 +141,10 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             ]
         rejections = _not_superseded(rejections)
         broad = [result for result in rejections if is_broad(result.cause)]
-        chosen = [measured_first(result, rejections) for result in _clearest(rejections)]
+        chosen = [
+            behind_thermometer(found, measured_first(result, rejections), threshold)
+            for result in _clearest(rejections)
+        ]
         paths = any(result.cause == "telegraph" for result in chosen)
         jumps = [result for result in rejections if result in chosen or (paths and result.cause == "step")]
         wider = _wider(found, jumps, len(given))
