@@ -2,8 +2,9 @@
 
 Each processor gets a forked copy of this process, which shares its memory: nothing is imported or read again, and items
 are not copied. Copies take the next item as they finish one, and send results through a pipe. They end with this
-process, and at once where it is interrupted. Where no copy can be made (on Windows, in a thread, in a daemon such as a
-worker of Dask) the items are done here, one after the other. Inside a copy every stage has one processor.
+process, and at once where it is interrupted. Where no copy can be made (in a thread, in a daemon such as a worker of
+Dask, outside Linux, where libraries of the system may not survive it) the items are done here, one after the other.
+Inside a copy every stage has one processor.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ def _affordable() -> int:
 def _can_copy() -> bool:
     """Return whether this process may fork: the copy would lack its other threads, but not their locks."""
     return (
-        hasattr(os, "fork")
+        sys.platform == "linux"
         and threading.current_thread() is threading.main_thread()
         and not current_process().daemon
     )
@@ -175,8 +176,7 @@ def _work_and_leave(
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             signal.signal(getattr(signal, name), signal.SIG_DFL)
-        if sys.platform == "linux":
-            ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(_END_WITH_PARENT, signal.SIGKILL)
         for other in others:
             os.close(other)
         _limit.set(1)
@@ -236,7 +236,8 @@ def _collected(receivers: Sequence[int], shared: Sequence[object]) -> dict[int, 
                 mine = content[key.fd]
                 mine += piece
                 while len(mine) >= 8 and len(mine) >= 8 + (size := int.from_bytes(mine[:8], "little")):
-                    index, failed, value = _value(bytes(mine[8 : 8 + size]), shared)
+                    with memoryview(mine) as sent:
+                        index, failed, value = _value(bytes(sent[8 : 8 + size]), shared)
                     found[index] = (failed, value)
                     del mine[: 8 + size]
     return found

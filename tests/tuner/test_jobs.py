@@ -21,7 +21,7 @@ from tuner.formats.identification import identification_json
 from tuner.jobs import each, limited, usable
 from tuner.simulation.static import simulate
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot copy a process")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a process is copied")
 
 
 def test_items_are_spread_over_processes_and_come_back_in_order():
@@ -69,8 +69,6 @@ def test_a_process_that_the_system_ends_is_reported():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_copies_end_with_the_process(number):
-    if number == signal.SIGKILL and sys.platform != "linux":
-        pytest.skip("only Linux ends copies of a process that was killed")
     program = (
         "import os, sys, time\nfrom tuner.jobs import each, limited\n"
         "def work(i):\n    os.write(1, f'{os.getpid()}\\n'.encode())\n    time.sleep(60)\n"

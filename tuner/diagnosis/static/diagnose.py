@@ -139,8 +139,8 @@ def diagnose(
             Unexplained(r.name, (part.axis,), r.p_value, r.nats, r.place or WHOLE_RECORD)
             for r in outcome.unexplained
         )
-        outcome.final.scaled  # noqa: B018  # for what channels share, in the process that has its parts
-        return _Diagnosed(singles(part.axis, outcome, before), unexplained, outcome.final, before, after)
+        final = outcome.final.without_caches
+        return _Diagnosed(singles(part.axis, outcome, before), unexplained, final, before, after)
 
     longest_first = sorted(parts, key=lambda part: -_colour(part[0]))
     found_in = dict(

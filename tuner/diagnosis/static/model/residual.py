@@ -11,7 +11,7 @@ with the whole spectrum E of the model. Zero-phase whitening leaves a spike a sp
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
 
@@ -72,11 +72,12 @@ class Residual:
     shapes: dict[Extension, FloatArray] = field(repr=False, compare=False, default_factory=dict)
     known: dict[Callable[..., Any], Any] = field(init=False, repr=False, compare=False, default_factory=dict)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what another process gets: the fields, and the residuals where they are known."""
-        state = {item.name: getattr(self, item.name) for item in fields(self)}
-        same = {"scaled": self.scaled} if "scaled" in self.__dict__ else {}
-        return {**state, "shapes": {}, "known": {}, **same}
+    @property
+    def without_caches(self) -> Residual:
+        """The same without what was computed from it, tenfold its size, but for the residuals themselves."""
+        same = replace(self, shapes={})
+        same.__dict__["scaled"] = self.scaled
+        return same
 
     @property
     def fit(self) -> Fit:
