@@ -122,5 +122,6 @@ def test_no_room_to_write(tmp_path: Path, limit: int) -> None:
     )
     assert done.returncode == 2
     assert b"File too large" in done.stderr
+    assert str(folder).encode() in done.stderr
     assert b"Traceback" not in done.stderr
     assert (state(folder), leftovers(folder)) == (before, [])

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tuner.formats.files import STAGE, WRITING, mode_for, remove_abandoned, to_disk, umask, whole_file
+from tuner.formats.files import STAGE, WRITING, mode_for, named, remove_abandoned, to_disk, umask, whole_file
 
 MANIFEST = "files"
 """Key of the last file of a set, JSON, under which it has the SHA-256 of the others."""
@@ -62,7 +62,7 @@ def write_set(directory: Path, files: Mapping[str, bytes], *, last: str) -> None
     linked = [name for name in files if (target / name).is_symlink()]
     plain = all(p.is_file() and not p.is_symlink() for p in others) and not linked
     whole = not target.exists() or (plain and target.is_dir() and not _is_within(Path.cwd(), target))
-    with WRITING, _uninterrupted():
+    with WRITING, _uninterrupted(), named(target):
         if not whole or not _exchanged(target, files, others):
             _one_by_one(target, files, last, gone)
 

@@ -34,12 +34,23 @@ def whole_file(path: Path) -> Iterator[Path]:
     prefix = f"{STAGE}{os.getpid()}-{target.stem[:40]}-"
     handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)
     os.close(handle)
-    with temporary_place(Path(name)) as temporary:
+    with temporary_place(Path(name)) as temporary, named(target):
         yield temporary
         temporary.chmod(mode_for(target))
         to_disk(temporary)
         temporary.replace(target)
         to_disk(target.parent)
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Name the file in an error of the system that names none, such as that of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            raise OSError(error.errno, error.strerror, str(path)) from None
+        raise
 
 
 @contextmanager
