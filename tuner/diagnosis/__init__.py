@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import overload
 
 from tuner.readers import read
-from tuner.readers.drive import read_drive
-from tuner.readers.source_kind import is_drive
+from tuner.readers.drive import read_if_drive
 from tuner.types import Diagnosis, DriveDiagnosis, FilterConfig, GnssNoise, Identification
 from tuner.types.progress import Progress, silent
 from tuner.types.records import DataError, Drive, Record
@@ -107,7 +106,8 @@ def diagnose(
         Where the data cannot be analysed, or an option does not go with them.
     """
     if isinstance(data, str | Path):
-        data = read_drive(data) if is_drive(data) else read(data)
+        drive = read_if_drive(data)
+        data = read(data) if drive is None else drive
     if isinstance(data, Drive):
         from tuner.diagnosis.drive.explained_drive import diagnose_drive_of
         from tuner.identification.identify_source import receiver_of_source

@@ -37,6 +37,7 @@ from tuner.readers.fixes import fix_files
 from tuner.readers.fixes.gps_time import on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
+from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
 from tuner.readers.text import find_dialect, read_numbers
 from tuner.types.numbers import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
@@ -47,6 +48,8 @@ MAX_UNREADABLE_SHARE = 0.01
 """Share of unreadable rows above which a stream is refused."""
 MAX_DISORDERED_SHARE = 0.10
 """Share of rows behind an earlier stamp above which a clock was reset; fewer are sorted."""
+CONTENT = "a drive: arrays and settings, one row a sample or fix"
+"""What is expected of a file, for messages."""
 FRAMES: Mapping[str, tuple[float, float, float]] = {
     "FRD": (0.0, 0.0, 0.0),
     "FLU": (180.0, 0.0, 0.0),
@@ -99,8 +102,25 @@ def read_drive(path: str | Path) -> Drive:
         msg = f"{path}: expected a drive (folder with imu.csv and gnss.csv, NPZ, or YAML of KF-GINS), found nothing"
         raise DataError(msg)
     readers = {".npz": _npz, ".yaml": _kf_gins, ".yml": _kf_gins}
-    with input_guard(path, "a drive: arrays and settings, one row a sample or fix"):
+    with input_guard(path, CONTENT):
         return readers.get(path.suffix.lower(), _messages)(path)
+    raise AssertionError
+
+
+def read_if_drive(source: str | Path) -> Drive | None:
+    """Read a drive, as `read_drive`; None where the source is a log of the inertial unit alone.
+
+    A log of messages has to be read to tell: once, not once to tell and once more for the drive.
+    """
+    path = file_of(Path(source))
+    told = is_drive_by_form(path)
+    if told is not None:
+        return read_drive(path) if told else None
+    found = drive_in_messages(path)
+    if found is None:
+        return None
+    with input_guard(path, CONTENT):
+        return _of_arrays(path, found)
     raise AssertionError
 
 

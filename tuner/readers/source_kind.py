@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tuner.formats.guard import input_guard, printable
 from tuner.types.records import DataError
+
+if TYPE_CHECKING:
+    from tuner.readers.drive_npz import DriveArrays
 
 
 def source_name(source: str | Path) -> str:
@@ -35,9 +39,17 @@ def is_drive(source: str | Path) -> bool:
 
     A drive is a folder, an NPZ or message log (ULog, bag, …) with fixes, or a YAML of KF-GINS.
     """
-    from tuner.readers.log_format import file_of, log_folder
+    from tuner.readers.log_format import file_of
 
     path = file_of(Path(source))
+    told = is_drive_by_form(path)
+    return drive_in_messages(path) is not None if told is None else told
+
+
+def is_drive_by_form(path: Path) -> bool | None:
+    """Tell a drive from a log by the form of a folder, NPZ or YAML; None where only reading the messages tells."""
+    from tuner.readers.log_format import log_folder
+
     if path.is_dir():
         return log_folder(path) is None
     if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
@@ -49,19 +61,19 @@ def is_drive(source: str | Path) -> bool:
     if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         head = path.read_text(encoding="utf-8", errors="replace")
         return "imupath" in head and "gnsspath" in head
-    return path.is_file() and _holds_fixes(path)
+    return None if path.is_file() else False
 
 
-def _holds_fixes(path: Path) -> bool:
-    """Tell whether a message log holds fixes that make it a drive."""
+def drive_in_messages(path: Path) -> DriveArrays | None:
+    """Return the drive in a message log; None where it holds too few fixes for one, or is no message log."""
     from tuner.readers.log_format import format_of, library_of
 
     try:
         declared = format_of(path)
         if declared.drive is None:
-            return False
+            return None
         with library_of(declared, path), input_guard(path, declared.title):
-            declared.drive(path)
+            return declared.drive(path)
     except DataError:
-        return False
-    return True
+        return None
+    raise AssertionError

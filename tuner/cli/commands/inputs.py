@@ -49,7 +49,7 @@ def load_source(source: str | None, reading: Reading, messages: Messages) -> tup
 
 def load_data(source: str, reading: Reading, messages: Messages) -> tuple[Record, ...] | Drive:
     """Read a static log or a measured drive."""
-    from tuner.readers.drive import read_drive
-    from tuner.readers.source_kind import is_drive
+    from tuner.readers.drive import read_if_drive
 
-    return read_drive(source) if is_drive(source) else load_records(source, reading, messages)
+    drive = read_if_drive(source)
+    return load_records(source, reading, messages) if drive is None else drive

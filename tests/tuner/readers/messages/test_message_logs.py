@@ -1,13 +1,14 @@
 """Logs of messages hold the numbers that were written into them: units, axes, clocks, accuracies."""
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.tuner.readers.messages.writers import write_bag, write_dataflash, write_ulog
-from tuner.readers import read
-from tuner.readers.drive import read_drive
+from tuner.readers import log_format, read
+from tuner.readers.drive import read_drive, read_if_drive
 from tuner.readers.source_kind import is_drive
 from tuner.types.records import DataError
 
@@ -147,6 +148,20 @@ def test_a_drive_holds_its_fixes(kind, tmp_path):
     np.testing.assert_allclose(drive.rates[:, 3:], ACCEL, rtol=1e-6, atol=1e-9)
     framed = kind in ("ulog", "dataflash")
     assert (drive.mounting is not None) == framed
+
+
+@KINDS
+def test_a_log_is_parsed_once_to_tell_and_to_read_its_drive(kind, tmp_path, monkeypatch):
+    pytest.importorskip(LIBRARY[kind])
+    path, parsed = MAKERS[kind](tmp_path), []
+    declared = log_format.format_of(log_format.file_of(path))
+    counting = replace(declared, drive=lambda p: parsed.append(p) or declared.drive(p))
+    monkeypatch.setattr(log_format, "format_of", lambda _: counting)
+    drive = read_if_drive(path)
+    assert len(parsed) == 1
+    np.testing.assert_array_equal(drive.rates, read_drive(path).rates)
+    (tmp_path / "static").mkdir()
+    assert read_if_drive(MAKERS[kind](tmp_path / "static", fixes=False)) is None
 
 
 @KINDS
