@@ -146,6 +146,8 @@ class Effect(Written, ABC):
     """Whether the effect adds a signal that follows from its parameters, the time and the temperature alone."""
     needs_temperature: ClassVar[bool] = False
     """Whether the effect acts only where a temperature is known."""
+    needs_smooth_temperature: ClassVar[bool] = False
+    """Whether codes and noise of a thermometer, differentiated, would be more than the effect."""
 
     @classmethod
     def drawn(cls, values: Mapping[str, float], block: Samples) -> FloatArray | None:

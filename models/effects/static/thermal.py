@@ -162,6 +162,7 @@ class TemperatureRate(Effect):
     name: ClassVar[str] = "temperature_rate"
     deterministic: ClassVar[bool] = True
     needs_temperature: ClassVar[bool] = True
+    needs_smooth_temperature: ClassVar[bool] = True
     slope: float
 
     def __post_init__(self) -> None:

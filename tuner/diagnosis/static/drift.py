@@ -28,6 +28,9 @@ from models.effects import EFFECTS, Samples
 from models.noise import GaussMarkov, NoiseModel
 from models.units import STANDARD_GRAVITY
 from tuner.curves.allan import overlapping_allan
+from tuner.diagnosis.static.causes.temperature import COVARIATE
+from tuner.diagnosis.static.channel import BLOCK_COUNT
+from tuner.diagnosis.static.model.covariate import code_step, smoothed, typical_repeats
 from tuner.types import Finding
 from tuner.types.records import Record
 
@@ -224,10 +227,20 @@ def found_signal(cause: str, values: Mapping[str, float], record: Record, axis: 
     effect = EFFECTS.get(cause)
     if effect is None:
         return None
-    samples = Samples(
-        record.t, record.column(axis)[:, None], record.interval, record.covariates.get("temperature")
-    )
+    celsius = record.covariates.get(COVARIATE)
+    if celsius is not None and effect.needs_smooth_temperature:
+        celsius = _smooth(celsius)
+    samples = Samples(record.t, record.column(axis)[:, None], record.interval, celsius)
     try:
         return effect.drawn(values, samples)
     except (KeyError, TypeError, ValueError):
         return None
+
+
+def _smooth(celsius: FloatArray) -> FloatArray:
+    """Return readings of a thermometer, shape (n,), on the curve that a diagnosis takes for the temperature."""
+    size = max(1, len(celsius) // BLOCK_COUNT)
+    number = len(celsius) // size
+    means = celsius[: number * size].reshape(number, size).mean(axis=1)
+    curve = smoothed(means, code_step(celsius), -(-typical_repeats(celsius) // size))
+    return np.interp(np.arange(len(celsius)), (np.arange(number) + 0.5) * size, curve)

@@ -9,6 +9,7 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.drift import found_signal
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
@@ -61,6 +62,15 @@ def test_a_bias_behind_a_play_of_the_temperature_is_hysteresis():
     causes = [f.cause for f in diagnose(record(signal, celsius=CELSIUS)).findings]
     assert causes[0] == "hysteresis"
     assert set(causes) <= {"hysteresis", "temperature"}
+
+
+def test_the_signal_of_a_rate_has_no_steps_of_the_thermometer():
+    """A step of 0.125 K between samples would be 6 K/s, a thousand times the largest rate."""
+    codes = record(np.zeros(COUNT), celsius=0.125 * np.round(CELSIUS / 0.125))
+    signal = found_signal("temperature_rate", {"slope": 1.0}, codes, "gyro_x")
+    true = 5.0 * 2.0 * np.pi / 700.0 * np.cos(2.0 * np.pi * TIME / 700.0 + 0.3)
+    middle = slice(COUNT // 10, -COUNT // 10)
+    assert np.abs(signal - true)[middle].max() < 0.15 * np.abs(true).max()
 
 
 def test_two_ways_of_a_temperature():
