@@ -155,6 +155,11 @@ def score_outputs(
         )
     )
     found = replace(found, mean_errors=why.means)
+    if why.misfit is not None and not found.consistent:
+        notes.append(
+            f"no cause is sought: the sds differ by {100.0 * why.misfit:.0f} % (rms) from those of every filter of "
+            "position, velocity, attitude and biases; it has further states, such as scale factors"
+        )
     causes = () if found.consistent else why.causes
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
     found = replace(found, diverged=lost or far)

@@ -67,11 +67,14 @@ class Explanations:
         Constants that shift the errors by more than the margin of the scores.
     assumed : FilterModel or None
         What the filter assumes, as its sds show; None where no such filter has these sds.
+    misfit : float or None
+        Rms difference of the logarithms of its sds and those of the nearest filter, where that is too large.
     """
 
     causes: tuple[OutputCause, ...] = ()
     means: tuple[MeanError, ...] = ()
     assumed: FilterModel | None = None
+    misfit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ def explain(
         return Explanations()
     model = fit_filter(*pairs[0])
     if not model.fits:
-        return Explanations()
+        return Explanations(misfit=model.misfit)
     models = [error_model(run, course, model) for run, course in pairs]
     known = sum(int(one.known.any(axis=1).sum()) for one in models)
     if known < 20:
