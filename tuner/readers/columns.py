@@ -63,7 +63,7 @@ class Listing:
     stream : callable or None
         Reads groups of columns piece by piece; None where the format cannot.
     rows : int
-        Rows at most, as far as is known before reading; 0 where `stream` is None.
+        Number of rows, of a text an estimate; 0 where `stream` is None.
     """
 
     path: Path

@@ -134,17 +134,18 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
         notes=notes,
         guessed=guessed,
         stream=stream,
-        rows=_rows_at_most(path, dialect.skip),
+        rows=_rows_about(path, dialect.skip),
     )
 
 
-def _rows_at_most(path: Path, skip: int) -> int:
-    """Return about how many rows a text has, rather too many, from the shortest of its first lines."""
+def _rows_about(path: Path, skip: int) -> int:
+    """Return about how many rows a text has, from the usual length of its first lines."""
     with input_guard(path, "text"), open_bytes(path) as file:
         lines = file.read(_HEAD_BYTES).split(b"\n")[skip:]
-    shortest = min((len(line) for line in lines[:-1] or lines if line.strip()), default=0) + 1
+    lengths = sorted(len(line) for line in lines[:-1] or lines if line.strip())
+    usual = lengths[len(lengths) // 2] + 1 if lengths else 1
     packed = _USUAL_EXPANSION if path.suffix.lower() == ".gz" else 1
-    return packed * path.stat().st_size // shortest
+    return packed * path.stat().st_size // usual
 
 
 def open_bytes(path: Path) -> IO[bytes]:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from tuner.identification import identify_channel
-from tuner.readers import read
+from tuner.readers import FORMATS, read
 from tuner.readers.block_means import MIN_ROWS
 from tuner.types.records import DataError, Record
 
@@ -144,3 +144,10 @@ def test_parts_that_do_not_fit_are_refused(tmp_path: Path, factor: float, offset
     t[2 * MIN_ROWS :] += offset + (factor - 1.0) * (t[2 * MIN_ROWS :] - t[2 * MIN_ROWS])
     with pytest.raises(DataError, match=found):
         read(written(tmp_path / "log.npz", data), memory=LITTLE)
+
+
+def test_short_comments_do_not_make_a_text_seem_long(tmp_path: Path) -> None:
+    rows = 2000
+    lines = written(tmp_path / "log.csv", columns(rows)).read_text().splitlines()
+    (tmp_path / "log.csv").write_text("\n".join([lines[0], *(f"{line}\n#" for line in lines[1:])]))
+    assert 0.4 < FORMATS["text"].read(tmp_path / "log.csv", None).rows / rows < 2.1
