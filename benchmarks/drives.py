@@ -6,8 +6,9 @@ Each drive below FOLDER/drives. The first table has the delays of the fixes by t
 at 95 %: no configuration plays a part in them. In the second, configurations filter the drive with these clocks; the
 last 40 % are scored: position with fixes (3D, against the reference where there
 is one, else the fixes), and outages of 10, 30 and 60 s as error and true ÷ predicted. *began*: noise at rest, sds as
-reported; *× 10*: its process noise ten times as large; *written*: by `tune --drive`. The last column is processor time
-of what is written.
+reported; *× 10*: its process noise ten times as large; *Sage–Husa*: sds of the fixes by the well-known adaptation to
+the innovations; *written*: by `tune --drive`. The last column is processor time of what is written. The third table
+compares began and written in all outages of the drive, in pairs.
 """
 
 from __future__ import annotations
@@ -20,21 +21,37 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from models.earth import ned_between
-from tuner.consistency.drive_scores import reference_at
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
-from tuner.diagnosis.drive.held_out_choice import choose_config, with_noise_factors
-from tuner.diagnosis.drive.predictive_score import PredictiveScore, configured_run, predictive_score
+from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config, with_noise_factors
+from tuner.diagnosis.drive.held_out_gain import change_interval
+from tuner.diagnosis.drive.predictive_score import (
+    ConfiguredRun,
+    PredictiveScore,
+    configured_run,
+    predictive_score,
+)
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.navigation.data import USED, Solution
 from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
+from tuner.navigation.drive.run import Stretch, navigate
 from tuner.readers.drive import read_drive
 from tuner.synthesis.from_drive import config_of_drive, stationary_noise
 from tuner.types import FilterConfig
 from tuner.types.progress import silent
 from tuner.types.records import DataError, Drive
+
+FloatArray = NDArray[np.float64]
+
+FORGETTING = 0.98
+"""Factor by which an innovation counts less with each later one: usual values are 0.95 to 0.995."""
+LEAST_VARIANCE = 0.01
+"""Least variance of a fix, in units of the reported: Sage and Husa's may become negative."""
+ADAPTATIONS = 4
+"""Runs in which the sds settle: each takes its covariances from the one before."""
 
 
 def drives(folder: Path, names: list[str]) -> Iterator[Drive]:
@@ -44,13 +61,49 @@ def drives(folder: Path, names: list[str]) -> Iterator[Drive]:
             yield read_drive(path)
 
 
-def raw_rms(drive: Drive, begin: float) -> float | None:
-    """Return the rms error of the fixes themselves from a time on, m; None without a reference."""
-    if drive.reference is None:
-        return None
-    late = drive.gnss.t > begin
-    off = ned_between(reference_at(drive.reference, drive.gnss.t[late])[0], drive.gnss.llh[late])
-    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
+def adapted(run: ConfiguredRun) -> ConfiguredRun:
+    """Return a run with the sds of Sage and Husa [1]_: r ← (1 − d) r + d (z² − h P hᵀ), one r for each row of a fix.
+
+    References
+    ----------
+    .. [1] A. P. Sage, G. W. Husa, Adaptive filtering with unknown prior statistics, Joint Automatic Control
+       Conf. (1969).
+    """
+    reported = [stretch.fixes.sd for stretch in run.stretches]
+    for _ in range(ADAPTATIONS):
+        solutions = navigate(run.stretches, run.settings, np.zeros((0, 2)))
+        stretches = tuple(
+            replace(s, fixes=replace(s.fixes, sd=_adapted_sds(s, solution, sd)))
+            for s, solution, sd in zip(run.stretches, solutions, reported, strict=True)
+        )
+        run = replace(run, stretches=stretches)
+    return run
+
+
+def _adapted_sds(stretch: Stretch, solution: Solution, reported: FloatArray) -> FloatArray:
+    spread = np.diagonal(solution.innovation_covariance, axis1=1, axis2=2)
+    of_fix = (solution.innovation**2 - (spread - stretch.fixes.sd**2)) / reported**2
+    taken = np.repeat(solution.use == USED, 3, axis=1)
+    r, seen, out = np.ones(6), np.zeros(6), np.empty_like(reported)
+    for k in range(len(reported)):
+        seen += taken[k]
+        weight = np.where(taken[k], (1.0 - FORGETTING) / (1.0 - FORGETTING ** (seen + 1.0)), 0.0)
+        r = np.maximum((1.0 - weight) * r + weight * of_fix[k], LEAST_VARIANCE)
+        out[k] = reported[k] * np.sqrt(r)
+    return out
+
+
+def compared(name: str, choice: HeldOutChoice) -> str:
+    """Return one row of the third table."""
+    cells = []
+    for seconds in (10.0, 30.0, 60.0):
+        pairs = choice.outages.get(seconds)
+        if pairs is None:
+            cells.append("–")
+            continue
+        (before, after), (low, high) = np.sqrt(pairs.mean(axis=0)), change_interval(pairs)
+        cells.append(f"{before:.3g} → {after:.3g} ({low:+.2g} … {high:+.2g}), {len(pairs)}")
+    return f"| {name} | {' | '.join(cells)} |"
 
 
 def row(name: str, score: PredictiveScore | None, seconds: float | None = None) -> str:
@@ -63,23 +116,24 @@ def row(name: str, score: PredictiveScore | None, seconds: float | None = None) 
     return f"| {name} | {score.tracking_rms:.3g} | {cells} | {took} |"
 
 
-def judged(drive: Drive, config: FilterConfig, begin: float) -> PredictiveScore | None:
+def judged(
+    drive: Drive, config: FilterConfig, begin: float, *, adapt: bool = False
+) -> PredictiveScore | None:
     """Return the score of a configuration on the drive from a time on."""
     clean = replace(drive, gnss=without_gross_outliers(drive.gnss)[0])
     try:
-        return predictive_score(
-            configured_run(clean, config, clock_of_drive(drive)), begin, float(drive.gnss.t[-1])
-        )
+        run = configured_run(clean, config, clock_of_drive(drive))
+        return predictive_score(adapted(run) if adapt else run, begin, float(drive.gnss.t[-1]))
     except DataError:
         return None
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     folder = Path(os.environ.get("TUNER_DATA", "")) / "drives"
     if not folder.is_dir():
         sys.exit("TUNER_DATA: expected a folder with recordings in 'drives', found none")
-    clocks, scores = [], []
+    clocks, scores, outages = [], [], []
     for drive in drives(folder, sys.argv[1:]):
         clocks.append(f"| {drive.name} | {clock_of_drive(drive).note} |")
         t = drive.gnss.t
@@ -89,22 +143,21 @@ def main() -> None:
         examined = examine_and_explain(drive, began, progress=silent)
         choice = choose_config(drive, examined, began, config_after_drive(examined, kept=True), silent)
         took = time.process_time() - start
-        raw = raw_rms(drive, begin)
-        scores += [
+        times_ten = with_noise_factors(began, {"white": 10.0, "bias": 10.0})
+        own = [
             row(f"{drive.name}, began", judged(drive, began, begin)),
-            row(
-                "… process noise × 10",
-                judged(drive, with_noise_factors(began, {"white": 10.0, "bias": 10.0}), begin),
-            ),
+            row("… process noise × 10", judged(drive, times_ten, begin)),
+            row("… Sage–Husa", judged(drive, began, begin, adapt=True)),
             row(f"… written: {choice.kept}", judged(drive, choice.config, begin), took),
         ]
-        if raw is not None:
-            scores.append(f"| … fixes alone | {raw:.3g} | | | | |")
-        print(clocks[-1], *scores[-4:], sep="\n", flush=True)
-    print("\n| drive | clocks by the motion alone |\n|---|---|")
-    print(*clocks, sep="\n")
-    print("\n| drive | position, m | 10 s | 30 s | 60 s | s |\n|---|---|---|---|---|---|")
-    print(*scores, sep="\n")
+        if choice.after is not None and choice.after.fixes_rms is not None:
+            own.append(f"| … fixes alone | {choice.after.fixes_rms:.3g} | | | | |")
+        outages.append(compared(drive.name, choice))
+        scores += own
+        print(clocks[-1], *own, outages[-1], choice.note, sep="\n", flush=True)
+    print("\n| drive | clocks by the motion alone |\n|---|---|", *clocks, sep="\n")
+    print("\n| drive | position, m | 10 s | 30 s | 60 s | s |\n|---|---|---|---|---|---|", *scores, sep="\n")
+    print("\n| all outages of the drive, m | 10 s | 30 s | 60 s |\n|---|---|---|---|", *outages, sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
 """Which configuration to write for a drive: fitted on its first 60 %, kept where it predicts the last 40 % better.
 
-Candidates are the configuration as it began and the one with all findings, each also with factors on its noise that
-let it predict outages of the first part (`predictive_score`): innovations a tenth of a second ahead do not show what
-adds up over a minute, such as vibration that turns into bias, or errors of the receiver that stay. Factors are found
-one after another, by steps of 3 and then of √3, each kept where it gains `MIN_GAIN`.
+Candidates are the configuration as it began and the one with all findings, each as it is and with errors of the
+receiver that stay (`staying_errors`). The one that predicts outages of the first part best (`predictive_score`) also
+gets factors on its noise: innovations a tenth of a second ahead do not show what adds up over a minute, such as
+vibration that turns into bias. Factors are found one after another, by steps of 3 and then of √3, each kept where it
+gains `MIN_GAIN`.
 
-On the last part a candidate replaces the beginning only where its log density is larger, no length of outage has errors
-that are larger beyond chance (`change_interval`), and positions with fixes are not worse. The candidates are tried in
-the order of their log density on the first part; where none passes, the configuration stays as it began.
+On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
+is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
+are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
+Where a reference shows that positions err more than the fixes alone, those of `NEARER_TO_FIXES` are tried, too: the
+first is written whose positions do not. Where there is none, the note says that the fixes are better.
 """
 
 from __future__ import annotations
@@ -17,14 +20,27 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tuner.diagnosis.drive.causes.time_offset import with_clock
 from tuner.diagnosis.drive.diagnose import ExaminedDrive
 from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
 from tuner.diagnosis.drive.hypothesis import with_density_factors
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
-from tuner.diagnosis.drive.predictive_score import PredictiveScore, configured_run, predictive_score
+from tuner.diagnosis.drive.predictive_score import (
+    PredictiveScore,
+    configured_run,
+    outage_pairs,
+    predictive_score,
+)
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
+from tuner.diagnosis.drive.staying_errors import (
+    POSITION,
+    STAYING,
+    VELOCITY,
+    described,
+    with_staying_errors,
+)
 from tuner.navigation.drive.axis_checks import with_axes_found
 from tuner.navigation.drive.clock import clock_of_drive
 from tuner.navigation.drive.gross_outliers import without_gross_outliers
@@ -32,6 +48,8 @@ from tuner.navigation.fix_sd_model import GNSS_NOISE_SCALE
 from tuner.types import Enlargement, FilterConfig, Parameter, Quantity
 from tuner.types.progress import Progress
 from tuner.types.records import DataError, Drive
+
+FloatArray = NDArray[np.float64]
 
 FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -50,6 +68,14 @@ MIN_GAIN = 3.0
 """Nats that a step must gain: a likelihood ratio of 20."""
 MAX_MOVES = 3
 """Moves of one setting by one step size, at most: 27 times."""
+FIRST_STAYING: Mapping[str, float] = MappingProxyType({POSITION: 1.0, VELOCITY: 1.0})
+"""Errors of the receiver that stay, with which a candidate begins: their sds as the receiver reports them."""
+NEARER_TO_FIXES = ((3.0, 1.0), (9.0, 1.0), (9.0, 1.0 / 3.0), (27.0, 1.0 / 9.0))
+"""Factors on errors of velocities that stay, and on all sds of positions, for a filter that follows the fixes."""
+POSITIONS = (POSITION, "position_horizontal", "position_vertical")
+"""Sds of positions."""
+WORSE_PROBABILITY = 0.9
+"""Probability from which errors in outages count as larger: a user loses more by them than by a change not made."""
 MAX_TRACKING_RATIO = 1.05
 """Position error with fixes, after ÷ before, above which it counts as worse: 5 % are lost in the scatter of a drive."""
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
@@ -85,6 +111,8 @@ class HeldOutChoice:
         On the noise of that configuration, by name of `FACTORS`.
     before, after : PredictiveScore or None
         On the last part: as it began, and as written; None where the drive is too short.
+    outages : mapping of float to ndarray, shape (w, 2)
+        Squared errors in outages of the whole drive, m², as it began and as written, by length, s.
     note : str
         What was decided, and why, in words.
     """
@@ -94,12 +122,24 @@ class HeldOutChoice:
     factors: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     before: PredictiveScore | None = None
     after: PredictiveScore | None = None
+    outages: Mapping[float, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     note: str = ""
 
 
+@dataclass(frozen=True)
+class Candidate:
+    """A configuration with factors on its noise, and its score on the first part of a drive."""
+
+    name: str
+    config: FilterConfig
+    factors: Mapping[str, float]
+    first: PredictiveScore
+
+
 def with_noise_factors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
-    """Return a configuration with factors on its noise, by name of `FACTORS`."""
-    each = {setting: factor for name, factor in factors.items() for setting in FACTORS[name]}
+    """Return a configuration with factors on its noise, by name of `FACTORS` and `STAYING`."""
+    config = with_staying_errors(config, factors)
+    each = {setting: factor for name, factor in factors.items() for setting in FACTORS.get(name, ())}
     config = with_density_factors(config, {group: each.get(group, 1.0) for group in NOISE_GROUPS})
     own = config.compensation.of(GNSS_NOISE_SCALE)
     rows = {name: factor for name, factor in each.items() if name not in NOISE_GROUPS}
@@ -148,60 +188,88 @@ def choose_config(
             fitted["with the findings"] = replace(part.config, compensation=part.compensation)
     else:
         del fitted["with the findings"]
-    ranked: list[tuple[float, str, FilterConfig, Mapping[str, float]]] = []
-    for name, config in fitted.items():
-        first = score(config, begin, cut)
-        if first is None:
-            continue
-        ranked.append((first.nats, name, config, {}))
-        found, nats = _fit_factors(config, first.nats, lambda one: score(one, begin, cut))
-        if found:
-            ranked.append((nats, name, config, found))
+    candidates = [
+        Candidate(name, config, factors, first)
+        for name, config in fitted.items()
+        for factors in (MappingProxyType({}), FIRST_STAYING)
+        if (first := score(with_noise_factors(config, factors), begin, cut)) is not None
+    ]
     begun = score(before, cut, end)
-    if begun is None or not ranked:
+    if begun is None or not candidates:
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
+    best = min(candidates, key=lambda one: -one.first.nats)
+    refined = _fit_factors(best, lambda one: score(one, begin, cut))
+    first = score(with_noise_factors(best.config, refined), begin, cut)
+    if first is not None:
+        candidates.append(replace(best, factors=refined, first=first))
     progress("judging the configurations on the last part of the drive")
-    for _, name, config, factors in sorted(ranked, key=lambda one: -one[0]):
-        late = score(with_noise_factors(config, factors), cut, end)
-        if late is not None and is_better(begun, late):
-            kept = f"{name}, factors for outages" if factors else name
-            return HeldOutChoice(
-                _recorded(written[name], factors), kept, factors, begun, late, _note(kept, begun, late)
-            )
-    return HeldOutChoice(before, "as it began", {}, begun, begun, _note("as it began", begun, begun))
+    began = configured_run(drive, before, clock)
+
+    def judged(one: Candidate) -> HeldOutChoice | None:
+        config = with_noise_factors(one.config, one.factors)
+        late = score(config, cut, end)
+        if late is None or not is_better(begun, late):
+            return None
+        pairs = outage_pairs(began, configured_run(drive, config, clock), begin, end)
+        if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
+            return None
+        kept = f"{one.name}, factors for outages" if one.factors else one.name
+        chosen, note = _recorded(written[one.name], one.factors), _note(kept, begun, late, pairs)
+        return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note)
+
+    passing = None
+    for one in sorted(candidates, key=lambda one: -one.first.nats):
+        passing = judged(one)
+        if passing is not None:
+            break
+    if passing is None or passing.after is None:
+        return HeldOutChoice(
+            before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
+        )
+    if not passing.after.follows:
+        for other in _nearer_to_fixes(one):
+            nearer = judged(other)
+            if nearer is not None and nearer.after is not None and nearer.after.follows:
+                return nearer
+    return passing
 
 
 def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:
-    """Whether one score is larger than another and nothing that a user reads is worse."""
-    if after.nats <= before.nats or after.tracking_rms > MAX_TRACKING_RATIO * before.tracking_rms:
-        return False
-    for one, other in zip(before.outages, after.outages, strict=False):
-        pairs = (
-            np.stack([one.square, other.square], axis=-1) if len(one.square) == len(other.square) else None
-        )
-        if pairs is not None and len(pairs) > 1 and change_interval(pairs)[0] > 0.0:
-            return False
-    return True
+    """Whether one score is larger than another and positions with fixes are not worse."""
+    return after.nats > before.nats and after.tracking_rms <= MAX_TRACKING_RATIO * before.tracking_rms
+
+
+def _nearer_to_fixes(one: Candidate) -> list[Candidate]:
+    """Return a candidate with less and less trust in velocities, then also with more and more in positions."""
+    found = []
+    for less, more in NEARER_TO_FIXES:
+        factors = {**one.factors, VELOCITY: one.factors.get(VELOCITY, 1.0) * less}
+        if more < 1.0:
+            factors |= {name: one.factors.get(name, 1.0) * more for name in POSITIONS}
+        found.append(replace(one, factors=factors))
+    return found
 
 
 def _fit_factors(
-    config: FilterConfig, nats: float, score: Callable[[FilterConfig], PredictiveScore | None]
-) -> tuple[dict[str, float], float]:
-    """Return the factors that raise the log density, one after another, and what it then is."""
-    factors: dict[str, float] = {}
+    best: Candidate, score: Callable[[FilterConfig], PredictiveScore | None]
+) -> Mapping[str, float]:
+    """Return the factors of a candidate after those moves that raise its log density, one after another."""
+    factors, nats = dict(best.factors), best.first.nats
     for step in STEPS:
-        for name in FACTORS:
+        for name in (*FACTORS, *(own for own in STAYING if POSITION in factors)):
             for direction in (step, 1.0 / step):
                 moved = False
                 for _ in range(MAX_MOVES):
                     trial = {**factors, name: factors.get(name, 1.0) * direction}
-                    found = score(with_noise_factors(config, trial))
+                    found = score(with_noise_factors(best.config, trial))
                     if found is None or found.nats < nats + MIN_GAIN:
                         break
                     factors, nats, moved = trial, found.nats, True
                 if moved:
                     break
-    return {name: factor for name, factor in factors.items() if abs(np.log(factor)) > 1e-6}, nats
+    return {
+        name: value for name, value in factors.items() if name in FIRST_STAYING or abs(np.log(value)) > 1e-6
+    }
 
 
 def _recorded(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
@@ -210,25 +278,45 @@ def _recorded(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfi
     records = tuple(
         Enlargement(QUANTITIES[setting], factor, f"{setting.replace('_', ' ')}: {reason}")
         for name, factor in factors.items()
-        for setting in FACTORS[name]
+        for setting in FACTORS.get(name, ())
     )
     config = with_noise_factors(config, factors)
-    return replace(config, inflations=(*config.inflations, *records))
+    notes = (*config.notes, *described(config, factors))
+    return replace(config, inflations=(*config.inflations, *records), notes=notes)
 
 
-def _note(kept: str, before: PredictiveScore, after: PredictiveScore) -> str:
-    """Return in words what was kept and what it does on the last part of the drive."""
-    outages = "; ".join(
-        f"{a.seconds:.0f} s without fixes {b.rms:.3g} → {a.rms:.3g} m, true ÷ predicted {b.ratio:.2f} → {a.ratio:.2f}"
-        for b, a in zip(before.outages, after.outages, strict=False)
-    )
+def _note(
+    kept: str, before: PredictiveScore, after: PredictiveScore, pairs: Mapping[float, FloatArray]
+) -> str:
+    """Return in words what was kept and what it does."""
+    alone = "" if after.fixes_rms is None else f" (fixes alone {after.fixes_rms:.3g} m)"
+    if not after.follows:
+        alone += ", so that where there are fixes they are better than this filter"
     if kept == "as it began":
         outages = "; ".join(
             f"{b.seconds:.0f} s without fixes {b.rms:.3g} m, true ÷ predicted {b.ratio:.2f}"
             for b in before.outages
         )
-        return f"the configuration stays as it began: no change predicts the last 40 % of the drive better ({outages})"
+        return (
+            "the configuration stays as it began: no change predicts the last 40 % of the drive better without "
+            f"larger errors; position with fixes {after.tracking_rms:.3g} m{alone}; {outages}"
+        )
+    ratios = ", ".join(
+        f"{b.ratio:.2f} → {a.ratio:.2f} ({a.seconds:.0f} s)"
+        for b, a in zip(before.outages, after.outages, strict=False)
+    )
+    errors = ", ".join(_change_text(seconds, pair) for seconds, pair in pairs.items())
     return (
-        f"kept: {kept}; on the last 40 % of the drive position with fixes "
-        f"{before.tracking_rms:.3g} → {after.tracking_rms:.3g} m, {outages}"
+        f"kept: {kept}; on the last 40 % of the drive position with fixes {before.tracking_rms:.3g} → "
+        f"{after.tracking_rms:.3g} m{alone}, outages true ÷ predicted {ratios}; errors in outages of the whole drive "
+        f"{errors}"
+    )
+
+
+def _change_text(seconds: float, pairs: FloatArray) -> str:
+    """Return in words how errors in outages of a length change, with the 95 % interval of the change."""
+    before, after = np.sqrt(pairs.mean(axis=0))
+    low, high = change_interval(pairs)
+    return (
+        f"{seconds:.0f} s {before:.3g} → {after:.3g} m (by {low:+.2g} … {high:+.2g} m, {len(pairs)} of them)"
     )

@@ -146,11 +146,11 @@ def _outage_figures(
     }
 
 
-def change_interval(pairs: FloatArray) -> tuple[float, float]:
-    """Return the 95 % interval of the change of an rms error from squared errors before and after, (n, 2)."""
+def change_interval(pairs: FloatArray, level: float = 0.95) -> tuple[float, float]:
+    """Return the interval of the change of an rms error from squared errors before and after, (n, 2)."""
     n, change = len(pairs), pairs[:, 1] - pairs[:, 0]
     middle = float(change.mean())
-    half = float(student.ppf(0.975, n - 1) * change.std(ddof=1) / np.sqrt(n))
+    half = float(student.ppf(0.5 * (1.0 + level), n - 1) * change.std(ddof=1) / np.sqrt(n))
     whole = max(float(np.sqrt(pairs.mean(axis=0)).sum()), 1e-300)
     return (middle - half) / whole, (middle + half) / whole
 

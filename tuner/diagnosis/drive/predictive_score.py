@@ -68,11 +68,19 @@ class PredictiveScore:
         Position with fixes, against the reference; without one, innovations of positions, m.
     tracking : ndarray, shape (b,)
         Mean log density of the position in blocks of `RECOVERY_TIME` with fixes.
+    fixes_rms : float or None
+        The same error of the fixes themselves, at the same times; None without a reference.
     """
 
     outages: tuple[OutageErrors, ...]
     tracking_rms: float
     tracking: FloatArray
+    fixes_rms: float | None = None
+
+    @property
+    def follows(self) -> bool:
+        """Whether positions err no more than the fixes alone, as far as a reference tells."""
+        return self.fixes_rms is None or self.tracking_rms <= self.fixes_rms
 
     @property
     def nats(self) -> float:
@@ -124,12 +132,13 @@ def predictive_score(run: ConfiguredRun, begin: float, end: float) -> Predictive
         outages.append(replace(found, seconds=seconds))
     solutions = navigate(stretches, run.settings, np.zeros((0, 2)))
     tracked = [_tracked(run, s, solution, begin) for s, solution in zip(stretches, solutions, strict=True)]
-    t, square, density = (np.concatenate(part) for part in zip(*tracked, strict=True))
+    t, square, density, alone = (np.concatenate(part) for part in zip(*tracked, strict=True))
     if not outages or not len(t) or not np.isfinite(density).all():
         return None
     block = (t // RECOVERY_TIME).astype(int)
     means = np.array([density[block == one].mean() for one in np.unique(block)])
-    return PredictiveScore(tuple(outages), float(np.sqrt(np.mean(square))), means)
+    fixes_rms = None if run.reference is None else float(np.sqrt(np.mean(alone)))
+    return PredictiveScore(tuple(outages), float(np.sqrt(np.mean(square))), means, fixes_rms)
 
 
 def _until(stretch: Stretch, end: float) -> Stretch:
@@ -180,13 +189,20 @@ def _at_ends(run: ConfiguredRun, windows: FloatArray) -> OutageErrors | None:
 
 def _tracked(
     run: ConfiguredRun, stretch: Stretch, solution: Solution, begin: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times, squared errors and log densities of positions with fixes, where the filter has settled."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return times, squared errors and log densities of positions with fixes, where the filter has settled.
+
+    The last of the four are squared errors of the fixes themselves, zero without a reference.
+    """
     rows = np.flatnonzero(solution.t >= max(begin, stretch.settled))
     error, covariance = _position_errors(run, solution, rows)
     good = np.isfinite(error).all(axis=1) & (solution.use[rows, 0] > 0)
-    error, covariance = error[good], covariance[good]
-    return solution.t[rows][good], np.sum(error**2, axis=1), _log_density(error, covariance)
+    error, covariance, rows = error[good], covariance[good], rows[good]
+    alone = np.zeros_like(error)
+    if run.reference is not None:
+        alone = ned_between(reference_at(run.reference, solution.t[rows])[0], stretch.fixes.llh[rows])
+    square, off = np.sum(error**2, axis=1), np.sum(alone**2, axis=1)
+    return solution.t[rows], square, _log_density(error, covariance), off
 
 
 def _log_density(e: FloatArray, s: FloatArray) -> FloatArray:
@@ -196,6 +212,27 @@ def _log_density(e: FloatArray, s: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * ((nu + 3.0) * np.log1p(square / (nu - 2.0)) + np.linalg.slogdet(s)[1]))
 
 
-def figures(score: PredictiveScore) -> Mapping[str, tuple[float, float]]:
-    """Return rms error, m, and ratio of every length of outage, by name."""
-    return {f"outage_{one.seconds:.0f}s": (one.rms, one.ratio) for one in score.outages}
+def outage_pairs(
+    before: ConfiguredRun, after: ConfiguredRun, begin: float, end: float
+) -> Mapping[float, FloatArray]:
+    """Return squared errors at the ends of the same outages under two filters, (w, 2), m², by length, s.
+
+    A drive of ten minutes has two outages of a minute in its last part, by which no change can be judged. Here are
+    those of the whole time given, and again those half a window later.
+    """
+    pairs = {}
+    for seconds in OUTAGE_LENGTHS:
+        errors = []
+        for run in (before, after):
+            both: list[FloatArray] = []
+            for late in (0.0, 0.5 * (seconds + RECOVERY_TIME)):
+                windows = [
+                    (a + late, b + late)
+                    for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - late)
+                ]
+                found = _at_ends(run, np.array(windows)) if windows else None
+                both.append(np.zeros(0) if found is None else found.square)
+            errors.append(np.concatenate(both))
+        if len(errors[0]) == len(errors[1]) > 1:
+            pairs[seconds] = np.stack(errors, axis=-1)
+    return pairs

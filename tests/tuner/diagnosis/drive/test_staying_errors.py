@@ -1,0 +1,108 @@
+"""Errors of a receiver that stay for minutes: as states of the filter, which then follows the fixes no worse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.earth import llh_displaced
+from models.filter_states import named_states
+from models.noise import GaussMarkov
+from models.trajectory.catalogue import TRAJECTORIES
+from tuner.catalogue.grades import load_gnss, load_grade
+from tuner.diagnosis.drive.held_out_choice import choose_config
+from tuner.diagnosis.drive.predictive_score import configured_run, outage_pairs
+from tuner.diagnosis.drive.staying_errors import (
+    POSITION,
+    POSITION_TIME,
+    VELOCITY,
+    described,
+    with_staying_errors,
+)
+from tuner.navigation.drive.clock import AGREEING
+from tuner.simulation.drive import simulate_drive
+from tuner.synthesis.load_config import load_config
+from tuner.types.progress import silent
+
+RECEIVER = replace(
+    load_gnss("rtk"), position_sd=(1.0, 1.0, 2.0), velocity_sd=(0.05, 0.05, 0.05), correlated=()
+)
+NOTHING_FOUND: Any = SimpleNamespace(search=SimpleNamespace(accepted=()))
+SECONDS = 400.0
+
+
+def _markov(t, sd, time_constant, rng):
+    """Return three Gauss–Markov processes at even times (k,), by their recursion; shape (k, 3)."""
+    phi = np.exp(-(t[1] - t[0]) / time_constant)
+    x = np.empty((len(t), 3))
+    x[0] = sd * rng.standard_normal(3)
+    for k in range(1, len(t)):
+        x[k] = phi * x[k - 1] + sd * np.sqrt(1.0 - phi**2) * rng.standard_normal(3)
+    return x
+
+
+@pytest.fixture(scope="module")
+def staying():
+    """A drive whose receiver smooths: positions err by 1 m for 20 s, velocities by 0.15 m/s for 60 s, hardly any noise.
+
+    The reported sds are right in size.
+    """
+    quiet = replace(RECEIVER, interval=0.5, position_sd=(0.1, 0.1, 0.1), velocity_sd=(0.02, 0.02, 0.02))
+    drive = simulate_drive(load_grade("adis16465"), TRAJECTORIES["city"](SECONDS), quiet, rate=20.0, seed=3)[
+        0
+    ]
+    rng, gnss = np.random.default_rng(1), drive.gnss
+    off, faster = _markov(gnss.t, 1.0, 20.0, rng), _markov(gnss.t, 0.15, 60.0, rng)
+    sds = np.ones((len(gnss), 1))
+    gnss = replace(
+        gnss,
+        llh=llh_displaced(gnss.llh, off),
+        vel_n=gnss.vel_n + faster,
+        position_sd=sds * RECEIVER.position_sd,
+        velocity_sd=sds * RECEIVER.velocity_sd,
+    )
+    return replace(drive, gnss=gnss)
+
+
+def test_a_filter_that_knows_errors_that_stay_is_no_worse_than_the_fixes(staying):
+    """The law of the choice; without these states the filter errs by more than the fixes, which cannot be explained."""
+    began = load_config("adis16465", gnss=RECEIVER)
+    choice = choose_config(staying, NOTHING_FOUND, began, began, silent)
+    assert choice.before.tracking_rms > 1.2 * choice.before.fixes_rms
+    assert choice.after.follows
+    assert choice.after.fixes_rms == pytest.approx(choice.before.fixes_rms, rel=0.05)
+    assert choice.after.nats > choice.before.nats + 20.0
+    assert choice.config.constants["gnss_velocity"] > RECEIVER.velocity_sd[0]
+    assert any("velocities of the receiver err by" in note for note in choice.config.notes)
+    assert "fixes alone" in choice.note
+
+
+def test_outages_are_those_of_the_whole_drive_and_again_half_a_window_later(staying):
+    """Ten seconds and thirty of recovery fit n times after settling; alike filters err alike."""
+    run = configured_run(staying, load_config("adis16465", gnss=RECEIVER), AGREEING)
+    pairs = outage_pairs(run, run, 0.0, SECONDS)
+    settled = run.stretches[0].settled
+    last = float(run.stretches[0].fixes.t[-1])
+    expected = sum(int(np.ceil((last - first - 10.0) / 40.0)) for first in (settled, settled + 20.0))
+    assert abs(len(pairs[10.0]) - expected) <= 1
+    for pair in pairs.values():
+        np.testing.assert_array_equal(pair[:, 0], pair[:, 1])
+
+
+def test_factors_multiply_what_is_there_and_begin_with_what_is_reported():
+    assert "gnss_velocity" in named_states()
+    config = load_config("adis16465", gnss=RECEIVER)
+    assert with_staying_errors(config, {}) == config
+    begun = with_staying_errors(config, {POSITION: 2.0, VELOCITY: 3.0})
+    assert begun.gnss.correlated[0].sd == pytest.approx(2.0)
+    assert begun.constants["gnss_velocity"] == pytest.approx(0.15)
+    assert with_staying_errors(replace(config, gnss=None), {POSITION: 2.0}).gnss is None
+    there = replace(config, gnss=replace(RECEIVER, correlated=(GaussMarkov(4.0, 50.0),), correlated_down=2.0))
+    more = with_staying_errors(there, {POSITION: 0.5, POSITION_TIME: 2.0})
+    assert more.gnss.correlated == (GaussMarkov(2.0, 100.0),)
+    assert more.gnss.correlated_down == 2.0
+    assert described(more, {POSITION: 0.5}) == ("positions of the receiver err by 2 m for 100 s",)

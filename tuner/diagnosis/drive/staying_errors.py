@@ -1,0 +1,66 @@
+"""Errors of a receiver that stay for seconds to minutes, as states of the filter.
+
+A receiver smooths its fixes, and reflected signals move them while the vehicle stays among the same walls: ten fixes a
+second then err alike, and a filter that takes each for new believes their mean, or the integral of velocities that err
+by centimetres a second, too much. One Gauss–Markov process of the positions and one of the velocities (the state
+``gnss_velocity``) let it follow the fixes. What a configuration has of them is multiplied by factors; what it has not
+begins at the sds that the receiver reports, which are of the right order for its whole error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from models.filter_states.built_in import GNSS_VELOCITY
+from models.noise import GaussMarkov
+from tuner.types import FilterConfig
+
+POSITION, POSITION_TIME = "position_stays", "position_stays_time"
+VELOCITY, VELOCITY_TIME = "velocity_stays", "velocity_stays_time"
+STAYING = (POSITION, POSITION_TIME, VELOCITY, VELOCITY_TIME)
+"""Factors on sd and time constant of the two processes."""
+FIRST_POSITION_TIME = 30.0
+"""Time constant with which a position error that stays begins, s: between the smoothing of a receiver, seconds, and the
+passing of satellites and walls, minutes."""
+DOWN_OVER_HORIZONTAL = 1.5
+"""Vertical ÷ horizontal error of positions under open sky: the usual ratio of dilutions of precision."""
+UNKNOWN_VELOCITY_SD = 0.1
+"""Sd of velocities of a receiver that reports none, m/s: that of Doppler measurements."""
+
+
+def with_staying_errors(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:
+    """Return a configuration whose errors that stay are multiplied by factors by name of `STAYING`, or begin."""
+    gnss = config.gnss
+    if gnss is None:
+        return config
+    constants, times = dict(config.constants), dict(config.time_constants)
+    if POSITION in factors:
+        typical = float(np.sqrt(np.mean(np.square(gnss.position_sd[:2]))))
+        first, *others = gnss.correlated or (GaussMarkov(typical, FIRST_POSITION_TIME),)
+        state = GaussMarkov(
+            first.sd * factors[POSITION], first.time_constant * factors.get(POSITION_TIME, 1.0)
+        )
+        down = gnss.correlated_down if gnss.correlated else DOWN_OVER_HORIZONTAL
+        gnss = replace(gnss, correlated=(state, *others), correlated_down=down)
+    if VELOCITY in factors:
+        reported = gnss.velocity_sd or (UNKNOWN_VELOCITY_SD, UNKNOWN_VELOCITY_SD, UNKNOWN_VELOCITY_SD)
+        typical = float(np.sqrt(np.mean(np.square(reported[:2]))))
+        name = GNSS_VELOCITY.name
+        constants[name] = constants.get(name, typical) * factors[VELOCITY]
+        times[name] = times.get(name, GNSS_VELOCITY.time_constant) * factors.get(VELOCITY_TIME, 1.0)
+    return replace(config, gnss=gnss, constants=constants, time_constants=times)
+
+
+def described(config: FilterConfig, factors: Mapping[str, float]) -> tuple[str, ...]:
+    """Return in words what the errors that stay are in a configuration with these factors."""
+    notes = []
+    if POSITION in factors and config.gnss is not None and config.gnss.correlated:
+        state = config.gnss.correlated[0]
+        notes.append(f"positions of the receiver err by {state.sd:.2g} m for {state.time_constant:.0f} s")
+    if VELOCITY in factors:
+        sd, time = (values[GNSS_VELOCITY.name] for values in (config.constants, config.time_constants))
+        notes.append(f"velocities of the receiver err by {sd:.2g} m/s for {time:.0f} s")
+    return tuple(notes)
