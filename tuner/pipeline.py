@@ -222,7 +222,8 @@ def tune(
         examined = examine_and_explain(inputs.drive, config, progress=progress)
         began, found = (config_after_drive(examined, kept=kept) for kept in (False, True))
         choice = choose_config(inputs.drive, examined, began, found, progress)
-        config = replace(choice.config, notes=(*choice.config.notes, choice.note))
+        config = with_rest_and_motion(config, choice.config)
+        config = replace(config, notes=(*config.notes, choice.note))
     exports = {"noise.yaml": noise_yaml.dumps(config)}
     exports |= {
         f"{dialect}.yaml": export(config, dialect)
@@ -360,6 +361,20 @@ def configure(
     if calibration is not None:
         config = with_calibration(config, calibration)
     return config, predictions
+
+
+def with_rest_and_motion(rest: FilterConfig, drive: FilterConfig) -> FilterConfig:
+    """Return the configuration of a drive with the white noise at rest beside its own, where they differ."""
+    differ = [
+        axis
+        for axis, channel in drive.channels.items()
+        if axis in rest.channels and channel.white_density != rest.channels[axis].white_density
+    ]
+    return replace(
+        drive,
+        noise={axis: rest.channels[axis].white_density for axis in differ},
+        noise_in_motion={axis: drive.channels[axis].white_density for axis in differ},
+    )
 
 
 def in_motion(config: FilterConfig) -> FilterConfig:

@@ -56,6 +56,9 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         why = channel.handling.get("white", "")
         fitted = why.removeprefix("not used") if why.startswith("not used") else ""
         yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz{fitted}; identified: {known or 'nothing'}"
+    if config.noise_in_motion:
+        rest = ", ".join(f"{axis} {value:.4g}" for axis, value in config.noise.items())
+        yield f"N is that in motion, for rest and motion alike; at rest N = {rest}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
             f"Gauss–Markov states are in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): those "

@@ -6,6 +6,7 @@ Layout::
     initial: P0 with reasons      gnss: R and gate      findings: […]
     compensation: {NAME: value}   constants: {STATE: sd of its prior}   time_constants: {STATE: s}
     inflations, worst_case: [{quantity, kind, factor, reason, …}]   provenance: {…}       notes: […]
+    noise, noise_in_motion: {AXIS: white density at rest, in motion}, where a drive showed them to differ
 """
 
 from __future__ import annotations
@@ -89,6 +90,8 @@ class _ConfigForm:
     findings: tuple[Mapping[str, Any], ...] = ()
     inflations: tuple[Inflation, ...] = ()
     worst_case: tuple[Enlargement, ...] = ()
+    noise: Mapping[str, NonNegative] = field(default_factory=dict)
+    noise_in_motion: Mapping[str, NonNegative] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -7,6 +7,7 @@ stand in comments. What was read is written again as the same text, ``dumps(load
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +61,7 @@ def dumps(config: FilterConfig) -> str:
         "name": config.name,
         "interval": Noted(config.interval, f"s; {1.0 / config.interval:.6g} Hz"),
         "sensors": sensors,
+        **_rest_and_motion(config),
         "initial": _initial(config.initial),
         "gnss": None if config.gnss is None else _gnss(config.gnss),
         **({"compensation": config.compensation.as_text()} if config.compensation else {}),
@@ -131,6 +133,22 @@ def _channel(channel: ChannelNoise) -> dict[str, Any]:
             "ramp_sd": noted(channel.ramp_sd, "ramp.rate", "/s"),
         },
         "fates": dict(channel.handling),
+    }
+
+
+def _rest_and_motion(config: FilterConfig) -> dict[str, dict[str, Noted]]:
+    """Return the white densities at rest and in motion, where the filter has one number for both."""
+
+    def densities(values: Mapping[str, float], when: str) -> dict[str, Noted]:
+        return {
+            axis: Noted(value, f"{config.channels[axis].unit}/√Hz; {when}") for axis, value in values.items()
+        }
+
+    if not config.noise_in_motion:
+        return {}
+    return {
+        "noise": densities(config.noise, "white, at rest"),
+        "noise_in_motion": densities(config.noise_in_motion, "white, in motion: what the filter has"),
     }
 
 

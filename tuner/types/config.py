@@ -87,7 +87,9 @@ class FilterConfig(Shown):
     a drive before it is filtered, `constants` further states of the filter, names of
     `models.filter_states.named_states`, with the sds of their priors, `time_constants` those of them that are
     first-order processes with another time constant than declared; SI. `worst_case` says by how much the noise is
-    larger while a stretch of the record lasts that the settings count by its share of the time.
+    larger while a stretch of the record lasts that the settings count by its share of the time. `noise` and
+    `noise_in_motion` are white densities by axis at rest and in motion, where a drive showed them to differ: the filter
+    has one number, that in motion.
     """
 
     name: str
@@ -103,3 +105,5 @@ class FilterConfig(Shown):
     constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     time_constants: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     worst_case: tuple[Enlargement, ...] = ()
+    noise: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    noise_in_motion: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))

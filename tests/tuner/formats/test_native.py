@@ -9,9 +9,13 @@ import pytest
 import yaml
 
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.diagnosis.drive.held_out_choice import with_noise_factors
+from tuner.exporters import export
 from tuner.formats import noise_yaml
 from tuner.formats.yaml_text import Inline, Noted, yaml_text
+from tuner.pipeline import with_rest_and_motion
 from tuner.synthesis import synthesize
+from tuner.synthesis.load_config import load_config
 from tuner.types import (
     AppliedNoiseScale,
     BoundUsed,
@@ -153,3 +157,18 @@ def test_comments_never_leak_into_values() -> None:
     text = yaml_text(tree, header=["one\ntwo"])
     assert yaml.safe_load(text) == {"a": 1e-7, "b": [1.0, None, "x: y"], "c": {}}
     assert text.splitlines()[0] == "# one two"
+
+
+def test_noise_at_rest_stands_beside_that_in_motion() -> None:
+    """White noise of the gyros twice as large on a drive: both are written, read back, and told by the exporters."""
+    rest = load_config("stim300", gnss=load_gnss("rtk"))
+    drive = with_noise_factors(rest, {"white": 2.0})
+    both = with_rest_and_motion(rest, drive)
+    assert with_rest_and_motion(rest, rest).noise_in_motion == {}
+    read = noise_yaml.loads(noise_yaml.dumps(both))
+    for axis, density in read.noise.items():
+        assert read.noise_in_motion[axis] == pytest.approx(2.0 * density, rel=1e-5)
+        assert read.channels[axis].white_density == read.noise_in_motion[axis]
+    assert len(read.noise) == 6
+    assert "N is that in motion" in export(read, "kalibr")
+    assert "N is that in motion" not in export(rest, "kalibr")
