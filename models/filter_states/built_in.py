@@ -62,8 +62,8 @@ GNSS_POSITION = FilterState(
     "gnss_position", _NED, "m", "correlated fixes",
     tuple(Coupling(axis, f"position_{axis}") for axis in _NED), origin=Origin.FIX_PROCESSES,
 )  # fmt: skip
-GNSS_VELOCITY = FilterState(
-    "gnss_velocity", _NED, "m/s", "velocity error of the receiver",
+CORRELATED_VELOCITY = FilterState(
+    "correlated_velocity", _NED, "m/s", "velocity error of the receiver",
     tuple(Coupling(axis, f"velocity_{axis}") for axis in _NED), time_constant=100.0,
 )  # fmt: skip
 
@@ -84,6 +84,6 @@ BUILT_IN = (
     MOUNTING,
     GRAVITY,
     GNSS_POSITION,
-    GNSS_VELOCITY,
+    CORRELATED_VELOCITY,
 )
 """In the order in which a filter has them; those of other packages follow."""

@@ -9,8 +9,9 @@ gains `MIN_GAIN`.
 On the last part a candidate replaces the beginning only where its log density is larger and nothing that a user reads
 is worse: positions with fixes, and errors in outages of the whole drive, compared in pairs (`outage_pairs`). Candidates
 are tried in the order of their log density on the first part; where none passes, the configuration stays as it began.
-Where a reference shows that positions err more than the fixes alone, those of `NEARER_TO_FIXES` are tried, too: the
-first is written whose positions do not. Where there is none, the note says that the fixes are better.
+Where a reference shows that positions err more than the fixes alone, those of `NEARER_TO_FIXES` are tried, then the
+same with the findings where it was without them, or without: the first is written whose positions do not. Where there
+is none, the note says that the fixes are better.
 """
 
 from __future__ import annotations
@@ -197,11 +198,8 @@ def choose_config(
     begun = score(before, cut, end)
     if begun is None or not candidates:
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
-    best = min(candidates, key=lambda one: -one.first.nats)
-    refined = _fit_factors(best, lambda one: score(one, begin, cut))
-    first = score(with_noise_factors(best.config, refined), begin, cut)
-    if first is not None:
-        candidates.append(replace(best, factors=refined, first=first))
+    best = max(candidates, key=_nats)
+    candidates += _refined(best, lambda one: score(one, begin, cut))
     progress("judging the configurations on the last part of the drive")
     began = configured_run(drive, before, clock)
 
@@ -217,21 +215,44 @@ def choose_config(
         chosen, note = _recorded(written[one.name], one.factors), _note(kept, begun, late, pairs)
         return HeldOutChoice(chosen, kept, one.factors, begun, late, pairs, note)
 
+    def errs_no_more(found: HeldOutChoice) -> bool:
+        """Whether positions err no more than the fixes, by the settings as fitted and as they are written."""
+        if drive.reference is None or found.after is None or not found.after.follows:
+            return drive.reference is None
+        stored = score(found.config, cut, end)
+        return stored is not None and stored.follows
+
     passing = None
-    for one in sorted(candidates, key=lambda one: -one.first.nats):
+    for one in sorted(candidates, key=_nats, reverse=True):
         passing = judged(one)
         if passing is not None:
             break
-    if passing is None or passing.after is None:
+    if passing is None:
         return HeldOutChoice(
             before, "as it began", {}, begun, begun, note=_note("as it began", begun, begun, {})
         )
-    if not passing.after.follows:
-        for other in _nearer_to_fixes(one):
-            nearer = judged(other)
-            if nearer is not None and nearer.after is not None and nearer.after.follows:
-                return nearer
+    if errs_no_more(passing):
+        return passing
+    others = [other for other in candidates if other.name != one.name]
+    if others:
+        others = _refined(max(others, key=_nats), lambda config: score(config, begin, cut))
+    for other in [*_nearer_to_fixes(one), *others, *(near for it in others for near in _nearer_to_fixes(it))]:
+        nearer = judged(other)
+        if nearer is not None and errs_no_more(nearer):
+            return nearer
     return passing
+
+
+def _nats(one: Candidate) -> float:
+    """Return the log density of the first part."""
+    return one.first.nats
+
+
+def _refined(best: Candidate, score: Callable[[FilterConfig], PredictiveScore | None]) -> list[Candidate]:
+    """Return a candidate with factors that raise its log density; none where there is nothing to score."""
+    factors = _fit_factors(best, score)
+    first = score(with_noise_factors(best.config, factors))
+    return [] if first is None else [replace(best, factors=factors, first=first)]
 
 
 def is_better(before: PredictiveScore, after: PredictiveScore) -> bool:

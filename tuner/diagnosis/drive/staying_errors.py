@@ -3,8 +3,8 @@
 A receiver smooths its fixes, and reflected signals move them while the vehicle stays among the same walls: ten fixes a
 second then err alike, and a filter that takes each for new believes their mean, or the integral of velocities that err
 by centimetres a second, too much. One Gauss–Markov process of the positions and one of the velocities (the state
-``gnss_velocity``) let it follow the fixes. What a configuration has of them is multiplied by factors; what it has not
-begins at the sds that the receiver reports, which are of the right order for its whole error.
+``correlated_velocity``) let it follow the fixes. What a configuration has of them is multiplied by factors; what it has
+not begins at the sds that the receiver reports, which are of the right order for its whole error.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.filter_states.built_in import GNSS_VELOCITY
+from models.filter_states.built_in import CORRELATED_VELOCITY
 from models.noise import GaussMarkov
 from tuner.types import FilterConfig
 
@@ -48,9 +48,9 @@ def with_staying_errors(config: FilterConfig, factors: Mapping[str, float]) -> F
     if VELOCITY in factors:
         reported = gnss.velocity_sd or (UNKNOWN_VELOCITY_SD, UNKNOWN_VELOCITY_SD, UNKNOWN_VELOCITY_SD)
         typical = float(np.sqrt(np.mean(np.square(reported[:2]))))
-        name = GNSS_VELOCITY.name
+        name = CORRELATED_VELOCITY.name
         constants[name] = constants.get(name, typical) * factors[VELOCITY]
-        times[name] = times.get(name, GNSS_VELOCITY.time_constant) * factors.get(VELOCITY_TIME, 1.0)
+        times[name] = times.get(name, CORRELATED_VELOCITY.time_constant) * factors.get(VELOCITY_TIME, 1.0)
     return replace(config, gnss=gnss, constants=constants, time_constants=times)
 
 
@@ -61,6 +61,6 @@ def described(config: FilterConfig, factors: Mapping[str, float]) -> tuple[str, 
         state = config.gnss.correlated[0]
         notes.append(f"positions of the receiver err by {state.sd:.2g} m for {state.time_constant:.0f} s")
     if VELOCITY in factors:
-        sd, time = (values[GNSS_VELOCITY.name] for values in (config.constants, config.time_constants))
+        sd, time = (values[CORRELATED_VELOCITY.name] for values in (config.constants, config.time_constants))
         notes.append(f"velocities of the receiver err by {sd:.2g} m/s for {time:.0f} s")
     return tuple(notes)
