@@ -65,6 +65,7 @@ TIME = (
     "temps",
     "tiempo",
     "tempo",
+    "sample_time_fine",
 )
 WEEK = ("week", "gps_week", "gpsweek", "week_number", "wn", "weekno")
 TIME_OF_WEEK = (
@@ -82,7 +83,15 @@ TIME_OF_WEEK = (
 """Names of the GPS week, and of the time in it."""
 TEMPERATURE = ("temperature", "temp", "imu_temp", "temperature_imu", "temp_c", "celsius")
 
-TIME_UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+TIME_UNITS: Mapping[str, float] = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "min": 60.0,
+    "h": 3600.0,
+    "0.1 ms": 1e-4,
+}
 """Seconds in one unit."""
 
 UNITS: Mapping[str, tuple[str, ...]] = {
@@ -118,6 +127,7 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "ns": ("ns", "nsec", "nanos", "nanoseconds", "nanosec"),
     "min": ("min", "minutes"),
     "h": ("h", "hr", "hours"),
+    "0.1 ms": ("0.1 ms", "0.1ms"),
     "degC": ("degc", "°c", "c", "celsius", "deg c", "deg_c", "℃"),
     "K": ("k", "kelvin"),
     "count": ("count", "counts", "lsb", "adc", "ticks"),
@@ -131,6 +141,8 @@ _INDEX = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<index>\d+)[\])]\s*$")
 """A bracket that holds a whole number is an index: ``gyro_rad[0]`` of PX4 is its x axis."""
 _RATE_OF = {"rad": "rad/s", "deg": "deg/s"}
 """What ``gyro_rad`` means: a gyroscope gives rates, unless its name is that of an increment."""
+_UNIT_BY_NAME = {"sample_time_fine": "0.1 ms"}
+"""Columns whose unit is that of their maker: Xsens counts 10 kHz ticks."""
 _BRACKET = re.compile(r"^(?P<name>.*?)\s*[\[({](?P<unit>[^\])}]*)[\])}]\s*$")
 _AXIS = re.compile(r"^(?P<stem>.+?)_?(?P<axis>[xyz])$")
 
@@ -198,7 +210,7 @@ def parse_name(written: str) -> ColumnName:
                 rate = not increments(parts[0]) and (_role_of(parts[0]) or ("",))[0].startswith("gyro")
                 angle = rate and found in _RATE_OF
                 return ColumnName(written, parts[0], _RATE_OF[found] if angle else found, angle)
-    return ColumnName(written, plain, unit)
+    return ColumnName(written, plain, unit or _UNIT_BY_NAME.get(plain))
 
 
 def role_of(name: ColumnName) -> tuple[str, int] | None:

@@ -39,6 +39,13 @@ def xsens(folder):
     return table(folder / "MT.txt", header, rows, "\t", above)
 
 
+def xsens_ticks(folder):
+    """Nothing but the maker's name says that the stamps are ticks of 10 kHz."""
+    header = "SampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z"
+    rows = [(str(round(1e4 * T[i])), *ACCEL[i], *GYRO[i]) for i in range(N)]
+    return table(folder / "MT.txt", header, rows, "\t")
+
+
 def vectornav(folder):
     names = [f"imuGroup.{kind}.c[{i}]" for kind in ("gyro", "accel") for i in range(3)]
     rows = [(str(round(1e9 * T[i])), *GYRO[i], *ACCEL[i]) for i in range(N)]
@@ -97,7 +104,7 @@ def kitti(folder):
     return folder
 
 
-WRITERS = (spreadsheet, xsens, vectornav, sbg, euroc, phyphox, sensor_logger, packed, kitti)
+WRITERS = (spreadsheet, xsens, xsens_ticks, vectornav, sbg, euroc, phyphox, sensor_logger, packed, kitti)
 
 
 @pytest.mark.parametrize("write", WRITERS)
