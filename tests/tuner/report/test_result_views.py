@@ -10,6 +10,8 @@ import pytest
 
 import tuner
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
+from tuner.consistency.compare_sensors import SensorComparison
+from tuner.identification.comparison import compare_identifications
 from tuner.readers.tables import arrays_of_frame
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
@@ -60,6 +62,7 @@ def test_a_data_frame_and_a_dataset_hold_the_numbers(noise):
         white.value,
         *white.interval,
     )
+    assert noise.plot()._repr_png_().startswith(b"\x89PNG")
     data = noise.to_xarray()
     assert float(data["value"].sel(axis="gyro_x", coefficient="white.density")) == white.value
     curve = noise.channels["gyro_x"].allan
@@ -81,7 +84,9 @@ def shown(kind, noise, frame):
         "Correlogram": lambda: tuner.curve(record, "acf"),
         "Diagnosis": lambda: Diagnosis(()),
         "Consistency": lambda: Consistency(SCORES[0], (), (), None, (), {}, 0.0, diverged=False),
-        "SensorComparison": lambda: tuner.compare("icm20602", noise),
+        "SensorComparison": lambda: SensorComparison(
+            compare_identifications(["one", "other"], [noise, noise]), (), "rtk", (None, None)
+        ),
         "GradeChoice": lambda: GradeChoice(60.0, 5.0, "rtk", False, (grade,), grade, 1.3),
     }
     return made[kind]()
@@ -95,7 +100,6 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     result = shown(kind, noise, frame)
     assert isinstance(result.to_pandas(), pd.DataFrame)
     assert result._repr_html_().lstrip().startswith("<")
-    assert result.plot()._repr_png_().startswith(b"\x89PNG")
     page = page_of({"Part": result}, "A title", "tuner something")
     assert '<html lang="en">' in page
     assert "tuner something" in page
