@@ -118,10 +118,10 @@ def test_a_log_too_short_is_refused_in_one_line(tmp_path, capsys):
 
 def test_two_states_of_a_unit_differ_by_cause_and_entry(tmp_path, capsys):
     """The engine makes a line, twice the white noise and a shift of the mean; each moves what it must."""
-    rest, _ = simulate({"gyro_x": MODEL}, duration=DURATION, rate=50.0, seed=1)
+    rest, _ = simulate({"gyro_x": MODEL}, duration=200.0, rate=50.0, seed=1)
     loud, _ = simulate(
         {"gyro_x": NoiseModel([White(2e-4), RandomWalk(1e-6)])},
-        duration=DURATION, rate=50.0, seed=2, effects=("line:frequency=12.5,amplitude=1e-3",),
+        duration=200.0, rate=50.0, seed=2, effects=("line:frequency=12.5,amplitude=1e-3",),
     )  # fmt: skip
     write_log(rest, tmp_path / "rest.npz")
     write_log([type(r)(**{**vars(r), "y": r.y + 1e-3}) for r in loud], tmp_path / "engine.npz")

@@ -131,7 +131,13 @@ CLEAR = {
 }
 
 
-@pytest.mark.parametrize("hidden", CLEAR)
+FURTHER = ("comb", "periodic_variance")
+"""Causes whose like is among the others."""
+
+
+@pytest.mark.parametrize(
+    "hidden", [pytest.param(h, marks=pytest.mark.slow) if h.startswith(FURTHER) else h for h in CLEAR]
+)
 def test_clear_effect_is_named_and_measured(hidden):
     """Within six sds of the best estimate, and no surer than it (by a tenth: intervals are rounded and skew)."""
     diagnosis = found(hidden)

@@ -39,7 +39,7 @@ def test_warm_up_far_above_the_noise_is_no_motion():
     assert not diagnosis.unexplained
 
 
-@pytest.mark.parametrize(("ratio", "place"), [(3.5, 0.1), (5.5, 0.0)])
+@pytest.mark.parametrize(("ratio", "place"), [pytest.param(3.5, 0.1, marks=pytest.mark.slow), (5.5, 0.0)])
 def test_quantizer_that_hides_the_noise_is_told_alone(ratio, place):
     """At 5.5 sds and a mean on a code, 1 in 170 samples has another one."""
     y = noise(3)
@@ -61,6 +61,7 @@ def test_gain_of_a_burst_over_the_cut_is_positive():
     assert diagnosis.findings[0].gain.nats > 0.0
 
 
+@pytest.mark.slow
 def test_gain_of_telegraph_noise_beside_a_slope_is_positive():
     rng = np.random.default_rng(6)
     path = np.searchsorted(np.cumsum(rng.exponential(20.0, 400)), T) % 2
