@@ -67,7 +67,7 @@ def reduction(listing: Listing, plan: Plan, memory: float | None) -> Reduction |
     if listing.rows <= fitting:
         return None
     size = 1 << math.ceil(math.log2(listing.rows / fitting))
-    return Reduction(size, int(min(max(fitting / 8, MIN_ROWS), ROWS_IN_PART)))
+    return Reduction(size, int(min(max(fitting / 2, MIN_ROWS), ROWS_IN_PART)))
 
 
 def read_means(
