@@ -255,14 +255,17 @@ def _cost_at_fixed_constants(
 def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -> Cost:
     """Return the cost to minimise, −ln L and the prior, with its gradient."""
 
-    def cost(x: FloatArray) -> tuple[float, FloatArray]:
-        x = np.clip(x, -MAX_LOG, MAX_LOG)
+    def cost(at: FloatArray) -> tuple[float, FloatArray]:
+        x = np.clip(at, -MAX_LOG, MAX_LOG)
         with np.errstate(invalid="ignore", divide="ignore"):
             likelihood, gradient = evaluate_with_gradient(parameters.change(noise, x))
             slopes = parameters.slopes(noise, x, gradient)
         if not (np.isfinite(likelihood.value) and np.isfinite(slopes).all()):
             return LOST_IN_ROUNDING_COST, x / sd**2
-        return 0.5 * float(np.sum((x / sd) ** 2)) - likelihood.value, x / sd**2 - slopes
+        slope = x / sd**2 - slopes
+        # Beyond the bound the cost is that at the bound: what still points outwards ends there.
+        slope[(np.abs(at) >= MAX_LOG) & (slope * at < 0.0)] = 0.0
+        return 0.5 * float(np.sum((x / sd) ** 2)) - likelihood.value, slope
 
     return cost
 
