@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import models
 from tuner.formats.files import WRITING, remove_unfinished, temporary_place
 
-PATIENCE = 0.5
+ANSWER_TIME = 0.5
 """Time in which what runs must answer a request to end, s: then the process ends all the same."""
 REQUESTS = {
     int(getattr(signal, name)): status
@@ -40,7 +40,7 @@ def termination() -> Iterator[None]:
     """Turn a request to end (SIGTERM, and SIGHUP where it exists) into `Terminated`, and see that it is answered.
 
     Python hands over a signal between two of its own steps. Compiled code and a wait for threads have none: where the
-    block has not ended `PATIENCE` after a request, a second thread removes temporary files and ends the process.
+    block has not ended `ANSWER_TIME` after a request, a second thread removes temporary files and ends the process.
     """
 
     def end(_number: int, _frame: FrameType | None) -> NoReturn:
@@ -69,10 +69,10 @@ def _end_what_does_not(receiver: socket.socket) -> None:
     """End the process some time after a signal came through a socket, unless the socket is closed before."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)  # they are for the main thread
-    asked: int | None = None
+    request: int | None = None
     deadline = math.inf
     while (left := deadline - time.monotonic()) > 0.0:
-        receiver.settimeout(None if asked is None else left)
+        receiver.settimeout(None if request is None else left)
         try:
             numbers = receiver.recv(64)
         except TimeoutError:
@@ -80,18 +80,18 @@ def _end_what_does_not(receiver: socket.socket) -> None:
         if not numbers:
             return
         requests = [number for number in numbers if number in REQUESTS]
-        if asked is None and requests:
-            asked, deadline = requests[0], time.monotonic() + PATIENCE
-    assert asked is not None
+        if request is None and requests:
+            request, deadline = requests[0], time.monotonic() + ANSWER_TIME
+    assert request is not None
     WRITING.acquire()
     remove_unfinished()
     with suppress(OSError):
-        os.write(2, f"\n{answer(REQUESTS[asked])}\n".encode())
-    os._exit(REQUESTS[asked])
+        os.write(2, f"\n{answer(REQUESTS[request])}\n".encode())
+    os._exit(REQUESTS[request])
 
 
 def answer(status: int) -> str:
-    """Return the last line of a process that was asked to end."""
+    """Return the last line of a process that ends on a request."""
     return f"tuner: {ANSWERS[status]}; files already finished were kept"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 STAGE = ".tuner-"
 """Begin of the names of temporary files and folders beside a result; the number of the process follows."""
 WRITING = threading.Lock()
-"""Held while files that belong together are replaced: nothing may end the process then."""
+"""Locked while files that belong together are replaced: nothing may end the process then."""
 _unfinished: set[Path] = set()
 """Temporary files and folders of this process, for the case that it must end without its usual ways."""
 

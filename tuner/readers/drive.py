@@ -113,9 +113,9 @@ def read_if_drive(source: str | Path) -> Drive | None:
     A log of messages has to be read to tell: once, not once to tell and once more for the drive.
     """
     path = file_of(Path(source))
-    told = is_drive_by_form(path)
-    if told is not None:
-        return read_drive(path) if told else None
+    by_form = is_drive_by_form(path)
+    if by_form is not None:
+        return read_drive(path) if by_form else None
     found = drive_in_messages(path)
     if found is None:
         return None

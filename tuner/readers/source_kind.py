@@ -42,8 +42,8 @@ def is_drive(source: str | Path) -> bool:
     from tuner.readers.log_format import file_of
 
     path = file_of(Path(source))
-    told = is_drive_by_form(path)
-    return drive_in_messages(path) is not None if told is None else told
+    by_form = is_drive_by_form(path)
+    return drive_in_messages(path) is not None if by_form is None else by_form
 
 
 def is_drive_by_form(path: Path) -> bool | None:

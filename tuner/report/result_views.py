@@ -1,6 +1,6 @@
 """How each type of result is shown: numbers as a data frame, tables, and a figure. One entry a type in `VIEWS`.
 
-`tuner.types.shown` asks here for the methods of results; ``--page`` of the commands makes one offline page of the same.
+`tuner.types.shown` has its methods of results from here; ``--page`` of the commands makes one offline page of them.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class _Console(Console):
 
 
 def show(tables: Iterable[Table | str], width: int = UNKNOWN_WIDTH) -> None:
-    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as is asked."""
+    """Print tables and lines on standard output, as wide as the terminal or, where it is none, as stated."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else width
     console = _Console(width=width, highlight=False, markup=False, emoji=False)
     for table in tables:

@@ -6,7 +6,7 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
 - a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated, or errors of the fixes
-  last longer than the drive, so that they cannot be told from a constant.
+  last longer than the drive, so that they cannot be distinguished from a constant.
 """
 
 from __future__ import annotations

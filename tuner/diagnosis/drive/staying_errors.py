@@ -1,7 +1,7 @@
 """Errors of a receiver that stay for seconds to minutes, as states of the filter.
 
 A receiver smooths its fixes, and reflected signals move them while the vehicle stays among the same walls: ten fixes a
-second then err alike, and a filter that takes each for new believes their mean, or the integral of velocities that err
+second then err alike, and a filter that takes each for new trusts their mean, or the integral of velocities that err
 by centimetres a second, too much. One Gauss–Markov process of the positions and one of the velocities (the state
 ``correlated_velocity``) let it follow the fixes. What a configuration has of them is multiplied by factors; what it has
 not begins at the sds that the receiver reports, which are of the right order for its whole error.

@@ -1,7 +1,7 @@
 """Near twins: slow shapes that errors of a thermometer or of a model turn into each other, and which of them is named.
 
 A shape that follows a measured quantity goes before one of time alone; a lag, a slope with a rate and a slope with a
-square are held against each other once one of them was accepted.
+square are compared with each other once one of them was accepted.
 """
 
 from __future__ import annotations

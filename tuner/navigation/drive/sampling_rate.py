@@ -16,7 +16,7 @@ from tuner.navigation.data import Steps
 
 FloatArray = NDArray[np.float64]
 
-BLOCKS = 20
+DRIVE_PARTS = 20
 """Parts of a drive whose scatter tells a mean change from chance."""
 MIN_SIGNIFICANCE = 5.0
 """Mean change in its standard errors: chance reaches that once in 10⁴ drives (Student's t of 19)."""
@@ -27,7 +27,7 @@ ERROR_SHARE = 1.0 / 3.0
 def rate_note(steps: Steps, bias_sd: FloatArray) -> str | None:
     """Return a note where the rate is too low for the motion: errors beyond the biases, of sds (6,); else None."""
     pairs = len(steps.dt) // 2 * 2
-    if pairs < 4 * BLOCKS:
+    if pairs < 4 * DRIVE_PARTS:
         return None
     once, twice = steps.increments[:pairs], steps.increments[:pairs].reshape(-1, 2, 6).sum(axis=1)
     angle, push = _corrected(once)
@@ -36,9 +36,9 @@ def rate_note(steps: Steps, bias_sd: FloatArray) -> str | None:
     moved = push[::2] + (first @ push[1::2, :, None])[..., 0]
     error = np.hstack([turn, moved]) - np.hstack(_corrected(twice))
     lengths = steps.dt[:pairs].reshape(-1, 2).sum(axis=1)
-    parts = np.array_split(np.arange(len(error)), BLOCKS)
+    parts = np.array_split(np.arange(len(error)), DRIVE_PARTS)
     means = ERROR_SHARE * np.array([error[part].sum(axis=0) / lengths[part].sum() for part in parts])
-    mean, sd = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(BLOCKS)
+    mean, sd = means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(DRIVE_PARTS)
     bad = (np.abs(mean) > MIN_SIGNIFICANCE * sd) & (np.abs(mean) > bias_sd)
     if not bad.any():
         return None
