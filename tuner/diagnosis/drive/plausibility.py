@@ -6,7 +6,7 @@ biases and noise of sensors that no sensor has. So causes are withdrawn where
 - the filter had to correct the attitude of its start by more than `MAX_START_CORRECTION` of its stated sds: every
   residual behind it is one of the start, and nothing else can be named;
 - a bias is beyond `MAX_BIAS` prior sds, noise is more than `MAX_RATIO` times as large as stated, or errors of the fixes
-  last longer than the drive, so that they cannot be distinguished from a constant.
+  last longer than the drive and than any of a receiver, so that they cannot be distinguished from a constant.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ MAX_BIAS = 20.0
 """Bias in prior sds above which no sensor explains it: data sheets err by factors of a few."""
 MAX_RATIO = 50.0
 """Ratio of a true to a stated sd of noise above which no noise explains it: vibrating units have 5 to 20."""
+MAX_RECEIVER_TIME = 3600.0
+"""Time constant, s, above which errors are none of a receiver: those of satellites and ionosphere change in an hour."""
 ANGLES = ("about north", "about east", "in heading")
 START_HELP = (
     "begin with a minute at rest, then accelerate and brake on a straight line before turning, with fixes at 1 Hz or "
@@ -113,8 +115,11 @@ def reasons(one: Finding, span: float) -> Iterator[str]:
         ratio = max((c.value or 0.0 for name, c in one.parameters.items() if "edge" not in name), default=0.0)
         if ratio > MAX_RATIO:
             yield f"noise {ratio:.0f} times as large as stated"
-    if one.cause == CORRELATED_GNSS and (one.parameters["time_constant"].value or 0.0) > span:
-        yield (
-            f"errors with a time constant of {one.parameters['time_constant'].value:.0f} s on a drive of {span:.0f} s, "
-            "which is a constant, a drift or no error of the receiver"
-        )
+    if one.cause == CORRELATED_GNSS:
+        time = one.parameters["time_constant"]
+        shortest = time.interval[0] if time.interval else time.value or 0.0
+        if shortest > max(span, MAX_RECEIVER_TIME):
+            yield (
+                f"errors with a time constant beyond {shortest:.0f} s, longer than any of a receiver and than the "
+                f"drive of {span:.0f} s: a constant, or a drift"
+            )

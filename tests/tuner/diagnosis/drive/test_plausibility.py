@@ -61,7 +61,8 @@ def _finding(cause, value=0.0, **parameters):
         (_finding("imu_noise_scale", gyro=20.0), True),
         (_finding("imu_noise_scale", gyro=80.0), False),
         (_finding("correlated_gnss", sd=2.0, time_constant=300.0), True),
-        (_finding("correlated_gnss", sd=2.0, time_constant=3000.0), False),
+        (_finding("correlated_gnss", sd=2.0, time_constant=2300.0), True),  # as of the ionosphere
+        (_finding("correlated_gnss", sd=2.0, time_constant=30000.0), False),
     ],
 )
 def test_impossible_estimates_have_a_reason(finding, possible):
