@@ -89,6 +89,7 @@ def check(
     motion = load_trajectory(trajectory, duration) if isinstance(trajectory, str) else trajectory
     sensor, its_receiver = load_sensor(truth) if isinstance(truth, str | Path) else (truth, None)
     receiver = receiver or its_receiver
+    settings = filter_settings(config, constants=config.constants)
     if config.gnss is None:
         msg = f"{config.name}: expected GNSS figures, found none; name a receiver (--gnss GRADE)"
         raise DataError(msg)
@@ -99,7 +100,7 @@ def check(
             replace(config, gnss=_with_fewer_fixes(config.gnss, often)),
             _with_fewer_fixes(receiver, often),
         )
-    settings = filter_settings(config, constants=config.constants)
+        settings = filter_settings(config, constants=config.constants)
     sensor = sensor or sensor_of_config(config)
     notes = list(sensor.notes)
     if config.interval < 0.999 * MIN_INTERVAL:

@@ -7,10 +7,10 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.formats.customary_units import amount, digits
+from tuner.formats.customary_units import amount
 from tuner.report.finding_groups import contradicted, drift_text, headlines
 from tuner.report.settings_rows import axes_text
-from tuner.types import Diagnosis, Finding, Gain, Unexplained
+from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
 
 
@@ -85,7 +85,9 @@ def gain_text(gain: Gain) -> str:
     for name, (before, after) in gain.user.items():
         quantity, _, unit = name.partition(" ")
         head = quantity.replace("_", " ")
-        parts.append(f"{head} {digits(before)} → {digits(after)} {unit.strip('[]')}")
+        pair = [amount(Coefficient(x, None, None, unit.strip("[]") or "1")) for x in (before, after)]
+        if pair[0] != pair[1]:
+            parts.append(f"{head} {' → '.join(pair)}")
     return "; ".join(parts)
 
 
