@@ -189,12 +189,14 @@ def choose_config(
             fitted["with the findings"] = replace(part.config, compensation=part.compensation)
     else:
         del fitted["with the findings"]
-    candidates = [
-        Candidate(name, config, factors, first)
-        for name, config in fitted.items()
-        for factors in (MappingProxyType({}), FIRST_STAYING)
-        if (first := score(with_noise_factors(config, factors), begin, cut)) is not None
-    ]
+    candidates: list[Candidate] = []
+    for name, config in fitted.items():
+        least = -np.inf
+        for factors in (MappingProxyType({}), FIRST_STAYING):
+            first = score(with_noise_factors(config, factors), begin, cut)
+            if first is not None and first.nats >= least:
+                candidates.append(Candidate(name, config, factors, first))
+                least = first.nats + len(FIRST_STAYING) * MIN_GAIN
     begun = score(before, cut, end)
     if begun is None or not candidates:
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
