@@ -110,7 +110,7 @@ def score_outputs(
     if len(truths) not in (0, 1, len(outputs)):
         msg = f"expected one truth, or one for each of {len(outputs)} estimates, found {len(truths)}"
         raise DataError(msg)
-    notes = [note for output in outputs for note in output.notes]
+    notes = [note for output in (*outputs, *truths) for note in output.notes]
     offset: TimeOffset | None = None
     runs: list[OutputErrors] = []
     if truths:

@@ -4,7 +4,8 @@
 folder         ``imu.csv`` as any log; ``gnss.csv``: t, lat, lon [deg], height, vn, ve, vd, sd_n, sd_e, sd_d,
                sd_vn, sd_ve, sd_vd; ``truth.csv``, optional: t, lat, lon, height, vn, ve, vd, roll, pitch, yaw;
                a unit may follow in brackets: ``vn [km/h]``; in place of ``gnss.csv`` a solution of RTKLIB
-               (``.pos``), an NMEA log (``.nmea``) or a UBX log (``.ubx``): `tuner.readers.fixes`
+               (``.pos``), an NMEA log (``.nmea``), a UBX log (``.ubx``) or text of Waypoint: `tuner.readers.fixes`;
+               in place of ``truth.csv`` text of Inertial Explorer with attitude: `tuner.readers.waypoint`
 NPZ            its arrays: `tuner.readers.drive_npz`
 KF-GINS        its YAML: `tuner.readers.kf_gins`
 =============  ================================================================================================
@@ -33,12 +34,13 @@ from tuner.readers.drive_checks import check_drive
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
 from tuner.readers.fixes import EXTRAS as FIX_EXTRAS
 from tuner.readers.fixes import READERS as FIX_READERS
-from tuner.readers.fixes import fix_files
-from tuner.readers.fixes.gps_time import on_clock_of
+from tuner.readers.fixes import fix_files, read_fix_file, reference_files
+from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
 from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.waypoint import read_waypoint
 from tuner.types.numbers import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
 
@@ -212,13 +214,14 @@ def _folder(path: Path) -> Drive:
         raise DataError(msg)
     gyro, accel = records["gyro"], records["accel"]
     imu = np.column_stack([gyro.t, gyro.y, accel.y])
-    truth = path / "truth.csv"
     fixes, notes = _fixes_beside(path, imu)
+    truth, more = _truth_beside(path, imu)
+    notes += more
     return _drive(
         path,
         imu,
         fixes,
-        table(truth, _TRUTH_COLUMNS, 4) if truth.exists() else None,
+        truth,
         notes=(
             *(note.replace("as --assume si says", "as nothing states it") for note in gyro.notes),
             *notes,
@@ -233,17 +236,42 @@ def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, .
     found = fix_files(path)
     if len(found) != 1:
         names = ", ".join(file.name for file in found) or "nothing"
-        msg = f"{path}: expected gnss.csv or one file {' '.join(FIX_READERS)} beside imu.csv, found {names}"
+        integrated = ", ".join(file.name for file in reference_files(path))
+        hint = (
+            f"; {integrated} has attitude: it is a reference, export the GNSS epochs, too"
+            if integrated
+            else ""
+        )
+        msg = (
+            f"{path}: expected gnss.csv or one file {' '.join(FIX_READERS)} or text of Waypoint beside imu.csv, found "
+            f"{names}{hint}"
+        )
         raise DataError(msg)
     (file,) = found
     kind = file.suffix.lower()
     try:
-        fixes = FIX_READERS[kind](file)
+        fixes = read_fix_file(file)
     except ImportError as error:
         msg = f"{file}: needs {error.name}: pip install 'ins-noise-tuner[{FIX_EXTRAS[kind]}]'"
         raise DataError(msg) from None
     rows, note = on_clock_of(file, fixes, float(imu[0, 0]), float(imu[-1, 0]))
     return rows, (*fixes.notes, note)
+
+
+def _truth_beside(path: Path, imu: FloatArray) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Return the reference in the folder of a drive, of ``truth.csv`` or Inertial Explorer, on the IMU's clock."""
+    if (path / "truth.csv").is_file():
+        return table(path / "truth.csv", _TRUTH_COLUMNS, 4), ()
+    found = reference_files(path)
+    if not found:
+        return None, ()
+    if len(found) > 1:
+        msg = f"{path}: expected one reference, found {', '.join(file.name for file in found)}; leave one"
+        raise DataError(msg)
+    solution = read_waypoint(found[0])
+    stamped = GpsFixes(solution.t, solution.rows, dated=solution.dated)
+    rows, note = on_clock_of(found[0], stamped, float(imu[0, 0]), float(imu[-1, 0]))
+    return rows, (*solution.notes, note)
 
 
 def _kf_gins(path: Path) -> Drive:

@@ -13,6 +13,7 @@ from tuner.readers.estimate_bag import is_bag, read_estimate_bag
 from tuner.readers.estimate_columns import Frames
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
 from tuner.readers.estimate_npz import read_estimate_npz
+from tuner.readers.gps_solution import gps_solution, of_gps_solution
 from tuner.readers.kf_gins_output import read_kf_gins_output
 from tuner.readers.log_format import library_of
 from tuner.readers.messages.rosbag import FORMAT as BAG_FORMAT
@@ -25,7 +26,8 @@ from tuner.types.records import DataError
 MAX_UNUSABLE_SHARE = 0.01
 """Share of rows without a time or out of order above which a file is refused."""
 KNOWN_FORMS = (
-    "CSV with named columns, NPZ, TUM, KITTI, EuRoC, *.nav of KF-GINS, nav_e of NaveGo as .mat, ROS bag, MCAP"
+    "CSV with named columns, NPZ, TUM, KITTI, EuRoC, text of Inertial Explorer, .pos of RTKLIB, *.nav of KF-GINS, "
+    "nav_e of NaveGo as .mat, ROS bag, MCAP"
 )
 """What can be read, for messages."""
 
@@ -37,6 +39,7 @@ def read_estimate(
     body: str | None = None,
     columns: Mapping[str, str] | None = None,
     topic: str | None = None,
+    beside: FilterOutput | None = None,
 ) -> FilterOutput:
     """Read the output of a filter, or a truth.
 
@@ -52,6 +55,9 @@ def read_estimate(
         Columns of a CSV by our name.
     topic : str, optional
         Topic of a bag, where it has several.
+    beside : FilterOutput, optional
+        What a truth is for: GPS time of Inertial Explorer and RTKLIB is put on its clock; without it, on the seconds of
+        the week.
 
     Raises
     ------
@@ -66,6 +72,9 @@ def read_estimate(
     if topic is not None:
         msg = f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file"
         raise DataError(msg)
+    solution = None if columns or not path.is_file() else gps_solution(path)
+    if solution is not None:
+        return in_order(of_gps_solution(path, solution, beside))
     found = _read(path, frames, body is not None, columns)
     return in_order(found)
 

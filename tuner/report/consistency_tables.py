@@ -64,7 +64,7 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
             "" if white.consistent else "correlated",
         )
     answer: list[Table | str] = [table] if found.scores else []
-    answer += [f"  {name}: {', '.join(f'{v:.3g}' for v in values)}" for name, values in found.errors.items()]
+    answer += [f"  {_errors_text(name, values)}" for name, values in found.errors.items()]
     if found.gated:
         answer.append(f"  fixes refused by the gate: {100.0 * found.gated:.2g} %")
     answer += [f"  note: {note}" for note in notes]
@@ -103,6 +103,14 @@ def budget_tables(budget: ErrorBudget, seen: Observability) -> list[Table | str]
     for name, value in seen.left.items():
         left.add_row(name, f"{100.0 * value:.3g}")
     return [shares, left, *(f"  {sentence}" for sentence in observability_text(seen))]
+
+
+def _errors_text(name: str, values: Sequence[float]) -> str:
+    """Return rms errors in words: position_rms_m gives "rms of position: north 0.1, east 0.2, down 0.3 m"."""
+    what, _, unit = name.partition("_rms_")
+    size, shown = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, unit.replace("m_s", "m/s"))
+    parts = (f"{axis} {size * v:.3g}" for axis, v in zip(("north", "east", "down"), values, strict=False))
+    return f"rms of {what.replace('_', ' ')}: {', '.join(parts)} {shown}"
 
 
 def _band(score: Score) -> str:

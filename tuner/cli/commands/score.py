@@ -110,8 +110,8 @@ def command(
     """Score the output of any filter by its errors, or by its innovations.
 
     ESTIMATE is a CSV with columns t, lat, lon, height or n, e, d, vn, ve, vd, roll, pitch, yaw, their sds sd_NAME, an
-    NPZ, a trajectory of TUM, KITTI or EuRoC, odometry, poses or a path in a ROS bag, or what KF-GINS or NaveGo write.
-    Several are runs of a Monte Carlo.
+    NPZ, a trajectory of TUM, KITTI or EuRoC, odometry, poses or a path in a ROS bag, text of Inertial Explorer, a .pos
+    of RTKLIB, or what KF-GINS or NaveGo write. Several are runs of a Monte Carlo.
     """
     from tuner.consistency.score_output import score_outputs
     from tuner.consistency.trajectory_alignment import Alignment
@@ -124,7 +124,14 @@ def command(
         read_estimate(path, frame=frame, body=body, columns=columns, topic=topic) for path in estimates
     ]
     references = [
-        read_estimate(path, frame=truth_frame, body=truth_body, columns=truth_columns, topic=truth_topic)
+        read_estimate(
+            path,
+            frame=truth_frame,
+            body=truth_body,
+            columns=truth_columns,
+            topic=truth_topic,
+            beside=outputs[0],
+        )
         for path in truths
     ]
     found = score_outputs(

@@ -31,7 +31,7 @@ LEAP_SECONDS = (
 )
 """GPS time minus UTC, s, since a day (IERS Bulletin C)."""
 MIN_COMMON_SHARE = 0.5
-"""Share of the fixes that must fall into the inertial record on the right clock."""
+"""Share of the shorter of record and fixes that both must cover on the right clock."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,17 @@ class GpsFixes:
         GPS time since 6 January 1980, s.
     rows : ndarray, shape (k, 12)
         Latitude, longitude, deg, height above the ellipsoid, m; velocity north, east, down, m/s; sds of both; NaN where
-        there is none.
+        there is none. Those of a reference have more columns.
     notes : tuple of str
         How the file was understood.
+    dated : bool
+        Whether `t` counts from 1980; else from the beginning of an unknown week.
     """
 
     t: FloatArray
     rows: FloatArray
     notes: tuple[str, ...] = ()
+    dated: bool = True
 
 
 def leap_seconds(when: datetime) -> int:
@@ -64,12 +67,19 @@ def gps_seconds(when: datetime) -> float:
     return (when - GPS_EPOCH).total_seconds() + leap_seconds(when)
 
 
+def _common_share(t: FloatArray, begin: float, end: float) -> float:
+    """Return the share of the shorter of fixes and record that both cover."""
+    first, last = float(np.nanmin(t)), float(np.nanmax(t))
+    both = min(last, end) - max(first, begin)
+    return max(both, 0.0) / max(min(last - first, end - begin), 1e-9)
+
+
 def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[FloatArray, str]:
     """Return the fixes on the clock of an inertial record that lasts from `begin` to `end`, s, and a note which it is.
 
     Returns
     -------
-    rows : ndarray, shape (k, 13)
+    rows : ndarray, shape (k, 1 + columns)
         t and the columns of `GpsFixes.rows`.
     note : str
         The clock.
@@ -79,17 +89,20 @@ def on_clock_of(path: Path, fixes: GpsFixes, begin: float, end: float) -> tuple[
     DataError
         Where the fixes fall into the record on none of the clocks.
     """
+    first = float(np.nanmin(fixes.t))
     unix = fixes.t + UNIX_OF_GPS_EPOCH
-    leap = leap_seconds(datetime.fromtimestamp(float(unix[0]), tz=UTC))
-    of_week = fixes.t - SECONDS_A_WEEK * math.floor(fixes.t[0] / SECONDS_A_WEEK)
-    of_day = (fixes.t - leap) - SECONDS_A_DAY * math.floor((fixes.t[0] - leap) / SECONDS_A_DAY)
+    leap = leap_seconds(datetime.fromtimestamp(first + UNIX_OF_GPS_EPOCH, tz=UTC))
+    of_week = fixes.t - SECONDS_A_WEEK * math.floor(first / SECONDS_A_WEEK)
+    of_day = (fixes.t - leap) - SECONDS_A_DAY * math.floor((first - leap) / SECONDS_A_DAY)
     clocks = {
         "GPS seconds of the week": of_week,
         f"UNIX time (UTC, {leap} s behind GPS time)": unix - leap,
         "GPS time since 1980": fixes.t,
         "seconds of the day in UTC": of_day,
     }
-    inside = {name: float(np.mean((t >= begin) & (t <= end))) for name, t in clocks.items()}
+    if not fixes.dated:
+        clocks = {"GPS seconds of the week": fixes.t}
+    inside = {name: _common_share(t, begin, end) for name, t in clocks.items()}
     best = max(inside, key=lambda name: inside[name])
     if inside[best] >= MIN_COMMON_SHARE:
         # On a Sunday GPS seconds of the week and of the day are 18 s apart: a longer record fits both.
