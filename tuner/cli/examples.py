@@ -33,7 +33,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "plan": (
             "tuner plan mpu9250 --accuracy 0.1 --hours 6",
-            "tuner plan static.csv --accuracy 0.05",
+            "tuner plan static.csv --accuracy 0.05 --page plan.html",
         ),
         "curve": (
             "tuner curve static.csv --estimator theoh --page curve.html",

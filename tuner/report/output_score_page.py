@@ -20,6 +20,7 @@ from tuner.formats.documents import json_text
 from tuner.formats.files import whole_file, write_text
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.html_page import Picture, write_sections_page
+from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_cause_text import cause_text, change_text
 from tuner.report.output_score_tables import states_table
 from tuner.types.filter_output import BLOCKS
@@ -57,8 +58,9 @@ def write_output_score(found: OutputScore, content: Mapping[str, Any], directory
             "normalised errors.",
             path.name,
             path.read_bytes(),
+            charts_of_figure(figure),
         )
-        for path in _draw(found, directory)
+        for path, figure in _draw(found, directory)
     ]
     sections: list[tuple[str, Sequence[Table | str], Sequence[Picture]]] = [
         ("Is it consistent?", consistency_tables(found.consistency, found.notes), pictures)
@@ -73,7 +75,7 @@ def write_output_score(found: OutputScore, content: Mapping[str, Any], directory
     write_text(directory / "score.json", json_text(content))
 
 
-def _draw(found: OutputScore, directory: Path) -> list[Path]:
+def _draw(found: OutputScore, directory: Path) -> list[tuple[Path, Figure]]:
     if found.runs:
         run = found.runs[0]
     else:
@@ -95,11 +97,11 @@ def _draw(found: OutputScore, directory: Path) -> list[Path]:
     return _saved(figure, directory)
 
 
-def _saved(figure: Figure, directory: Path) -> list[Path]:
+def _saved(figure: Figure, directory: Path) -> list[tuple[Path, Figure]]:
     for suffix in ("png", "svg"):
         with whole_file(directory / f"score.{suffix}") as path, mpl.rc_context({"svg.hashsalt": "tuner"}):
             figure.savefig(path, dpi=120, metadata={"Date": None} if suffix == "svg" else None)
-    return [directory / "score.svg"]
+    return [(directory / "score.svg", figure)]
 
 
 def _error_panel(ax: Axes, run: OutputErrors, block: int, axis: int) -> None:

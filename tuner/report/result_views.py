@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -24,11 +25,12 @@ from tuner.report.comparison_tables import choice_tables, comparison_tables
 from tuner.report.consistency_tables import check_tables, consistency_tables
 from tuner.report.curve_tables import statistic_tables
 from tuner.report.drive_diagnosis_tables import drive_tables
-from tuner.report.figure_files import figure_bytes
+from tuner.report.figure_files import draw_all, figure_bytes
 from tuner.report.fleet_files import fleet_frame
 from tuner.report.fleet_tables import fleet_tables
 from tuner.report.html_page import Picture, tables_html, write_sections_page
 from tuner.report.identification_tables import identification_tables
+from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_score_tables import output_score_tables
 from tuner.report.overlaid_figure import overlaid_figure
 from tuner.report.result_figures import (
@@ -40,6 +42,7 @@ from tuner.report.result_figures import (
     settings_figure,
 )
 from tuner.report.settings_rows import settings_rows
+from tuner.report.static_diagnosis_figures import finding_figures
 from tuner.report.static_diagnosis_tables import diagnosis_tables
 from tuner.types import (
     AllanCurve,
@@ -53,7 +56,10 @@ from tuner.types import (
 from tuner.types.consistency import Check, Consistency, Score
 from tuner.types.diagnosis import DriveDiagnosis, Finding
 from tuner.types.fleet import Fleet
-from tuner.types.records import DataError
+from tuner.types.records import DataError, Record
+
+PAGE_PICTURE_BYTES = 2_000_000
+"""Bytes of all pictures of findings on a page, a third more on it: with the drawing library it stays below 6 MB."""
 
 
 @dataclass(frozen=True)
@@ -122,14 +128,46 @@ def dataset_of(result: object) -> Any:
     return xarray.Dataset.from_dataframe(frame.set_index(index))
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of a page that is not one result: its tables and pictures."""
+
+    tables: Sequence[Table | str]
+    pictures: Sequence[Picture]
+
+
 def page_of(results: Mapping[str, object], title: str, command: str) -> str:
     """Return one offline page of results by their headings: tables and figure of each, and how it is made again."""
     sections = []
     for heading, result in results.items():
-        view = view_of(result)
-        picture = Picture(view.caption, "figure.svg", figure_bytes(view.figure(result), ".svg"))
-        sections.append((heading, view.tables(result), [picture]))
+        part = result if isinstance(result, Part) else _part_of(result)
+        sections.append((heading, part.tables, part.pictures))
     return write_sections_page(title, sections, command)
+
+
+def _part_of(result: object) -> Part:
+    view = view_of(result)
+    return Part(view.tables(result), [picture_of(view.figure(result), view.caption)])
+
+
+def pictures_of_findings(records: Sequence[Record], diagnosis: Diagnosis) -> Part:
+    """Return the picture that proves each finding, as many as a page has room for."""
+    made: dict[Path, bytes] = {}
+    captions, figures = finding_figures(records, diagnosis, Path(), suffixes=(".svg",))
+    draw_all(figures, made.__setitem__)
+    room, pictures, left_out = PAGE_PICTURE_BYTES, [], []
+    for caption, path in captions:
+        room -= len(made[path])
+        if room >= 0:
+            pictures.append(Picture(caption, path.name, made[path]))
+        else:
+            left_out.append(f"without a picture here, which `tuner tune` draws: {caption}")
+    return Part(left_out, pictures)
+
+
+def picture_of(figure: Figure, caption: str, name: str = "figure.svg") -> Picture:
+    """Return a figure for a page: as charts to read values off where it can be, and as a picture for print."""
+    return Picture(caption, name, figure_bytes(figure, ".svg"), charts_of_figure(figure))
 
 
 def _coefficients(named: Iterable[tuple[Mapping[str, object], Coefficient]]) -> pd.DataFrame:

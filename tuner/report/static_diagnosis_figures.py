@@ -61,7 +61,12 @@ def draw_findings(
 
 
 def finding_figures(
-    records: Sequence[Record], diagnosis: Diagnosis, directory: Path, replicas: int = 0, seed: int = 0
+    records: Sequence[Record],
+    diagnosis: Diagnosis,
+    directory: Path,
+    replicas: int = 0,
+    seed: int = 0,
+    suffixes: Sequence[str] = (".png", ".svg"),
 ) -> tuple[list[tuple[str, Path]], list[Callable[[Put], None]]]:
     """Return the figures of all findings, one for each cause and its channels, for `draw_all`.
 
@@ -70,7 +75,7 @@ def finding_figures(
     list of (str, Path)
         Caption and SVG of each picture.
     list of callable
-        Draws it to ``finding-NUMBER-CAUSE.png`` and ``.svg``.
+        Draws it to ``finding-NUMBER-CAUSE`` with each of `suffixes`.
     """
     figures: list[Callable[[Put], None]] = []
     subjects: dict[str, DiagnosedAxis | None] = {}
@@ -85,7 +90,8 @@ def finding_figures(
         if chosen is None:
             continue
         path = directory / f"finding-{len(drawn) + 1}-{finding.cause}.svg"
-        figures.append(partial(_draw, chosen, finding, [path.with_suffix(".png"), path], replicas, seed))
+        paths = [path.with_suffix(suffix) for suffix in suffixes]
+        figures.append(partial(_draw, chosen, finding, paths, replicas, seed))
         drawn[finding.cause, finding.channels] = (finding.text, path)
     return list(drawn.values()), figures
 

@@ -145,19 +145,26 @@ def test_the_command_leaves_out_where_results_go():
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_a_browser_shows_it_without_an_error(page, tmp_path):
-    width = "document.documentElement.dataset.over=document.documentElement.scrollWidth-window.innerWidth"
-    drawn = "document.documentElement.dataset.drawn=document.querySelectorAll('.main-svg').length"
+    data = "document.documentElement.dataset"
+    width = f"{data}.over=document.documentElement.scrollWidth-window.innerWidth"
+    drawn = f"{data}.drawn=document.querySelectorAll('.main-svg').length"
+    later = f"document.addEventListener('drawn',function(){{{width};{drawn}}})"
     click = "document.querySelectorAll('[role=tab]')[1].click()"
     choose = "const d=document.getElementById('dialect');d.value='px4';d.dispatchEvent(new Event('change'))"
     file = tmp_path / "page.html"
     file.write_text(
-        page.replace("</body>", f"<script>{click};{choose};{width};{drawn}</script></body>"), encoding="utf-8"
+        page.replace("</body>", f"<script>{click};{choose};{later}</script></body>"), encoding="utf-8"
     )
     done = subprocess.run(
         [
             CHROMIUM,
             *("--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0"),
-            *(f"--user-data-dir={tmp_path / 'profile'}", "--window-size=500,900", "--dump-dom"),
+            *(
+                f"--user-data-dir={tmp_path / 'profile'}",
+                "--window-size=500,900",
+                "--virtual-time-budget=4000",
+                "--dump-dom",
+            ),
             file.as_uri(),
         ],
         capture_output=True,

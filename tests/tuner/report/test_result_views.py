@@ -7,12 +7,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import tuner
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.comparison import compare_identifications
 from tuner.readers.tables import arrays_of_frame
+from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
 from tuner.types import Diagnosis
@@ -103,7 +105,32 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     page = page_of({"Part": result}, "A title", "tuner something")
     assert '<html lang="en">' in page
     assert "tuner something" in page
-    assert not re.search(r'(src|href)="http', page)
+    assert not re.search(r'(src|href)="http', page.partition("<script")[0])
+    assert "default-src 'none'" in page
+    assert "data-chart=" in page, "nothing to read values off"
+    assert len(page.encode()) < 6_000_000
+
+
+def test_a_chart_has_the_numbers_the_names_and_the_spans_of_its_figure():
+    figure = Figure()
+    panel = figure.subplots()
+    panel.plot([1.0, 10.0], [2.0, np.nan], "--", color="#1f5fa8", label="measured")
+    panel.fill_between([1.0, 2.0], [0.0, 0.0], [1.0, 1.0], color="#1f5fa8", alpha=0.2)
+    panel.axvline(3.0, color="0.2", label="limit")
+    panel.axhspan(-1.0, 1.0, color="0.85")
+    panel.set_yticks([0, 1], ["one", "other"])
+    panel.set(xscale="log", xlabel="t, s", xlim=(1.0, 100.0))
+    (chart,) = charts_of_figure(figure)
+    band, line, limit = chart["traces"]
+    assert (line["x"], line["y"], line["line"]["dash"]) == ([1.0, 10.0], [2.0, None], "dash")
+    assert line["line"]["color"] == "--measured"
+    assert band["fill"] == "toself"
+    assert limit["name"] == "limit"
+    assert [shape["type"] for shape in chart["shapes"]] == ["rect", "line"]
+    assert chart["names"]["y"] == {"at": [0.0, 1.0], "text": ["one", "other"]}
+    assert chart["xrange"] == [0.0, 2.0]
+    panel.imshow(np.zeros((2, 2)))
+    assert charts_of_figure(figure) is None
 
 
 def test_every_verb_returns_what_can_be_shown():

@@ -24,7 +24,7 @@ from tuner.cli.progress import Messages
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tuner.types import Diagnosis
+    from tuner.types import Diagnosis, DriveDiagnosis
     from tuner.types.records import Drive, Record
 
 
@@ -97,7 +97,7 @@ def command(
         progress=messages.say,
     )
     output.write(diagnosis_json(found))
-    page(f"Diagnosis of {log}", {"What a simulation gets wrong": found})
+    page(f"Diagnosis of {log}", _parts(found, data))
     if output.tables:
         show(assumed(data))
         if isinstance(found, DriveDiagnosis):
@@ -107,6 +107,19 @@ def command(
             show(diagnosis_tables(found) if verbose else ())
     harmful = isinstance(found, DriveDiagnosis) and not found.credited
     return 1 if strict and (found.unexplained or harmful) else 0
+
+
+def _parts(found: Diagnosis | DriveDiagnosis, data: Drive | Sequence[Record]) -> Mapping[str, object]:
+    """Return the parts of a page: the findings, and of a static log the picture that proves each."""
+    from tuner.types import Diagnosis
+    from tuner.types.records import Drive
+
+    if isinstance(data, Drive) or not isinstance(found, Diagnosis):
+        return {"What a simulation of the filter gets wrong": found}
+    from tuner.report.result_views import pictures_of_findings
+
+    proofs = {"What shows each finding": pictures_of_findings(data, found)} if found.findings else {}
+    return {"What a simulation gets wrong": found, **proofs}
 
 
 def _compare(

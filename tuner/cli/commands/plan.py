@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import click
 
 from tuner.cli.commands.inputs import load_source
-from tuner.cli.commands.options import Output, Reading, common, reading
+from tuner.cli.commands.options import Output, Reading, common, paged, reading
 from tuner.cli.progress import Messages
 
 
@@ -21,6 +23,7 @@ from tuner.cli.progress import Messages
 @click.option("--hours", type=float, default=1.0, show_default=True, help="Length of the test, h.")
 @reading
 @common
+@paged
 def command(
     source: str,
     accuracy: float,
@@ -29,6 +32,7 @@ def command(
     seed: int,  # noqa: ARG001
     output: Output,
     messages: Messages,
+    page: Callable[[str, Mapping[str, object]], None],
 ) -> None:
     """Plan a static test: the Cramér–Rao bound of every noise term, and the hours that a wanted accuracy needs.
 
@@ -40,12 +44,15 @@ def command(
     from tuner.report.answer_layout import LINE_WIDTH
     from tuner.report.comparison_tables import plan_tables
     from tuner.report.json.views import plan_json
+    from tuner.report.plan_figure import plan_part
     from tuner.report.terminal import show
 
     loaded = load_source(source, reading, messages) or source
     identification = identify_source(loaded, arma=None, progress=messages.say)
     plans = plan_test(identification, hours=hours, accuracy=accuracy)
     output.write(plan_json(plans))
+    units = {axis: channel.unit for axis, channel in identification.channels.items()}
+    tables = plan_tables(plans, units, source_name(source))
+    page(f"Static test of {source}", {"How long must it last?": plan_part(plans, units, tables)})
     if output.tables:
-        units = {axis: channel.unit for axis, channel in identification.channels.items()}
-        show(plan_tables(plans, units, source_name(source)), LINE_WIDTH)
+        show(tables, LINE_WIDTH)

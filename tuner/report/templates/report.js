@@ -25,7 +25,7 @@
   if (tabs.length) { choose(tabs[0], false); }
 
   const dialect = document.getElementById("dialect");
-  const texts = JSON.parse(document.getElementById("texts").textContent);
+  const texts = dialect ? JSON.parse(document.getElementById("texts").textContent) : {};
   function tell() {
     document.getElementById("text-other").textContent = texts[dialect.value];
     document.querySelector('[data-copy="text-other"]').dataset.name = dialect.value;
@@ -56,53 +56,80 @@
     });
   });
 
-  const text = document.getElementById("charts").textContent;
+  const data = document.getElementById("charts");
+  const text = data ? data.textContent : "";
   function themed() {
     const style = getComputedStyle(root);
     return JSON.parse(text.replace(/"(--[a-z0-9]+)"/g, function (_, name) {
       return JSON.stringify(style.getPropertyValue(name).trim());
     }));
   }
-  function draw() {
-    const chosen = document.querySelector('input[name="axis"]:checked');
-    if (!chosen) { return; }
+  function show(place, chart) {
     const style = getComputedStyle(root);
     const colour = function (name) { return style.getPropertyValue(name).trim(); };
     const narrow = window.innerWidth < 640;
+    function axis(end) {
+      const scale = chart.scale || chart[end + "scale"];
+      const made = {
+        type: scale, title: { text: chart[end] }, gridcolor: colour("--rule"), zeroline: false,
+        linecolor: colour("--quiet"), automargin: true
+      };
+      const range = chart[end + "range"] || (end === "y" && chart.range);
+      if (scale === "log") {
+        made.exponentformat = "power";
+        made.dtick = range && Math.abs(range[1] - range[0]) < 2.5 ? "D2" : 1;
+      }
+      if (range) { made.range = range; }
+      const named = chart.names && chart.names[end];
+      if (named) { made.tickmode = "array"; made.tickvals = named.at; made.ticktext = named.text; }
+      return made;
+    }
+    if (narrow) {
+      chart.traces.forEach(function (one) { one.name = one.name.replace(/(.{20,38}?) /g, "$1<br>"); });
+    }
+    const shapes = chart.spans.map(function (span) {
+      return {
+        type: "rect", xref: "x", yref: "paper", x0: span[0], x1: span[1], y0: 0, y1: 1,
+        fillcolor: colour("--span"), line: { color: colour("--event"), width: span[1] > span[0] ? 0 : 1 }
+      };
+    }).concat(chart.shapes || []);
+    const layout = {
+      xaxis: axis("x"), yaxis: axis("y"), shapes: shapes, hovermode: "closest", dragmode: narrow ? false : "zoom",
+      paper_bgcolor: colour("--ground"), plot_bgcolor: colour("--ground"),
+      font: { color: colour("--ink"), size: narrow ? 11 : 13, family: "system-ui, sans-serif" },
+      margin: { l: 60, r: 12, t: chart.title ? 36 : 12, b: 48 },
+      legend: chart.names && chart.names.y
+        ? { orientation: "h", yanchor: "bottom", y: 1.02, x: 0 }
+        : { orientation: "h", yanchor: "top", y: -0.2, x: 0 },
+      hoverlabel: { bgcolor: colour("--raised"), font: { color: colour("--ink") } }
+    };
+    if (chart.title) { layout.title = { text: chart.title, font: { size: narrow ? 12 : 14 } }; }
+    Plotly.react(place, chart.traces, layout, { responsive: true, displayModeBar: false });
+  }
+  function draw() {
+    const chosen = document.querySelector('input[name="axis"]:checked');
     const all = themed();
     document.querySelectorAll("[data-chart]").forEach(function (place) {
-      const chart = all[place.dataset.chart][chosen.value];
+      const chart = chosen ? all[place.dataset.chart][chosen.value] : all[Number(place.dataset.chart)];
       place.closest("figure").hidden = !chart;
-      if (!chart) { return; }
-      const axis = { gridcolor: colour("--rule"), zeroline: false, linecolor: colour("--quiet"), automargin: true };
-      const x = Object.assign({ type: chart.scale, title: { text: chart.x } }, axis);
-      const y = Object.assign({ type: chart.scale, title: { text: chart.y } }, axis);
-      if (chart.scale === "log") {
-        x.exponentformat = "power"; y.exponentformat = "power";
-        x.dtick = 1; y.dtick = "D2";
-        y.range = chart.range;
-      }
-      if (narrow) {
-        chart.traces.forEach(function (one) { one.name = one.name.replace(/(.{20,38}?) /g, "$1<br>"); });
-      }
-      const shapes = chart.spans.map(function (span) {
-        return {
-          type: "rect", xref: "x", yref: "paper", x0: span[0], x1: span[1], y0: 0, y1: 1,
-          fillcolor: colour("--span"), line: { color: colour("--event"), width: span[1] > span[0] ? 0 : 1 }
-        };
-      });
-      const layout = {
-        xaxis: x, yaxis: y, shapes: shapes, hovermode: "closest", dragmode: narrow ? false : "zoom",
-        paper_bgcolor: colour("--ground"), plot_bgcolor: colour("--ground"),
-        font: { color: colour("--ink"), size: narrow ? 11 : 13, family: "system-ui, sans-serif" },
-        margin: { l: 60, r: 12, t: 12, b: 48 },
-        legend: { orientation: "h", yanchor: "top", y: -0.2, x: 0 },
-        hoverlabel: { bgcolor: colour("--raised"), font: { color: colour("--ink") } }
-      };
-      Plotly.react(place, chart.traces, layout, { responsive: true, displayModeBar: false });
+      if (chart) { show(place, chart); }
     });
   }
-  document.querySelectorAll('input[name="axis"]').forEach(function (one) { one.addEventListener("change", draw); });
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  draw();
+  function begin(code) {
+    const script = document.createElement("script");
+    script.textContent = code;
+    document.head.append(script);
+    root.classList.add("charts");
+    document.querySelectorAll('input[name="axis"]').forEach(function (one) { one.addEventListener("change", draw); });
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+    draw();
+    document.dispatchEvent(new Event("drawn"));
+  }
+  // The drawing library is packed: unpacked it is three quarters of the page. Without means to unpack it, pictures stay.
+  const packed = document.getElementById("library");
+  if (packed && window.DecompressionStream) {
+    const bytes = Uint8Array.from(atob(packed.textContent), function (one) { return one.charCodeAt(0); });
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    new Response(stream).text().then(begin);
+  }
 })();
