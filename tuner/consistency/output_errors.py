@@ -1,7 +1,8 @@
 """Errors of any filter's output against a truth, on one clock and in one frame.
 
 The errors are truth minus estimate: position, m, and velocity north, east, down, attitude as the rotation vector from
-estimate to truth, biases. What the truth states of its own accuracy adds to the filter's covariance.
+estimate to truth, biases. The error of a velocity stated along the axes of the body is the difference along these. What
+the truth states of its own accuracy adds to the filter's covariance.
 """
 
 from __future__ import annotations
@@ -112,6 +113,9 @@ def output_errors(
     if np.isfinite(there.quat_nb).any() and np.isfinite(moved.quat_nb).any():
         turn = rotation.quat_multiply(there.quat_nb, rotation.quat_conjugate(moved.quat_nb))
         error[:, 6:9] = rotation.rotvec_from_quat(turn)
+        if moved.vel_of_body:
+            same = rotation.mat_from_quat(rotation.quat_conjugate(turn))
+            error[:, 3:6] = np.einsum("nij,nj->ni", same, there.vel_n) - moved.vel_n
     error[:, 9:] = there.bias - moved.bias
     stated = np.where(np.isfinite(there.covariance), there.covariance, 0.0)
     return OutputErrors(

@@ -39,6 +39,7 @@ from tuner.consistency.scores import (
 from tuner.navigation.data import ABSENT, USED
 from tuner.types.consistency import Outage, Score, Whiteness
 from tuner.types.filter_output import BLOCKS, FilterOutput
+from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]
 
@@ -135,9 +136,10 @@ def error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Scor
         error, cov = run.error[rows], run.covariance[rows]
         for i in known:
             own = slice(3 * i, 3 * i + 3)
-            parts[BLOCKS[i]].append(whitened(error[:, own], cov[:, own, own]))
+            parts[BLOCKS[i]].append(_whitened(run, rows, error[:, own], cov[:, own, own]))
         if run.correlated:
-            parts["nees"].append(whitened(error[:, columns], cov[:, columns][:, :, columns]))
+            whole = cov[:, columns][:, :, columns]
+            parts["nees"].append(_whitened(run, rows, error[:, columns], whole))
         else:
             parts["nees"].append(np.concatenate([parts[BLOCKS[i]][-1] for i in known], axis=1))
     found: dict[str, Score] = {}
@@ -154,6 +156,20 @@ def error_scores(runs: Sequence[OutputErrors]) -> tuple[Score | None, tuple[Scor
         if one is not None:
             found[name] = one
     return found.pop("nees", None), tuple(found.values())
+
+
+def _whitened(
+    run: OutputErrors, rows: NDArray[np.intp], error: FloatArray, covariance: FloatArray
+) -> FloatArray:
+    try:
+        return whitened(error, covariance)
+    except np.linalg.LinAlgError:
+        worst = int(np.argmin(np.linalg.eigvalsh(covariance)[:, 0]))
+        msg = (
+            f"{run.name}: expected covariances that are positive definite, found one that is not at "
+            f"{run.t[rows][worst]:.3f} s: mend the filter's update (Joseph form), or give its sds alone"
+        )
+        raise DataError(msg) from None
 
 
 def state_scores(runs: Sequence[OutputErrors]) -> tuple[Score, ...]:

@@ -9,13 +9,14 @@ nav_msgs/Path                              poses of its last message
 =========================================  ===========================================================================
 
 World axes are x east, y north, z up, those of the body x forward, y left, z up (REP 103), unless they are named.
-Covariances are row-major 6 × 6, of position and of the rotation about fixed axes of the world; all zeros, or a negative
-variance, mean that none is stated.
+Covariances are row-major 6 × 6, of position and of roll, pitch and yaw about fixed axes of the world, of the velocity
+along the axes of the body; all zeros, or a negative variance, mean that none is stated.
 """
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from tuner.readers.axes_letters import WORLD_LETTERS, axes_rotation
-from tuner.readers.estimate_columns import Frames, assemble
+from tuner.readers.estimate_columns import Frames, assemble, rotvec_of_angles
 from tuner.readers.messages.rosbag import METADATA, SIGNATURES, clock_of_stamps, opened_bag
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
@@ -133,22 +134,25 @@ def _assembled(
         columns |= {name: (quat[:, j], None) for j, name in enumerate(("qw", "qx", "qy", "qz"))}
     spread = rows[:, 7:43].reshape(-1, 6, 6)
     if _stated(spread[:, :3, :3]):
-        turn = np.eye(6)
-        turn[3:, 3:] = mat_nw
+        turn = np.tile(np.eye(6), (len(t), 1, 1))
+        angles = rotation.rpy_from_quat(np.where(np.isfinite(quat), quat, [1.0, 0.0, 0.0, 0.0]))
+        turn[:, 3:, 3:] = mat_nw @ rotvec_of_angles(angles)
         count = 6 if _stated(spread[:, 3:, 3:]) else 3
-        _add(columns, turn @ spread @ turn.T, _POSE_NAMES[:count], _POSE_UNITS)
+        _add(columns, turn @ spread @ np.swapaxes(turn, -1, -2), _POSE_NAMES[:count], _POSE_UNITS)
     notes: list[str] = []
+    of_body = False
     if kind == ODOMETRY_KIND:
         v, spread = rows[:, 43:46], rows[:, 46:55].reshape(-1, 3, 3)
         mat = mat_nw @ rotation.mat_from_quat(quat)
+        of_body = True
         if _of_world(t, rows[:, :3], v, quat):
             notes.append(f"{source}: velocities are taken in axes of the world: they fit the positions so")
-            mat = np.broadcast_to(mat_nw, mat.shape)
+            mat, of_body = np.broadcast_to(mat_nw, mat.shape), False
         velocity = np.einsum("nij,nj->ni", mat, v)
         columns |= {name: (velocity[:, j], None) for j, name in enumerate(_TWIST_NAMES)}
         if _stated(spread):
             _add(columns, mat @ spread @ np.swapaxes(mat, -1, -2), _TWIST_NAMES, ("m/s",) * 3)
-    return assemble(source, columns, axes, notes=tuple(notes))
+    return replace(assemble(source, columns, axes, notes=tuple(notes)), vel_of_body=of_body)
 
 
 def _stated(spread: FloatArray) -> bool:

@@ -215,7 +215,7 @@ def assemble(
     if rpy is not None:
         mat_nb = rotation.mat_from_rpy(rpy) @ mat_bf.T
         quat = rotation.quat_from_mat(mat_nb)
-        parts.append((6, _rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))
+        parts.append((6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))
     elif all(name in values for name in _QUATERNION):
         q = np.column_stack([values[name] for name in _QUATERNION])
         length = np.linalg.norm(q, axis=1, keepdims=True)
@@ -390,7 +390,7 @@ def _two_units(source: str, column: str, text: str) -> tuple[str, str]:
     return _canonical(source, column, parts[0]), _canonical(source, column, parts[1])
 
 
-def _rotvec_of_angles(rpy: FloatArray) -> FloatArray:
+def rotvec_of_angles(rpy: FloatArray) -> FloatArray:
     """Return d(rotation vector about north, east, down)/d(roll, pitch, yaw), shape (n, 3, 3)."""
     _, pitch, yaw = rpy.T
     zero, one = np.zeros(len(rpy)), np.ones(len(rpy))

@@ -46,6 +46,9 @@ class FilterOutput:
         Fix minus prediction, position and velocity; NaN at epochs without a fix.
     outages : ndarray, shape (w, 2)
         Begin and end of outages that the file marks, s.
+    vel_of_body : bool
+        Whether the covariance of the velocity is of its components along the axes of the body, free of errors of the
+        attitude; it is turned north-east-down with the estimated attitude like the velocity.
     notes : tuple of str
         How the file was understood.
     """
@@ -63,6 +66,7 @@ class FilterOutput:
     innovation_covariance: FloatArray
     outages: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     notes: tuple[str, ...] = ()
+    vel_of_body: bool = False
 
     def __len__(self) -> int:
         return len(self.t)

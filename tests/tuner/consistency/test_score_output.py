@@ -88,6 +88,18 @@ def test_runs_of_our_filter_get_the_verdicts_of_check():
     assert scored.whiteness.correlation == pytest.approx(own.whiteness.correlation, rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("q", [1.0, 0.5, 2.0])
+def test_two_hundred_runs_of_our_filter_get_the_verdicts_of_check(q):
+    own, outputs, truth = checked_runs(q=q, runs=200, duration=900.0)
+    scored = score_outputs(outputs, [truth]).consistency
+    assert scored.consistent is own.consistent is (q == 1.0)
+    for one, other in zip((scored.nees, *scored.blocks), (own.nees, *own.blocks), strict=True):
+        assert one.name == other.name
+        assert one.mean == pytest.approx(other.mean, rel=1e-3), one.name
+        assert one.consistent is other.consistent, one.name
+
+
 def test_arrays_of_a_consistent_monte_carlo_pass_and_a_small_covariance_does_not():
     rng = np.random.default_rng(3)
     a = rng.standard_normal((4, 4))
@@ -117,3 +129,15 @@ def test_nothing_to_score_by_is_said_in_one_line():
     output = filter_output("a.csv", t, local=np.zeros((10, 3)))
     with pytest.raises(DataError, match=r"a\.csv: expected a truth .* or innovations"):
         score_outputs([output])
+
+
+def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_time():
+    t = np.arange(50.0)
+    cov = np.full((50, 15, 15), np.nan)
+    cov[:, :3, :3] = np.eye(3)
+    cov[7, 0, 1] = cov[7, 1, 0] = 1.5
+    one = filter_output("run", t, local=np.zeros((50, 3)), covariance=cov, correlated=True)
+    with pytest.raises(
+        DataError, match=r"^run: expected covariances that are positive definite, .* at 7\.000 s"
+    ):
+        score_outputs([one], [filter_output("truth", t, local=np.zeros((50, 3)))])

@@ -64,12 +64,22 @@ def test_odometry_is_read_in_our_axes_with_its_covariances(tmp_path, kind):
     assert found.vel_n == pytest.approx(VEL, abs=1e-9)
     turn = rotation.quat_multiply(found.quat_nb, rotation.quat_conjugate(QUAT))
     assert np.abs(rotation.rotvec_from_quat(turn)).max() < 1e-9
-    whole = np.kron(np.eye(2), ENU)
+    # Of roll, pitch and yaw about fixed axes (geometry_msgs/PoseWithCovariance): rotations by a small one of each.
+    mat = ENU @ MAT_NB[0] @ FLU
+    rpy, tiny = rotation.rpy_from_mat(mat), 1e-6
+    turns = [
+        rotation.rotvec_from_mat(rotation.mat_from_rpy(rpy + tiny * e) @ mat.T) / tiny for e in np.eye(3)
+    ]
+    whole = np.zeros((6, 6))
+    whole[:3, :3], whole[3:, 3:] = ENU, ENU @ np.transpose(turns)
     spread = whole @ given[0][1]["covariance"] @ whole.T
-    assert found.covariance[0][np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])] == pytest.approx(spread)
+    assert found.covariance[0][np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])] == pytest.approx(
+        spread, rel=1e-4
+    )
     mat = MAT_NB[3] @ FLU
     assert found.covariance[3, 3:6, 3:6] == pytest.approx(mat @ np.diag([0.01, 0.04, 0.09]) @ mat.T)
     assert found.correlated
+    assert found.vel_of_body
 
 
 def test_velocities_of_the_world_are_told_by_the_positions(tmp_path):

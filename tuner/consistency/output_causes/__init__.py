@@ -123,7 +123,7 @@ def explain(
         fits = _candidates(
             models, base, fixed, known, [] if only_means else scale_hypotheses(models[0], base)
         )
-        fits = _with_sensor_noise(fits, base, model, sensor_noise)
+        fits = _with_sensor_noise(fits, base, model, None if models[0].of_body else sensor_noise)
         fits = [fit for fit in fits if fit.cause.cause not in {c.cause for c in causes}]
         least = max(MIN_GAIN, FURTHER_SHARE * causes[0].gain if causes else 0.0)
         if not fits or fits[0].cause.gain < least:
@@ -307,7 +307,9 @@ def _fitted(
 
 def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
     """Tell whether other noise changes the rms errors of a block by more than the margin of the scores."""
-    ratio = np.sqrt((model.variances(true) / model.variances(base)).reshape(5, 3).mean(axis=1))
+    before = model.variances(base).reshape(5, 3)
+    blocks = before.min(axis=1) > 0.0  # filters in axes of the body have no biases
+    ratio = np.sqrt((model.variances(true).reshape(5, 3)[blocks] / before[blocks]).mean(axis=1))
     return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
 
 

@@ -120,6 +120,8 @@ class ErrorModel:
         s.
     by_innovations : bool
         Whether innovations are seen.
+    of_body : bool
+        Whether velocities are along the axes of the body; then the last source of process noise is what measures them.
     """
 
     model: FilterModel
@@ -137,6 +139,7 @@ class ErrorModel:
     sds: FloatArray
     dt: FloatArray
     by_innovations: bool = field(default=False)
+    of_body: bool = field(default=False)
 
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood, up to a constant."""
@@ -292,6 +295,11 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
     """Return a run with the gains of a filter, ready for the likelihood of its errors, or else of its innovations."""
     phi, noise = transitions(course, model.time_constant)
     noise = noise * (model.density**2)[:, None, None]
+    if (
+        course.of_body
+    ):  # half of what drives errors of a random walk that is measured often is that of the measurements
+        noise[:, 1] *= 0.5
+        noise[:, 3] = noise[:, 1]
     start = start_covariance(run, course)
     covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
     rows = course.rows[1:]
@@ -333,6 +341,7 @@ def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorM
         sds,
         course.dt,
         by_innovations,
+        course.of_body,
     )
 
 
@@ -347,9 +356,15 @@ def _regressors(course: Course) -> tuple[FloatArray, FloatArray]:
     arm = np.concatenate([course.body, rotation.skew(course.rate) @ course.body], axis=1)
     fixes[:, :, at["lever arm of fixes"]] = arm
     outputs[:, :6, at["lever arm of output"]] = -arm
+    if course.of_body:  # velocities are measured by something else than the positions: nothing moves them
+        fixes[:, 3:] = 0.0
+        motion_of_body = course.acc - np.cross(course.rate, course.vel)
+        outputs[:, 3:6, at["delay of output"]] = motion_of_body[:, :, None]
+        outputs[:, 3:6, at["lever arm of output"]] = -rotation.skew(course.rate) @ course.body
     fixes[:, :3, at["offset of positions"]] = np.eye(3)
     place = np.cumsum(course.vel * course.dt[:, None], axis=0)
     turn = np.concatenate([-rotation.skew(place - place.mean(axis=0)), -rotation.skew(course.vel)], axis=1)
+    turn[:, 3:] *= not course.of_body
     fixes[:, :, at["rotation of positions"]] = turn
     outputs[:, 6:, at["rotation of body"]] = course.body
     return fixes, outputs

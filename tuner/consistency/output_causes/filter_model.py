@@ -46,6 +46,8 @@ MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 MIN_FIXED_DROP = 1e-4
 """Relative drop of the position variance that shows a fix."""
+UNMEASURED = 1e12
+"""Variance of fixes that there are not, (m/s)²."""
 STEADY_GROWTH = 0.05
 """Relative growth of the position variance from epoch to epoch above which there was no fix between."""
 
@@ -67,6 +69,10 @@ class Course:
         Attitude at the later epoch.
     fixed : ndarray of bool, shape (k,)
         Epochs with a fix.
+    of_body : bool
+        Whether the errors of velocity are those along the axes of the body. Such a filter carries its velocity in
+        these axes, measures it there more often than the position, and turns it with its attitude: no force acts
+        through errors of the attitude, and errors of the velocity fade.
     """
 
     rows: NDArray[np.intp]
@@ -78,6 +84,7 @@ class Course:
     rate: FloatArray
     body: FloatArray
     fixed: NDArray[np.bool_]
+    of_body: bool = False
 
 
 @dataclass(frozen=True)
@@ -143,6 +150,7 @@ def course_of(run: OutputErrors) -> Course | None:
         0.5 * (rate[:-1] + rate[1:]),
         rotation.mat_from_quat(quat[1:]),
         fixed[1:],
+        estimate.vel_of_body,
     )
 
 
@@ -185,9 +193,14 @@ def fixes_of(run: OutputErrors, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
 def transitions(course: Course, time_constant: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return transition matrices and process noise of unit density by source; (k, 15, 15), (k, 4, 15, 15).
 
-    The errors are truth minus estimate: p' = v, v' = −[f ×] φ − C δa, φ' = −C δg, biases decaying.
+    The errors are truth minus estimate: p' = v, v' = −[f ×] φ − C δa, φ' = −C δg, biases decaying; of velocities along
+    the axes of the body p' = u − [v ×] φ, u' = [ω ×] u − u / T − C δa, T being the second time constant: a random walk
+    that is measured often is known with an error of the first order.
     """
     k = len(course.dt)
+    if course.of_body:
+        fading = float(time_constant[1])
+        return _body_transition(course, fading), _body_noise(course, fading)
     half, whole = (_transition(course, time_constant, share) for share in (0.5, 1.0))
     noise = np.zeros((k, 4, 15, 15))
     for s, (first, mat) in enumerate(((6, course.mat_nb), (3, course.mat_nb), (9, None), (12, None))):
@@ -217,12 +230,49 @@ def _transition(course: Course, time_constant: FloatArray, share: float) -> Floa
     return phi
 
 
+def _body_transition(course: Course, fading: float) -> FloatArray:
+    """Return transition matrices of errors with velocities along the axes of the body."""
+    dt = course.dt[:, None, None]
+    angle = rotation.mat_from_rotvec(course.rate * dt[:, :, 0])
+    decay = np.exp(-dt / fading)
+    mean = np.minimum(fading * (1.0 - decay), dt)
+    phi = np.tile(np.eye(15), (len(course.dt), 1, 1))
+    middle = course.vel - 0.5 * course.dt[:, None] * (course.force + GRAVITY)
+    phi[:, 0:3, 3:6] = mean * np.eye(3)
+    phi[:, 0:3, 6:9] = -dt * rotation.skew(middle)
+    phi[:, 0:3, 9:12] = 0.5 * dt**2 * (rotation.skew(middle) @ course.mat_nb)
+    phi[:, 3:6, 3:6] = decay * angle
+    phi[:, 6:9, 9:12] = -dt * course.mat_nb
+    return phi
+
+
+def _body_noise(course: Course, fading: float) -> FloatArray:
+    """Return their noise of unit density: of level, of the fading velocity, of heading, and none."""
+    k, dt = len(course.dt), course.dt[:, None, None]
+    noise, eye = np.zeros((k, 4, 15, 15)), np.eye(3)
+    turned = np.zeros((k, 15, 3))
+    for weight, rest in ((1.0 / 6.0, 0.0), (4.0 / 6.0, 0.5), (1.0 / 6.0, 1.0)):
+        turned[:, 0:3] = -rest * dt * rotation.skew(course.vel)
+        turned[:, 6:9] = eye
+        for source, axes in ((0, slice(0, 2)), (2, slice(2, 3))):
+            own = turned[:, :, axes]
+            noise[:, source] += weight * dt * (own @ np.swapaxes(own, -1, -2))
+    one, two = (1.0 - np.exp(-n * dt / fading) for n in (1, 2))
+    noise[:, 1, 0:3, 0:3] = fading**2 * (dt - 2.0 * fading * one + 0.5 * fading * two) * eye
+    noise[:, 1, 0:3, 3:6] = fading**2 * (one - 0.5 * two) * eye
+    noise[:, 1, 3:6, 0:3] = noise[:, 1, 0:3, 3:6]
+    noise[:, 1, 3:6, 3:6] = 0.5 * fading * two * eye
+    return noise
+
+
 def start_covariance(run: OutputErrors, course: Course) -> FloatArray:
     """Return P at the first epoch: as stated, `DEFAULT_SD` of what is not; (15, 15)."""
     stated = run.covariance[course.rows[0]]
     good = np.diag(stated) > 0.0
     start = np.where(good[:, None] & good[None, :], stated, 0.0)
     start[~good, ~good] = DEFAULT_SD[~good] ** 2
+    if course.of_body:
+        start[9:, 9:] = 0.0
     return np.asarray(start)
 
 
@@ -234,6 +284,8 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     variance = np.einsum("kii->ki", run.covariance)[course.rows[1 : count + 1]]
     stated = np.log(np.where(variance > 0.0, variance, np.nan))
     states = np.flatnonzero(np.isfinite(stated).all(axis=0))
+    if course.of_body:
+        states = states[states < 9]
     late = np.zeros(count, dtype=bool)
     late[count // (20 if len(states) == 15 else 3) :] = True
     start = start_covariance(run, course)
@@ -246,12 +298,14 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     part = _head(course, count)
 
     def residual(x: FloatArray) -> FloatArray:
-        model = _model(x, 0.0)
+        model = _model(x, 0.0, of_body=course.of_body)
         phi, noise = transitions(part, model.time_constant)
         p, _ = covariance_recursion(phi, noise, part.fixed, model.density**2, model.fix_variance, start)
         own = np.log(np.maximum(np.einsum("kii->ki", p), 1e-30))
         return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
 
+    if course.of_body:
+        guess[5] = 0.0
     found = least_squares(
         residual, guess, bounds=(guess - LOG_SPAN, guess + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
     )
@@ -259,20 +313,19 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     # Sds of neighbouring epochs err together: all of them are worth one.
     information = found.jac.T @ found.jac / np.count_nonzero(late) + 1e-12 * np.eye(len(guess))
     sd = max(misfit, MIN_MISFIT) * np.sqrt(np.diag(np.linalg.inv(information)))
-    return replace(_model(found.x, misfit), log_density_sd=sd[:4])
+    return replace(_model(found.x, misfit, of_body=course.of_body), log_density_sd=sd[:4])
 
 
-def _model(x: FloatArray, misfit: float) -> FilterModel:
+def _model(x: FloatArray, misfit: float, *, of_body: bool) -> FilterModel:
     variance = np.exp(2.0 * x[6:])[[0, 0, 1, 2, 2, 3]]
+    if of_body:  # what is measured of the velocity is in its fading
+        variance[3:] = UNMEASURED
     return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit)
 
 
 def _head(course: Course, count: int) -> Course:
     """Return the first epochs of a course."""
-    return Course(
-        course.rows[: count + 1],
-        *(
-            getattr(course, name)[:count]
-            for name in ("dt", "mat_nb", "force", "vel", "acc", "rate", "body", "fixed")
-        ),
+    names = ("dt", "mat_nb", "force", "vel", "acc", "rate", "body", "fixed")
+    return replace(
+        course, rows=course.rows[: count + 1], **{name: getattr(course, name)[:count] for name in names}
     )

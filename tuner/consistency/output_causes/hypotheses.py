@@ -64,6 +64,16 @@ def _times(*which: int) -> Callable[[TrueNoise, float], TrueNoise]:
 def scale_hypotheses(model: ErrorModel, base: TrueNoise) -> list[ScaleHypothesis]:
     """Return all hypotheses of one size; of processes that the filter lacks only one at a time."""
     r, q = "gnss_noise_scale", "imu_noise_scale"
+    if model.of_body:
+        return [
+            ScaleHypothesis(r, "", lambda base, x: _fixes(0)(_density(3)(base, x), x)),
+            ScaleHypothesis(r, "position fixes", _fixes(0)),
+            ScaleHypothesis(r, "measured velocity", _density(3)),
+            ScaleHypothesis(q, "", _density(0, 1, 2)),
+            ScaleHypothesis(q, "attitude", _density(0, 2)),
+            ScaleHypothesis(q, "velocity", _density(1)),
+            ScaleHypothesis("noise_scale", "", _everything),
+        ]
     found = [
         ScaleHypothesis(r, "", _fixes(0, 1)),
         ScaleHypothesis(r, "position fixes", _fixes(0)),
