@@ -46,7 +46,7 @@ MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 MIN_FIXED_DROP = 1e-4
 """Relative drop of the position variance that shows a fix."""
-UNMEASURED = 1e12
+NO_FIX_VARIANCE = 1e12
 """Variance of fixes that there are not, (m/s)²."""
 STEADY_GROWTH = 0.05
 """Relative growth of the position variance from epoch to epoch above which there was no fix between."""
@@ -319,7 +319,7 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
 def _model(x: FloatArray, misfit: float, *, of_body: bool) -> FilterModel:
     variance = np.exp(2.0 * x[6:])[[0, 0, 1, 2, 2, 3]]
     if of_body:  # what is measured of the velocity is in its fading
-        variance[3:] = UNMEASURED
+        variance[3:] = NO_FIX_VARIANCE
     return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit)
 
 
