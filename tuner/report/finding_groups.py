@@ -203,7 +203,7 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     if not drift:
         return ""
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
-        return "drift of position as without it"
+        return "does not move the position"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
     parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in reported.items()]
     return f"drift after {', after '.join(parts)} without it"

@@ -1,8 +1,8 @@
-"""The answer of `tune` in ten to fifteen lines of 80 columns: verdict, numbers, what matters most."""
+"""The answer of `tune` in ten lines of 80 columns where axes agree: verdict, numbers, what matters most."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,10 +19,12 @@ from tuner.synthesis.findings import judge_hidden
 if TYPE_CHECKING:
     from tuner.pipeline import TuneResult
 
+WITHOUT_RECEIVER = "name a receiver (--gnss GRADE)"
+"""Words of the reason where a check lacks only the receiver."""
 SHOWN_FINDINGS = 2
 """Findings in the answer: what a reader acts on first."""
-HALF_LIMIT = "* only bounded: half of the 95 % limit"
-NO_INTERVAL = "without ±: fitted to the Allan curve, or set"
+HALF_LIMIT = "*: half of a 95 % limit"
+NO_INTERVAL = "no ±: fitted to the Allan curve, or set"
 
 
 def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
@@ -39,13 +41,13 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
     numbers: list[Table | str] = [settings_table(rows)] if rows else []
     return [
         *wrapped(verdict_line(result)),
-        *wrapped(f"Log: {recording_line(result)}"),
+        *wrapped(recording_line(result), 2),
         *numbers,
         *wrapped(legend(rows), 2),
         *(line for text in what_matters(result) for line in wrapped(text, 2)),
         *(line for text in hidden_lines(result) for line in wrapped(text, 2)),
-        *(line for part, reason in result.absent.items() for line in wrapped(f"No {part}: {reason}", 2)),
-        *wrapped(f"Page: {directory / 'report.html'}; noise.yaml beside it; all tables: --verbose", 2),
+        *(line for text in _absent_lines(result) for line in wrapped(text, 2)),
+        *wrapped(f"{_page(result)}: {directory / 'report.html'} (tables here: --verbose)", 2),
     ]
 
 
@@ -55,7 +57,7 @@ def verdict_line(result: TuneResult) -> str:
 
     parts = []
     if result.check is None:
-        parts.append("The filter is not checked")
+        parts.append(f"Not checked: {WITHOUT_RECEIVER}" if _no_receiver(result) else "The filter is not checked")
     elif result.check.consistency.consistent:
         parts.append(f"Consistent within 10 % ({CHECK_RUNS} simulated hours)")
     else:
@@ -106,16 +108,11 @@ def what_matters(result: TuneResult) -> list[str]:
         span = max((record.span for record in result.records), default=None)
         groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
         for group in groups[:SHOWN_FINDINGS]:
-            parts = [drift_text(group.drift), f"changes {group.changes}"]
+            parts = [drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
             title = group.short[:1].upper() + group.short[1:]
             lines.append(f"{title}: " + "; ".join(part for part in parts if part))
-        if more := len(groups) - SHOWN_FINDINGS:
-            lines += [f"and {more} more on the page"] if more > 0 else []
         if not groups:
             lines.append("Found nothing that the noise terms do not explain")
-        if result.diagnosis.unexplained:
-            axes = dict.fromkeys(a for one in result.diagnosis.unexplained for a in one.channels)
-            lines.append(f"Unexplained misfit in {axes_text(list(axes))}: see the page")
     if result.drive is not None:
         found = result.drive.diagnosis
         lines += [
@@ -124,6 +121,42 @@ def what_matters(result: TuneResult) -> list[str]:
     if result.choice is not None:
         lines.append(f"After the drive: {result.choice.note}")
     return lines
+
+
+def _most_moved(drift: Mapping[str, tuple[float, float]]) -> Mapping[str, tuple[float, float]]:
+    """Return the time after which a finding moves the position most; the page has all of them."""
+    most = max(drift, key=lambda name: drift[name][0] / max(drift[name][1], 1e-9), default=None)
+    return {} if most is None else {most: drift[most]}
+
+
+def _entry(changes: str) -> str:
+    """Return the changed entry without what is said of how it changes."""
+    return changes.partition(",")[0].partition(":")[0]
+
+
+def _page(result: TuneResult) -> str:
+    """Return what the page has beyond the answer."""
+    found = result.diagnosis
+    if found is None:
+        return "Page"
+    groups = finding_groups([one for one in found.findings if not contradicted(one)])
+    more = [f"{len(groups) - SHOWN_FINDINGS} more findings"] if len(groups) > SHOWN_FINDINGS else []
+    axes = dict.fromkeys(axis for one in found.unexplained for axis in one.channels)
+    more += [f"unexplained misfits of {axes_text(list(axes))}"] if axes else []
+    return f"Page with {', '.join(more)}" if more else "Page"
+
+
+def _no_receiver(result: TuneResult) -> bool:
+    return WITHOUT_RECEIVER in result.absent.get("consistency", "")
+
+
+def _absent_lines(result: TuneResult) -> list[str]:
+    """Return what could not be done and why, other than what the verdict says already."""
+    return [
+        f"No {part}: {reason}"
+        for part, reason in result.absent.items()
+        if not (part == "consistency" and _no_receiver(result))
+    ]
 
 
 def hidden_lines(result: TuneResult) -> list[str]:
