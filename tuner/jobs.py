@@ -40,6 +40,9 @@ _END_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux: the signal that a process gets when its parent ends."""
 
 _limit: ContextVar[int | None] = ContextVar("processors", default=None)
+Advance = Callable[[int, int], None]
+"""Called with (done, total)."""
+_watcher: ContextVar[Advance | None] = ContextVar("watcher", default=None)
 
 
 def usable() -> int:
@@ -67,6 +70,31 @@ def limited(processors: int | None) -> Iterator[None]:
         _limit.reset(token)
 
 
+@contextmanager
+def watched(advance: Advance | None) -> Iterator[None]:
+    """Tell `advance` how far every outermost `each` and `counted` in this block is; None: nobody."""
+    token = _watcher.set(advance)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def counted(items: Sequence[Item]) -> Iterator[Item]:
+    """Yield items one by one and tell whoever watches; what is done with an item is not watched."""
+    advance = _watcher.get()
+    _watcher.set(None)
+    try:
+        for done, item in enumerate(items):
+            if advance is not None:
+                advance(done, len(items))
+            yield item
+        if advance is not None:
+            advance(len(items), len(items))
+    finally:
+        _watcher.set(advance)
+
+
 def each(
     function: Callable[[Item], Result], items: Sequence[Item], shared: Sequence[object] = ()
 ) -> list[Result]:
@@ -88,14 +116,14 @@ def each(
     """
     processes = min(usable(), len(items), _affordable())
     if processes < 2 or not _can_copy():
-        return [function(item) for item in items]
+        return [function(item) for item in counted(items)]
     numbers = _numbers(len(items))
     children: dict[int, int] = {}
     try:
         for _ in range(processes):
             receiver, child = _copy(function, items, shared, numbers, tuple(children))
             children[receiver] = child
-        found = _collected(tuple(children), shared)
+        found = _collected(tuple(children), shared, len(items))
     finally:
         os.close(numbers)
         for receiver, child in children.items():
@@ -180,6 +208,7 @@ def _work_and_leave(
         for other in others:
             os.close(other)
         _limit.set(1)
+        _watcher.set(None)
         os.environ.update(dict.fromkeys(THREAD_LIMITS, "1"))
         with open(sender, "wb") as pipe:
             while number := os.read(numbers, 4):
@@ -221,10 +250,13 @@ def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(content)
 
 
-def _collected(receivers: Sequence[int], shared: Sequence[object]) -> dict[int, tuple[bool, Any]]:
+def _collected(receivers: Sequence[int], shared: Sequence[object], count: int) -> dict[int, tuple[bool, Any]]:
     """Return what copies send until the last of them ends: whether an item failed, and its result, by number."""
     content = {receiver: bytearray() for receiver in receivers}
     found: dict[int, tuple[bool, Any]] = {}
+    advance = _watcher.get()
+    if advance is not None:
+        advance(0, count)
     with selectors.DefaultSelector() as selector:
         for receiver in receivers:
             selector.register(receiver, selectors.EVENT_READ)
@@ -240,6 +272,8 @@ def _collected(receivers: Sequence[int], shared: Sequence[object]) -> dict[int, 
                         index, failed, value = _value(bytes(sent[8 : 8 + size]), shared)
                     found[index] = (failed, value)
                     del mine[: 8 + size]
+                    if advance is not None:
+                        advance(len(found), count)
     return found
 
 

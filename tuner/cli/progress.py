@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+
+from tuner.jobs import Advance, watched
 
 LINE_INTERVAL = 10.0
 """Time between lines on progress, s: a minute of a log file holds six."""
-Advance = Callable[[int, int], None]
-"""Called with (done, total)."""
+SHOWN_AFTER = 2.0
+"""Time after which a loop shows how long it takes, s."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,23 @@ class Messages:
         if not self.quiet:
             sys.stderr.write(text + "\n")
             sys.stderr.flush()
+
+    @contextmanager
+    def steps(self) -> Iterator[None]:
+        """Show a bar with the time left for every loop in this block that lasts longer than `SHOWN_AFTER`.
+
+        Nothing is shown where quiet, or where no person looks.
+        """
+        console = Console(stderr=True)
+        if self.quiet or not console.is_terminal:
+            yield
+            return
+        bar = _LateBar(console)
+        try:
+            with watched(bar):
+                yield
+        finally:
+            bar.end()
 
     @contextmanager
     def kept(self) -> Iterator[None]:
@@ -49,13 +68,7 @@ class Messages:
         if self.quiet or not console.is_terminal:
             yield None
             return
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.percentage:>3.0f} %"),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=console, transient=True) as progress:
+        with watched(None), Progress(*_columns(), console=console, transient=True) as progress:
             task = progress.add_task(title, total=None)
 
             def advance(done: int, total: int) -> None:
@@ -71,6 +84,43 @@ class Messages:
             return
         with self.bar(things) as advance:
             yield advance or _Lines(self, things)
+
+
+def _columns() -> tuple[ProgressColumn, ...]:
+    return (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+    )
+
+
+class _LateBar:
+    """A bar that appears when a loop has lasted for a while, and goes when it ends."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._begin = 0.0
+        self._progress: Progress | None = None
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done == 0 or self._begin == 0.0:
+            self._begin = now
+        if done >= total:
+            self.end()
+        elif self._progress is None and now - self._begin > SHOWN_AFTER:
+            self._progress = Progress(*_columns(), console=self._console, transient=True)
+            self._progress.start()
+            self._progress.add_task("working", total=total)
+        if self._progress is not None:
+            self._progress.update(self._progress.task_ids[0], completed=done, total=total)
+
+    def end(self) -> None:
+        """Take the bar away."""
+        if self._progress is not None:
+            self._progress.stop()
+        self._progress, self._begin = None, 0.0
 
 
 class _Lines:

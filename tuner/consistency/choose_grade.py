@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from models.noise import GaussMarkov
 from tuner.catalogue.grades import DEFAULT_RECEIVER, grade_identification, grade_names, load_gnss, load_grade
 from tuner.consistency.outage_drift import outage_drift
+from tuner.jobs import counted
 from tuner.synthesis import synthesize
 from tuner.types import ChannelNoise, FilterConfig
 from tuner.types.records import DataError
@@ -95,7 +96,7 @@ def choose(
         return (found.wheels if wheels else found.free)[outage]
 
     ranking = []
-    for name in grade_names():
+    for name in counted(grade_names()):
         config = synthesize(grade_identification(load_grade(name)), gnss=receiver)
         if len(config.channels) == 6:
             ranking.append(RankedGrade(name, config, drift(config)))

@@ -57,7 +57,9 @@ def verdict_line(result: TuneResult) -> str:
 
     parts = []
     if result.check is None:
-        parts.append(f"Not checked: {WITHOUT_RECEIVER}" if _no_receiver(result) else "The filter is not checked")
+        parts.append(
+            f"Not checked: {WITHOUT_RECEIVER}" if _no_receiver(result) else "The filter is not checked"
+        )
     elif result.check.consistency.consistent:
         parts.append(f"Consistent within 10 % ({CHECK_RUNS} simulated hours)")
     else:

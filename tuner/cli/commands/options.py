@@ -100,7 +100,7 @@ def common(command: Command) -> Command:
     @functools.wraps(command)
     def wrapped(*args: Any, json_file: str | None, quiet: bool, **options: Any) -> Any:
         messages = Messages(quiet)
-        with messages.kept():
+        with messages.kept(), messages.steps():
             return command(*args, output=Output(json_file), messages=messages, **options)
 
     return wrapped

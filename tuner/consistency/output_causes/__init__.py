@@ -26,6 +26,7 @@ from tuner.consistency.output_causes.filter_model import FilterModel, course_of,
 from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypothesis, scale_hypotheses
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
+from tuner.jobs import counted
 from tuner.types.consistency import MeanError
 from tuner.types.output_score import OutputCause
 
@@ -176,7 +177,7 @@ def _candidates(
     promising = sorted(
         ((_promise(loss, scale, deviance), i) for i, (scale, loss) in enumerate(losses)), reverse=True
     )
-    for _, i in promising[:REFINED_COUNT]:
+    for _, i in counted(promising[:REFINED_COUNT]):
         fit = _fitted(*losses[i], base, deviance, price)
         if fit is not None:
             found.append(fit)
