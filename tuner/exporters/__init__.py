@@ -123,7 +123,7 @@ def export(
     Raises
     ------
     DataError
-        For an unknown dialect, and for a sensor that the target cannot do without.
+        For an unknown dialect, a sensor that the target cannot do without, and an axis without white noise.
     """
     try:
         declared = DIALECTS[dialect]
@@ -133,6 +133,13 @@ def export(
         msg = (
             f"{config.name}: {dialect} needs gyroscopes and accelerometers, found no {missing[0]}; "
             "`tuner tune LOG --complete GRADE` fills them in from a built-in grade"
+        )
+        raise DataError(msg)
+    silent = [axis for axis, channel in config.channels.items() if not channel.white_density > 0.0]
+    if silent and dialect != "native":
+        msg = (
+            f"{config.name}: {dialect}: expected white noise of {silent[0]} above 0, found 0, by which "
+            "filters divide: set white_density in noise.yaml, at least to that of its data sheet"
         )
         raise DataError(msg)
     target = Target(interval or config.interval, step, memory, rate_named=interval is not None)

@@ -57,8 +57,10 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
         fitted = why.removeprefix("not used") if why.startswith("not used") else ""
         yield f"{axis}: N = {channel.white_density:.4g} {channel.unit}/√Hz{fitted}; identified: {known or 'nothing'}"
     if config.noise_in_motion:
-        rest = ", ".join(f"{axis} {value:.4g}" for axis, value in config.noise.items())
-        yield f"N is that in motion, for rest and motion alike; at rest N = {rest}"
+        rest = ", ".join(
+            f"{axis} {value:.4g} {config.channels[axis].unit}/√Hz" for axis, value in config.noise.items()
+        )
+        yield f"N is that in motion, for rest and motion alike; at rest N of {rest}"
     if walk_memory is not None and any(channel.markov for channel in config.channels.values()):
         yield (
             f"Gauss–Markov states are in N and K, for a filter with a memory τ of {walk_memory:g} s (assumed): those "
@@ -81,7 +83,8 @@ def _provenance(config: FilterConfig, title: str, walk_memory: float | None) -> 
 def _equivalence(axis: str, channel: ChannelNoise, memory: float) -> str:
     """Say what stands for the states of an axis, and how well."""
     found = equivalent_noise(channel, memory=memory)
-    return f"{axis}: N = {found.white_density:.4g}, K = {found.bias:.4g}; {_mismatch(found)}"
+    unit = channel.unit
+    return f"{axis}: N = {found.white_density:.4g} {unit}/√Hz, K = {found.bias:.4g} {unit}/√s; {_mismatch(found)}"
 
 
 def _mismatch(found: EquivalentNoise) -> str:

@@ -457,3 +457,21 @@ def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_term
     one = replace(CONFIG.channels["gyro_x"], handling={"white": "not used: fitted to the Allan curve"})
     text = written("kalibr", replace(CONFIG, channels=dict(CONFIG.channels) | {"gyro_x": one}))
     assert "gyro_x: N = 0.0002 rad/s/√Hz: fitted to the Allan curve; identified: nothing" in text
+
+
+@pytest.mark.parametrize("config", [CONFIG, load_config("icm20602")], ids=["state", "flicker"])
+@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
+def test_every_number_of_a_header_has_its_unit(dialect: str, config: FilterConfig) -> None:
+    found = re.findall(
+        r"[NKBσT] = [\d.e+-]+(?![\d.e+-])(?! (?:rad|m|s)\b)[^\n]{0,20}", export(config, dialect)
+    )
+    assert found == []
+
+
+@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
+def test_an_axis_without_white_noise_is_refused(dialect: str) -> None:
+    channels = {a: replace(c, white_density=0.0) if a == "gyro_y" else c for a, c in CONFIG.channels.items()}
+    with pytest.raises(
+        DataError, match=r"expected white noise of gyro_y above 0, found 0, .*: set white_density"
+    ):
+        export(replace(CONFIG, channels=channels), dialect)
