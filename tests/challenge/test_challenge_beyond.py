@@ -12,7 +12,7 @@ from tuner.diagnosis import diagnose
 pytestmark = pytest.mark.slow
 
 NUMBER = 8
-WITHOUT_CAUSE = {"glitches", "recovery", "interpolated", "clean_filtered"}
+WITHOUT_CAUSE = {"glitches", "interpolated", "clean_filtered"}
 """Kinds of which some are known to be told by another name, or to leave a misfit."""
 
 

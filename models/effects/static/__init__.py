@@ -16,6 +16,7 @@ temperature_rate        slope                                           thermal
 hysteresis              slope, width                                    thermal
 warmup                  amplitude, time_constant                        thermal
 step                    time, size                                      events
+recovery                time, size, time_constant                       events
 telegraph               size, dwell_low, dwell_high                     events
 spikes                  rate, size                                      events
 motion                  start, duration                                 events
@@ -56,7 +57,7 @@ from models.effects.static.distribution import (
     SkewedNoise,
     VarianceDrift,
 )
-from models.effects.static.events import Motion, Spikes, Step, Telegraph
+from models.effects.static.events import Motion, Recovery, Spikes, Step, Telegraph
 from models.effects.static.sampling import Clipping, Duplicates, Quantizer, Timing
 from models.effects.static.spectral import Colour, Comb, CorrelatedDrift, Line, LowPass, Vibration
 from models.effects.static.thermal import (
@@ -92,7 +93,7 @@ EFFECTS.extend(
         Line, Vibration, LowPass, Colour, TemperatureSlope, ThermalLag, Step, Warmup, Telegraph,
         CorrelatedDrift, Spikes, HeavyTails, Burst, VarianceDrift, Duplicates, Timing, Clipping, Quantizer,
         CrossAxis, Attitude, Motion, SkewedNoise, PeriodicVariance, TemperatureSquared, TemperatureRate, Hysteresis,
-        Comb,
+        Comb, Recovery,
     )
 )  # fmt: skip
 

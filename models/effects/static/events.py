@@ -1,8 +1,9 @@
-"""Effects in time: a step, telegraph noise, spikes, a stretch that moved.
+"""Effects in time: a step, a recovery, telegraph noise, spikes, a stretch that moved.
 
 ::
 
     step         size · (t ≥ time)
+    recovery     size · exp(−(t − time)/time_constant) · (t ≥ time)
     telegraph    0 or size; exponential dwells of means dwell_low and dwell_high. Autocovariance
                  size² p (1 − p) exp(−|lag| (1/dwell_low + 1/dwell_high)),
                  where p = dwell_high/(dwell_low + dwell_high)
@@ -74,6 +75,51 @@ class Step(Effect):
         return cls(
             scale.start + scale.span * float(rng.uniform(0.1, 0.9)),
             sign(rng) * scale.floor * log_uniform(rng, 0.5, 10.0),
+        )
+
+
+@dataclass(frozen=True)
+class Recovery(Effect):
+    """A bias that jumps and decays back, as after an overload, a knock or a glitch.
+
+    Attributes
+    ----------
+    time : float
+        Time of the jump on the clock of the record, s.
+    size : float
+        unit (either sign).
+    time_constant : float
+        s.
+    """
+
+    name: ClassVar[str] = "recovery"
+    deterministic: ClassVar[bool] = True
+    locates: ClassVar[tuple[str, ...]] = ("time",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+    time: float
+    size: float
+    time_constant: float
+
+    def __post_init__(self) -> None:
+        require_finite(time=self.time, size=self.size)
+        require_positive(time_constant=self.time_constant)
+
+    def signal(self, t: FloatArray) -> FloatArray:
+        """Return the transient at times `t`, shape (n,)."""
+        after = t - self.time
+        return np.where(after >= 0.0, self.size * np.exp(-np.maximum(after, 0.0) / self.time_constant), 0.0)
+
+    def apply(self, block: Samples, rng: np.random.Generator) -> Samples:
+        """Add the transient to every channel."""
+        return block.add(self.signal(block.t))
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Scale) -> Self:
+        """Size ± 1 … 20 Allan floors, time constant 0.3 … 5 % of the record, in the middle eight tenths of it."""
+        return cls(
+            scale.start + scale.span * float(rng.uniform(0.1, 0.9)),
+            sign(rng) * scale.floor * log_uniform(rng, 1.0, 20.0),
+            scale.span * log_uniform(rng, 0.003, 0.05),
         )
 
 

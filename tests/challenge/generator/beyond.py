@@ -378,6 +378,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Made]] = {
 
 
 def record(kind: str, seed: str, number: int) -> Made:
-    """Return one record of a kind."""
+    """Return one record of a kind, of those of `quiet` too."""
+    from challenge.generator import quiet
+
     words = [ord(c) for c in f"{seed}/{kind}"]
-    return KINDS[kind](np.random.default_rng([*words, number]))
+    return {**KINDS, **quiet.KINDS}[kind](np.random.default_rng([*words, number]))

@@ -31,6 +31,7 @@ from tuner.diagnosis.static.causes.heavy_tails import HeavyTails
 from tuner.diagnosis.static.causes.line import Line
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
+from tuner.diagnosis.static.causes.recovery import Recovery
 from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.step import Step
@@ -129,6 +130,7 @@ def _late(outcome: SearchResult, cut: int) -> tuple[Extension, ...]:
         x
         for x in outcome.final.extensions
         if (isinstance(x, Step) and (x.taken or x.first > cut - margin))
+        or (isinstance(x, Recovery) and x.first > cut - margin)
         or (isinstance(x, Burst) and x.last > cut - margin)
     )
 
@@ -147,10 +149,10 @@ def _still(outcome: SearchResult, late: tuple[Extension, ...]) -> Channel:
     for index, event in enumerate(outcome.final.extensions):
         if not any(event is one for one in late):
             continue
-        if isinstance(event, Step):
-            y[event.first :] -= event.taken + float(
-                outcome.final.fit.beta[first_column(outcome.final, index)]
-            )
+        if isinstance(event, Step | Recovery):
+            size = float(outcome.final.fit.beta[first_column(outcome.final, index)])
+            size += event.taken if isinstance(event, Step) else 0.0
+            y -= size * event.course(channel)
         elif isinstance(event, Burst):
             inside = slice(event.first, event.last)
             slow = slow_track(outcome.final)[0][inside]

@@ -31,6 +31,7 @@ from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.causes.motion import Motion
 from tuner.diagnosis.static.causes.mount_tilt import MountTilt
 from tuner.diagnosis.static.causes.periodic_variance import PeriodicVariance
+from tuner.diagnosis.static.causes.recovery import Recovery
 from tuner.diagnosis.static.causes.skewed_noise import SkewedNoise
 from tuner.diagnosis.static.causes.spikes import Spikes
 from tuner.diagnosis.static.causes.step import Step
@@ -76,6 +77,6 @@ CAUSES.extend(
         Line, Temperature, ThermalLag, Step, Warmup, MountTilt, Ageing, Telegraph, MoreMarkov, Spikes, HeavyTails,
         Burst, VarianceDrift, Vibration, LowPass, Colour, Sweep, Motion, CrossAxis, Thermal, Duplicates, Timing,
         Clipping, Quantizer, RepeatedPackets, Interpolated, SkewedNoise, PeriodicVariance, TemperatureSquared,
-        TemperatureRate, Hysteresis, Comb,
+        TemperatureRate, Hysteresis, Comb, Recovery,
     )
 )  # fmt: skip

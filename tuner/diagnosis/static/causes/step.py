@@ -114,10 +114,16 @@ class Step(Template):
     def clean_samples(self, channel: Channel) -> Channel:
         """Take out what the slow track does not show of the step, or what is known of a gross one."""
         if self.taken:
-            return replace(channel, y=channel.y - self.taken * (np.arange(len(channel)) >= self.first))
+            return replace(channel, y=channel.y - self.taken * self.course(channel))
         if not self.jump:
             return channel
-        return replace(channel, y=channel.y - jump.above_slow_track(channel, self.first, self.jump))
+        return replace(
+            channel, y=channel.y - jump.above_slow_track(channel, self.jump * self.course(channel))
+        )
+
+    def course(self, channel: Channel) -> FloatArray:
+        """Return the step of size 1 on the samples, shape (n,)."""
+        return np.where(np.arange(len(channel)) >= self.first, 1.0, 0.0)
 
     def with_joint_estimate(self, fitted: Residual, index: int, size: Value) -> Self:
         """Take the size from the joint fit, beside what was taken out of the samples."""
@@ -135,7 +141,7 @@ class Step(Template):
         begin, end = (round((t - channel.start) / channel.interval) for t in (time.lower, time.upper))
         if end - begin > jump.CLEAR_BLOCKS * channel.block:
             return replace(self, jump=size)
-        fast = jump.above_slow_track(channel, self.first, self.jump)
+        fast = jump.above_slow_track(channel, self.jump * self.course(channel))
         whole = replace(fitted.cleaned, y=fitted.cleaned.y + fast)
         lowest = 1.0 / (jump.CLEAR_BLOCKS * channel.block * channel.interval)
         noise = float(fitted.power_at(lowest)) / channel.interval

@@ -52,12 +52,26 @@ def block_transform(columns: FloatArray, channel: Channel, singles: int) -> Floa
     Where a channel has no samples it is filled with a straight line; so is every template there, between means of
     the same length, or the line would count as evidence against it.
     """
-    n, m = len(channel), channel.blocks
     columns = channel.bridged(columns)
-    k = np.arange(1, singles + 1)
-    factor = np.sqrt(channel.interval * m / n) * np.sin(0.5 * np.pi * k / m) / np.sin(0.5 * np.pi * k / n)
-    out: FloatArray = dct(columns, norm="ortho", axis=0)[1 : singles + 1] * factor[:, None]
+    out: FloatArray = (
+        dct(columns, norm="ortho", axis=0)[1 : singles + 1] * _block_factor(channel, singles)[:, None]
+    )
     return out
+
+
+def _block_factor(channel: Channel, singles: int) -> FloatArray:
+    """Return the coefficients 1 … K of samples ÷ those of their blocks, for templates constant over a block."""
+    n, m, k = len(channel), channel.blocks, np.arange(1, singles + 1)
+    return np.asarray(
+        np.sqrt(channel.interval * m / n) * np.sin(0.5 * np.pi * k / m) / np.sin(0.5 * np.pi * k / n)
+    )
+
+
+def block_sums(weights: FloatArray, channel: Channel) -> FloatArray:
+    """Return, for a template that is 1 on one block alone, the sum of its coefficients times `weights` (K,); (M,)."""
+    values = np.zeros(channel.blocks)
+    values[1 : len(weights) + 1] = weights * _block_factor(channel, len(weights))
+    return np.asarray(idct(values, norm="ortho"))
 
 
 def grid(a: FloatArray, interval: float, singles: int) -> CosinePeriodogram:

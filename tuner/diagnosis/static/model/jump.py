@@ -34,11 +34,9 @@ def likely_time(fitted: Residual, scores: Scan, boundary: int) -> Value:
     )
 
 
-def above_slow_track(channel: Channel, first: int, size: float) -> FloatArray:
-    """Return the part of a jump above the coefficients of the slow track, shape (n,)."""
-    if size == 0.0:
-        return np.zeros(len(channel))
-    a = transform(np.where(np.arange(len(channel)) >= first, size, 0.0), 1.0)
+def above_slow_track(channel: Channel, signal: FloatArray) -> FloatArray:
+    """Return the part of a signal, shape (n,), above the coefficients of the slow track."""
+    a = transform(signal, 1.0)
     a[: channel.blocks // 2 + 1] = 0.0
     return inverse(a, 1.0)
 
