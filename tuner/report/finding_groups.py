@@ -1,8 +1,8 @@
 """Findings as a person acts on them: alike ones together, ranked by the drift of position that they cause.
 
 One group a cause and sensor; events at one time are one group, whatever they are called in each axis; lines at
-multiples of one spacing are a comb. A finding that makes held-out data less likely is a note. Every finding stands,
-complete, in ``result.json``.
+multiples of one spacing are a comb. A finding that makes held-out data less likely is a note, and so is a group that
+moves no position, unless the samples themselves are at fault. Every finding stands, complete, in ``result.json``.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from tuner.types import Finding, Gain
 
 MAX_HEADLINES = 7
 """Groups that the headline shows: what one remembers."""
-MIN_DRIFT_CHANGE = 1.02
-"""Drift with ÷ without a cause from which it is reported: the accuracy with which an hour shows either."""
+MIN_DRIFT_CHANGE = 1.01
+"""Drift with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
 MIN_COMB_LINES = 3
 """Lines that can show a common spacing."""
 MIN_COMB_SPACING = 1e-3
@@ -64,6 +64,14 @@ class FindingGroup:
         return max(
             (log(a / b) if b > 0.0 else log(1e3) for a, b in self.drift.values() if a > 0.0), default=0.0
         )
+
+    @property
+    def matters(self) -> bool:
+        """Whether it moves the position, or may for all that is known; faults of the samples do."""
+        if not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
+            return True
+        declared = [CAUSES.get(finding.cause) for finding in self.findings]
+        return any(cause is None or cause.group == "samples" for cause in declared)
 
 
 def contradicted(finding: Finding) -> bool:
@@ -210,7 +218,7 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
 
 
 def headlines(findings: Sequence[Finding], span: float | None = None) -> list[str]:
-    """Return at most seven lines on what the findings change, one on the rest, and the notes.
+    """Return at most seven lines on what the findings change, one on the rest, one on what moves nothing, and notes.
 
     Parameters
     ----------
@@ -219,14 +227,19 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
     span : float, optional
         Length of the log, s.
     """
-    groups = finding_groups([one for one in findings if not contradicted(one)], span)
+    every = finding_groups([one for one in findings if not contradicted(one)], span)
+    groups = [group for group in every if group.matters]
     lines = []
     for group in groups[:MAX_HEADLINES]:
         words = [group.title, drift_text(group.drift), f"changes {group.changes}"]
         lines.append("; ".join(part for part in words if part))
     if rest := groups[MAX_HEADLINES:]:
-        lines.append(f"and {len(rest)} more of less effect: {', '.join(group.title for group in rest)}")
-    notes = [
+        lines.append(f"and {len(rest)} more of less effect: {'; '.join(group.short for group in rest)}")
+    notes = []
+    if idle := [group for group in every if not group.matters]:
+        share = 100.0 * (MIN_DRIFT_CHANGE - 1.0)
+        notes = [f"found, moves the position by less than {share:.2g} %: {'; '.join(g.short for g in idle)}"]
+    notes += [
         f"{one.cause} in {', '.join(one.channels)}: held-out data are less likely with it ({_split(one.gain)})"
         for one in findings
         if contradicted(one)

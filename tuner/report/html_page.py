@@ -31,7 +31,7 @@ from tuner.report.identification_tables import identification_tables
 from tuner.report.page_charts import Chart, charts
 from tuner.report.prediction_tables import prediction_tables
 from tuner.report.settings_rows import axes_text, settings_rows, units_of
-from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, size_text
+from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
 from tuner.report.tune_answer import assumptions, hidden_lines, legend, recording_line, verdict_line
 
 PICTURE_BYTES = 2_500_000
@@ -284,10 +284,7 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
         for one in found.findings
         if contradicted(one)
     ]
-    remarks += [
-        f"unexplained: {one.statistic} in {axes_text(one.channels)}{size_text(one)}"
-        for one in found.unexplained
-    ]
+    remarks += [f"unexplained: {line}" for line in unexplained_lines(found.unexplained)]
     return {
         "groups": groups,
         "remarks": [*remarks, *found.notes],

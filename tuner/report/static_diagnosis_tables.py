@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rich.table import Table
 
 from tuner.formats.customary_units import amount
-from tuner.report.finding_groups import contradicted, drift_text, headlines
+from tuner.report.finding_groups import MIN_DRIFT_CHANGE, contradicted, drift_text, headlines
 from tuner.report.settings_rows import axes_text
 from tuner.types import Coefficient, Diagnosis, Finding, Gain, Unexplained
 from tuner.types.records import Record
@@ -33,15 +34,43 @@ def headline_lines(diagnosis: Diagnosis, records: Sequence[Record] = ()) -> list
             "What the simulation gets wrong, by what it does to the position (one sensor axis, no fixes)"
         )
         answer += [f"  {line}" for line in lines]
-    unexplained: dict[str, list[Unexplained]] = {}
-    for one in diagnosis.unexplained:
-        unexplained.setdefault(one.statistic, []).append(one)
-    for statistic, tests in unexplained.items():
-        axes = ", ".join(dict.fromkeys(axis for one in tests for axis in one.channels))
-        answer.append(
-            f"  unexplained: {statistic} in {axes}{size_text(max(tests, key=lambda one: one.nats))}"
-        )
+    answer += [f"  unexplained: {line}" for line in unexplained_lines(diagnosis.unexplained)]
     return answer + [f"  note: {note}" for note in diagnosis.notes]
+
+
+def unexplained_lines(unexplained: Sequence[Unexplained]) -> list[str]:
+    """Return one line a statistic, the largest first: which axes show it, and where, how much and to what effect most.
+
+    The effect is that on the axis in which it makes most of the drift that the model has.
+    """
+    groups: dict[str, list[Unexplained]] = {}
+    for one in unexplained:
+        groups.setdefault(one.statistic, []).append(one)
+    lines = []
+    for statistic, tests in sorted(groups.items(), key=lambda group: -max(one.nats for one in group[1])):
+        axes = list(dict.fromkeys(axis for one in tests for axis in one.channels))
+        largest = max(tests, key=lambda one: one.nats)
+        felt = max(tests, key=lambda one: max((a / b for a, b in one.drift.values() if b), default=0.0))
+        most = f", most in {axes_text(largest.channels)}" if len(axes) > 1 else ""
+        drift = left_text(felt.drift)
+        where = f" in {axes_text(felt.channels)}" if drift and len(axes) > 1 else ""
+        size = size_text(replace(largest, drift={}))
+        lines.append(f"{statistic} in {axes_text(axes)}{most}{size}" + (f"; {drift}{where}" if drift else ""))
+    return lines
+
+
+def left_text(drift: Mapping[str, tuple[float, float]]) -> str:
+    """Return what is left of the drift beside the model, in words: shares, where the axis drifts more than that."""
+    if not drift:
+        return ""
+    more = {after: 100.0 * (seen / model - 1.0) for after, (seen, model) in drift.items() if model > 0.0}
+    worst = {after: share for after, share in more.items() if share >= 100.0 * (MIN_DRIFT_CHANGE - 1.0)}
+    parts = [f"{share:.2g} % more after {after}" for after, share in worst.items()]
+    return (
+        f"position drifts {', '.join(parts)} than by the model"
+        if parts
+        else "no more drift than by the model"
+    )
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> list[Table | str]:

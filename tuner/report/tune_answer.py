@@ -109,10 +109,12 @@ def what_matters(result: TuneResult) -> list[str]:
     if result.diagnosis is not None:
         span = max((record.span for record in result.records), default=None)
         groups = finding_groups([one for one in result.diagnosis.findings if not contradicted(one)], span)
-        for group in groups[:SHOWN_FINDINGS]:
+        for group in [group for group in groups if group.matters][:SHOWN_FINDINGS]:
             parts = [drift_text(_most_moved(group.drift)), f"changes {_entry(group.changes)}"]
             title = group.short[:1].upper() + group.short[1:]
             lines.append(f"{title}: " + "; ".join(part for part in parts if part))
+        if groups and not lines:
+            lines.append(f"No finding moves the position: {len(groups)} on the page")
         if not groups:
             lines.append("Found nothing that the noise terms do not explain")
     if result.drive is not None:

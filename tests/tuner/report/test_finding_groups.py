@@ -10,13 +10,14 @@ import pytest
 from models.noise import NoiseModel, White
 from tuner.diagnosis.static.drift import position_drift, with_drifts
 from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
+from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate
-from tuner.types import Coefficient, Finding, Gain
+from tuner.types import Coefficient, Finding, Gain, Unexplained
 
 HOUR = 3600.0
 
 
-def finding(cause: str, *axes: str, drift: float = 1.0, gain: Gain | None = None, **values: float) -> Finding:
+def finding(cause: str, *axes: str, drift: float = 1.1, gain: Gain | None = None, **values: float) -> Finding:
     parameters = {name: Coefficient.known(v, 0.9 * v, 1.1 * v, "SI") for name, v in values.items()}
     return Finding(
         cause,
@@ -34,12 +35,15 @@ def finding(cause: str, *axes: str, drift: float = 1.0, gain: Gain | None = None
 def test_findings_are_ranked_by_the_drift_that_they_cause():
     told = headlines(
         [
-            finding("heavy_tails", "gyro_x"),
+            finding("heavy_tails", "gyro_x", drift=1.0),
+            finding("lowpass", "gyro_x", drift=1.009),
             finding("step", "gyro_y", drift=2.0, time=100.0),
             finding("warmup", "accel_x", drift=5.0),
+            finding("clipping", "accel_y", drift=1.0),
         ]
     )
-    assert [line.split()[0] for line in told] == ["warmup", "step", "heavy_tails"]
+    assert [line.split()[0] for line in told[:3]] == ["warmup", "step", "clipping"]
+    assert told[3] == "note: found, moves the position by less than 1 %: lowpass in gyro x; heavy tails in gyro x"
     assert "drift after 60 s 5.0 → 1.0 m without it; changes bias states" in told[0]
 
 
@@ -124,3 +128,17 @@ def test_a_step_that_was_found_is_worth_the_drift_it_causes():
         position_drift("rad/s", np.sqrt(added), 60.0) ** 2, rel=0.5
     )
     assert "1000 s" not in found.drift
+
+
+def test_what_is_unexplained_is_one_line_a_statistic_with_its_place_and_what_it_does():
+    """The largest axis says where; the axis that drifts most beyond its model, how much."""
+    left = [
+        Unexplained("shape", ("gyro_x",), 1e-9, 40.0, "at 5 Hz", {"60 s": (1.001, 1.0)}),
+        Unexplained("shape", ("gyro_y",), 1e-9, 90.0, "at 7 Hz", {"60 s": (3.0, 2.0), "1000 s": (1.0, 1.0)}),
+        Unexplained("levels", ("accel_z",), 1e-9, 400.0, "at 100 s", {"60 s": (1.0, 1.0)}),
+    ]
+    assert unexplained_lines(left) == [
+        "levels in accel z, at 100 s: 400 nats (p = 1.0e-09); no more drift than by the model",
+        "shape in gyro x y, most in gyro y, at 7 Hz: 90 nats (p = 1.0e-09); "
+        "position drifts 50 % more after 60 s than by the model in gyro y",
+    ]

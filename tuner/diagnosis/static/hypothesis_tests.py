@@ -91,8 +91,9 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     first.
     """
     tested = few_shapes(fitted)
+    name, nats = "shape of the fast spectrum", tested.misfit_nats
     unnamed = TestResult(
-        "spectrum", tested.misfit, 0.0, tested.null.cost, tested.worst, misfit=tested.misfit_nats
+        "spectrum", tested.misfit, 0.0, tested.null.cost, name, misfit=nats, place=tested.worst
     )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
     certain = any(one.gain > CERTAIN_GAIN for one in resonances)

@@ -248,7 +248,7 @@ class ShapeTest:
         deviation = self.data.power / self.null.expected
         at = int(np.argmax(self.data.count * (deviation - 1.0 - np.log(deviation))))
         frequency = self.data.cycles[at] / self.data.interval
-        return f"shape of the fast spectrum, {10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
+        return f"{10.0 * np.log10(deviation[at]):+.2g} dB at {frequency:.3g} Hz"
 
     def gain(self, fitted: ShapeFit | ResonanceFit) -> float:
         """Return the log likelihood gained over the null, less half the log of the coefficients a further parameter.

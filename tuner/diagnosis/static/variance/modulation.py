@@ -55,8 +55,11 @@ def test(fitted: Residual) -> tuple[TestResult, TestResult, TestResult]:
     freedom = int(np.count_nonzero(deviate)) - basis.shape[1] - 2
     period = fitted.channel.span / cycles
     return (
-        _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
-                 f"the variance of the white noise swells and ebbs with a period of {period:.4g} s"),
+        replace(
+            _unnamed("periodic variance", any_of(float(chi2.sf(periodic, 2)), len(CYCLES)), periodic,
+                     "the variance of the white noise swells and ebbs"),
+            place=f"with a period of {period:.4g} s",
+        ),
         _unnamed("variance by bias", chance, by_bias,
                  "the variance of the white noise moves with the bias"),
         replace(
