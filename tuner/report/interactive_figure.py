@@ -62,7 +62,7 @@ def _chart(panel: Axes) -> Chart | None:
             shapes.append(_straight(line, where))
             if not str(line.get_label()).startswith("_"):
                 traces.append(_legend_entry(line))
-    traces += [_words(text) for text in panel.texts if text.get_text().strip()]
+    traces += [_words(text) for text in panel.texts if text.get_text().strip() and _in_data(text)]
     return {
         "traces": traces,
         "x": panel.get_xlabel(),
@@ -174,6 +174,11 @@ def _bands(band: PolyCollection) -> list[dict[str, Any]]:
         }  # fmt: skip
         traces.append(trace)
     return traces
+
+
+def _in_data(text: Any) -> bool:
+    """Tell whether a text stands at a point of the data, and not at one of the panel."""
+    return getattr(text, "xycoords", "data") == "data"
 
 
 def _words(text: Any) -> dict[str, Any]:

@@ -126,16 +126,24 @@ def listing_of_log(path: Path, log: MessageLog) -> Listing:
     arrays: dict[str, NDArray[Any]] = {"t": chosen.t, **chosen.arrays}
     units = {"t": chosen.clock_unit, **chosen.units}
     others = [stream for stream in log.inertial if stream is not chosen]
+    warm = max((s for s in others if "temperature" in s.arrays), key=lambda s: len(s.t), default=None)
+    notes = log.notes
+    if warm is not None and "temperature" not in chosen.arrays and len(warm.t) > 1:
+        arrays["temperature"] = np.interp(chosen.seconds(), warm.seconds(), warm.arrays["temperature"])
+        units["temperature"] = warm.units["temperature"]
+        notes += (f"temperature of '{warm.name}', {len(warm.t)} values, between its stamps",)
     for stream in others:
-        arrays |= {f"{stream.name}/{part}": array for part, array in {"t": stream.t, **stream.arrays}.items()}
+        parts = {"t": stream.t, **{k: v for k, v in stream.arrays.items() if k != "temperature"}}
+        arrays |= {f"{stream.name}/{part}": array for part, array in parts.items()}
         units |= {f"{stream.name}/{part}": unit for part, unit in stream.units.items()}
         units[f"{stream.name}/t"] = stream.clock_unit
     found = listing_of_arrays(path, arrays, units=units, meta={})
-    found = replace(found, notes=(*found.notes, *log.notes))
+    found = replace(found, notes=(*found.notes, *notes))
     if not others:
         return found
     other = max(others, key=lambda stream: (stream.complete, len(stream.t)))
-    option = ",".join(f"{part}={other.name}/{part}" for part in ("t", *other.arrays))
+    kept = [part for part in other.arrays if part != "temperature"]
+    option = ",".join(f"{part}={other.name}/{part}" for part in ("t", *kept))
     note = (
         f"inertial samples of '{chosen.name}' ({len(chosen.t)} of them); the file also holds "
         f"{', '.join(f'{s.name} ({len(s.t)})' for s in others)}: choose one with --columns '{option}'"

@@ -100,7 +100,7 @@
       margin: { l: 60, r: 12, t: chart.title ? 36 : 12, b: 48 },
       legend: chart.names && chart.names.y
         ? { orientation: "h", yanchor: "bottom", y: 1.02, x: 0 }
-        : { orientation: "h", yanchor: "top", y: -0.2, x: 0 },
+        : { orientation: "h", yanchor: "top", y: place.clientHeight < 440 ? -0.3 : -0.2, x: 0 },
       hoverlabel: { bgcolor: colour("--raised"), font: { color: colour("--ink") } }
     };
     if (chart.title) { layout.title = { text: chart.title, font: { size: narrow ? 12 : 14 } }; }

@@ -186,6 +186,28 @@ def test_a_drive_without_fixes_is_one_line(kind, tmp_path):
         read_drive(path)
 
 
+def test_a_temperature_that_px4_logs_rarely_is_put_between_the_samples(tmp_path):
+    """Loggers of PX4 keep `sensor_combined` at full rate and the sensors with their temperature once a second."""
+    rare = T[:: 5 * RATE]
+    topics = {
+        ("sensor_combined", 0): {
+            "timestamp": (1e6 * T + 5e6).astype(np.uint64),
+            **{f"gyro_rad[{j}]": GYRO[:, j] for j in range(3)},
+            **{f"accelerometer_m_s2[{j}]": ACCEL[:, j] for j in range(3)},
+        },
+        ("sensor_gyro", 0): {
+            "timestamp": (1e6 * rare + 5e6).astype(np.uint64),
+            **dict.fromkeys("xyz", 0.0 * rare),
+            "temperature": 30.0 + rare,
+        },
+    }
+    write_ulog(tmp_path / "a.ulg", topics)
+    records = read(tmp_path / "a.ulg")
+    assert any("temperature of 'sensor_gyro.0'" in note for note in records[0].notes)
+    celsius = records[0].covariates["temperature"]
+    np.testing.assert_allclose(celsius[: len(T) // 2], 30.0 + T[: len(T) // 2], atol=0.02)
+
+
 def test_compiled_code_of_a_library_prints_nothing(tmp_path, capfd):
     pytest.importorskip("pymavlink")
     path = dataflash(tmp_path / "log.bin")
