@@ -199,7 +199,8 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
     if above is None:
         return Dialect(unnamed, separator, skip, False, dates)
     bare = above.strip().lstrip("#%").strip()
-    for header in (_split(bare, separator), _split(bare, _separator(bare))):
+    names_with_blanks = [bare] if len(cells) == 1 else re.split(r"\s{2,}", bare)
+    for header in (_split(bare, separator), _split(bare, _separator(bare)), names_with_blanks):
         if len(header) == len(cells) - 1 and not cells[-1].strip():
             header.append("")
         if len(header) == len(cells):

@@ -122,3 +122,12 @@ def test_phone_sensors_of_different_rates_are_refused_with_the_way_out(tmp_path)
     table(tmp_path / "Accelerometer.csv", "time,x,y,z", np.column_stack([T[:300] * 2.0, ACCEL[:300]]))
     with pytest.raises(DataError, match=r"not sampled together: .*one at a time"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize(("header", "separator"), [("Gyro. X", ","), ("time  Gyro. X  Gyro. Y", " ")])
+def test_names_with_blanks_above_columns_without_them_are_names(header, separator, tmp_path):
+    """One column has no separator that its name could be split by; aligned columns stand two blanks apart."""
+    rows = np.column_stack([T, GYRO])[:, 1 if separator == "," else slice(0, 3)].reshape(N, -1)
+    (log,) = read(table(tmp_path / "log.txt", header, rows, separator), rate=RATE, assume="si")
+    assert log.axes[0] == "gyro_x"
+    np.testing.assert_allclose(log.column("gyro_x"), GYRO[:, 0], rtol=1e-9)
