@@ -8,9 +8,10 @@ through every loop side by side; at a fix each is updated by itself, or all with
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +56,15 @@ from tuner.navigation.engine.state import CALIBRATED_ROW, RATE, SAMPLE_ROW, Stat
 FloatArray = NDArray[np.float64]
 
 
-def _cached(number: int) -> Callable[..., None]:
-    """Return the compiled run, kept on disk for as long as no source of it changes.
+@cache
+def _variant(filters: int, length: int, full: bool | None) -> Any:
+    """Return the run compiled for records of `state.record_types`, kept on disk until a source of it changes.
 
-    Numba looks at the file of one function only, and at the closure of that function: so the checksum of all
-    files goes there.
+    Numba looks at the file of one function only, and at the closure of that function: so the checksum of all files
+    goes there. Each variant has a name, and with it an index on disk, of its own: processes that add to one index at
+    the same time would mix up whose code is whose.
     """
+    number = _CHECKSUM
 
     def filter_steps(
         memory: NDArray[np.void],
@@ -139,22 +143,17 @@ def _cached(number: int) -> Callable[..., None]:
                 start_step(m)
                 changed = False
 
-    compiled: Callable[..., None] = entry(filter_steps)
-    return compiled
+    filter_steps.__qualname__ = f"filter_steps_{filters}_{length}_{full}"
+    return entry(filter_steps)
 
 
-_filter_steps = _cached(
-    NUMBERS_CHECKSUM ^ checksum(
-        vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
-        layout, state_module, random_normal,
-        mechanisation, transition, sensor_inputs, propagation, measurement_models, update, fix_module,
-        sys.modules[__name__],
-    )
+_CHECKSUM = NUMBERS_CHECKSUM ^ checksum(
+    vector3, taylor, earth, strapdown, error_state, compilation, declaration, further_couplings,
+    layout, state_module, random_normal,
+    mechanisation, transition, sensor_inputs, propagation, measurement_models, update, fix_module,
+    sys.modules[__name__],
 )  # fmt: skip
-
-
-_loaded: set[tuple[np.dtype[np.void], bool | None]] = set()
-"""Variants, by record and `full`, that are in memory: a run need not say that it compiles."""
+"""Of the sources of the compiled filter."""
 
 
 @dataclass(frozen=True)
@@ -206,6 +205,7 @@ def run_filters(
         m.memory, m.covariance, m.inputs, m.each, alone, full, lay.covariance_step, sensed.dt, sensed.increments,
         sensed.slow, unsteady, sensed.drawn, sensed.every, float(m.states[RATE].max()), fixes, shared, output,
     )  # fmt: skip
-    with nullcontext() if (m.memory.dtype, full) in _loaded else compiling():
-        _filter_steps(*arguments)
-    _loaded.add((m.memory.dtype, full))
+    _, length, filters = m.states.shape
+    run = _variant(filters, length, full)
+    with nullcontext() if run.signatures else compiling():  # what is in memory need not say that it compiles
+        run(*arguments)
