@@ -70,7 +70,8 @@ def test_a_process_that_the_system_ends_is_reported():
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_copies_end_with_the_process(number):
     program = (
-        "import os, sys, time\nfrom tuner.jobs import each, limited\n"
+        "import os, signal, sys, time\nfrom tuner.jobs import each, limited\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell starts background jobs without it
         "def work(i):\n    os.write(1, f'{os.getpid()}\\n'.encode())\n    time.sleep(60)\n"
         "with limited(2):\n    each(work, range(2))\n"
     )

@@ -18,9 +18,9 @@ LINE = "line@gyro_x:frequency=12.5,amplitude=2.5e-4"
 """A quarter of the white deviation of a sample: z = 0.25 √(60 000 / 2) = 43 deviations, 940 nats."""
 
 
-def log(path, *hidden, seed):
+def log(path, *hidden, seed, duration=DURATION):
     axes = {"gyro_x": MODEL, "gyro_y": MODEL}
-    records, _ = simulate(axes, duration=DURATION, rate=RATE, seed=seed, effects=hidden)
+    records, _ = simulate(axes, duration=duration, rate=RATE, seed=seed, effects=hidden)
     write_log(records, path)
     return path
 
@@ -85,7 +85,7 @@ def test_a_clean_log_has_no_finding(tmp_path, capsys):
 
 
 def test_words_for_the_terminal(tmp_path, capsys):
-    path = str(log(tmp_path / "lined.npz", LINE, seed=3))
+    path = str(log(tmp_path / "lined.npz", LINE, seed=3, duration=200.0))
     assert run(["diagnose", path, "--quiet"]) == 0
     out = capsys.readouterr().out
     frequency = re.search(r"line in gyro_x \(frequency (\S+) ±", out)

@@ -66,9 +66,13 @@ def test_an_interrupt_ends_the_program(tmp_path: Path) -> None:
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell starts background jobs without it
     threading.Thread(target=interrupt).start()
     with pytest.raises(KeyboardInterrupt):
         python("import os, time; open(f'pid{os.getpid()}', 'w'); time.sleep(60)").run({}, tmp_path)
+    signal.signal(signal.SIGINT, before)
     ended(tmp_path)
 
 

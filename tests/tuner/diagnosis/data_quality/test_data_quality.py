@@ -73,7 +73,7 @@ def rejected(tests: tuple[DataQualityTest, ...]) -> list[str]:
 def test_clean_data_have_no_finding_for_any_noise_and_quantizer(kind):
     for seed, step in enumerate((0.0, 0.003, 0.05, 0.3, 0.7, 1.0, 1.4, 1.8)):
         tests = data_quality_tests(
-            hidden(*([Quantizer(step)] if step else []), k=3, seed=seed, kind=kind, n=60_000)
+            hidden(*([Quantizer(step)] if step else []), k=3, seed=seed, kind=kind, n=30_000)
         )
         assert rejected(tests) == []
         assert all(t.note is (step > 0) for t in tests if t.cause == "lattice")

@@ -17,8 +17,11 @@ INTERVAL, N = 0.01, 120_000
 
 
 def diagnosed(variance: np.ndarray, seed: int) -> Diagnosis:
-    y = np.random.default_rng(seed).standard_normal((N, 1)) * np.sqrt(variance)[:, None]
-    return diagnose(Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL))
+    return diagnose(record(np.random.default_rng(seed).standard_normal(len(variance)) * np.sqrt(variance)))
+
+
+def record(y: np.ndarray) -> Record:
+    return Record("gyro", INTERVAL * np.arange(len(y)), y[:, None], ("gyro_x",), "rad/s", INTERVAL)
 
 
 @pytest.mark.parametrize(
@@ -57,10 +60,10 @@ def test_the_size_of_a_strong_burst_is_that_of_its_own_noise():
 
 
 def test_a_variance_that_drifts_or_tails_that_are_heavy_are_no_bursts():
-    drift = diagnosed(np.exp(2.0 * np.arange(N) / N), seed=8)
+    half = N // 2
+    drift = diagnosed(np.exp(2.0 * np.arange(half) / half), seed=8)
     assert [f.cause for f in drift.findings] == ["variance_drift"]
-    y = np.random.default_rng(9).standard_t(5, (N, 1))
-    tails = diagnose(Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL))
+    tails = diagnose(record(np.random.default_rng(9).standard_t(5, half)))
     assert [f.cause for f in tails.findings] == ["heavy_tails"]
 
 
@@ -74,11 +77,10 @@ def test_a_variance_that_always_changes_is_reported_as_such_and_not_as_many_burs
 
 def test_a_burst_beside_an_identification_without_white_noise_enlarges_nothing():
     """A resonance can make the identified terms lack white noise; no factor on zero is stated, and nothing fails."""
-    variance = np.ones(N)
-    variance[50_000:51_200] = 100.0
-    y = np.random.default_rng(7).standard_normal((N, 1)) * np.sqrt(variance)[:, None]
-    record = Record("gyro", INTERVAL * np.arange(N), y, ("gyro_x",), "rad/s", INTERVAL)
-    identified = identify([record], terms=("bias_instability",), arma=None)
-    diagnosis = diagnose(record, identification=identified)
+    variance = np.ones(N // 2)
+    variance[25_000:26_200] = 100.0
+    one = record(np.random.default_rng(7).standard_normal(N // 2) * np.sqrt(variance))
+    identified = identify([one], terms=("bias_instability",), arma=None)
+    diagnosis = diagnose(one, identification=identified)
     assert [f.cause for f in diagnosis.findings] == ["burst"]
     assert diagnosis.inflations == ()
