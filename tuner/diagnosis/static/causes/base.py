@@ -206,13 +206,3 @@ class Extension(Cause):
             Size of its first template in scales, with the 95 % interval at noise refitted.
         """
         return self
-
-
-def plateau_enlargement(shape: Extension, before: Residual, after: Residual) -> tuple[float, str] | None:
-    """Return the white density where a shape of the spectrum is flat ÷ that without it, and why; None up to 1.02."""
-    density = after.model.white_density()
-    density *= float(np.sqrt(np.asarray(shape.gain(np.zeros(1), after.channel.interval))[0]))
-    flat = before.model.white_density()
-    if not density > 1.02 * flat > 0:
-        return None
-    return density / flat, f"{shape.cause}: white density at the plateau"

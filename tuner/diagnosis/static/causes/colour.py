@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.spectral import Colour as Effect
-from models.noise import Term, White
 from models.noise.arma import Arma
-from tuner.diagnosis.static.causes.base import Extension, Value, plateau_enlargement
+from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins
 from tuner.diagnosis.static.spectrum.filters import Coefficients, colour_arma
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, fit_colour, refit_colour
 
 if TYPE_CHECKING:
-    from tuner.diagnosis.static.model.residual import Residual
+    pass
 
 FloatArray = NDArray[np.float64]
 
@@ -39,44 +39,23 @@ Chosen because sensors have filters: a colour must be clearly better.
 
 
 @dataclass(frozen=True)
-class Colour(Extension):
+class Colour(ShapedWhiteNoise):
     """ARMA coefficients of the noise of a sample; `rounding` the sd of codes, scales."""
 
     cause = "colour"
     effect = Effect
-    group = "fast spectrum"
-    shares = 3
     tested_with = "lowpass"
     excludes = ("lowpass",)
-    broad = True
-    view = "spectrum"
     meaning = "neighbouring samples are correlated: the fast noise is ARMA, not white"
     consequence = (
         "read the white density at the plateau; a filter at full rate needs shaping states or thinning"
     )
     ar: tuple[float, ...]
     ma: tuple[float, ...]
-    rounding: float
 
     def arma(self, interval: float, density: float = 1.0) -> Arma:
         """Return the process whose innovations have the density of white noise."""
         return Arma(self.ar, self.ma, density**2 / interval, interval)
-
-    def power(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return the power of the rounding, which no filter shapes."""
-        return np.full_like(f, interval * self.rounding**2)
-
-    def terms(self, interval: float) -> tuple[Term, ...]:
-        """Return the rounding as white noise."""
-        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
-
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
-        """Return the ratio of the white densities at the plateau, with and without, where it is worth saying."""
-        return plateau_enlargement(self, before, after)
-
-    def gain(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return the factor on the spectrum of white noise."""
-        return self.arma(interval).psd(f, interval=interval)
 
 
 def test(tested: ShapeTest) -> TestResult:
@@ -111,7 +90,7 @@ def extension(data: Bins, fitted: ShapeFit) -> Colour:
         ]
     names = [f"ar_{i + 1}" if len(ar) > 1 else "ar" for i in range(len(ar))]
     names += [f"ma_{j + 1}" if len(ma) > 1 else "ma" for j in range(len(ma))]
-    return Colour(ar, ma, data.rounding_sd, values=dict(zip(names, values, strict=True)))
+    return Colour(data.rounding_sd, ar, ma, values=dict(zip(names, values, strict=True)))
 
 
 def _estimated(data: Bins, fitted: ShapeFit) -> tuple[Coefficients, list[float]]:

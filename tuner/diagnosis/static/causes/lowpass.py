@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.static.spectral import LowPass as Effect
-from models.noise import Term, White
 from models.noise.arma import Arma
-from tuner.diagnosis.static.causes.base import Extension, Value, plateau_enlargement
+from tuner.diagnosis.static.causes.base import Value
+from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
 from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind
@@ -33,23 +33,18 @@ MIN_INTERVAL_CHANGE = 0.05
 
 
 @dataclass(frozen=True)
-class LowPass(Extension):
+class LowPass(ShapedWhiteNoise):
     """ARMA of unit gain at frequency 0 in place of white noise; `cutoff` in Hz, `rounding` the sd of codes, scales."""
 
     cause = "lowpass"
     effect = Effect
-    group = "fast spectrum"
-    shares = 3
     excludes = ("colour",)
-    broad = True
-    view = "spectrum"
     meaning = "a low-pass filter shapes the white noise: the Allan curve starts flatter than −1/2"
     consequence = (
         "read the white density beyond ten filter time constants; samples closer together are not independent"
     )
     kind: str
     cutoff: float
-    rounding: float
 
     def arma(self, interval: float, density: float = 1.0) -> Arma:
         """Return the filtered white noise as an ARMA term."""
@@ -61,22 +56,6 @@ class LowPass(Extension):
     def order(self) -> int:
         """Number of poles."""
         return filter_kind(self.kind)[0]
-
-    def power(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return the power of the rounding, which no filter shapes."""
-        return np.full_like(f, interval * self.rounding**2)
-
-    def terms(self, interval: float) -> tuple[Term, ...]:
-        """Return the rounding as white noise."""
-        return (White(self.rounding * float(np.sqrt(interval))),) if self.rounding > 0 else ()
-
-    def white_noise_enlargement(self, before: Residual, after: Residual) -> tuple[float, str] | None:
-        """Return the ratio of the white densities at the plateau, with and without, where it is worth saying."""
-        return plateau_enlargement(self, before, after)
-
-    def gain(self, f: FloatArray, interval: float) -> FloatArray:
-        """Return the squared response of the filter."""
-        return self.arma(interval).psd(f, interval=interval)
 
     def refit(self, fitted: Residual, index: int) -> LowPass:
         """Fit the filter again beside everything else, unless that hardly moves it."""
@@ -117,5 +96,5 @@ def extension(data: Bins, filters: tuple[ShapeFit, ...]) -> LowPass:
     low, high = (rate * float(np.exp(end)) for end in cutoffs(data, filters))
     cutoff = rate * float(np.exp(filters[0].x[0]))
     return LowPass(
-        filters[0].name, cutoff, data.rounding_sd, values={"cutoff": Value(cutoff, low, high, "Hz")}
+        data.rounding_sd, filters[0].name, cutoff, values={"cutoff": Value(cutoff, low, high, "Hz")}
     )
