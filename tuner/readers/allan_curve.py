@@ -12,8 +12,7 @@ import numpy as np
 
 from models.units import unit_value
 from tuner.readers import column_names as names
-from tuner.readers.log_format import format_of
-from tuner.readers.text import FORMAT, find_dialect, read_numbers
+from tuner.readers.text import find_dialect, named_columns, read_numbers
 from tuner.types import AllanCurve
 from tuner.types.records import DataError
 
@@ -24,16 +23,7 @@ _DOF = frozenset(("dof", "edf", "degrees_of_freedom"))
 
 def is_curve(path: str | Path) -> bool:
     """Return whether a file is a text file with the columns tau and deviation."""
-    path = Path(path)
-    if not path.is_file():
-        return False
-    try:
-        if format_of(path) is not FORMAT:
-            return False
-        dialect = find_dialect(path)
-    except DataError:
-        return False
-    plain = {names.parse_name(name).plain for name in dialect.names}
+    plain = {names.parse_name(name).plain for name in named_columns(Path(path))}
     return bool(plain & _TAU) and bool(plain & _DEVIATION)
 
 

@@ -7,23 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from tuner.readers.drive import GNSS_COLUMNS, ordered, table
-from tuner.readers.log_format import format_of
-from tuner.readers.text import FORMAT, find_dialect
+from tuner.readers.text import named_columns
 from tuner.types.records import DataError, Gnss
 
 
 def is_fixes(path: str | Path) -> bool:
     """Return whether a file is a text file with the columns t, lat, lon and height."""
-    path = Path(path)
-    if not path.is_file():
-        return False
-    try:
-        if format_of(path) is not FORMAT:
-            return False
-        dialect = find_dialect(path)
-    except DataError:
-        return False
-    plain = {name.split("[")[0].strip().lower() for name in dialect.names}
+    plain = {name.split("[")[0].strip().lower() for name in named_columns(Path(path))}
     return set(GNSS_COLUMNS[:4]) <= plain
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from tuner.formats.guard import input_guard, printable
 from tuner.readers.columns import Listing, Part, Progress
-from tuner.readers.log_format import LogFormat
+from tuner.readers.log_format import LogFormat, format_of
 from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 22
@@ -187,6 +187,14 @@ def find_dialect(path: Path) -> Dialect:
         else ".",
         rate=None if rate is None else float(rate.replace(",", ".")),
     )
+
+
+def named_columns(path: Path) -> tuple[str, ...]:
+    """Return the names of the columns of a text file; none where a path is no text file with rows of numbers."""
+    try:
+        return find_dialect(path).names if path.is_file() and format_of(path) is FORMAT else ()
+    except DataError:
+        return ()
 
 
 def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
