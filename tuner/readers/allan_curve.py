@@ -12,7 +12,8 @@ import numpy as np
 
 from models.units import unit_value
 from tuner.readers import column_names as names
-from tuner.readers.text import find_dialect, named_columns, read_numbers
+from tuner.readers.text import named_columns, read_numbers
+from tuner.readers.text_dialect import find_dialect
 from tuner.types import AllanCurve
 from tuner.types.records import DataError
 

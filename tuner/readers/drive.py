@@ -39,7 +39,8 @@ from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
 from tuner.readers.kf_gins import read_kf_gins
 from tuner.readers.log_format import file_of, format_of, library_of
 from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
-from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import find_dialect
 from tuner.readers.waypoint import read_waypoint
 from tuner.types.numbers import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference

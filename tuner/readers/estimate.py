@@ -18,7 +18,7 @@ from tuner.readers.kf_gins_output import read_kf_gins_output
 from tuner.readers.log_format import library_of
 from tuner.readers.messages.rosbag import FORMAT as BAG_FORMAT
 from tuner.readers.navego_output import read_navego_output
-from tuner.readers.text import find_dialect
+from tuner.readers.text_dialect import find_dialect
 from tuner.readers.trajectory_files import is_euroc, read_euroc, read_kitti, read_tum
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError

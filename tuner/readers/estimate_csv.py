@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tuner.readers.estimate_columns import Frames, assemble, canonical_name, is_known
-from tuner.readers.text import Dialect, find_dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import Dialect, find_dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 

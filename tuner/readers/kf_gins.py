@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_yaml
-from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import find_dialect
 from tuner.types.numbers import Finite, LeverArm, Positive, Vector3
 from tuner.types.records import DataError
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuner.readers.estimate_columns import Frames, assemble
-from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import find_dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 

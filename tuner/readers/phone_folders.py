@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from tuner.formats.files import temporary_place
 from tuner.readers.columns import Listing, listing_of_arrays
 from tuner.readers.log_format import LogFormat
-from tuner.readers.text import find_dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import find_dialect
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]

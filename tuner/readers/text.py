@@ -1,31 +1,38 @@
 """Text logs: CSV, TSV, semicolons or blanks between columns, decimal commas, gzip allowed, in bounded memory.
 
-The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM); lines that
-begin with ``#`` later on are comments. Lines are counted first, then parsed in pieces of `BYTES_AT_ONCE` bytes into
-arrays of the final size. Memory is 8 bytes a row and column that is used, 24 bytes a row for the time base,
-and some ten pieces; a log that needs repair is copied once.
+Lines that begin with ``#`` below the header are comments. Lines are counted first, then parsed in pieces of
+`BYTES_AT_ONCE` bytes into arrays of the final size. Memory is 8 bytes a row and column that is used, 24 bytes a row for
+the time base, and some ten pieces; a log that needs repair is copied once.
 
-Without a header the columns are called c1, c2, …; a ``.txt`` of seven numeric columns is the increment log of
-KF-GINS: week seconds, three angle increments (rad), three velocity increments (m/s), forward-right-down.
+A ``.txt`` of seven numeric columns without a header is the increment log of KF-GINS: week seconds, three angle
+increments (rad), three velocity increments (m/s), forward-right-down.
 """
 
 from __future__ import annotations
 
 import gzip
 import io
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tuner.formats.guard import input_guard, printable
+from tuner.formats.guard import input_guard
 from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat, format_of
+from tuner.readers.text_dialect import (
+    HEAD_BYTES,
+    STAMP,
+    Dialect,
+    find_dialect,
+    is_number,
+    is_text,
+    lone_return,
+    open_bytes,
+    split_line,
+)
 from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 22
@@ -36,23 +43,6 @@ _MAX_EXPANSION, _FREE_BYTES = 200, 1 << 30
 """Unpacked ÷ packed that a text of more than `_FREE_BYTES` may have: measured samples stay below 20."""
 _USUAL_EXPANSION = 4
 """Unpacked ÷ packed of text with measured samples: digits of noise hardly shrink below 3.3 bits of 8."""
-_HEAD_BYTES = 1 << 16
-"""Bytes in which the header and a row of numbers must be found."""
-GZIP = b"\x1f\x8b"
-"""First bytes of a file packed by gzip."""
-_MISSING_NUMBERS = frozenset(
-    ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
-)
-_STAMP = re.compile(
-    r"(?:(?P<day>\d{4}[-/]\d{2}[-/]\d{2})[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?(?:Z|UTC|[+-]\d{2}:?\d{2})?"
-)
-"""A date with time of ISO 8601, or a clock time alone."""
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-"""A number with a comma before its fraction, as spreadsheets of many countries write between semicolons or tabs."""
-_STATED_RATE = re.compile(
-    r"(?:update|output|sample|sampling)[ _]?rate\D{0,5}(?P<hz>\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE
-)
-"""A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz``."""
 _KF_GINS_COLUMNS = (
     "t",
     "dtheta_x [rad]",
@@ -62,37 +52,6 @@ _KF_GINS_COLUMNS = (
     "dvel_y [m/s]",
     "dvel_z [m/s]",
 )
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """How a text file is written.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the columns.
-    separator : str or None
-        Between them; None for blanks.
-    skip : int
-        Lines before the numbers.
-    header : bool
-        Whether the last of them names the columns.
-    dates : mapping of int to str
-        Columns of ISO 8601 stamps or clock times, each with the day of its first one (empty for a clock time).
-    decimal : str
-        Point or comma before fractions.
-    rate : float or None
-        Sampling rate that is stated above the header, Hz.
-    """
-
-    names: tuple[str, ...]
-    separator: str | None
-    skip: int
-    header: bool
-    dates: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
-    decimal: str = "."
-    rate: float | None = None
 
 
 def list_text(path: Path, progress: Progress | None = None) -> Listing:
@@ -141,52 +100,11 @@ def list_text(path: Path, progress: Progress | None = None) -> Listing:
 def _rows_about(path: Path, skip: int) -> int:
     """Return about how many rows a text has, from the usual length of its first lines."""
     with input_guard(path, "text"), open_bytes(path) as file:
-        lines = file.read(_HEAD_BYTES).split(b"\n")[skip:]
+        lines = file.read(HEAD_BYTES).split(b"\n")[skip:]
     lengths = sorted(len(line) for line in lines[:-1] or lines if line.strip())
     usual = lengths[len(lengths) // 2] + 1 if lengths else 1
     packed = _USUAL_EXPANSION if path.suffix.lower() == ".gz" else 1
     return packed * path.stat().st_size // usual
-
-
-def open_bytes(path: Path) -> IO[bytes]:
-    """Open a file for reading, unpacked if its name ends in ``.gz``."""
-    return gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb")  # type: ignore[return-value]
-
-
-def find_dialect(path: Path) -> Dialect:
-    """Return how a text file is written.
-
-    Raises
-    ------
-    DataError
-        An empty or binary file, no line of numbers, or a header that does not fit the numbers.
-    """
-    with input_guard(path, "text"), open_bytes(path) as file:
-        head = file.read(_HEAD_BYTES)
-    if not head.strip():
-        msg = f"{path}: the file is empty: expected a header and rows of numbers"
-        raise DataError(msg)
-    if b"\0" in head:
-        msg = f"{path}: not a text file: expected a header and rows of numbers"
-        raise DataError(msg)
-    if b"\r" in (body := head.replace(b"\r\n", b"\n")).rstrip(b"\r"):
-        raise DataError(_lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
-    lines = re.split("\r\n|\r|\n", head.decode("utf-8-sig", errors="replace"))
-    at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
-    if at is None:
-        found = lines[0].strip()[:40]
-        msg = f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'"
-        raise DataError(msg)
-    skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
-    dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
-    rate = next((m["hz"] for line in lines[:skip] if (m := _STATED_RATE.search(line))), None)
-    return replace(
-        dialect,
-        decimal=","
-        if any(_has_decimal_comma(line, dialect.separator) for line in lines[at:-1] or lines[at:])
-        else ".",
-        rate=None if rate is None else float(rate.replace(",", ".")),
-    )
 
 
 def named_columns(path: Path) -> tuple[str, ...]:
@@ -195,33 +113,6 @@ def named_columns(path: Path) -> tuple[str, ...]:
         return find_dialect(path).names if path.is_file() and format_of(path) is FORMAT else ()
     except DataError:
         return ()
-
-
-def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
-    """Return how a file is written whose first row is `data` and whose last line before it is `above`."""
-    separator = _separator(data)
-    cells = _split(data, separator)
-    found = {j: stamp for j, cell in enumerate(cells) if (stamp := _STAMP.fullmatch(cell.strip(' "\t')))}
-    dates = MappingProxyType({j: (stamp["day"] or "").replace("/", "-") for j, stamp in found.items()})
-    unnamed = tuple(f"c{j + 1}" for j in range(len(cells)))
-    if above is None:
-        return Dialect(unnamed, separator, skip, False, dates)
-    bare = above.strip().lstrip("#%").strip()
-    names_with_blanks = [bare] if len(cells) == 1 else re.split(r"\s{2,}", bare)
-    for header in (_split(bare, separator), _split(bare, _separator(bare)), names_with_blanks):
-        if len(header) == len(cells) - 1 and not cells[-1].strip():
-            header.append("")
-        if len(header) == len(cells):
-            plain = (printable(name.strip().strip('"').strip()) for name in header)
-            named = tuple(name or c for name, c in zip(plain, unnamed, strict=True))
-            return Dialect(named, separator, skip, True, dates)
-    if above.lstrip().startswith(("#", "%")):
-        return Dialect(unnamed, separator, skip, False, dates)
-    msg = (
-        f"{path}:{skip}: the header names {len(_split(bare, _separator(bare)))} columns, "
-        f"the row below it has {len(cells)} (separated by {_shown(separator)})"
-    )
-    raise DataError(msg)
 
 
 def read_numbers(
@@ -349,19 +240,12 @@ def _pieces(path: Path, file: IO[bytes], skip: int) -> Iterator[tuple[int, bytes
         piece += file.readline(MAX_LINE_BYTES)
         if b"\r" in piece and b"\r" in (piece := piece.replace(b"\r\n", b"\n")):
             at = line + piece[: piece.index(b"\r")].count(b"\n")
-            raise DataError(_lone_return(path, at))
+            raise DataError(lone_return(path, at))
         if piece[-1:] != b"\n" and len(piece) > MAX_LINE_BYTES and b"\n" not in piece[-MAX_LINE_BYTES:]:
             msg = f"{path}:{line + piece.count(chr(10).encode())}: expected lines of up to {MAX_LINE_BYTES} bytes"
             raise DataError(msg)
         yield line, piece
         line += piece.count(b"\n")
-
-
-def _lone_return(path: Path, line: int) -> str:
-    return (
-        f"{path}:{line}: expected lines that end in LF or CR LF, found a CR alone: convert the file, such as by "
-        "tr '\\r' '\\n'"
-    )
 
 
 def _has_rows(text: bytes) -> bool:
@@ -375,80 +259,19 @@ def _first_fault(path: Path, text: bytes, first: int, dialect: Dialect, used: Se
         line = raw.decode("utf-8", errors="replace").partition("#")[0].strip("\r\n")
         if not line.strip():
             continue
-        cells = _split(line, dialect.separator)
+        cells = split_line(line, dialect.separator)
         if len(cells) > width and any(cells[width:]):
             return f"{path}:{number}: expected {width} columns, found {len(cells)}: repair or remove the line"
         for j in used:
             cell = cells[j].strip() if j < len(cells) else ""
             if dialect.decimal == ",":
                 cell = cell.replace(",", ".")
-            if not (_STAMP.fullmatch(cell.strip('"')) if j in dialect.dates and cell else _is_number(cell)):
+            if not (STAMP.fullmatch(cell.strip('"')) if j in dialect.dates and cell else is_number(cell)):
                 return (
                     f"{path}:{number}:{j + 1}: expected a number in column '{dialect.names[j]}', "
                     f"found '{cell[:40]}': repair or remove the line"
                 )
     return None
-
-
-def _separator(line: str) -> str | None:
-    """Return what separates the columns of a line; None for blanks."""
-    for separator in (";", "\t"):
-        if _has_decimal_comma(line, separator):
-            return separator
-    return next((s for s in (",", ";", "\t") if s in line), None)
-
-
-def _has_decimal_comma(line: str, separator: str | None) -> bool:
-    """Return whether every comma of a line is that of a number between semicolons or tabs."""
-    if separator not in (";", "\t") or separator not in line or "," not in line:
-        return False
-    with_comma = [cell.strip() for cell in line.split(separator) if "," in cell]
-    return all(_DECIMAL_COMMA.fullmatch(cell) or _STAMP.fullmatch(cell) for cell in with_comma) and any(
-        map(_DECIMAL_COMMA.fullmatch, with_comma)
-    )
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    if separator is not None:
-        return line.split(separator)
-    return re.findall(r"[^\s\[]+(?:\s*\[[^\]]*\])?", line)
-
-
-def _shown(separator: str | None) -> str:
-    return {None: "blanks", "\t": "tab"}.get(separator, f"'{separator}'")
-
-
-def _is_number(cell: str) -> bool:
-    text = cell.strip().strip('"')
-    if text.lower() in _MISSING_NUMBERS:
-        return True
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
-
-
-def _is_data(line: str) -> bool:
-    """Return whether a line is a row of data: no comment, and mostly numbers and dates."""
-    bare = line.strip()
-    if not bare or bare.startswith(("#", "%")):
-        return False
-    separator = _separator(bare)
-    if _has_decimal_comma(bare, separator):
-        bare = bare.replace(",", ".")
-    cells = [cell.strip().lower() for cell in _split(bare, separator)]
-    numbers = sum(
-        cell not in _MISSING_NUMBERS
-        and (_is_number(cell) or _STAMP.fullmatch(cell.strip('"').upper()) is not None)
-        for cell in cells
-    )
-    return 2 * numbers > sum(cell != "" for cell in cells)
-
-
-def is_text(head: bytes) -> bool:
-    """Return whether the first bytes of a file are text, or text packed by gzip."""
-    return head.startswith(GZIP) or b"\0" not in head
 
 
 FORMAT = LogFormat(

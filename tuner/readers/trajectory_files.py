@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from models import rotation
 from tuner.readers.estimate_columns import Frames, assemble
-from tuner.readers.text import Dialect, read_numbers
+from tuner.readers.text import read_numbers
+from tuner.readers.text_dialect import Dialect
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 

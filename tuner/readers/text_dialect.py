@@ -1,0 +1,206 @@
+"""How a text file is written: separator, header, decimal comma, dates, and where its numbers begin.
+
+The header is the last line before the numbers (a leading ``#`` or ``%`` is allowed: EuRoC, TUM). Without a header the
+columns are called c1, c2, ….
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO
+
+from tuner.formats.guard import input_guard, printable
+from tuner.types.records import DataError
+
+HEAD_BYTES = 1 << 16
+"""Bytes in which the header and a row of numbers must be found."""
+GZIP = b"\x1f\x8b"
+"""First bytes of a file packed by gzip."""
+_MISSING_NUMBERS = frozenset(
+    ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
+)
+STAMP = re.compile(
+    r"(?:(?P<day>\d{4}[-/]\d{2}[-/]\d{2})[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?(?:Z|UTC|[+-]\d{2}:?\d{2})?"
+)
+"""A date with time of ISO 8601, or a clock time alone."""
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+"""A number with a comma before its fraction, as spreadsheets of many countries write between semicolons or tabs."""
+_STATED_RATE = re.compile(
+    r"(?:update|output|sample|sampling)[ _]?rate\D{0,5}(?P<hz>\d+(?:[.,]\d+)?)\s*hz", re.IGNORECASE
+)
+"""A sampling rate stated above the header, such as ``// Update Rate: 100.0Hz``."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text file is written.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the columns.
+    separator : str or None
+        Between them; None for blanks.
+    skip : int
+        Lines before the numbers.
+    header : bool
+        Whether the last of them names the columns.
+    dates : mapping of int to str
+        Columns of ISO 8601 stamps or clock times, each with the day of its first one (empty for a clock time).
+    decimal : str
+        Point or comma before fractions.
+    rate : float or None
+        Sampling rate that is stated above the header, Hz.
+    """
+
+    names: tuple[str, ...]
+    separator: str | None
+    skip: int
+    header: bool
+    dates: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    decimal: str = "."
+    rate: float | None = None
+
+
+def open_bytes(path: Path) -> IO[bytes]:
+    """Open a file for reading, unpacked if its name ends in ``.gz``."""
+    return gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb")  # type: ignore[return-value]
+
+
+def find_dialect(path: Path) -> Dialect:
+    """Return how a text file is written.
+
+    Raises
+    ------
+    DataError
+        An empty or binary file, no line of numbers, or a header that does not fit the numbers.
+    """
+    with input_guard(path, "text"), open_bytes(path) as file:
+        head = file.read(HEAD_BYTES)
+    if not head.strip():
+        msg = f"{path}: the file is empty: expected a header and rows of numbers"
+        raise DataError(msg)
+    if b"\0" in head:
+        msg = f"{path}: not a text file: expected a header and rows of numbers"
+        raise DataError(msg)
+    if b"\r" in (body := head.replace(b"\r\n", b"\n")).rstrip(b"\r"):
+        raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
+    lines = re.split("\r\n|\r|\n", head.decode("utf-8-sig", errors="replace"))
+    at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
+    if at is None:
+        found = lines[0].strip()[:40]
+        msg = f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'"
+        raise DataError(msg)
+    skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
+    dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
+    rate = next((m["hz"] for line in lines[:skip] if (m := _STATED_RATE.search(line))), None)
+    return replace(
+        dialect,
+        decimal=","
+        if any(_has_decimal_comma(line, dialect.separator) for line in lines[at:-1] or lines[at:])
+        else ".",
+        rate=None if rate is None else float(rate.replace(",", ".")),
+    )
+
+
+def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
+    """Return how a file is written whose first row is `data` and whose last line before it is `above`."""
+    separator = _separator(data)
+    cells = split_line(data, separator)
+    found = {j: stamp for j, cell in enumerate(cells) if (stamp := STAMP.fullmatch(cell.strip(' "\t')))}
+    dates = MappingProxyType({j: (stamp["day"] or "").replace("/", "-") for j, stamp in found.items()})
+    unnamed = tuple(f"c{j + 1}" for j in range(len(cells)))
+    if above is None:
+        return Dialect(unnamed, separator, skip, False, dates)
+    bare = above.strip().lstrip("#%").strip()
+    names_with_blanks = [bare] if len(cells) == 1 else re.split(r"\s{2,}", bare)
+    for header in (split_line(bare, separator), split_line(bare, _separator(bare)), names_with_blanks):
+        if len(header) == len(cells) - 1 and not cells[-1].strip():
+            header.append("")
+        if len(header) == len(cells):
+            plain = (printable(name.strip().strip('"').strip()) for name in header)
+            named = tuple(name or c for name, c in zip(plain, unnamed, strict=True))
+            return Dialect(named, separator, skip, True, dates)
+    if above.lstrip().startswith(("#", "%")):
+        return Dialect(unnamed, separator, skip, False, dates)
+    msg = (
+        f"{path}:{skip}: the header names {len(split_line(bare, _separator(bare)))} columns, "
+        f"the row below it has {len(cells)} (separated by {_shown(separator)})"
+    )
+    raise DataError(msg)
+
+
+def lone_return(path: Path, line: int) -> str:
+    """Return the message that a line ends in CR alone."""
+    return (
+        f"{path}:{line}: expected lines that end in LF or CR LF, found a CR alone: convert the file, such as by "
+        "tr '\\r' '\\n'"
+    )
+
+
+def _separator(line: str) -> str | None:
+    """Return what separates the columns of a line; None for blanks."""
+    for separator in (";", "\t"):
+        if _has_decimal_comma(line, separator):
+            return separator
+    return next((s for s in (",", ";", "\t") if s in line), None)
+
+
+def _has_decimal_comma(line: str, separator: str | None) -> bool:
+    """Return whether every comma of a line is that of a number between semicolons or tabs."""
+    if separator not in (";", "\t") or separator not in line or "," not in line:
+        return False
+    with_comma = [cell.strip() for cell in line.split(separator) if "," in cell]
+    return all(_DECIMAL_COMMA.fullmatch(cell) or STAMP.fullmatch(cell) for cell in with_comma) and any(
+        map(_DECIMAL_COMMA.fullmatch, with_comma)
+    )
+
+
+def split_line(line: str, separator: str | None) -> list[str]:
+    """Return the cells of a line; between blanks a unit in brackets belongs to the name before it."""
+    if separator is not None:
+        return line.split(separator)
+    return re.findall(r"[^\s\[]+(?:\s*\[[^\]]*\])?", line)
+
+
+def _shown(separator: str | None) -> str:
+    return {None: "blanks", "\t": "tab"}.get(separator, f"'{separator}'")
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, or is written as one that is missing."""
+    text = cell.strip().strip('"')
+    if text.lower() in _MISSING_NUMBERS:
+        return True
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def _is_data(line: str) -> bool:
+    """Return whether a line is a row of data: no comment, and mostly numbers and dates."""
+    bare = line.strip()
+    if not bare or bare.startswith(("#", "%")):
+        return False
+    separator = _separator(bare)
+    if _has_decimal_comma(bare, separator):
+        bare = bare.replace(",", ".")
+    cells = [cell.strip().lower() for cell in split_line(bare, separator)]
+    numbers = sum(
+        cell not in _MISSING_NUMBERS
+        and (is_number(cell) or STAMP.fullmatch(cell.strip('"').upper()) is not None)
+        for cell in cells
+    )
+    return 2 * numbers > sum(cell != "" for cell in cells)
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the first bytes of a file are text, or text packed by gzip."""
+    return head.startswith(GZIP) or b"\0" not in head
