@@ -218,33 +218,6 @@ def mechanize(start: NavigationState, dtheta: ArrayLike, dvel: ArrayLike, dt: fl
     return NavigationState(states[:, :3], states[:, 3:6], states[:, 6:])
 
 
-def increments_from_samples(samples: ArrayLike, dt: float) -> FloatArray:
-    """Integrate point samples of rate or specific force over the intervals between them.
-
-    A cubic through the four samples around each interval (the nearest four at the ends): error O(dt⁵) each.
-    Samples that already are averages over their interval are multiplied by it instead.
-
-    Parameters
-    ----------
-    samples : array_like, shape (n + 1, 3)
-        Samples at the instants k dt, n ≥ 3.
-    dt : float
-        Interval, s.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-    """
-    y = np.asarray(samples, dtype=float)
-    if len(y) < 4:
-        msg = f"'samples' must have at least 4 rows, got {len(y)}"
-        raise ValueError(msg)
-    inner = (-y[:-3] + 13.0 * y[1:-2] + 13.0 * y[2:-1] - y[3:]) / 24.0
-    first = (9.0 * y[0] + 19.0 * y[1] - 5.0 * y[2] + y[3]) / 24.0
-    last = (9.0 * y[-1] + 19.0 * y[-2] - 5.0 * y[-3] + y[-4]) / 24.0
-    return np.asarray(dt * np.vstack([first, inner, last]))
-
-
 def align(force_b: ArrayLike, yaw: float) -> FloatArray:
     """Return the attitude quaternion of a still unit from its mean specific force and a heading.
 

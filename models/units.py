@@ -221,11 +221,6 @@ def two_sided(density: float) -> float:
     return float(density / np.sqrt(2.0))
 
 
-def one_sided(density: float) -> float:
-    """Return the one-sided density d (σ² = d² · bandwidth) of a two-sided one N: N √2."""
-    return float(density * np.sqrt(2.0))
-
-
 def time_derivative(unit: str, power: float) -> str:
     """Return an SI unit divided by s^power.
 

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from models.earth import gravity, metres_per_radian, radii_gradient, without_jumps
 from models.trajectory.motion import MotionState, motion_state, times_within
@@ -107,21 +107,3 @@ def _least_jerk(t: FloatArray, y: FloatArray) -> BSpline:
     """Return the curve through y (n, k) with the least ∫ |y‴|² dt: a quintic spline that ends without y‴ and y⁗."""
     ends = [(3, np.zeros(y.shape[1])), (4, np.zeros(y.shape[1]))]
     return make_interp_spline(t, y, k=5, bc_type=(ends, ends))
-
-
-def smoothed_track(name: str, t: ArrayLike, llh: ArrayLike, *, banked: bool = False) -> Track:
-    """Return a track through a measured one after its noise has been smoothed away.
-
-    Cubic smoothing splines, their strength chosen by generalised cross-validation for each coordinate.
-
-    Parameters
-    ----------
-    name, t, llh, banked
-        As in `Track`.
-    """
-    t = np.asarray(t, dtype=float)
-    columns = without_jumps(llh).T
-    # Metres, so that the three coordinates are of one size for the smoother.
-    origin, metres = columns[:, :1], metres_per_radian(columns[:, 0])[:, None]
-    smooth = [make_smoothing_spline(t, y)(t) for y in (columns - origin) * metres]
-    return Track(name, t, (np.stack(smooth) / metres + origin).T, banked)

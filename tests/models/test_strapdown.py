@@ -11,7 +11,7 @@ from numba.extending import register_jitable
 
 from models import earth, rotation, strapdown, taylor
 from models import vector3 as triples
-from models.strapdown import NavigationState, correct_increments, increments_from_samples, mechanize, step
+from models.strapdown import NavigationState, correct_increments, mechanize, step
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
 
@@ -157,20 +157,6 @@ def test_sculling_and_rotation_against_the_integral():
     coarse, fine = error(0.04), error(0.02)
     assert fine < 1e-6
     assert coarse / fine > 12.0
-
-
-def test_samples_become_increments():
-    motion = TRAJECTORIES["city"](60.0)
-    dt = 0.01
-    samples = motion.evaluate(dt * np.arange(6001))
-    dtheta, dvel = imu_increments(motion, dt)
-    np.testing.assert_allclose(increments_from_samples(samples.omega_ib_b, dt), dtheta, atol=1e-10)
-    np.testing.assert_allclose(increments_from_samples(samples.f_b, dt), dvel, atol=1e-8)
-    t = np.linspace(0.0, 1.0, 11)[:, None]
-    cubic = increments_from_samples(1 + t - t**2 + 2 * t**3, 0.1)
-    np.testing.assert_allclose(cubic.sum(), 1 + 0.5 - 1 / 3 + 0.5, rtol=1e-14)
-    with pytest.raises(ValueError, match="'samples'"):
-        increments_from_samples(t[:3], 0.1)
 
 
 def test_alignment_finds_tilt():

@@ -13,11 +13,6 @@ BLOCKS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias")
 """Parts of the error, three components each, in the order of a covariance."""
 
 
-def block_slice(index: int) -> slice:
-    """Return the components of the block with a number."""
-    return slice(3 * index, 3 * index + 3)
-
-
 @dataclass(frozen=True)
 class FilterOutput:
     """Estimates of a filter, or a truth, in north-east-down and forward-right-down axes (SI); NaN where absent.

@@ -1,11 +1,9 @@
-"""Temperature over time in closed form: constant, warming up, the day, a climatic chamber.
+"""Temperature over time in closed form: warming up, the day; and what a thermometer reads of it.
 
 ::
 
-    Constant    T(t) = level
     Warming     T(t) = start + rise (1 − exp(−t/time_constant))
     Diurnal     T(t) = mean + amplitude sin(2πt/period + phase)
-    Chamber     trapezium: from low to high at `rate`, rest, back down, rest, again
 
 A profile is what the sensor feels; `thermometer` is what its thermometer writes.
 """
@@ -19,7 +17,6 @@ import numpy as np
 
 from models.effects.static.base import (
     FloatArray,
-    log_uniform,
     require_finite,
     require_not_negative,
     require_positive,
@@ -31,20 +28,6 @@ class Profile(Protocol):
 
     def celsius(self, t: FloatArray) -> FloatArray:
         """Return the temperature at times `t`, s, in °C; shape of `t`."""
-
-
-@dataclass(frozen=True)
-class Constant:
-    """A constant temperature, °C."""
-
-    level: float = 25.0
-
-    def __post_init__(self) -> None:
-        require_finite(level=self.level)
-
-    def celsius(self, t: FloatArray) -> FloatArray:
-        """Return the temperature at times `t`, s, in °C; shape of `t`."""
-        return np.full_like(t, self.level)
 
 
 @dataclass(frozen=True)
@@ -80,45 +63,6 @@ class Diurnal:
     def celsius(self, t: FloatArray) -> FloatArray:
         """Return the temperature at times `t`, s, in °C; shape of `t`."""
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * t / self.period + self.phase)
-
-
-@dataclass(frozen=True)
-class Chamber:
-    """A climatic chamber: up from `low` to `high` °C at `rate` K/s, `rest` s, down, `rest` s, and again."""
-
-    low: float
-    high: float
-    rate: float
-    rest: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_finite(low=self.low, high=self.high)
-        require_positive(rate=self.rate)
-        require_not_negative(rest=self.rest)
-        if not self.high > self.low:
-            msg = f"'high' must exceed 'low', {self.low}, got {self.high}"
-            raise ValueError(msg)
-
-    def celsius(self, t: FloatArray) -> FloatArray:
-        """Return the temperature at times `t`, s, in °C; shape of `t`."""
-        ramp = (self.high - self.low) / self.rate
-        corners = np.cumsum([0.0, ramp, self.rest, ramp, self.rest])
-        levels = [self.low, self.high, self.high, self.low, self.low]
-        return np.asarray(np.interp(np.mod(t, corners[-1]), corners, levels), dtype=float)
-
-
-def draw_profile(rng: np.random.Generator, span: float) -> Profile:
-    """Draw one of the four kinds for a record of `span` seconds."""
-    start = float(rng.uniform(15.0, 35.0))
-    kind = int(rng.integers(4))
-    if kind == 0:
-        return Constant(start)
-    if kind == 1:
-        return Warming(start, float(rng.uniform(3.0, 12.0)), log_uniform(rng, 0.1 * span, 0.5 * span))
-    if kind == 2:
-        return Diurnal(start, float(rng.uniform(1.0, 6.0)), phase=float(rng.uniform(0.0, 2.0 * np.pi)))
-    swing = float(rng.uniform(10.0, 40.0))
-    return Chamber(start, start + swing, 2.5 * swing / span, 0.1 * span)
 
 
 def thermometer(

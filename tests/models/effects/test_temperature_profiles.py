@@ -6,19 +6,15 @@ import numpy as np
 import pytest
 
 from models.effects.static.temperature_profiles import (
-    Chamber,
-    Constant,
     Diurnal,
     Warming,
-    draw_profile,
     thermometer,
 )
 
 T = np.arange(0.0, 7200.0, 10.0)
 
 
-def test_constant_and_warming():
-    np.testing.assert_array_equal(Constant(31.0).celsius(T), 31.0)
+def test_warming():
     curve = Warming(20.0, 8.0, 600.0).celsius(T)
     assert curve[0] == 20.0
     assert curve[60] == pytest.approx(20.0 + 8.0 * (1.0 - np.exp(-1.0)))
@@ -31,16 +27,6 @@ def test_diurnal_comes_back_after_a_day():
     assert day.celsius(np.linspace(0, 86400, 1000)).max() == pytest.approx(20.0, abs=1e-3)
 
 
-def test_chamber_ramps_at_its_rate_rests_and_repeats():
-    chamber = Chamber(-10.0, 50.0, 0.05, rest=600.0)
-    curve = chamber.celsius(T)
-    assert curve.min() == -10.0
-    assert curve.max() == 50.0
-    rates = np.unique(np.round(np.diff(curve) / 10.0, 9))
-    np.testing.assert_allclose(rates, [-0.05, 0.0, 0.05])
-    np.testing.assert_allclose(chamber.celsius(T + 3600.0), curve)
-
-
 def test_thermometer_reads_multiples_and_holds_them():
     curve = Warming(20.0, 8.0, 600.0).celsius(T)
     read = thermometer(T, curve, step=0.125, refresh=40.0, sd=0.0, rng=np.random.default_rng(0))
@@ -51,19 +37,9 @@ def test_thermometer_reads_multiples_and_holds_them():
     np.testing.assert_array_equal(exact, curve)
 
 
-def test_drawn_profiles_are_reproducible_and_of_all_kinds():
-    kinds = {type(draw_profile(np.random.default_rng(seed), 3600.0)) for seed in range(40)}
-    assert kinds == {Constant, Warming, Diurnal, Chamber}
-    for seed in range(10):
-        profile = draw_profile(np.random.default_rng(seed), 3600.0)
-        assert profile == draw_profile(np.random.default_rng(seed), 3600.0)
-        assert np.all(np.isfinite(profile.celsius(T)))
-
-
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Chamber(20.0, 10.0, 0.1), "'high' must exceed 'low', 20.0, got 10.0"),
         (lambda: Warming(20.0, 1.0, 0.0), "'time_constant' must be positive, got 0.0"),
         (lambda: Diurnal(np.nan, 1.0), "'mean' must be finite, got nan"),
     ],

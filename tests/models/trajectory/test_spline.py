@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from models import earth, rotation
+from models import earth
 from models.strapdown import mechanize
 from models.trajectory.catalogue import TRAJECTORIES
 from models.trajectory.motion import imu_increments
-from models.trajectory.spline import Track, smoothed_track
+from models.trajectory.spline import Track
 
 
 def _sampled(name, duration, interval=1.0):
@@ -102,19 +102,6 @@ def test_banked_turn_feels_no_side_force():
     state = Track("track", t, llh, banked=True).evaluate(np.linspace(10.0, 50.0, 200))
     assert np.abs(state.f_b[:, 1]).max() < 0.02
     assert state.rpy[:, 0].min() > 0.15
-
-
-def test_smoothing_takes_noise_away():
-    motion, t, llh = _sampled("s_turns", 200.0)
-    noisy = earth.llh_displaced(llh, 0.5 * np.random.default_rng(5).standard_normal((len(t), 3)))
-    track = smoothed_track("track", t, noisy).evaluate(t)
-    error = earth.ned_between(track.llh, motion.position(t))
-    assert np.sqrt(np.mean(error**2)) < 0.45
-    assert np.sqrt(np.mean((track.vel_n - motion.evaluate(t).vel_n) ** 2)) < 0.5
-    np.testing.assert_allclose(
-        track.mat_nb @ np.swapaxes(track.mat_nb, -1, -2), np.tile(np.eye(3), (len(t), 1, 1)), atol=1e-12
-    )
-    assert rotation.rpy_from_mat(track.mat_nb).shape == (len(t), 3)
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,6 @@ from tuner.navigation.drive.alignment_in_motion import attitudes
 
 FloatArray = NDArray[np.float64]
 
-SENSOR_ERRORS = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale")
-"""Errors of three numbers each whose derivatives are kept, in this order."""
-
 
 @dataclass(frozen=True)
 class IntegratedIncrements:
@@ -37,7 +34,8 @@ class IntegratedIncrements:
     velocity, position : ndarray, shape (n + 1, 3)
         S and P.
     by_velocity, by_position : ndarray, shape (n + 1, 36)
-        Derivatives of S and P by `SENSOR_ERRORS`, four matrices (3, 3), row by row.
+        Derivatives of S and P by the biases of gyros and accelerometers, then by their scale factors; four matrices
+        (3, 3), row by row.
     angles : ndarray, shape (n + 1, 18)
         ∫ C dt and ∫ C diag(ω) dt: attitude errors by gyro biases and scale factors.
     rate : ndarray, shape (n + 1, 3)
