@@ -1,4 +1,4 @@
-"""What a process meets beside its input: closed and foreign streams, termination, no place for compiled kernels."""
+"""Surroundings of a command: closed or limited output streams, signals that end it, a place for compiled code."""
 
 from __future__ import annotations
 

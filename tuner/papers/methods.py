@@ -1,4 +1,4 @@
-"""Paper 1, table 1: six methods on seven noises, the stars replaced by measured errors.
+"""Paper 1, table 1: measured errors of six methods on seven noises, which the paper rates by stars.
 
 Every record holds an hour at 10 Hz of unit white noise and one further noise; every method gives the coefficient of the
 latter, and its error is the rms of estimate ÷ truth − 1 over many records. A method reads what it can:

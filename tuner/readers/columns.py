@@ -1,4 +1,4 @@
-"""What a file offers before its data are read, and the small things all formats share."""
+"""The columns of a log file, listed before their data are read; and what the readers of all formats share."""
 
 from __future__ import annotations
 

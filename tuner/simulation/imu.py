@@ -1,4 +1,4 @@
-"""The true sensor of a simulation, whatever the configuration of the filter.
+"""Inertial sensors of a simulation: their true errors, whatever the configuration of the filter assumes.
 
 Flicker is drawn as flicker, never from the states of a filter. White noise is drawn by the compiled filter;
 everything slow is drawn at a lower rate and kept constant between, which loses flicker above 5 Hz, far below white

@@ -1,4 +1,4 @@
-"""Reading what the command line names, with a progress bar; every repair of a log is reported."""
+"""Logs and drives named on the command line are read with a progress bar; every repair of them is reported."""
 
 from __future__ import annotations
 

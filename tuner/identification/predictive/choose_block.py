@@ -1,4 +1,4 @@
-"""Which block is written for an axis: the likelihood's, one fitted to the curve, or one that is marked."""
+"""Which noise settings are written for an axis: the likelihood's, those of a fit to the Allan curve, or marked ones."""
 
 from __future__ import annotations
 
