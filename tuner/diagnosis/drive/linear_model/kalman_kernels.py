@@ -62,48 +62,26 @@ def _gathered(
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def _product(
-    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray, half: bool
 ) -> None:
-    """Set the first n rows of out to Φ @ right."""
+    """Set the first n rows of out to Φ @ right, or the lower half of them only."""
     for i in range(len(start) - 1):
-        _gathered(start[i], start[i + 1], column, values, right, out[i])
+        width = i + 1 if half else out.shape[1]
+        _gathered(start[i], start[i + 1], column, values, right, out[i, :width])
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
 def _turned_product(
-    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
+    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray, half: bool
 ) -> None:
-    """Set the first n rows of out to Φᵀ @ right."""
-    out[: len(start) - 1] = 0.0
+    """Set the first n rows of out to Φᵀ @ right, or the lower half of them only."""
+    for i in range(len(start) - 1):
+        out[i, : i + 1 if half else out.shape[1]] = 0.0
     for m in range(len(start) - 1):
         of = right[m]
         for e in range(start[m], start[m + 1]):
             c, to = values[e], out[column[e]]
-            for j in range(len(of)):
-                to[j] += c * of[j]
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _half_product(
-    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
-) -> None:
-    """Set the lower half of the first n rows of out to that of Φ @ right."""
-    for i in range(len(start) - 1):
-        _gathered(start[i], start[i + 1], column, values, right, out[i, : i + 1])
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _half_turned_product(
-    start: IntArray, column: IntArray, values: FloatArray, right: FloatArray, out: FloatArray
-) -> None:
-    """Set the lower half of the first n rows of out to that of Φᵀ @ right."""
-    for i in range(len(start) - 1):
-        out[i, : i + 1] = 0.0
-    for m in range(len(start) - 1):
-        of = right[m]
-        for e in range(start[m], start[m + 1]):
-            c, to = values[e], out[column[e]]
-            for j in range(column[e] + 1):
+            for j in range(column[e] + 1 if half else len(of)):
                 to[j] += c * of[j]
 
 
@@ -199,7 +177,7 @@ def forward(
             b[m] = decay[i] * a[m]
         a, b = b, a
         if p:
-            _product(start, column, F, V, W)
+            _product(start, column, F, V, W, False)
             for m in range(n):
                 for q in range(p):
                     W[m, q] += B[i, m, q]
@@ -207,12 +185,12 @@ def forward(
                 for q in range(p):
                     W[m, q] = decay[i] * V[m, q]
             V, W = W, V
-        _product(start, column, F, P, T)
+        _product(start, column, F, P, T, False)
         for m in range(n, size):
             for j in range(size):
                 T[m, j] = decay[i] * P[m, j]
         _flip(T, U)
-        _half_product(start, column, F, U, P)
+        _product(start, column, F, U, P, True)
         for m in range(n, size):
             for j in range(size):
                 P[m, j] = decay[i] * U[m, j]
@@ -381,12 +359,12 @@ def backward(
             for e in range(start[m], start[m + 1]):
                 w[column[e]] += F[e] * r[m]
         r, w = w, r
-        _turned_product(start, column, F, N, T)
+        _turned_product(start, column, F, N, T, False)
         for m in range(n, size):
             for j in range(size):
                 T[m, j] = decay[i] * N[m, j]
         _flip(T, U)
-        _half_turned_product(start, column, F, U, N)
+        _turned_product(start, column, F, U, N, True)
         for m in range(n, size):
             for j in range(size):
                 N[m, j] = decay[i] * U[m, j]
