@@ -18,10 +18,11 @@ from tuner.formats.customary_units import (
 )
 from tuner.identification.comparison import LimitCheck
 from tuner.identification.record_length import Plan, PlannedParameter
+from tuner.report.agreeing_rows import joined_rows
 from tuner.report.answer_layout import LINE_WIDTH
 from tuner.report.identification_answer import terms_table
 from tuner.report.settings_rows import axes_text
-from tuner.report.terms_rows import channel_row, terms_rows
+from tuner.report.terms_rows import channel_row
 from tuner.types import FilterConfig
 
 UNITS = {"gyro": "rad/s", "accel": "m/s^2"}
@@ -33,7 +34,7 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
     rows = [
         (name, row)
         for name, source in zip(names, found.noise.sources, strict=True)
-        for row in terms_rows(channel_row(channel) for channel in source.channels.values())
+        for row in joined_rows(channel_row(channel) for channel in source.channels.values())
     ]
     answer: list[Table | str] = [terms_table(rows)]
     answer.append("± 95 %; < 95 % limit; without ±: stated; – not stated")

@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from rich.table import Table
 
 from tuner.formats.customary_units import customary_unit, digits, pretty, symbol
+from tuner.report.agreeing_rows import joined_rows
 from tuner.report.answer_layout import LINE_WIDTH, settings_table, wrapped
 from tuner.report.settings_rows import axes_text, settings_rows
-from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row, terms_rows
+from tuner.report.terms_rows import MAIN_TERMS, TermsRow, channel_row, single_row
 from tuner.types import FilterConfig, Identification, PooledChannel
 
 UNEQUAL_BELOW = 0.05
@@ -34,7 +35,7 @@ def identification_answer(
         What `tune` makes of it: shown where it is not the identified terms.
     """
     channels = list(found.channels.values())
-    rows = terms_rows(channel_row(channel) for channel in channels)
+    rows = joined_rows(channel_row(channel) for channel in channels)
     answer: list[Table | str] = [
         *wrapped(f"{name}: {_recording(found)}", 2),
         terms_table([("", row) for row in rows]),
@@ -58,7 +59,7 @@ def identification_answer(
 
 def pooled_answer(pooled: Mapping[str, PooledChannel], names: Sequence[str]) -> list[Table | str]:
     """Return what several logs of one sensor have in common, and in what they differ."""
-    rows = terms_rows(
+    rows = joined_rows(
         single_row(one.axis, one.unit, [(c.name, c.value) for c in one.coefficients])
         for one in pooled.values()
         if one.mean is not None

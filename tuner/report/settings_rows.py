@@ -8,6 +8,7 @@ from math import isclose
 from statistics import fmean
 
 from tuner.formats.customary_units import customary_unit, digits, digits_to, in_customary, pretty
+from tuner.report.agreeing_rows import joined_rows
 from tuner.synthesis.prediction import FITTED
 from tuner.types import BoundUsed, ChannelNoise, Coefficient, FilterConfig
 
@@ -115,18 +116,7 @@ class SettingsRow:
 def settings_rows(config: FilterConfig) -> list[SettingsRow]:
     """Return the settings, one row for axes that agree; in the order of the axes."""
     bounded = {str(one.quantity) for one in config.inflations if isinstance(one, BoundUsed)}
-    rows: list[SettingsRow] = []
-    members: list[list[SettingsRow]] = []
-    for channel in config.channels.values():
-        row = _row(channel, bounded)
-        at = next((i for i, group in enumerate(members) if all(row.agrees(one) for one in group)), None)
-        if at is None:
-            rows.append(row)
-            members.append([row])
-        else:
-            rows[at] = rows[at].joined(row)
-            members[at].append(row)
-    return rows
+    return joined_rows(_row(channel, bounded) for channel in config.channels.values())
 
 
 def axes_text(axes: Sequence[str]) -> str:

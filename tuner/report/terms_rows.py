@@ -81,18 +81,6 @@ class TermsRow:
         return TermsRow(self.axes + other.axes, self.unit, both)
 
 
-def terms_rows(channels: Iterable[TermsRow]) -> list[TermsRow]:
-    """Return rows of single axes with those of axes that agree joined, in the order of the axes."""
-    rows: list[TermsRow] = []
-    for row in channels:
-        at = next((i for i, one in enumerate(rows) if one.agrees(row)), None)
-        if at is None:
-            rows.append(row)
-        else:
-            rows[at] = rows[at].joined(row)
-    return rows
-
-
 def channel_row(channel: ChannelIdentification) -> TermsRow:
     """Return the coefficients of one axis; what is only bounded and has no column is left out."""
     named = [(f"{t.name}.{field}", c) for t in channel.terms for field, c in t.coefficients.items()]
