@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from models.strapdown import NavigationState
-from tuner.consistency.drive import drive_filter
 from tuner.consistency.drive_scores import reference_at
+from tuner.consistency.score_drive import drive_filter
 from tuner.navigation.drive.clock import AGREEING, clock_of_drive
 from tuner.navigation.drive.run import RECOVERY_TIME, navigate, prepare
 from tuner.readers import kf_gins_settings

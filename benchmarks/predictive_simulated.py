@@ -24,7 +24,7 @@ from predictive import judged
 from models.effects import EFFECTS
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.static.drift import found_signals
+from tuner.diagnosis.static.position_drift import found_signals
 from tuner.identification import identify
 from tuner.readers import read
 from tuner.segments.conditions import at_rest

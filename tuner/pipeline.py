@@ -20,7 +20,7 @@ from tuner.diagnosis.drive import ExaminedDrive
 from tuner.diagnosis.drive.config_after_drive import config_after_drive
 from tuner.diagnosis.drive.explained_drive import examine_and_explain
 from tuner.diagnosis.drive.held_out_choice import HeldOutChoice, choose_config
-from tuner.diagnosis.static.drift import found_signals
+from tuner.diagnosis.static.position_drift import found_signals
 from tuner.exporters import DIALECTS, export, lacking
 from tuner.formats import noise_yaml
 from tuner.formats.prediction import prediction_json

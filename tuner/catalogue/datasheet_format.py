@@ -41,7 +41,7 @@ from models.units import canonical_unit, to_si, two_sided
 from tuner.formats.codec import load, refuse_unknown_keys, store, structured
 from tuner.formats.document_errors import refuse
 from tuner.formats.documents import parse_format
-from tuner.types.numbers import Positive
+from tuner.types.number_ranges import Positive
 
 FORMAT = "tuner-datasheet/1"
 

@@ -24,7 +24,7 @@ from tuner.types import (
     Identification,
     TermEstimate,
 )
-from tuner.types.numbers import Positive
+from tuner.types.number_ranges import Positive
 from tuner.types.records import DataError
 
 GNSS_FORMAT = "tuner-gnss/1"

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import in_degrees
 from models.units import from_si
-from tuner.consistency.drive import drive_filter
+from tuner.consistency.score_drive import drive_filter
 from tuner.exporters.dialect import Target
 from tuner.exporters.kf_gins import entries, header
 from tuner.formats.files import whole_file, write_text

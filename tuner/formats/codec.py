@@ -48,7 +48,7 @@ from cattrs.gen import make_dict_structure_fn, override
 
 from tuner.formats.document_errors import Mismatch, place, refuse, shown
 from tuner.formats.documents import plain
-from tuner.types.numbers import Finite, Limits, VectorLimits
+from tuner.types.number_ranges import Finite, Limits, VectorLimits
 from tuner.types.records import DataError
 
 T = TypeVar("T")

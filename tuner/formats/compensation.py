@@ -8,7 +8,7 @@ from models.effects.drive import EFFECTS
 from tuner.formats.codec import store, structured
 from tuner.formats.document_errors import refuse
 from tuner.types import Compensation, Parameter
-from tuner.types.numbers import Finite
+from tuner.types.number_ranges import Finite
 
 
 def _load_compensation(content: object) -> Compensation:

@@ -30,7 +30,7 @@ from tuner.types import (
     InitialUncertainty,
     TermEstimate,
 )
-from tuner.types.numbers import NonNegative, Positive, SamplingInterval
+from tuner.types.number_ranges import NonNegative, Positive, SamplingInterval
 
 FORMAT: Literal["tuner-noise/1"] = "tuner-noise/1"
 

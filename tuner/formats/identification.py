@@ -28,7 +28,7 @@ from tuner.types import (
     Identification,
     TermEstimate,
 )
-from tuner.types.numbers import Positive
+from tuner.types.number_ranges import Positive
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from tuner.formats.codec import dump, store, structured
 from tuner.formats.document_errors import refuse, shown
 from tuner.types import AppliedNoiseScale, BoundUsed, Enlargement, Inflation, Quantity
-from tuner.types.numbers import Finite, Share
+from tuner.types.number_ranges import Finite, Share
 
 Kind = Literal["bound_used", "enlargement", "noise_scale"]
 

@@ -30,7 +30,7 @@ from tuner.identification.likelihood import (
     take_out_lines,
     with_lines,
 )
-from tuner.identification.mean import mean_of_noise
+from tuner.identification.mean_and_earth_rate import mean_of_noise
 from tuner.identification.periodogram import cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from tuner.identification.arma import Likelihood
 from tuner.identification.channel import identify_channel
 from tuner.identification.estimates import BASE
-from tuner.identification.mean import without_earth_rate
+from tuner.identification.mean_and_earth_rate import without_earth_rate
 from tuner.jobs import each
 from tuner.readers import read
-from tuner.readers.tables import Table
+from tuner.readers.logs_in_memory import Table
 from tuner.types import ChannelIdentification, Identification
 from tuner.types.records import DataError, Record
 

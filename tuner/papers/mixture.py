@@ -13,7 +13,7 @@ from models.noise import NoiseModel, Quantization, Ramp, White
 from models.units import DEG_PER_HOUR
 from tuner.curves import curve
 from tuner.identification.allan_leastsquares import unweighted
-from tuner.papers.expected import theo1_ratio
+from tuner.papers.expected_variances import theo1_ratio
 from tuner.papers.results import Curve, Item, Panel, Picture, judge, untestable
 from tuner.papers.sampling import Settings, estimate, record_from
 from tuner.papers.subjects import FIBRE_OPTIC_PAPER

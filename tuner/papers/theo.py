@@ -16,7 +16,7 @@ from tuner.curves import curve, dof
 from tuner.curves.allan import overlapping_allan
 from tuner.curves.theo import bias_ratio, theo1
 from tuner.curves.total import total
-from tuner.papers.expected import PRINTED_TOTAL, theo1_ratio, total_ratio
+from tuner.papers.expected_variances import PRINTED_TOTAL, theo1_ratio, total_ratio
 from tuner.papers.results import Claim, Curve, Item, Panel, Picture, Range, judge
 from tuner.papers.sampling import Settings, estimate, ratio_of_means, record_from, relative_sd, scatter
 from tuner.papers.subjects import FIBRE_OPTIC_PAPER, UNIT_NOISES

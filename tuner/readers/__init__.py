@@ -21,9 +21,9 @@ from tuner.readers.block_means import read_means, reduction
 from tuner.readers.column_mapping import parse_columns
 from tuner.readers.columns import Progress, digest
 from tuner.readers.log_format import FORMATS, LogFormat, columns_of, file_of, log_folder
+from tuner.readers.logs_in_memory import Table, list_table
 from tuner.readers.messages import ardupilot, rosbag, ulog
 from tuner.readers.options import Options
-from tuner.readers.tables import Table, list_table
 from tuner.types.records import DataError, Record
 
 if TYPE_CHECKING:

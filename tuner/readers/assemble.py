@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from models.units import unit_value
 from tuner.formats.guard import printable
 from tuner.readers import column_names as names
-from tuner.readers.clock import Clock, read_clock
 from tuner.readers.column_choice import Channel, Layout, choose
 from tuner.readers.columns import Listing, Part
 from tuner.readers.options import Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
+from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.unit_checks import check_units
 from tuner.readers.value_checks import quantizer_limited, without_spikes
 from tuner.types.records import DataError, Record

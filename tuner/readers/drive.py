@@ -42,7 +42,7 @@ from tuner.readers.source_kind import drive_in_messages, is_drive_by_form
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
 from tuner.readers.waypoint import read_waypoint
-from tuner.types.numbers import LONGEST_LEVER_ARM
+from tuner.types.number_ranges import LONGEST_LEVER_ARM
 from tuner.types.records import DataError, Drive, Gnss, Reference
 
 FloatArray = NDArray[np.float64]

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from tuner.formats.codec import load
 from tuner.formats.documents import parse_json
 from tuner.readers.npz_members import stored_arrays
-from tuner.types.numbers import LeverArm, Vector3
+from tuner.types.number_ranges import LeverArm, Vector3
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]

@@ -35,7 +35,7 @@ from tuner.formats.codec import load
 from tuner.formats.documents import parse_yaml
 from tuner.readers.text import read_numbers
 from tuner.readers.text_dialect import find_dialect
-from tuner.types.numbers import Finite, LeverArm, Positive, Vector3
+from tuner.types.number_ranges import Finite, LeverArm, Positive, Vector3
 from tuner.types.records import DataError
 
 FloatArray = NDArray[np.float64]

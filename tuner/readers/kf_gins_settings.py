@@ -17,7 +17,7 @@ from tuner.formats.codec import load as load_content
 from tuner.formats.documents import parse_yaml, read_text
 from tuner.formats.guard import input_guard
 from tuner.types import ChannelNoise, FilterConfig, InitialUncertainty
-from tuner.types.numbers import NonNegative, Positive
+from tuner.types.number_ranges import NonNegative, Positive
 from tuner.types.records import DataError
 
 _EXPECTED = "a YAML of KF-GINS"

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from tuner.consistency.choose_grade import GradeChoice
 from tuner.consistency.compare_sensors import SensorComparison
-from tuner.consistency.drive import DriveResult
+from tuner.consistency.score_drive import DriveResult
 from tuner.consistency.score_output import OutputScore
 from tuner.pipeline import TuneResult
 from tuner.report.allan_figure import allan_figure

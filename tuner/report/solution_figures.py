@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tuner.consistency.drive import DriveResult
 from tuner.consistency.drive_scores import differences, stated
+from tuner.consistency.score_drive import DriveResult
 from tuner.formats.files import whole_file
 from tuner.navigation.data import GATED, USED
 from tuner.report.solution_files import local_track, tracks

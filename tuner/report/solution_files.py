@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from models.earth import in_degrees, in_tangent_plane
 from models.rotation import rpy_from_quat
-from tuner.consistency.drive import DriveResult
 from tuner.consistency.drive_scores import reference_at
+from tuner.consistency.score_drive import DriveResult
 from tuner.navigation.data import Fixes, Solution
 from tuner.navigation.settings import FilterSettings, total_bias
 from tuner.types.records import Reference

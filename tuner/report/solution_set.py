@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tuner.consistency.drive import DriveResult
+from tuner.consistency.score_drive import DriveResult
 from tuner.formats.files import write_text
 from tuner.report.solution_figures import draw_solution
 from tuner.report.solution_files import solution_csv, track_gpx, track_kml, tracks

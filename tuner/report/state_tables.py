@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from tuner.diagnosis.static.against import MEAN, NOISE, Difference, StateComparison
+from tuner.diagnosis.static.compare_logs import MEAN, NOISE, Difference, StateComparison
 from tuner.formats.codec import dump
 from tuner.formats.customary_units import amount
 from tuner.types import Coefficient

@@ -11,7 +11,7 @@ from models.noise import GaussMarkov
 from tuner.types.compensation import Compensation
 from tuner.types.identification import TermEstimate
 from tuner.types.inflation import Enlargement, Inflation
-from tuner.types.numbers import NonNegative, Positive, SamplingInterval
+from tuner.types.number_ranges import NonNegative, Positive, SamplingInterval
 from tuner.types.shown import Shown
 
 

@@ -16,8 +16,8 @@ from models.measurements import perfect_fixes
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.cli import run
-from tuner.consistency.drive import drive_filter, navigate_drive
 from tuner.consistency.drive_scores import differences, errors, reference_at
+from tuner.consistency.score_drive import drive_filter, navigate_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align, stationary_until
 from tuner.navigation.drive.gross_outliers import without_gross_outliers

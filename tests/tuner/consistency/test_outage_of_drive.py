@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tuner.consistency.drive import _outage, drive_filter
+from tuner.consistency.score_drive import _outage, drive_filter
 from tuner.navigation.drive.run import RECOVERY_TIME, prepare
 from tuner.readers.drive import read_drive
 

@@ -15,7 +15,7 @@ from tuner.formats.codec import dump, load, refuse_unknown_keys
 from tuner.formats.documents import json_text, parse_json, parse_yaml
 from tuner.formats.noise_terms import coefficient_json
 from tuner.types import Coefficient
-from tuner.types.numbers import NonNegative, Positive
+from tuner.types.number_ranges import NonNegative, Positive
 from tuner.types.records import DataError
 
 

@@ -9,7 +9,7 @@ from models.noise import Quantization, Ramp
 from tuner.curves.theo import theo1
 from tuner.curves.total import total
 from tuner.papers.degrees_of_freedom import printed_allan, printed_theo1, printed_theoh, printed_total
-from tuner.papers.expected import theo1_ratio, total_ratio
+from tuner.papers.expected_variances import theo1_ratio, total_ratio
 from tuner.papers.results import absent, exact, judge, rounded, untestable
 from tuner.papers.sampling import estimate, mean_of, ratio_of_means, share_of
 from tuner.papers.segments import relative_sd_of_sigma

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tuner.cli import run
-from tuner.consistency.drive import navigate_drive
+from tuner.consistency.score_drive import navigate_drive
 from tuner.exporters import export
 from tuner.formats import noise_yaml
 from tuner.formats.digits import DEFAULT_DIGITS

@@ -18,7 +18,7 @@ from models import rotation
 from models.noise import GaussMarkov
 from models.units import from_si, to_si
 from tuner.cli import run
-from tuner.consistency.drive import navigate_drive
+from tuner.consistency.score_drive import navigate_drive
 from tuner.exporters.kf_gins_drive import MIN_GAP, SECONDS_PER_WEEK, write_drive
 from tuner.readers import kf_gins_settings
 from tuner.readers.drive import read_drive

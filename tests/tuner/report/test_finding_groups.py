@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.noise import NoiseModel, White
-from tuner.diagnosis.static.drift import position_drift, with_drifts
+from tuner.diagnosis.static.position_drift import position_drift, with_drifts
 from tuner.report.finding_groups import MAX_HEADLINES, comb_spacing, finding_groups, headlines
 from tuner.report.static_diagnosis_tables import unexplained_lines
 from tuner.simulation.static import simulate

@@ -13,7 +13,7 @@ import tuner
 from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.comparison import compare_identifications
-from tuner.readers.tables import arrays_of_frame
+from tuner.readers.logs_in_memory import arrays_of_frame
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config

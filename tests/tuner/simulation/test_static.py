@@ -9,7 +9,7 @@ import pytest
 
 from models.effects import EFFECTS
 from models.effects.static.events import Step
-from models.effects.static.temperature_profiles import Constant
+from models.effects.static.temperature_profiles import Diurnal
 from models.noise import BiasInstability, NoiseModel, Quantization, RandomWalk, White
 from models.sensors import SensorGrade, Sourced, TriadGrade
 from tuner.simulation.effect_spec import PlacedEffect, noise_scale, read_effect
@@ -124,7 +124,7 @@ def test_gaps_end_segments():
 
 
 def test_an_effect_can_be_handed_over_and_the_temperature_chosen():
-    (gyro, _), key = run(PlacedEffect(Step(1.0, 2.0), ("gyro_x",)), temperature=Constant(40.0))
+    (gyro, _), key = run(PlacedEffect(Step(1.0, 2.0), ("gyro_x",)), temperature=Diurnal(40.0, 0.0))
     assert key["hidden"] == [
         {"cause": "step", "channels": ["gyro_x"], "parameters": {"time": 1.0, "size": 2.0}}
     ]

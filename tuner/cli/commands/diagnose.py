@@ -132,7 +132,7 @@ def _compare(
     messages: Messages,
 ) -> None:
     """Show what differs between a log and one of the same unit in another state."""
-    from tuner.diagnosis.static.against import compare_states
+    from tuner.diagnosis.static.compare_logs import compare_states
     from tuner.report.state_tables import state_tables, states_json
     from tuner.report.terminal import show
     from tuner.types.records import DataError, Drive

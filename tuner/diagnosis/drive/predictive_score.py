@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
-from tuner.consistency.drive import OUTAGE_LENGTHS, drive_filter
 from tuner.consistency.drive_scores import reference_at, stated
+from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
 from tuner.navigation.compensation import compensate
 from tuner.navigation.data import WITHHELD, Solution
 from tuner.navigation.drive.clock import Clock

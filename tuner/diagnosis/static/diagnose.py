@@ -16,12 +16,12 @@ from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.diagnosis.static.causes.temperature import COVARIATE as TEMPERATURE
 from tuner.diagnosis.static.channel import MIN_SAMPLES, Channel, channel
 from tuner.diagnosis.static.channel_preparation import prepared
-from tuner.diagnosis.static.drift import left_drifts, with_drifts
 from tuner.diagnosis.static.findings import Single, findings, joins, singles, words
 from tuner.diagnosis.static.held_out_gain import with_gains
 from tuner.diagnosis.static.hypothesis_tests import threshold
 from tuner.diagnosis.static.model.residual import Residual
 from tuner.diagnosis.static.outcome import Accepted
+from tuner.diagnosis.static.position_drift import left_drifts, with_drifts
 from tuner.diagnosis.static.posterior_predictive import covered
 from tuner.diagnosis.static.reported_noise import noise_after, noise_before
 from tuner.diagnosis.static.search import SearchResult, group_of, search_causes

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tuner.consistency.drive import DriveResult
 from tuner.consistency.error_budget import blind_spots, table
+from tuner.consistency.score_drive import DriveResult
 from tuner.formats.consistency import scores_json
 from tuner.navigation.drive.vehicle_constraints import constraint_counts
 from tuner.report.verdict_text import explanation_text, verdict_text

@@ -10,8 +10,8 @@ import pytest
 from models import rotation
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.consistency.drive import navigate_drive
 from tuner.consistency.drive_scores import differences
+from tuner.consistency.score_drive import navigate_drive
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align

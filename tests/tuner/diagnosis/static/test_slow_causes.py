@@ -9,8 +9,8 @@ from scipy.signal import butter, lfilter, sosfilt
 from models.effects.static.thermal import behind_play
 from models.noise import BiasInstability, NoiseModel, RandomWalk, White
 from tuner.diagnosis import diagnose
-from tuner.diagnosis.static.drift import found_signal
 from tuner.diagnosis.static.model.covariate import smoothed, typical_repeats
+from tuner.diagnosis.static.position_drift import found_signal
 from tuner.simulation.static import Channel, simulate
 from tuner.types.records import Record
 

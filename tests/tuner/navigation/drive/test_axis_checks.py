@@ -10,7 +10,7 @@ import pytest
 from models import rotation
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.consistency.drive import navigate_drive
+from tuner.consistency.score_drive import navigate_drive
 from tuner.diagnosis.drive import diagnose_drive
 from tuner.navigation.drive.axis_checks import inertial_axes, with_axes_found
 from tuner.readers.drive import read_drive

@@ -9,7 +9,7 @@ import pytest
 
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.consistency.drive import navigate_drive
+from tuner.consistency.score_drive import navigate_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.clock import chosen_clock, clock_of_drive
 from tuner.navigation.drive.clock_offset import MAX_CLOCK_OFFSET, ClockOffset, estimate_clock_offset

@@ -13,8 +13,8 @@ from models.trajectory.catalogue import city, climb
 from models.trajectory.motion import imu_increments
 from models.trajectory.spline import Track
 from tuner.catalogue.grades import load_gnss, load_grade
-from tuner.consistency.drive import navigate_drive
 from tuner.consistency.drive_scores import differences
+from tuner.consistency.score_drive import navigate_drive
 from tuner.formats.logs import write_drive
 from tuner.navigation.data import Steps
 from tuner.navigation.drive.alignment import align
