@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from models import rotation
 from models.earth import ned_between
 from tuner.consistency.trajectory_alignment import Alignment, aligned, at_times, to_tangent_plane
+from tuner.consistency.wrong_conventions import refuse_wrong_conventions
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -107,6 +108,7 @@ def output_errors(
         notes.append("estimate interpolated at the times of the truth, which are fewer")
     there = at_times(truth, moved.t)
     moved, there, done = _in_one_frame(moved, there, how)
+    refuse_wrong_conventions(moved, there)
     error = np.full((len(moved), 15), np.nan)
     error[:, :3] = _position_error(moved, there)
     error[:, 3:6] = there.vel_n - moved.vel_n

@@ -29,6 +29,7 @@ from tuner.consistency.output_scores import (
 from tuner.consistency.scores import DIVERGED_RATIO, score
 from tuner.consistency.trajectory_alignment import Alignment
 from tuner.consistency.verdicts import verdicts
+from tuner.consistency.wrong_conventions import unit_of_sds
 from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
 from tuner.types.filter_output import FilterOutput
 from tuner.types.output_score import OutputCause, TimeOffset
@@ -132,6 +133,7 @@ def score_outputs(
         )
         raise DataError(msg)
     nees, blocks = error_scores(runs) if runs else (None, ())
+    notes += [note for s in blocks if s.name == "attitude" and (note := unit_of_sds(s.ratio)) is not None]
     if runs and not blocks:
         notes.append("the estimate states no sds of what the truth has: only its errors are shown")
     found = Consistency(

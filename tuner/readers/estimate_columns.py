@@ -18,6 +18,7 @@ A unit may follow in brackets: ``sd_roll [rad]``, ``cov_n_e [m^2]``. Without it 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -47,6 +48,8 @@ _TRIPLES: Mapping[str, tuple[tuple[str, str, str], tuple[str, str, str]]] = {
     "zv": (("z_vn", "z_ve", "z_vd"), ("m/s",) * 3),
 }
 """Groups of three columns with their usual units."""
+ANGLE_ROUNDING = 1e-3
+"""Relative excess of a pitch over 90° that rounding may leave."""
 _QUATERNION = ("qw", "qx", "qy", "qz")
 UNITS: Mapping[str, str] = {
     "t": "s",
@@ -213,6 +216,10 @@ def assemble(
     parts += [(3, np.asarray(eye), ("vn", "ve", "vd")), (3, mat_nw, ("vx", "vy", "vz"))]
     quat = None
     if rpy is not None:
+        if np.nanmax(np.abs(rpy[:, 1])) > 0.5 * np.pi * (1.0 + ANGLE_ROUNDING):
+            worst = math.degrees(float(np.nanmax(np.abs(rpy[:, 1]))))
+            msg = f"{source}: expected a pitch within ±90 deg, found {worst:.4g} deg: state the unit of its column"
+            raise DataError(msg)
         mat_nb = rotation.mat_from_rpy(rpy) @ mat_bf.T
         quat = rotation.quat_from_mat(mat_nb)
         parts.append((6, rotvec_of_angles(rpy), ("roll", "pitch", "yaw")))

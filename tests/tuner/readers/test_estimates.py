@@ -11,6 +11,7 @@ import scipy.io
 from models import rotation
 from models.earth import ecef_from_llh, mat_en, metres_per_radian
 from tuner.cli import run
+from tuner.consistency.output_errors import output_errors
 from tuner.readers.estimate import read_estimate
 from tuner.types.records import DataError
 
@@ -215,6 +216,7 @@ def test_npz_of_vectors_and_matrices(tmp_path):
         ({"t": T[::-1], "n": T, "e": T, "d": T}, "times that rise"),
         ({"t": T, "qw": T, "qx": T, "qy": T, "qz": T}, "unit quaternions"),
         ({"t": T, "n": T, "e": T, "d": T, "sd_n": -T, "sd_e": T, "sd_d": T}, "expected sds"),
+        ({"t": T, "roll [rad]": T, "pitch [rad]": RPY[:, 1], "yaw [rad]": T}, "pitch within ±90 deg"),
         ({"a": T, "b": T}, "name them"),
     ],
 )
@@ -224,6 +226,59 @@ def test_bad_columns_are_refused_in_one_line(tmp_path, capsys, columns, words):
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
     assert "bad.csv" in line
+
+
+ENU, FLU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.diag([1.0, -1, -1])
+ESTIMATED = ("n", "e", "d", "vn", "ve", "vd", "phi_n", "phi_e", "phi_d")
+
+
+def containers(folder, ned, vel, quat, cov):
+    """Write one estimate with the covariance (9, 9) of its errors in every form that can hold it; yield each read."""
+    pairs = [(i, j) for i in range(9) for j in range(i, 9)]
+    factor = np.repeat([1.0, 1.0, np.degrees(1.0)], 3)
+    stated = {
+        f"cov_{ESTIMATED[i]}_{ESTIMATED[j]}": cov[i, j] * factor[i] * factor[j] + 0 * T for i, j in pairs
+    }
+    place = {"t": T, **{name: ned[:, i] for i, name in enumerate("ned")}}
+    speed = {f"v{name}": vel[:, i] for i, name in enumerate("ned")}
+    rpy = np.degrees(rotation.rpy_from_quat(quat))
+    angles = {name: rpy[:, i] for i, name in enumerate(("roll", "pitch", "yaw"))}
+    numbers = {f"q{name}": quat[:, i] for i, name in enumerate("wxyz")}
+    yield "angles", read_estimate(csv(folder / "a.csv", place | speed | angles | stated))
+    yield "quaternions", read_estimate(csv(folder / "q.csv", place | speed | numbers | stated))
+    tsv = csv(folder / "t.tsv", place | speed | numbers | stated)
+    tsv.write_text(tsv.read_text().replace(",", "\t"))
+    yield "tabs", read_estimate(tsv)
+    other = rotation.quat_from_mat(ENU @ rotation.mat_from_quat(quat) @ FLU)
+    turned = {"t": T, **{name: (ned @ ENU)[:, i] for i, name in enumerate("xyz")}}
+    turned |= {f"v{name}": (vel @ ENU)[:, i] for i, name in enumerate("xyz")}
+    turned |= {f"q{name}": other[:, i] for i, name in enumerate("wxyz")}
+    yield "ENU", read_estimate(csv(folder / "e.csv", turned | stated), frame="ENU", body="FLU")
+    whole = np.tile(cov, (N, 1, 1))
+    np.savez(folder / "m.npz", t=T, ned=ned, vned=vel, quat=quat, covariance=whole)
+    yield "matrices", read_estimate(folder / "m.npz")
+    np.savez(folder / "c.npz", **place, **speed, **numbers, **stated)
+    yield "columns in NPZ", read_estimate(folder / "c.npz")
+
+
+def test_one_estimate_has_the_same_score_in_every_container(tmp_path):
+    rng = np.random.default_rng(4)
+    root = rng.standard_normal((9, 9)) * np.repeat([0.5, 0.1, 0.01], 3)[:, None]
+    cov = root @ root.T + 1e-6 * np.eye(9)
+    error = rng.standard_normal((N, 9)) @ np.linalg.cholesky(cov).T
+    ned = np.column_stack([np.cumsum(0.5 * VEL[:, i]) for i in range(3)])
+    truth = csv(
+        tmp_path / "truth.csv",
+        {"t": T, **{name: ned[:, i] for i, name in enumerate("ned")}}
+        | {f"v{name}": VEL[:, i] for i, name in enumerate("ned")}
+        | {f"q{name}": QUAT[:, i] for i, name in enumerate("wxyz")},
+    )
+    quat = rotation.quat_multiply(rotation.quat_from_rotvec(-error[:, 6:]), QUAT)
+    want = np.einsum("ki,ij,kj->k", error, np.linalg.inv(cov), error)
+    for name, found in containers(tmp_path, ned - error[:, :3], VEL - error[:, 3:6], quat, cov):
+        run_errors = output_errors(found, read_estimate(truth))
+        e, p = run_errors.error[:, :9], run_errors.covariance[:, :9, :9]
+        assert np.einsum("ki,kij,kj->k", e, np.linalg.inv(p), e) == pytest.approx(want, rel=1e-4), name
 
 
 def test_columns_by_other_names_and_units_are_mapped(tmp_path):

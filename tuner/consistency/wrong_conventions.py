@@ -1,0 +1,164 @@
+"""Is an output in other axes or units than it was taken in? Errors that another convention explains are no errors.
+
+Each usual convention is tried on positions, velocities and attitudes. One that brings them several times nearer to the
+truth, or velocities to the change of the positions, cannot be chance: the output is refused with what to do.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import rotation
+from models.earth import ned_between
+from models.units import unit_value
+from tuner.types.filter_output import FilterOutput
+from tuner.types.records import DataError
+
+FloatArray = NDArray[np.float64]
+
+MIN_IMPROVEMENT = 5.0
+"""Rms error as taken ÷ in another convention, from which that is refused: of wrong ones it is tens to thousands, and of
+right ones below 1, as all of these conventions move a vehicle by far more than a filter errs."""
+RADIAN_IN_DEGREES = math.degrees(1.0)
+"""Degrees of a radian."""
+MAX_UNIT_MISMATCH = 0.25
+"""Relative distance of a ratio from that of two units within which it is taken for it."""
+MIN_ROWS = 20
+"""Epochs from which conventions are compared."""
+_SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_TURNED = np.diag([1.0, -1.0, -1.0])
+WORLDS = {"ENU": _SWAPPED, "NWU": _TURNED}
+"""Other axes of the world, to north-east-down."""
+_UPWARD = np.array([1.0, 1.0, -1.0])
+BODIES = {"FLU": _TURNED, "RFU": _SWAPPED}
+"""Other axes of the body, to forward-right-down."""
+SPEEDS = ("km/h", "kn", "mph", "ft/s", "cm/s")
+"""Other units of velocities."""
+
+
+def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> None:
+    """Raise a DataError in one line where another convention explains the errors of an estimate.
+
+    Parameters
+    ----------
+    estimate, truth : FilterOutput
+        At the same times, in one frame.
+    """
+    for one, option in ((estimate, "--frame"), (truth, "--truth-frame")):
+        place = _place(one, one)
+        if place is not None and np.isfinite(one.vel_n).any():
+            moved = np.gradient(place, one.t, axis=0)
+            _tell(
+                one, "velocities", one.vel_n - moved, _velocities(one, moved, option), "their own positions"
+            )
+    place, other = _place(estimate, estimate), _place(truth, estimate)
+    if place is not None and other is not None:
+        _tell(estimate, "positions", place - other, _positions(estimate, truth, place, other))
+    _tell(estimate, "velocities", estimate.vel_n - truth.vel_n, _velocities(estimate, truth.vel_n, "--frame"))
+    _tell(estimate, "attitudes", _turns(estimate.quat_nb, truth.quat_nb), _attitudes(estimate, truth.quat_nb))
+
+
+def unit_of_sds(attitude_ratio: float) -> str | None:
+    """Return a note where true ÷ predicted errors of the attitude are about those of sds read in the wrong unit."""
+    for factor, found, taken in ((RADIAN_IN_DEGREES, "rad", "deg"), (1.0 / RADIAN_IN_DEGREES, "deg", "rad")):
+        if abs(math.log(attitude_ratio / factor)) < math.log(1.0 + MAX_UNIT_MISMATCH):
+            return (
+                f"errors of the attitude are {attitude_ratio:.3g} times their sds, about {factor:.3g}: sds in {found} "
+                f"that were read in {taken}? Name the columns 'sd_roll [{found}]', …"
+            )
+    return None
+
+
+def _tell(
+    one: FilterOutput,
+    what: str,
+    error: FloatArray,
+    others: Iterator[tuple[str, str, FloatArray]],
+    beside: str = "the truth",
+) -> None:
+    good = np.isfinite(error).all(axis=1)
+    if np.count_nonzero(good) < MIN_ROWS:
+        return
+    before = float(np.sqrt(np.mean(error[good] ** 2)))
+    best = min(
+        ((float(np.sqrt(np.mean(e[good] ** 2))), words, cure) for words, cure, e in others), default=None
+    )
+    if best is None or not before > MIN_IMPROVEMENT * best[0]:
+        return
+    after, words, cure = best
+    times = min(before / after, 1e6) if after > 0.0 else 1e6
+    unit = {"positions": "m", "velocities": "m/s", "attitudes": "rad"}[what]
+    msg = (
+        f"{one.name}: {what} fit {beside} {times:.3g} times better {words} than as they were taken (rms error "
+        f"{before:.3g} and {after:.3g} {unit}): {cure}"
+    )
+    raise DataError(msg)
+
+
+def _place(one: FilterOutput, origin: FilterOutput) -> FloatArray | None:
+    """Return positions in metres north, east, down."""
+    if one.llh is not None and origin.llh is not None:
+        return ned_between(one.llh, origin.llh[np.flatnonzero(np.isfinite(origin.llh).all(axis=1))[0]])
+    return one.local if origin.llh is None else None
+
+
+def _positions(
+    estimate: FilterOutput, truth: FilterOutput, place: FloatArray, other: FloatArray
+) -> Iterator[tuple[str, str, FloatArray]]:
+    if estimate.llh is None or truth.llh is None:
+        for name, mat in WORLDS.items():
+            yield f"as {name}", f"name the columns x, y, z with --frame {name}", place @ mat.T - other
+        yield "with d upwards", "change the sign of d", place * _UPWARD - other
+        return
+    degrees = np.degrees(estimate.llh[:, :2])
+    for words, cure, pair in (
+        ("with latitude and longitude in rad", "name the columns 'lat [rad]', 'lon [rad]'", degrees),
+        ("with latitude and longitude exchanged", "exchange lat and lon", estimate.llh[:, 1::-1]),
+    ):
+        if np.abs(pair[:, 0]).max() < 0.5 * np.pi:
+            llh = np.column_stack([pair, estimate.llh[:, 2]])
+            yield words, cure, ned_between(llh, truth.llh)
+
+
+def _velocities(one: FilterOutput, want: FloatArray, option: str) -> Iterator[tuple[str, str, FloatArray]]:
+    for name, mat in WORLDS.items():
+        yield f"as {name}", f"name the columns vx, vy, vz with {option} {name}", one.vel_n @ mat.T - want
+    yield "with vd upwards", "change the sign of vd", one.vel_n * _UPWARD - want
+    for unit in SPEEDS:
+        yield f"in {unit}", f"name the columns 'vn [{unit}]', …", one.vel_n * unit_value(unit) - want
+    if np.isfinite(one.quat_nb).all():
+        turned = np.einsum("nij,nj->ni", rotation.mat_from_quat(one.quat_nb), one.vel_n)
+        yield "along the axes of the body", "turn them into axes of the world", turned - want
+
+
+def _attitudes(one: FilterOutput, want: FloatArray) -> Iterator[tuple[str, str, FloatArray]]:
+    q = one.quat_nb
+    if not np.isfinite(q).any():
+        return
+    inverse = "write body to world: change the signs of qx, qy, qz"
+    yield "as world to body", inverse, _turns(rotation.quat_conjugate(q), want)
+    for order in ([1, 2, 3, 0], [3, 0, 1, 2]):
+        for sign, words in ((1.0, "in another order of the quaternion"), (-1.0, "of JPL's order and sense")):
+            other = q[:, order] * [1.0, sign, sign, sign]
+            yield words, "name the columns qw, qx, qy, qz as Hamilton's, body to world", _turns(other, want)
+    angles = rotation.rpy_from_quat(np.where(np.isfinite(q), q, [1.0, 0.0, 0.0, 0.0]))
+    radian = "name the columns 'roll [rad]', 'pitch [rad]', 'yaw [rad]'"
+    yield "in rad", radian, _turns(rotation.quat_from_rpy(np.degrees(angles)), want)
+    mat = rotation.mat_from_quat(q)
+    eye = np.eye(3)
+    for (world, to_ned), (body, to_frd) in itertools.product(
+        [("NED", eye), *WORLDS.items()], [("FRD", eye), *BODIES.items()]
+    ):
+        if (world, body) != ("NED", "FRD"):
+            frames = f"--frame {world} --body {body}"
+            other = rotation.quat_from_mat(to_ned @ np.where(np.isfinite(mat), mat, eye) @ to_frd.T)
+            yield f"as {body} to {world}", f"add {frames}", _turns(other, want)
+
+
+def _turns(q: FloatArray, want: FloatArray) -> FloatArray:
+    return rotation.rotvec_from_quat(rotation.quat_multiply(want, rotation.quat_conjugate(q)))
