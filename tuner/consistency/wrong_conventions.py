@@ -53,13 +53,13 @@ def refuse_wrong_conventions(estimate: FilterOutput, truth: FilterOutput) -> Non
         place = _place(one, one)
         if place is not None and np.isfinite(one.vel_n).any():
             moved = np.gradient(place, one.t, axis=0)
-            _tell(
-                one, "velocities", one.vel_n - moved, _velocities(one, moved, option), "their own positions"
-            )
+            others = _velocities(one, moved, option)
+            _tell(one, "velocities", one.vel_n - moved, others, "their own positions", moved)
     place, other = _place(estimate, estimate), _place(truth, estimate)
     if place is not None and other is not None:
         _tell(estimate, "positions", place - other, _positions(estimate, truth, place, other))
-    _tell(estimate, "velocities", estimate.vel_n - truth.vel_n, _velocities(estimate, truth.vel_n, "--frame"))
+    others = _velocities(estimate, truth.vel_n, "--frame")
+    _tell(estimate, "velocities", estimate.vel_n - truth.vel_n, others, size=truth.vel_n)
     _tell(estimate, "attitudes", _turns(estimate.quat_nb, truth.quat_nb), _attitudes(estimate, truth.quat_nb))
 
 
@@ -80,7 +80,9 @@ def _tell(
     error: FloatArray,
     others: Iterator[tuple[str, str, FloatArray]],
     beside: str = "the truth",
+    size: FloatArray | None = None,
 ) -> None:
+    """Raise where another convention leaves far less of the error, and little of `size` where that is given."""
     good = np.isfinite(error).all(axis=1)
     if np.count_nonzero(good) < MIN_ROWS:
         return
@@ -89,6 +91,9 @@ def _tell(
         ((float(np.sqrt(np.mean(e[good] ** 2))), words, cure) for words, cure, e in others), default=None
     )
     if best is None or not before > MIN_IMPROVEMENT * best[0]:
+        return
+    # Noise of a vehicle at rest fits better in any smaller unit.
+    if size is not None and not np.sqrt(np.mean(size[good] ** 2)) > MIN_IMPROVEMENT * best[0]:
         return
     after, words, cure = best
     times = min(before / after, 1e6) if after > 0.0 else 1e6

@@ -80,3 +80,11 @@ def test_right_conventions_and_large_errors_pass():
     turned = rotation.quat_multiply(rotation.quat_from_rotvec([0.0, 0.0, 0.7]), Q)
     wrong = replace(estimate(), quat_nb=turned, vel_n=1.3 * VEL, local=1.3 * LOCAL)
     assert len(output_errors(wrong, TRUTH)) == len(T)
+
+
+def test_noise_of_a_vehicle_at_rest_is_in_no_other_unit():
+    rng = np.random.default_rng(1)
+    still = np.zeros_like(VEL)
+    truth = replace(TRUTH, local=still, vel_n=1e-4 * rng.standard_normal(VEL.shape))
+    found = replace(truth, local=1e-3 * rng.standard_normal(VEL.shape), vel_n=rng.standard_normal(VEL.shape))
+    assert len(output_errors(found, truth)) == len(T)
