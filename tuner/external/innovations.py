@@ -99,7 +99,7 @@ def deviations_of(
     DataError
         Where the output cannot be scored.
     """
-    found = _stated(output) or _predictions(output, fixes, fix_factor) or _errors(output, truth)
+    found = _stated(output) or _predictions(output, fixes, fix_factor) or errors_of(output, truth)
     if found is None or len(found.t) < MIN_EPOCHS:
         count = 0 if found is None else len(found.t)
         msg = (
@@ -161,7 +161,8 @@ def _predictions(output: FilterOutput, fixes: Fixes, fix_factor: float) -> Devia
     return Deviations("predictions of fixes", fixes.t[near], z, s)
 
 
-def _errors(output: FilterOutput, truth: FilterOutput | None) -> Deviations | None:
+def errors_of(output: FilterOutput, truth: FilterOutput | None) -> Deviations | None:
+    """Return the errors of an output where there is a better solution and sds of it."""
     if truth is None:
         return None
     run = output_errors(output, truth)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tuner.consistency.score_output import OutputScore, score_outputs
 from tuner.exporters import DIALECTS, export
-from tuner.external.innovations import Deviations, common, deviations_of, without_outliers
+from tuner.external.innovations import Deviations, common, deviations_of, errors_of, without_outliers
 from tuner.external.inputs import Inputs, inputs_of
 from tuner.external.noise_factors import NOISE_FACTORS, with_factors, with_two_numbers
 from tuner.external.program import Program
@@ -51,6 +51,8 @@ class ExternalTuning:
         Mean logarithm of the likelihood of the rest of the drive, with the factors less without, nats an epoch.
     gain_sd : float
         Its sd, by blocks of time.
+    reference_gain : float or None
+        The same of the errors against the reference of the drive, where it was not they that were fitted.
     ratios : (float, float)
         True rms ÷ predicted sd of the rest of the drive, without and with the factors.
     scores : (OutputScore, OutputScore)
@@ -67,6 +69,7 @@ class ExternalTuning:
     found: Found
     gain: float
     gain_sd: float
+    reference_gain: float | None
     ratios: tuple[float, float]
     scores: tuple[OutputScore, OutputScore]
     config: FilterConfig
@@ -75,8 +78,8 @@ class ExternalTuning:
 
     @property
     def kept(self) -> bool:
-        """Whether the rest of the drive speaks for the factors."""
-        return self.gain > 0.0
+        """Whether the rest of the drive speaks for the factors, and its reference not against them."""
+        return self.gain > 0.0 and (self.reference_gain is None or self.reference_gain > 0.0)
 
 
 def tune_external(
@@ -150,25 +153,44 @@ def tune_external(
         )
     if not found.converged:
         notes.append(f"the search ended after {found.runs} runs, before its steps were small")
-    rows, same = common(found.before, found.after)
-    late = found.before.t[rows] > until
-    before, after = found.before.rows(rows[late]), found.after.rows(same[late])
+    before, after = _rest(found.before, found.after, until)
     gains = after.log_likelihood() - before.log_likelihood()
     blocks = [float(part.mean()) for part in np.array_split(gains, GRADIENT_BLOCKS)]
     gain = float(gains.mean())
     reason = f"as {Path(program.words[0]).name} showed on {drive.name}"
-    final = with_factors(begin, found.factors, reason=reason) if gain > 0.0 else config
+    reference_gain = None if before.kind == "errors" else _reference_gain(untouched, tuned, truth, until)
+    kept = gain > 0.0 and (reference_gain is None or reference_gain > 0.0)
+    final = with_factors(begin, found.factors, reason=reason) if kept else config
     return ExternalTuning(
         dialect,
         found,
         gain,
         float(np.std(blocks, ddof=1) / np.sqrt(GRADIENT_BLOCKS)),
+        reference_gain,
         (before.ratio(), after.ratio()),
         (_scored(untouched, found.before, truth), _scored(tuned, found.after, truth)),
         final,
         export(final, dialect),
         tuple(notes),
     )
+
+
+def _rest(one: Deviations, other: Deviations, until: float) -> tuple[Deviations, Deviations]:
+    """Return the vectors of two at the same instants after the part that was fitted."""
+    rows, same = common(one, other)
+    late = one.t[rows] > until
+    return one.rows(rows[late]), other.rows(same[late])
+
+
+def _reference_gain(
+    untouched: FilterOutput, tuned: FilterOutput, truth: FilterOutput | None, until: float
+) -> float | None:
+    """Return by how much the errors against the reference of the rest of the drive are likelier, nats an epoch."""
+    one, other = errors_of(untouched, truth), errors_of(tuned, truth)
+    if one is None or other is None or one.z.shape[1] != other.z.shape[1]:
+        return None
+    before, after = _rest(one, other, until)
+    return float(np.mean(after.log_likelihood() - before.log_likelihood())) if len(before.t) else None
 
 
 def _truth(inputs: Inputs, scratch: Path) -> FilterOutput | None:

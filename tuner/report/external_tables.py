@@ -29,6 +29,9 @@ def external_tables(result: ExternalTuning) -> list[Table | str]:
     scores.add_row("rest of the drive: true rms ÷ predicted sd", *(f"{ratio:.3f}" for ratio in result.ratios))
     gain = f"{result.gain:+.3f} ± {2.0 * result.gain_sd:.3f}"
     scores.add_row("rest of the drive: likelihood, nats an epoch", "0", gain)
+    if result.reference_gain is not None:
+        likelihood = f"{result.reference_gain:+.3f}"
+        scores.add_row("rest of the drive: likelihood of errors against its reference", "0", likelihood)
     names = {s.name: None for one in result.scores for s in one.consistency.scores}
     for name in names:
         cells = [{s.name: s for s in one.consistency.scores}.get(name) for one in result.scores]
@@ -38,11 +41,15 @@ def external_tables(result: ExternalTuning) -> list[Table | str]:
         f"  {name}: {'; '.join(verdict_text(v) for v in one.consistency.verdicts)}"
         for name, one in zip(("untouched", "tuned"), result.scores, strict=True)
     ]
-    kept = (
-        "  kept: the rest of the drive is more likely with the factors"
-        if result.kept
-        else "  not kept: the rest of the drive is not more likely with the factors; settings as they were"
-    )
+    if result.kept:
+        kept = "  kept: the rest of the drive is more likely with the factors"
+    elif result.gain > 0.0:
+        kept = (
+            "  not kept: the fixes of the rest are more likely with the factors, errors against its reference less: "
+            "errors of fixes that stay look like small ones; settings as they were"
+        )
+    else:
+        kept = "  not kept: the rest of the drive is not more likely with the factors; settings as they were"
     return [factors, scores, "  * outside the band of a consistent filter", *said, kept]
 
 
@@ -65,6 +72,7 @@ def external_json(result: ExternalTuning, *, source: Mapping[str, Any]) -> dict[
             "gain": result.gain,
             "interval": [result.gain - 2.0 * result.gain_sd, result.gain + 2.0 * result.gain_sd],
             "unit": "nat/epoch",
+            "reference_gain": result.reference_gain,
             "ratio": {"untouched": result.ratios[0], "tuned": result.ratios[1]},
         },
         "scores": {

@@ -11,10 +11,11 @@ import pytest
 import yaml
 
 from tests.tuner.external.test_search import EPOCHS, WALK, Q, R, filtered, fixes
-from tuner.external.tune_external import tune_external
+from tuner.external.tune_external import _reference_gain, tune_external
 from tuner.report.external_tables import external_json, external_tables
 from tuner.report.terminal import show
 from tuner.types import ChannelNoise, FilterConfig, GnssNoise, InitialUncertainty
+from tuner.types.filter_output import filter_output
 from tuner.types.records import DataError, Drive, Gnss
 
 RADIUS = 6.4e6
@@ -106,6 +107,24 @@ def test_both_scores_are_shown(result, capsys: pytest.CaptureFixture[str]) -> No
     content = external_json(result, source={})
     assert content["factors"]["gyro noise"]["interval"] is None
     assert content["kept"]
+
+
+def test_factors_that_the_reference_speaks_against_are_not_kept(result, capsys) -> None:
+    against = replace(result, reference_gain=-1.0)
+    assert not against.kept
+    show(external_tables(against))
+    assert "not kept: the fixes of the rest are more likely" in capsys.readouterr().out
+    t = np.arange(200.0)
+    truth = filter_output("truth", t, local=np.zeros((200, 3)))
+    off = np.random.default_rng(0).standard_normal((200, 3))
+    one, other = (
+        filter_output("e", t, local=off, covariance=np.full((200, 15, 15), sd**2) * np.eye(15))
+        for sd in (1.0, 0.2)
+    )
+    assert (
+        _reference_gain(one, other, truth, 100.0) < -10.0 < 10.0 < _reference_gain(other, one, truth, 100.0)
+    )
+    assert _reference_gain(one, other, None, 100.0) is None
 
 
 def test_what_cannot_be_run_is_refused() -> None:
