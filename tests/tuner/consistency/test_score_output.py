@@ -111,6 +111,18 @@ def test_arrays_of_a_consistent_monte_carlo_pass_and_a_small_covariance_does_not
     assert found.nees.ratio == pytest.approx(np.sqrt(2.0), rel=0.03)
 
 
+def test_each_state_of_an_array_has_a_score_of_its_own():
+    """Of two states the second errs twice as much as predicted: its ratio is 2, and that of both √(5/2)."""
+    e = np.random.default_rng(5).standard_normal((40, 1, 2)) * [1.0, 2.0]
+    found = tuner.score(e, np.eye(2), names=("bias", "scale"))
+    assert [one.name for one in found.blocks] == ["bias", "scale"]
+    # A mean square of 40 numbers has the relative sd √(2/40) = 0.22; five of them.
+    for score, ratio in zip((*found.blocks, found.nees), (1.0, 2.0, np.sqrt(2.5)), strict=True):
+        assert abs(score.ratio**2 / ratio**2 - 1.0) < 5.0 * np.sqrt(2.0 / 40.0)
+    assert [one.consistent for one in found.blocks] == [True, False]
+    assert tuner.score(e[..., :1], np.eye(1)).blocks == ()
+
+
 def test_correlation_in_time_widens_the_band_of_one_run():
     rng = np.random.default_rng(4)
     white = rng.standard_normal((2000, 2))
