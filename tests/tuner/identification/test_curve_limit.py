@@ -74,7 +74,7 @@ def test_no_term_exceeds_the_measured_spectrum_where_it_is_described(made) -> No
 
 def test_a_right_model_is_not_lowered() -> None:
     """A true N crosses the 95 % limit of some long cluster time in one record of five: no reason to change it."""
-    for seed in range(8):
+    for seed in range(5):
         y = MODEL.sample(20_000, INTERVAL, np.random.default_rng(seed))
         channel = identify_channel(record(y), "gyro_x", arma=None)
         likelihood = choose_terms([y], INTERVAL).fit.model

@@ -35,15 +35,15 @@ def test_present_terms_are_found_and_covered():
 
 
 def test_white_noise_alone_is_white_alone():
-    """Four terms are tried at 5 % in all: twelve records invent more than five with probability 3e-6."""
+    """Four terms are tried at 5 % in all: six records invent more than three with probability 9e-5."""
     invented = 0
-    for seed in range(12):
+    for seed in range(6):
         channel = identify_curve(measured(NoiseModel((White(2.0),)), seed, n=20_000)).channels["gyro_x"]
         invented += [t.name for t in channel.terms if t.present] != ["white"]
         for term in channel.terms:
             for c in term.coefficients.values():
                 assert c.value is not None or c.upper > 0
-    assert invented <= 5
+    assert invented <= 3
 
 
 def test_without_degrees_of_freedom_intervals_are_wider():

@@ -131,7 +131,7 @@ CLEAR = {
 }
 
 
-FURTHER = ("comb", "periodic_variance")
+FURTHER = ("comb", "periodic_variance", "telegraph:size=6e-3,dwell_low=15")
 """Causes whose like is among the others."""
 
 
