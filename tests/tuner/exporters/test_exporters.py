@@ -7,7 +7,6 @@ T the equivalent random walk is K = σ √(2/T), and with T the same the equival
 from __future__ import annotations
 
 import math
-import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -17,62 +16,29 @@ import yaml
 
 from models.noise import GaussMarkov
 from models.units import DEG
-from tuner.exporters import DIALECTS, export
-from tuner.formats.digits import CLOCK_DIGITS, DEFAULT_DIGITS
-from tuner.synthesis import equivalent_noise, equivalent_random_walk
+from tests.tuner.exporters.made_by_hand import (
+    B_ACCEL,
+    B_GYRO,
+    CONFIG,
+    DT,
+    K_ACCEL,
+    K_GYRO,
+    MEMORY,
+    N_ACCEL,
+    N_GYRO,
+    S_ACCEL,
+    S_GYRO,
+    STEP,
+    TIME,
+    entries,
+    near,
+    python_values,
+    written,
+)
+from tuner.exporters import export
+from tuner.synthesis import equivalent_noise
 from tuner.synthesis.load_config import load_config
-from tuner.types import ChannelNoise, Enlargement, FilterConfig, GnssNoise, InitialUncertainty, Quantity
-from tuner.types.records import DataError
-
-DT = 0.01
-STEP = 0.008
-MEMORY = 30.0
-TIME = 1800.0
-N_GYRO, S_GYRO, B_GYRO = 2e-4, 5e-5, 1e-3
-N_ACCEL, S_ACCEL, B_ACCEL = 3e-3, 4e-4, 0.05
-
-
-def channel(axis: str, white: float, sd: float, constant: float, unit: str) -> ChannelNoise:
-    return ChannelNoise(axis, unit, white, (GaussMarkov(sd, TIME),), 0.0, constant)
-
-
-def make(*, spread: float = 0.0) -> FilterConfig:
-    factors = dict(zip("xyz", (1.0 - spread, 1.0, 1.0 + spread), strict=True))
-    gyro = [channel(f"gyro_{a}", f * N_GYRO, S_GYRO, B_GYRO, "rad/s") for a, f in factors.items()]
-    accel = [channel(f"accel_{a}", f * N_ACCEL, S_ACCEL, B_ACCEL, "m/s^2") for a, f in factors.items()]
-    return FilterConfig(
-        "made by hand",
-        DT,
-        {c.axis: c for c in (*gyro, *accel)},
-        InitialUncertainty(1.0, 0.1, 0.005, 0.1),
-        GnssNoise((1.0, 1.0, 2.0), None, 1.0, 5.0),
-        inflations=(Enlargement(Quantity("gyro_x", "white.density"), 1.5, "vibration"),),
-    )
-
-
-CONFIG = make()
-K_GYRO = equivalent_random_walk(CONFIG.channels["gyro_x"], memory=MEMORY)
-K_ACCEL = equivalent_random_walk(CONFIG.channels["accel_x"], memory=MEMORY)
-
-
-def written(dialect: str, config: FilterConfig = CONFIG) -> str:
-    return export(config, dialect, step=STEP, memory=MEMORY)
-
-
-def entries(dialect: str, config: FilterConfig = CONFIG) -> dict:
-    return yaml.safe_load(written(dialect, config).removeprefix("%YAML:1.0\n"))
-
-
-def near(value: object) -> object:
-    """Return what equals a value, or a list of values, to its six digits and what the state of 1800 s adds to N²."""
-    return pytest.approx(value, rel=0.51 * 10.0 ** (1 - DEFAULT_DIGITS) + 4e-5)
-
-
-def python_values(text: str) -> dict[str, list[float]]:
-    return {
-        name: [float(x) for x in row.split(",")]
-        for name, row in re.findall(r"(\w+)\W+?(?:np\.\w+\()?\[(.*?)\]", text)
-    }
+from tuner.types import FilterConfig
 
 
 def test_the_equivalent_walk_here_is_the_driving_density() -> None:
@@ -366,112 +332,3 @@ def test_pyins_gets_no_walk_of_a_bias_without_sd() -> None:
     }
     gyro = written("pyins", replace(CONFIG, channels=known)).split("accel_model")[0]
     assert python_values(gyro)["bias_sd"] == near([1e-6 * math.sqrt(MEMORY)] * 3)
-
-
-OTHERS = [name for name in DIALECTS if name != "native"]
-
-
-@pytest.mark.parametrize("dialect", OTHERS)
-def test_every_dialect_says_its_source_and_its_inflation(dialect: str) -> None:
-    text = written(dialect)
-    assert "made by hand" in text
-    assert "white.density × 1.5 (gyro_x): vibration" in text
-    assert "0.0002 rad/s/√Hz" in text
-
-
-ALONE = [name for name in OTHERS if not DIALECTS[name].needs]
-
-
-@pytest.mark.parametrize("dialect", [name for name in OTHERS if name not in ALONE])
-@pytest.mark.parametrize("sensor", ["gyro", "accel"])
-def test_a_target_that_needs_both_sensors_refuses_one(dialect: str, sensor: str) -> None:
-    half = {axis: c for axis, c in CONFIG.channels.items() if axis.startswith(sensor)}
-    with pytest.raises(DataError, match=r"needs gyroscopes and accelerometers, found no .*--complete GRADE"):
-        written(dialect, replace(CONFIG, channels=half))
-
-
-@pytest.mark.parametrize("dialect", ALONE)
-@pytest.mark.parametrize("sensor", ["gyro", "accel"])
-def test_a_missing_sensor_is_left_out_with_a_comment(dialect: str, sensor: str) -> None:
-    half = {axis: c for axis, c in CONFIG.channels.items() if axis.startswith(sensor)}
-    text = written(dialect, replace(CONFIG, channels=half))
-    assert "are left out" in text
-    assert "nan" not in text.lower().replace("covariance", "")
-
-
-@pytest.mark.parametrize("dialect", ALONE)
-def test_one_axis_is_enough(dialect: str) -> None:
-    one = {"gyro_z": CONFIG.channels["gyro_z"]}
-    assert "0.0002 rad/s/√Hz" in written(dialect, replace(CONFIG, channels=one))
-
-
-def test_axes_are_combined_as_rms_with_their_spread() -> None:
-    text = written("kalibr", make(spread=0.5))
-    found = yaml.safe_load(text)
-    assert found["gyroscope_noise_density"] == near(N_GYRO * math.sqrt((0.25 + 1.0 + 2.25) / 3.0))
-    assert "rms of x 0.0001, y 0.0002, z 0.0003" in text
-    assert entries("fastlio", make(spread=0.5))["mapping"]["gyr_cov"] == near(
-        found["gyroscope_noise_density"] ** 2 / DT
-    )
-
-
-def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
-    still = {axis: replace(c, markov=()) for axis, c in CONFIG.channels.items()}
-    found = entries("kalibr", replace(CONFIG, channels=still))
-    assert all(found[key] > 0.0 for key in found if key.endswith(("density", "walk")))
-    noise = entries("kf-gins", replace(CONFIG, channels=still))["imunoise"]
-    assert min(noise["gbstd"] + noise["abstd"]) > 0.0
-    assert noise["corrtime"] == near(1.0)
-    assert "stands in, as no target may get 0" in written("kalibr", replace(CONFIG, channels=still))
-    assert "stands in" not in written("kalibr")
-
-
-def test_an_unknown_dialect_is_refused() -> None:
-    with pytest.raises(DataError, match=r"^unknown dialect 'klingon'; known are native, kalibr, openvins,"):
-        export(CONFIG, "klingon")
-    with pytest.raises(DataError, match=r"^unknown dialect 'kf_gins' \(did you mean 'kf-gins'\?\)"):
-        export(CONFIG, "kf_gins")
-
-
-@pytest.mark.parametrize("dialect", OTHERS)
-def test_no_dialect_carries_more_digits_than_it_should(dialect: str) -> None:
-    third = {
-        axis: replace(c, white_density=c.white_density / 3.0) for axis, c in make(spread=0.1).channels.items()
-    }
-    text = export(replace(CONFIG, channels=third, interval=1.0 / 30.0), dialect)
-    numbers = re.findall(r"(?<![\w.])\d+\.\d+", text)
-    assert max(len(number.replace(".", "").strip("0")) for number in numbers) <= CLOCK_DIGITS
-
-
-def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
-    text = export(CONFIG, "fast-livo2", memory=100.0)
-    assert yaml.safe_load(text)["imu"]["gyr_cov"] == near(N_GYRO**2 / DT)
-    # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration.
-    modelled = N_GYRO**2 * 100.0 + S_GYRO**2 * 2.0 / TIME * 100.0**3 / 3.0
-    ratio = math.sqrt((N_GYRO**2 * 100.0 + 1e-6 * 100.0**3 / 3.0) / modelled)
-    said = re.search(r"gyroscopes: predicted .* (\d+\.\d\d) at 100 s", text)
-    assert float(said[1]) == pytest.approx(ratio, rel=0.05)
-
-
-def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_terms() -> None:
-    one = replace(CONFIG.channels["gyro_x"], handling={"white": "not used: fitted to the Allan curve"})
-    text = written("kalibr", replace(CONFIG, channels=dict(CONFIG.channels) | {"gyro_x": one}))
-    assert "gyro_x: N = 0.0002 rad/s/√Hz: fitted to the Allan curve; identified: nothing" in text
-
-
-@pytest.mark.parametrize("config", [CONFIG, load_config("icm20602")], ids=["state", "flicker"])
-@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
-def test_every_number_of_a_header_has_its_unit(dialect: str, config: FilterConfig) -> None:
-    found = re.findall(
-        r"[NKBσT] = [\d.e+-]+(?![\d.e+-])(?! (?:rad|m|s)\b)[^\n]{0,20}", export(config, dialect)
-    )
-    assert found == []
-
-
-@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
-def test_an_axis_without_white_noise_is_refused(dialect: str) -> None:
-    channels = {a: replace(c, white_density=0.0) if a == "gyro_y" else c for a, c in CONFIG.channels.items()}
-    with pytest.raises(
-        DataError, match=r"expected white noise of gyro_y above 0, found 0, .*: set white_density"
-    ):
-        export(replace(CONFIG, channels=channels), dialect)

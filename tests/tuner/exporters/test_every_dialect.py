@@ -1,0 +1,135 @@
+"""Laws that every dialect keeps: sources, one sensor or one axis, digits, units, refusals."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from tests.tuner.exporters.made_by_hand import (
+    CONFIG,
+    DT,
+    N_GYRO,
+    S_GYRO,
+    TIME,
+    entries,
+    make,
+    near,
+    written,
+)
+from tuner.exporters import DIALECTS, export
+from tuner.formats.digits import CLOCK_DIGITS
+from tuner.synthesis.load_config import load_config
+from tuner.types import FilterConfig
+from tuner.types.records import DataError
+
+OTHERS = [name for name in DIALECTS if name != "native"]
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+def test_every_dialect_says_its_source_and_its_inflation(dialect: str) -> None:
+    text = written(dialect)
+    assert "made by hand" in text
+    assert "white.density × 1.5 (gyro_x): vibration" in text
+    assert "0.0002 rad/s/√Hz" in text
+
+
+ALONE = [name for name in OTHERS if not DIALECTS[name].needs]
+
+
+@pytest.mark.parametrize("dialect", [name for name in OTHERS if name not in ALONE])
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_target_that_needs_both_sensors_refuses_one(dialect: str, sensor: str) -> None:
+    half = {axis: c for axis, c in CONFIG.channels.items() if axis.startswith(sensor)}
+    with pytest.raises(DataError, match=r"needs gyroscopes and accelerometers, found no .*--complete GRADE"):
+        written(dialect, replace(CONFIG, channels=half))
+
+
+@pytest.mark.parametrize("dialect", ALONE)
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_missing_sensor_is_left_out_with_a_comment(dialect: str, sensor: str) -> None:
+    half = {axis: c for axis, c in CONFIG.channels.items() if axis.startswith(sensor)}
+    text = written(dialect, replace(CONFIG, channels=half))
+    assert "are left out" in text
+    assert "nan" not in text.lower().replace("covariance", "")
+
+
+@pytest.mark.parametrize("dialect", ALONE)
+def test_one_axis_is_enough(dialect: str) -> None:
+    one = {"gyro_z": CONFIG.channels["gyro_z"]}
+    assert "0.0002 rad/s/√Hz" in written(dialect, replace(CONFIG, channels=one))
+
+
+def test_axes_are_combined_as_rms_with_their_spread() -> None:
+    text = written("kalibr", make(spread=0.5))
+    found = yaml.safe_load(text)
+    assert found["gyroscope_noise_density"] == near(N_GYRO * math.sqrt((0.25 + 1.0 + 2.25) / 3.0))
+    assert "rms of x 0.0001, y 0.0002, z 0.0003" in text
+    assert entries("fastlio", make(spread=0.5))["mapping"]["gyr_cov"] == near(
+        found["gyroscope_noise_density"] ** 2 / DT
+    )
+
+
+def test_no_dialect_gets_a_zero_noise_from_a_still_bias() -> None:
+    still = {axis: replace(c, markov=()) for axis, c in CONFIG.channels.items()}
+    found = entries("kalibr", replace(CONFIG, channels=still))
+    assert all(found[key] > 0.0 for key in found if key.endswith(("density", "walk")))
+    noise = entries("kf-gins", replace(CONFIG, channels=still))["imunoise"]
+    assert min(noise["gbstd"] + noise["abstd"]) > 0.0
+    assert noise["corrtime"] == near(1.0)
+    assert "stands in, as no target may get 0" in written("kalibr", replace(CONFIG, channels=still))
+    assert "stands in" not in written("kalibr")
+
+
+def test_an_unknown_dialect_is_refused() -> None:
+    with pytest.raises(DataError, match=r"^unknown dialect 'klingon'; known are native, kalibr, openvins,"):
+        export(CONFIG, "klingon")
+    with pytest.raises(DataError, match=r"^unknown dialect 'kf_gins' \(did you mean 'kf-gins'\?\)"):
+        export(CONFIG, "kf_gins")
+
+
+@pytest.mark.parametrize("dialect", OTHERS)
+def test_no_dialect_carries_more_digits_than_it_should(dialect: str) -> None:
+    third = {
+        axis: replace(c, white_density=c.white_density / 3.0) for axis, c in make(spread=0.1).channels.items()
+    }
+    text = export(replace(CONFIG, channels=third, interval=1.0 / 30.0), dialect)
+    numbers = re.findall(r"(?<![\w.])\d+\.\d+", text)
+    assert max(len(number.replace(".", "").strip("0")) for number in numbers) <= CLOCK_DIGITS
+
+
+def test_fast_livo2_is_told_what_its_fixed_walk_predicts() -> None:
+    text = export(CONFIG, "fast-livo2", memory=100.0)
+    assert yaml.safe_load(text)["imu"]["gyr_cov"] == near(N_GYRO**2 / DT)
+    # LIVMapper.cpp fixes 1e-4 (rad/s²)² a step: K = 1e-3 at 100 Hz, σ√(2/T) = 1.7e-6 in the configuration.
+    modelled = N_GYRO**2 * 100.0 + S_GYRO**2 * 2.0 / TIME * 100.0**3 / 3.0
+    ratio = math.sqrt((N_GYRO**2 * 100.0 + 1e-6 * 100.0**3 / 3.0) / modelled)
+    said = re.search(r"gyroscopes: predicted .* (\d+\.\d\d) at 100 s", text)
+    assert float(said[1]) == pytest.approx(ratio, rel=0.05)
+
+
+def test_settings_that_are_fitted_to_the_curve_say_so_beside_the_identified_terms() -> None:
+    one = replace(CONFIG.channels["gyro_x"], handling={"white": "not used: fitted to the Allan curve"})
+    text = written("kalibr", replace(CONFIG, channels=dict(CONFIG.channels) | {"gyro_x": one}))
+    assert "gyro_x: N = 0.0002 rad/s/√Hz: fitted to the Allan curve; identified: nothing" in text
+
+
+@pytest.mark.parametrize("config", [CONFIG, load_config("icm20602")], ids=["state", "flicker"])
+@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
+def test_every_number_of_a_header_has_its_unit(dialect: str, config: FilterConfig) -> None:
+    found = re.findall(
+        r"[NKBσT] = [\d.e+-]+(?![\d.e+-])(?! (?:rad|m|s)\b)[^\n]{0,20}", export(config, dialect)
+    )
+    assert found == []
+
+
+@pytest.mark.parametrize("dialect", [name for name in DIALECTS if name != "native"])
+def test_an_axis_without_white_noise_is_refused(dialect: str) -> None:
+    channels = {a: replace(c, white_density=0.0) if a == "gyro_y" else c for a, c in CONFIG.channels.items()}
+    with pytest.raises(
+        DataError, match=r"expected white noise of gyro_y above 0, found 0, .*: set white_density"
+    ):
+        export(replace(CONFIG, channels=channels), dialect)
