@@ -9,12 +9,15 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from models.effects import EFFECTS
 from tuner.diagnosis import diagnose
 from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.channel import computed
 from tuner.diagnosis.static.findings import pooled
+from tuner.diagnosis.static.model.null_distributions import SLOW_RATIO_FACTOR
+from tuner.diagnosis.static.model.residual import _crossing
 from tuner.types import Coefficient
 from tuner.types.records import DataError, Record
 
@@ -109,3 +112,11 @@ def test_noise_of_a_millionth_is_noise():
     assert computed(sine) == pytest.approx(0.1 / (2.0 * np.pi))
     assert computed(sine + 1e-6 * rng.standard_normal(N)) is None
     assert computed(np.cumsum(np.cumsum(rng.standard_normal(N)))) is None
+
+
+@pytest.mark.parametrize("step", [0.1, -0.1])
+def test_an_interval_ends_where_a_quadratic_loss_says(step):
+    """χ² of 95 % by the factor of slow templates: 1.96/√0.8 sds, found to a thirtieth of one."""
+    end = _crossing(lambda size: ((size - 2.0) / 0.1) ** 2, 2.0, step)
+    expected = float(np.sqrt(chi2.ppf(0.95, 1) / SLOW_RATIO_FACTOR))
+    assert -1e-3 < (end - 2.0) / step - expected < 1.96 / 2**6 + 1e-3
