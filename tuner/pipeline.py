@@ -130,6 +130,8 @@ class TuneResult(Shown):
         As given.
     choice : HeldOutChoice or None
         What the drive keeps of its findings, by its last part.
+    datasheet : Identification or None
+        What the data sheet states, to be shown beside what was measured.
     """
 
     name: str
@@ -147,6 +149,7 @@ class TuneResult(Shown):
     replicas: int = 0
     seed: int = 0
     choice: HeldOutChoice | None = None
+    datasheet: Identification | None = None
 
 
 def tune(
@@ -155,6 +158,7 @@ def tune(
     drive: str | Path | Drive | None = None,
     horizon: float = 1000.0,
     complete: str | SensorGrade | None = None,
+    datasheet: str | Path | None = None,
     gnss: str | Path | GnssNoise | None = None,
     terms: Sequence[str] | None = None,
     latitude: float | None = None,
@@ -176,6 +180,8 @@ def tune(
         Longest time the filter must predict without aiding, s.
     complete : str or SensorGrade, optional
         Grade that stands in for a sensor the log lacks.
+    datasheet : str or Path, optional
+        Built-in grade or data sheet that the log is held against; it changes no setting.
     gnss : str, Path or GnssNoise, optional
         Receiver: a built-in grade, a log of fixes at rest, or its errors; by default what the fixes of the drive
         report.
@@ -202,6 +208,7 @@ def tune(
         Where log, drive, grade or receiver cannot be used: one line.
     """
     completion = load_grade(complete) if isinstance(complete, str) else complete
+    stated = None if datasheet is None else identify_source(datasheet)
     inputs = gather_inputs(log, drive, gnss, seed=seed, progress=progress)
     noise = identify_and_diagnose(
         inputs, terms=terms, latitude=latitude, replicas=replicas, seed=seed, progress=progress
@@ -249,6 +256,7 @@ def tune(
         replicas,
         seed,
         choice,
+        stated,
     )
 
 

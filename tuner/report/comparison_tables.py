@@ -38,12 +38,13 @@ def comparison_tables(found: SensorComparison) -> list[Table | str]:
     ]
     answer: list[Table | str] = [terms_table(rows)]
     answer.append("± 95 %; < 95 % limit; without ±: stated; – not stated")
-    answer += [_limits(one) for one in found.limits]
+    answer += [limit_text(one) for one in found.limits]
     answer += [text for text in (_differences(found),) if text]
     return [*answer, *_drift_table(found)]
 
 
-def _limits(one: LimitCheck) -> str:
+def limit_text(one: LimitCheck) -> str:
+    """Return whether a measured sensor keeps what is stated, and where it does not, by how much."""
     head = f"{one.measured} against {one.stated}:"
     if one.passes:
         return f"{head} PASS: no interval lies above any of {one.within} stated numbers"

@@ -23,6 +23,8 @@ MAX_HEADLINES = 7
 """Groups that the headline shows: what one remembers."""
 MIN_DRIFT_CHANGE = 1.01
 """Drift with ÷ without a cause from which it is reported; noise makes a hundred times what is below."""
+KILOMETRES_FROM = 1e4
+"""Position error from which it is stated in kilometres, m."""
 MIN_COMB_LINES = 3
 """Lines that can show a common spacing."""
 MIN_COMB_SPACING = 1e-3
@@ -206,6 +208,12 @@ def _of_term(term: str) -> str:
     return "no entry: its integral stays bounded" if term == "sinusoid" else "bias states"
 
 
+def way_texts(before: float, after: float) -> tuple[str, str]:
+    """Return two lengths of a way, the last with its unit, in metres or kilometres."""
+    size, unit = (1e-3, "km") if before >= KILOMETRES_FROM else (1.0, "m")
+    return digits(size * before, 2), f"{digits(size * after, 2)} {unit}"
+
+
 def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     """Return what a cause does to the position, in words; empty where nothing is known of it."""
     if not drift:
@@ -213,7 +221,7 @@ def drift_text(drift: Mapping[str, tuple[float, float]]) -> str:
     if all(a < MIN_DRIFT_CHANGE * b for a, b in drift.values()):
         return "does not move the position"
     reported = {name: pair for name, pair in drift.items() if pair[0] >= MIN_DRIFT_CHANGE * pair[1]}
-    parts = [f"{name} {digits(a, 2)} → {digits(b, 2)} m" for name, (a, b) in reported.items()]
+    parts = [f"{name} {' → '.join(way_texts(a, b))}" for name, (a, b) in reported.items()]
     return f"drift after {', after '.join(parts)} without it"
 
 

@@ -26,20 +26,33 @@ from tuner.pipeline import EXPORTED_DIALECTS, TuneResult
 from tuner.report.calibration_text import calibration_lines
 from tuner.report.consistency_tables import consistency_tables
 from tuner.report.drive_diagnosis_tables import drive_tables
-from tuner.report.finding_groups import FindingGroup, contradicted, finding_groups
+from tuner.report.finding_groups import (
+    MIN_DRIFT_CHANGE,
+    FindingGroup,
+    contradicted,
+    finding_groups,
+    way_texts,
+)
 from tuner.report.identification_tables import identification_tables
 from tuner.report.page_charts import Chart, charts
 from tuner.report.prediction_tables import prediction_tables
 from tuner.report.settings_rows import axes_text, settings_rows, units_of
 from tuner.report.static_diagnosis_tables import diagnosis_tables, gain_text, unexplained_lines
-from tuner.report.tune_answer import assumptions, hidden_lines, legend, recording_line, verdict_line
+from tuner.report.tune_answer import (
+    against_datasheet,
+    assumptions,
+    hidden_lines,
+    legend,
+    recording_line,
+    verdict_line,
+)
 
 PICTURE_BYTES = 2_500_000
 """Bytes that all pictures of findings take in the page; further ones stand beside the page, which stays below 6 MB."""
 ROW_HEIGHT = 1.7
 """Height of a row with a name in a chart, rem."""
 WORDED_FINDINGS = 2
-"""Findings of a group that stand in words: further ones differ in their figures only."""
+"""Findings of a group that stand in words with their pictures: further ones differ in their figures only."""
 COORDINATES = re.compile(rb'\b(?:d|x|y)="[^"]*"')
 """Coordinates of a drawing."""
 TOO_FINE = re.compile(rb"(\.\d\d)\d+")
@@ -101,6 +114,7 @@ def write_page(
         "facts": _facts(result),
         "settings": _settings(result),
         "legend": legend(settings_rows(result.config)),
+        "against": against_datasheet(result),
         "reasons": _reasons(result),
         "files": [{"name": name, "text": text} for name, text in result.exports.items()],
         "dialects": list(others),
@@ -264,7 +278,7 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
     for group in finding_groups([one for one in found.findings if not contradicted(one)], span):
         own = [picture for picture in pictures if picture.caption in {one.text for one in group.findings}]
         shown = []
-        for picture in own:
+        for picture in own[:WORDED_FINDINGS]:
             one = _shown(picture)
             if len(one["address"]) <= room:
                 shown.append(one)
@@ -294,19 +308,19 @@ def _findings(result: TuneResult, pictures: Sequence[Picture]) -> dict[str, Any]
 
 
 def _drift(group: FindingGroup) -> dict[str, Any] | None:
-    if not group.drift:
+    """Return the position error with and without what was found; None where it is the same."""
+    if not group.drift or all(a < MIN_DRIFT_CHANGE * b for a, b in group.drift.values()):
         return None
     head = ["position error of one sensor axis, no fixes", *(f"after {name}" for name in group.drift)]
-    before, after = zip(*group.drift.values(), strict=True)
-    rows = [
-        ["with it in the samples", *(f"{digits(value, 2)} m" for value in before)],
-        ["without it", *(f"{digits(value, 2)} m" for value in after)],
-    ]
+    texts = [(way_texts(a, a)[1], way_texts(a, b)[1]) for a, b in group.drift.values()]
+    before, after = zip(*texts, strict=True)
+    rows = [["with it in the samples", *before], ["without it", *after]]
     return {"title": "", "head": head, "rows": rows, "words": False}
 
 
 def _words(group: FindingGroup) -> list[str]:
-    lines = [f"Changes {group.changes}."]
+    still = ["Does not move the position."] if group.drift and _drift(group) is None else []
+    lines = [*still, f"Changes {group.changes}."]
     for one in group.findings[:WORDED_FINDINGS]:
         lines.append(one.text + (f" → {one.consequence}" if one.consequence else ""))
         if one.gain is not None and (gain := gain_text(one.gain)):

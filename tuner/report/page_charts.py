@@ -34,7 +34,8 @@ def charts(result: TuneResult) -> dict[str, dict[str, Chart]]:
     found: dict[str, dict[str, Chart]] = {"allan": {}, "spectrum": {}, "course": {}}
     for axis, channel in result.identification.channels.items():
         if channel.allan.tau.size:
-            found["allan"][axis] = allan_chart(channel, result.predictions.get(axis))
+            stated = None if result.datasheet is None else result.datasheet.channels.get(axis)
+            found["allan"][axis] = allan_chart(channel, result.predictions.get(axis), stated)
     findings = () if result.diagnosis is None else result.diagnosis.findings
     for record in result.records:
         found["spectrum"] |= spectrum_charts(record, result.identification.channels)
@@ -44,8 +45,15 @@ def charts(result: TuneResult) -> dict[str, dict[str, Chart]]:
     return {kind: by_axis for kind, by_axis in found.items() if by_axis}
 
 
-def allan_chart(channel: ChannelIdentification, predicted: PredictedBlock | None) -> Chart:
-    """Return measured points with their 95 % band, what the settings predict, the identified sum and each term."""
+def allan_chart(
+    channel: ChannelIdentification,
+    predicted: PredictedBlock | None,
+    stated: ChannelIdentification | None = None,
+) -> Chart:
+    """Return measured points with their 95 % band, what the settings predict, the identified sum and each term.
+
+    What a data sheet states is a further line.
+    """
     scale = in_customary(1.0, "level", channel.unit)
     unit = pretty(customary_unit("level", channel.unit))
     curve = channel.allan
@@ -70,6 +78,9 @@ def allan_chart(channel: ChannelIdentification, predicted: PredictedBlock | None
         label = term_label(channel, term.name).replace("\n", " ")
         dash = TERM_DASHES[k % len(TERM_DASHES)]
         traces.append(_line(fine, deviation, f"term{k % len(TERM_DASHES)}", label, hover, 1.2, dash=dash))
+    if stated is not None and stated.model.terms:
+        deviation = scale * np.sqrt(stated.model.allan_variance(fine))
+        traces.append(_line(fine, deviation, "event", "data sheet", hover, 2.0, dash="longdash"))
     measured = scale * curve.deviation()[:, 0]
     traces.append(_points(curve.tau, measured, "measured", "measured", hover))
     limits = (0.4 * float(np.nanmin(measured)), 3.0 * float(np.nanmax(measured)))

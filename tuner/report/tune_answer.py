@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from tuner.formats.customary_units import digits
+from tuner.identification.comparison import compare_identifications, limit_checks
 from tuner.report.answer_layout import settings_table, wrapped
+from tuner.report.comparison_tables import limit_text
 from tuner.report.finding_groups import contradicted, drift_text, finding_groups
 from tuner.report.settings_rows import SettingsRow, axes_text, settings_rows
 from tuner.report.static_diagnosis_tables import hidden_effect_lines
@@ -44,6 +46,7 @@ def answer_lines(result: TuneResult, directory: Path) -> list[Table | str]:
         *wrapped(recording_line(result), 2),
         *numbers,
         *wrapped(legend(rows), 2),
+        *(line for text in against_datasheet(result) for line in wrapped(text, 2)),
         *(line for text in what_matters(result) for line in wrapped(text, 2)),
         *(line for text in hidden_lines(result) for line in wrapped(text, 2)),
         *(line for text in _absent_lines(result) for line in wrapped(text, 2)),
@@ -101,6 +104,15 @@ def legend(rows: Sequence[SettingsRow]) -> str:
     parts += [HALF_LIMIT] if any("*" in text for text in texts) else []
     parts += [NO_INTERVAL] if any("±" not in text and "*" not in text for text in texts) else []
     return "; ".join(parts)
+
+
+def against_datasheet(result: TuneResult) -> list[str]:
+    """Return whether the unit keeps its data sheet, where one was given."""
+    if result.datasheet is None:
+        return []
+    names = (result.name, str(result.datasheet.source.get("name", "its data sheet")))
+    found = compare_identifications(names, (result.identification, result.datasheet))
+    return [limit_text(one) for one in limit_checks(found)]
 
 
 def what_matters(result: TuneResult) -> list[str]:

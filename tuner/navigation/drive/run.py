@@ -152,7 +152,9 @@ def prepare(
         )
     if not stretches:
         wrong = (suspected_unit(drive, gnss) or inertial_axes(drive)) if failure else None
-        msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or 'all are too short'}"
+        longest = max(float(drive.imu_t[b - 1] - drive.imu_t[a]) for a, b in pairwise(edges.tolist()))
+        short = f"expected {MIN_STRETCH:g} s or more without a gap, found {longest:.1f} s at most; give a longer drive"
+        msg = f"{drive.source}: no stretch of the drive could be aligned: {wrong or failure or short}"
         raise DataError(msg)
     return tuple(stretches), tuple(notes)
 
