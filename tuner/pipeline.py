@@ -181,7 +181,7 @@ def tune(
     complete : str or SensorGrade, optional
         Grade that stands in for a sensor the log lacks.
     datasheet : str or Path, optional
-        Built-in grade or data sheet that the log is held against; it changes no setting.
+        Built-in grade or data sheet to compare with; it changes no setting.
     gnss : str, Path or GnssNoise, optional
         Receiver: a built-in grade, a log of fixes at rest, or its errors; by default what the fixes of the drive
         report.

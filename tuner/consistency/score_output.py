@@ -162,7 +162,7 @@ def score_outputs(
             f"no cause is sought: the sds differ by {100.0 * why.misfit:.0f} % (rms) from those of every filter of "
             "position, velocity, attitude and biases; it has further states, such as scale factors"
         )
-    causes = () if found.consistent else why.causes
+    causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes
     found = replace(found, diverged=lost or far)
     said = verdicts(found)
@@ -313,3 +313,21 @@ def _not_finite(output: FilterOutput) -> bool:
         part is not None and np.isfinite(part).any() and not np.isfinite(part[-1]).all()
         for part in parts.values()
     )
+
+
+def _without_contradicted(causes: Sequence[OutputCause], scores: Sequence[Score]) -> tuple[OutputCause, ...]:
+    """Return the causes up to one that the scores contradict.
+
+    A factor on the whole covariance divides each ratio of NEES by itself: where no factor of its interval brings the
+    first of them into its band, the errors are not those of a filter with such a covariance, whatever their likelihood.
+    """
+    kept: list[OutputCause] = []
+    first = scores[0] if scores else None  # NEES of all states, or of the only block
+    for cause in causes:
+        if first is not None and cause.cause == "noise_scale":
+            low, high = ((limit / first.dof) ** 0.5 for limit in first.band)
+            after = [first.ratio / size for size in cause.interval]
+            if max(after) < low or min(after) > high:
+                break
+        kept.append(cause)
+    return tuple(kept)

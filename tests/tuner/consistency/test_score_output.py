@@ -14,14 +14,16 @@ from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.output_scores import error_scores
-from tuner.consistency.score_output import score_outputs
+from tuner.consistency.score_output import _without_contradicted, score_outputs
 from tuner.consistency.scores import evaluate
 from tuner.navigation.data import USED
 from tuner.navigation.settings import filter_settings
 from tuner.simulation.imu import sensor_of_config
 from tuner.simulation.monte_carlo import scenario, simulate
 from tuner.synthesis import synthesize
+from tuner.types.consistency import Score
 from tuner.types.filter_output import filter_output
+from tuner.types.output_score import OutputCause
 from tuner.types.records import DataError
 
 
@@ -153,3 +155,11 @@ def test_a_covariance_that_is_not_positive_definite_is_refused_with_its_time():
         DataError, match=r"^run: expected covariances that are positive definite, .* at 7\.000 s"
     ):
         score_outputs([one], [filter_output("truth", t, local=np.zeros((50, 3)))])
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(2.1, True), (10.1, False)])
+def test_a_factor_that_its_own_score_contradicts_is_no_cause(factor, kept):
+    """Errors of 2 sds at every epoch are no errors of a filter with ten times the covariance."""
+    nees = Score("position", 12.0, 3, 300.0, (0.8 * 3, 1.3 * 3))
+    cause = OutputCause("noise_scale", factor, (0.95 * factor, 1.05 * factor), "1", 100.0)
+    assert bool(_without_contradicted((cause,), (nees,))) is kept

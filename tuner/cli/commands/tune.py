@@ -33,7 +33,7 @@ from tuner.cli.progress import Messages
 @click.option("--drive", metavar="DRIVE", help="Measured drive of the same unit.")
 @click.option("--complete", metavar="GRADE", help="Built-in grade that stands in for a sensor the log lacks.")
 @click.option(
-    "--datasheet", metavar="GRADE|SHEET", help="Data sheet to hold the log against; on the page, too."
+    "--datasheet", metavar="GRADE|SHEET", help="Data sheet to compare the log with; on the page, too."
 )
 @click.option("--gnss", metavar="GRADE|LOG", help="GNSS receiver: built-in grade, or a log of fixes at rest.")
 @noise_terms
