@@ -15,23 +15,29 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import scipy.io
 from pyarrow import parquet
 
+from tests.tuner.readers import test_receiver_files
 from tests.tuner.readers.messages import writers
+from tests.tuner.readers.test_estimate_bags import rows as bag_rows
 from tuner.catalogue.datasheet import is_datasheet, read_datasheet
 from tuner.catalogue.grades import grade_identification, load_grade, parse_gnss
 from tuner.formats import noise_yaml
 from tuner.formats.documents import json_text, parse_json, read_text
 from tuner.formats.identification import identification_json
+from tuner.production.limits import read_limits
 from tuner.readers import is_curve, kf_gins_settings, read, read_curve
 from tuner.readers.drive import read_drive
-from tuner.readers.fixes.rtklib import read_rtklib
+from tuner.readers.estimate import read_estimate
+from tuner.readers.fixes import read_fix_file
 from tuner.readers.gnss_log import is_fixes, read_fixes
 from tuner.readers.source_kind import is_drive, is_log
 from tuner.readers.stored_identification import is_stored, read_stored
 from tuner.synthesis import synthesize
+from tuner.types.records import DataError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 ROWS = 60
@@ -143,6 +149,15 @@ def _drive_folder(path: Path) -> Any:
     return read_drive(folder)
 
 
+def _frame(path: Path) -> Any:
+    """Read what pandas makes of a CSV; what it refuses is no input of ours."""
+    try:
+        frame = pd.read_csv(path)
+    except (ValueError, UnicodeError) as error:
+        raise DataError(str(error) or "refused") from None
+    return read(frame, rate=100.0)
+
+
 def _kf_gins(path: Path) -> Any:
     """Read a YAML of KF-GINS beside its files."""
     drive = _drive()
@@ -190,7 +205,31 @@ def _message_logs() -> list[Seed]:
     )
     return [
         *(Seed(name, content, _classified) for name, content in sorted(logs.items())),
-        Seed("rover.pos", solution.encode(), read_rtklib, text=True),
+        Seed("rover.pos", solution.encode(), read_fix_file, text=True),
+    ]
+
+
+def _solutions() -> list[Seed]:
+    """Return the output of a filter in four forms, and files of receivers that a library parses."""
+    drive, one = _drive(), np.ones((8, 3))
+    poses = np.column_stack([drive["gnss_t"], drive["gnss_llh"], np.zeros((8, 3)), one])
+    mapped = {f"sd_{a} [cm]": f"s{a}" for a in "ned"}
+    names = "t,lat,lon,height,vn,ve,vd,sn,se,sd"
+    tum = np.column_stack([drive["gnss_t"], drive["gnss_llh"], np.zeros((8, 3)), one[:, 0]])
+    arrays = {"t": drive["gnss_t"], "llh": drive["gnss_llh"], "covariance": np.tile(np.eye(9), (8, 1, 1))}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        test_receiver_files.nmea(folder)
+        test_receiver_files.ubx(folder)
+        writers.write_bag(folder / "estimate.bag", {"/o": ("nav_msgs/msg/Odometry", bag_rows())}, kind="ros1")
+        content = {path.name: path.read_bytes() for path in folder.iterdir()}
+    return [
+        Seed("mapped.csv", _text(poses, names), lambda p: read_estimate(p, columns=mapped), text=True),
+        Seed("estimate.npz", _npz(np.savez_compressed, **arrays), read_estimate),
+        Seed("poses.tum", _text(tum, separator=" "), lambda p: read_estimate(p, frame="ENU"), text=True),
+        Seed("estimate.bag", content["estimate.bag"], read_estimate),
+        Seed("rover.nmea", content["rover.nmea"], read_fix_file, text=True),
+        Seed("rover.ubx", content["rover.ubx"], read_fix_file),
     ]
 
 
@@ -264,4 +303,20 @@ def seeds() -> tuple[Seed, ...]:
         ),
         Seed("drive.yaml", kf_gins, _kf_gins, text=True),
         Seed("settings.yaml", settings, kf_gins_settings.load, text=True),
+        Seed("grade.yaml", (CONFIGS / "sensors" / "fog.yaml").read_bytes(), read_datasheet, text=True),
+        Seed("limits.yaml", (CONFIGS / "examples" / "limits.yaml").read_bytes(), read_limits, text=True),
+        Seed(
+            "result.json",
+            json_text(
+                {
+                    "schema": "tuner.result/1",
+                    "files": {"a.png": "00"},
+                    "identification": identification_json(told),
+                }
+            ).encode(),
+            read_stored,
+            text=True,
+        ),
+        Seed("frame.csv", csv, _frame, text=True),
+        *_solutions(),
     )

@@ -87,8 +87,11 @@ def main() -> None:
         )  # of arithmetic, in libraries: what matters of it is a note
     if (clash := foreign_models()) is not None:
         sys.exit(_refuse(clash))
-    with kernel_cache(), termination():
-        status = run(sys.argv[1:])
+    try:
+        with kernel_cache(), termination():
+            status = run(sys.argv[1:])
+    except (KeyboardInterrupt, Terminated) as request:  # before the command began, or after it
+        status = 143 if isinstance(request, Terminated) else 130
     if status in ANSWERS:  # threads that still work would hold up the usual end
         sys.stderr.flush()
         os._exit(status)

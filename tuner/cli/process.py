@@ -46,11 +46,13 @@ def termination() -> Iterator[None]:
     def end(_number: int, _frame: FrameType | None) -> NoReturn:
         raise Terminated
 
-    numbers = [number for number, status in REQUESTS.items() if status == 143]
+    handlers = {
+        number: end if status == 143 else signal.default_int_handler for number, status in REQUESTS.items()
+    }
     before = [
-        (number, signal.signal(number, end))
-        for number in numbers
-        if signal.getsignal(number) == signal.SIG_DFL
+        (number, signal.signal(number, handler))
+        for number, handler in handlers.items()
+        if signal.getsignal(number) != signal.SIG_IGN
     ]
     receiver, sender = socket.socketpair()
     sender.setblocking(False)

@@ -30,12 +30,14 @@ from tuner.identification.likelihood import (
     take_out_lines,
     with_lines,
 )
+from tuner.identification.limiting_quantizer import as_bounds, bounds_of
 from tuner.identification.mean_and_earth_rate import mean_of_noise
 from tuner.identification.periodogram import cosine_periodogram
 from tuner.identification.selection import Bound, select_periodogram
 from tuner.identification.short_clusters import band_of_samples, down_to_samples
 from tuner.identification.slopes import read_segments
 from tuner.identification.valid_band import CURVE_TOLERANCE, Band, curve_within, find_band, periodogram_within
+from tuner.readers.value_checks import about_limiting_step
 from tuner.types import AllanCurve, Candidate, ChannelIdentification, Coefficient, TermEstimate
 from tuner.types.records import DataError, Record
 
@@ -118,9 +120,18 @@ def identify_channel(
     full = down_to_samples(allan, single, estimates.model)
     samples = single.interval / single.samples_a_mean
     described = None if band.m == 1 else band.m * single.interval
+    warnings = (*about_band(band_of_samples(band, full, single, estimates.model), samples), *warnings)
     every = [
         _under_the_curve(_hidden(term, described), full, samples) for term in (*estimates.terms, *bounds)
     ]
+    if axis in single.limiting_steps:
+        step = single.limiting_steps[axis]
+        estimates = as_bounds(estimates, step, full.tau, samples)
+        every = [
+            *estimates.terms,
+            *bounds_of(every[-len(bounds) :] if bounds else [], step, full.tau, samples),
+        ]
+        warnings = (about_limiting_step(axis, step, samples, single.unit), *warnings)
     series = None
     if arma is not None and len(longest) >= MIN_SAMPLES:
         series = fit_arma(longest, single.interval, single.unit, likelihood=arma)
@@ -143,7 +154,7 @@ def identify_channel(
         allan=full,
         candidates=candidates,
         arma=series,
-        warnings=(*about_band(band_of_samples(band, full, single, estimates.model), samples), *warnings),
+        warnings=warnings,
     )
 
 

@@ -19,7 +19,7 @@ from tuner.readers.options import Options, UnitChoice, sensor_unit, stated_rate
 from tuner.readers.time_base import COARSE_CLOCK, Timebase, even_timebase, stamped_timebase
 from tuner.readers.time_column import Clock, read_clock
 from tuner.readers.unit_checks import check_units
-from tuner.readers.value_checks import quantizer_limited, without_spikes
+from tuner.readers.value_checks import about_limiting_step, limiting_step, without_spikes
 from tuner.types.records import DataError, Record
 
 FloatArray = NDArray[np.float64]
@@ -163,17 +163,22 @@ def checked(
     remarks, assumed = check_units(str(listing.path), single, plan.units, assume_si=options.assume_si)
     notes += remarks
     live = _without_constant_axes(records, notes, keep=options.constant_axes)
-    axes = {axis for record in live for axis in record.axes}
-    for record in single:
-        limited = (
-            quantizer_limited(axis, y, record.interval, record.unit)
-            for axis, y in zip(record.axes, record.y.T, strict=True)
-            if axis in axes
-        )
-        notes += [note for note in limited if note is not None]
+    steps = {}
+    for axis, one, y in ((a, r, y) for r in single for a, y in zip(r.axes, r.y.T, strict=True)):
+        if any(axis in record.axes for record in live) and (step := limiting_step(y)) is not None:
+            steps[axis] = step
+            notes.append(about_limiting_step(axis, step, one.interval, one.unit))
     assumptions = [*(assumed[record.name] for record in live if record.name in assumed), *assumptions]
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
-    return tuple(replace(record, notes=said, assumptions=tuple(assumptions)) for record in live)
+    return tuple(
+        replace(
+            record,
+            notes=said,
+            assumptions=tuple(assumptions),
+            limiting_steps=MappingProxyType({axis: steps[axis] for axis in record.axes if axis in steps}),
+        )
+        for record in live
+    )
 
 
 def _load(

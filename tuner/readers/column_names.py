@@ -137,7 +137,7 @@ _SUFFIXES = {s: u for s, u in _UNIT_OF.items() if re.fullmatch(r"[a-z][a-z0-9_]+
     "g": "g",
     "s": "s",
 }
-_INDEX = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<index>\d+)[\])]\s*$")
+_INDEX = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<index>\d{1,4})[\])]\s*$")
 """A bracket that holds a whole number is an index: ``gyro_rad[0]`` of PX4 is its x axis."""
 _RATE_OF = {"rad": "rad/s", "deg": "deg/s"}
 """What ``gyro_rad`` means: a gyroscope gives rates, unless its name is that of an increment."""

@@ -32,7 +32,6 @@ from tuner.readers import read
 from tuner.readers.columns import digest
 from tuner.readers.drive_checks import check_drive
 from tuner.readers.drive_npz import DriveArrays, read_drive_npz
-from tuner.readers.fixes import EXTRAS as FIX_EXTRAS
 from tuner.readers.fixes import READERS as FIX_READERS
 from tuner.readers.fixes import fix_files, read_fix_file, reference_files
 from tuner.readers.fixes.gps_time import GpsFixes, on_clock_of
@@ -249,12 +248,7 @@ def _fixes_beside(path: Path, imu: FloatArray) -> tuple[FloatArray, tuple[str, .
         )
         raise DataError(msg)
     (file,) = found
-    kind = file.suffix.lower()
-    try:
-        fixes = read_fix_file(file)
-    except ImportError as error:
-        msg = f"{file}: needs {error.name}: pip install 'ins-noise-tuner[{FIX_EXTRAS[kind]}]'"
-        raise DataError(msg) from None
+    fixes = read_fix_file(file)
     rows, note = on_clock_of(file, fixes, float(imu[0, 0]), float(imu[-1, 0]))
     return rows, (*fixes.notes, note)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tuner.formats.guard import input_guard
 from tuner.readers.estimate_bag import is_bag, read_estimate_bag
 from tuner.readers.estimate_columns import Frames
 from tuner.readers.estimate_csv import names_known_columns, read_estimate_csv
@@ -67,16 +68,17 @@ def read_estimate(
     path = Path(path)
     frames = Frames(frame, body or "FRD")
     if path.exists() and is_bag(path):
-        with library_of(BAG_FORMAT, path):
+        with library_of(BAG_FORMAT, path), input_guard(path, "a ROS bag or MCAP file"):
             return in_order(read_estimate_bag(path, frames, body_stated=body is not None, topic=topic))
     if topic is not None:
         msg = f"{path}: --topic {topic}: expected a ROS bag or MCAP file, found another file"
         raise DataError(msg)
-    solution = None if columns or not path.is_file() else gps_solution(path)
-    if solution is not None:
-        return in_order(of_gps_solution(path, solution, beside))
-    found = _read(path, frames, body is not None, columns)
-    return in_order(found)
+    with input_guard(path, "the output of a filter"):
+        solution = None if columns or not path.is_file() else gps_solution(path)
+        if solution is not None:
+            return in_order(of_gps_solution(path, solution, beside))
+        return in_order(_read(path, frames, body is not None, columns))
+    raise AssertionError
 
 
 def _read(path: Path, frames: Frames, body_stated: bool, columns: Mapping[str, str] | None) -> FilterOutput:

@@ -16,8 +16,6 @@ A drive as an NPZ is a truth by its reference, ``ref_t``, ``ref_llh`` and so on.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +23,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.formats.guard import printable
 from tuner.readers.estimate_columns import Frames, assemble, canonical_name, is_known
+from tuner.readers.npz_members import stored_arrays
 from tuner.types.filter_output import FilterOutput
 from tuner.types.records import DataError
 
@@ -90,20 +90,18 @@ def read_estimate_npz(path: Path, frames: Frames) -> FilterOutput:
 
 
 def _arrays(path: Path) -> dict[str, FloatArray]:
-    if not zipfile.is_zipfile(path):
-        msg = f"{path}: expected an NPZ, an archive of arrays, got something else or a part of one; save it anew"
+    stored, unread = stored_arrays(path)
+    if unread:
+        name, why = next(iter(unread.items()))
+        msg = (
+            f"{path}: {printable(name)}: expected an array of numbers, got {why}; is it damaged? save it anew"
+        )
         raise DataError(msg)
-    data = {}
-    with np.load(path, allow_pickle=False) as file:
-        for name in file.files:
-            try:
-                array = file[name]
-            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-                msg = f"{path}: {name}: expected an array of numbers, got objects or a damaged archive; save it anew"
-                raise DataError(msg) from None
-            if array.dtype.kind in "fiub":
-                data[name] = np.asarray(array, dtype=float)
-    return data
+    return {
+        name: np.asarray(array.read(), dtype=float)
+        for name, array in stored.items()
+        if array.dtype.kind in "fiub"
+    }
 
 
 def _shaped(path: Path, name: str, array: FloatArray, shape: tuple[int, ...]) -> FloatArray:

@@ -36,12 +36,16 @@ NOISE_SAMPLES = 20_000
 """Steps from which the noise is taken: its median is then known to 1 %."""
 
 WELL_DITHERED = 0.35
-"""Sd in steps from which the variance of the samples is that of the noise plus step²/12, within 5 %."""
+"""Sd in steps from which the variance of the codes is no less than that of the noise, wherever the mean lies."""
 QUANTIZER_SAMPLES = 1 << 16
 """Samples from which a limiting quantizer is seen."""
-MAX_LEVELS, MIN_REPEATED = 5, 0.7
-"""Different values, and share of samples equal to the one before, of an axis that a quantizer limits: at an sd of 0.3
-steps at most four values come up in 65536 samples, and 80 % of the neighbours are equal where one value prevails."""
+QUANTIZER_LAGS = (1, 8, 64)
+"""Distances of samples that are compared: filtered noise moves little from one sample to the next."""
+MIN_FAR_SHARE = 0.0043
+"""Share of such pairs two steps or more apart, the least that normal noise of `WELL_DITHERED` steps has (its mean in
+the middle between two codes; 0.0117 at a code). Less noise than 0.3 steps has less, wherever its mean lies."""
+MAX_LEVELS = 1000
+"""Values among which a step is looked for: an axis that a quantizer limits moves by drift alone."""
 
 
 def without_spikes(
@@ -140,23 +144,31 @@ def _distances(y: NDArray[Any], rows: IntArray, noise: float) -> NDArray[np.floa
     return distance
 
 
-def quantizer_limited(axis: str, y: NDArray[Any], interval: float, unit: str) -> str | None:
-    """Return what to know of an axis that mostly repeats one value of its quantizer; None where it does not.
+def limiting_step(y: NDArray[Any]) -> float | None:
+    """Return the quantizer step of an axis whose noise it hides, in the unit of the samples; None where it does not.
 
-    White noise of sd s on a step q shows as s² + q²/12 from s = 0.35 q on; below, the variance of what is left depends
-    on where between two values the mean lies, and tells next to nothing about s.
+    White noise of sd s on a step q shows as s² + q²/12, nearly, from s = 0.35 q on; below, the variance of the codes
+    depends on where between two of them the mean lies, from 0 to q²/4, and tells next to nothing about s. Whether s is
+    less shows in how seldom samples are two steps apart.
     """
     some = y[:QUANTIZER_SAMPLES]
-    levels = np.unique(some)
-    if not 2 <= len(levels) <= MAX_LEVELS or float(np.mean(np.diff(some) == 0.0)) < MIN_REPEATED:
+    levels, count = np.unique(some, return_counts=True)
+    levels = levels[count > 1]
+    if not 2 <= len(levels) <= MAX_LEVELS:
         return None
     step = float(np.diff(levels).min())
-    if float(some.std()) >= WELL_DITHERED * step:
-        return None
-    bound = WELL_DITHERED * step * float(np.sqrt(interval))
+    far = (
+        np.mean(np.abs(some[lag:] - some[:-lag]) > 1.5 * step) for lag in QUANTIZER_LAGS if lag < len(some)
+    )
+    return step if all(share < MIN_FAR_SHARE for share in far) else None
+
+
+def about_limiting_step(axis: str, step: float, interval: float, unit: str) -> str:
+    """Say what is known of the noise of an axis that its quantizer limits."""
+    hidden = WELL_DITHERED * step
     return (
-        f"{axis} is limited by its quantizer: steps of {step:.4g} {unit} hide noise below {WELL_DITHERED * step:.3g}; "
-        f"its white noise is known as a bound only: at most {bound:.3g} {unit}/√Hz"
+        f"{axis} is limited by its quantizer: steps of {step:.4g} {unit} hide noise below {hidden:.3g}; "
+        f"its white noise is known as a bound only: at most {hidden * np.sqrt(interval):.3g} {unit}/√Hz"
     )
 
 

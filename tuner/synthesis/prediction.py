@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from tuner.jobs import each
-from tuner.types import ChannelNoise, FilterConfig, TermEstimate
+from tuner.types import BoundUsed, ChannelNoise, FilterConfig, Quantity, TermEstimate
 from tuner.types.prediction import BlockSource, NoiseBlock, PredictedBlock
 from tuner.types.records import Record
 
@@ -34,6 +34,8 @@ FITTED = (
     "do not predict"
 )
 """What becomes of the identified terms of an axis that fails."""
+LIMITED = "bounded: the whole limit, as the codes at rest hide noise that motion shows"
+"""What becomes of white noise below the step of a quantizer."""
 
 
 def hold_to_records(
@@ -66,8 +68,28 @@ def hold_to_records(
             channels[channel.axis] = _with_block(channel, found)
         notes += [*about, *_notes(channel, found)]
     fitted = {axis for axis, found in judged.items() if found.source is not BlockSource.LIKELIHOOD}
-    inflations = tuple(i for i in config.inflations if i.quantity.owner not in fitted)
+    bounded = [
+        _at_bound(channels, axis) for record in records for axis in record.limiting_steps if axis in channels
+    ]
+    fitted |= {bound.quantity.owner for bound in bounded}
+    inflations = (*(i for i in config.inflations if i.quantity.owner not in fitted), *bounded)
     return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), judged
+
+
+def _at_bound(channels: dict[str, ChannelNoise], axis: str) -> BoundUsed:
+    """Set the white noise of an axis that its quantizer limits to its bound, and return the record of it.
+
+    In motion the mean wanders between codes, and the samples have the noise of the sensor and of the rounding,
+    whatever the one code that they keep to at rest shows.
+    """
+    channel = channels[axis]
+    limits = [t.coefficients["density"].upper or 0.0 for t in channel.identified if t.name == "white"]
+    channels[axis] = replace(
+        channel,
+        white_density=max(channel.white_density, *limits),
+        handling={**channel.handling, "white": LIMITED},
+    )
+    return BoundUsed(Quantity(axis, "white.density"), 1.0, LIMITED)
 
 
 def _predicting(

@@ -77,6 +77,8 @@ class Record:
         Samples of the log in each sample of the record: 1, or a power of two where the log is larger than memory.
     short_clusters : mapping of str to ShortClusters
         By axis, the Allan variances of clusters shorter than the interval, from all samples of such a log.
+    limiting_steps : mapping of str to float
+        Quantizer step of each axis whose noise it hides, unit.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Record:
     assumptions: tuple[str, ...] = ()
     samples_a_mean: int = 1
     short_clusters: Mapping[str, ShortClusters] = field(default_factory=lambda: MappingProxyType({}))
+    limiting_steps: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
         y = np.asfortranarray(np.atleast_2d(np.asarray(self.y, dtype=float).T).T)

@@ -82,6 +82,24 @@ def test_a_request_to_end(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+EARLY = """
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy":
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts its background jobs without it
+sys.meta_path.insert(0, Interrupting())
+from tuner.__main__ import start
+start()
+"""
+
+
+def test_an_interrupt_while_the_program_is_imported_is_one_line() -> None:
+    done = subprocess.run([sys.executable, "-c", EARLY], capture_output=True, check=False)
+    assert (done.returncode, done.stderr.split(b"\n")) == (130, [b"", b"tuner: interrupted", b""])
+
+
 def test_no_place_for_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(process, "_cache_is_writable", lambda: False)

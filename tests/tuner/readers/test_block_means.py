@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -122,6 +123,40 @@ def test_noise_of_means_is_that_of_the_samples(tmp_path: Path) -> None:
             float(np.interp(m * INTERVAL, c.allan.tau, c.allan.deviation()[:, 0])) for c in (every, means)
         ]
         assert points[1] == pytest.approx(points[0], rel=0.02)
+
+
+def test_noise_below_the_step_of_a_quantizer_is_a_bound_in_means_and_in_samples(tmp_path: Path) -> None:
+    """At 0.2 steps the codes have 0.55 of the noise where the mean lies at a code, 2.5 times it half-way."""
+    step, sd, data = 1e-3, 0.2, columns(MIN_ROWS + 9000)
+    noise = np.random.default_rng(3).normal(0.0, sd, (len(data["t [s]"]), 2)) + np.array([0.0, 0.5])
+    data |= {f"gyro_{a} [rad/s]": step * np.rint(noise[:, j]) for j, a in enumerate("xy")}
+    path = written(tmp_path / "log.npz", data)
+    truth = sd * step * np.sqrt(INTERVAL)
+    for record in (read(path)[0], read(path, memory=LITTLE)[0]):
+        for axis, largest in (("gyro_x", 0.35), ("gyro_y", 0.51)):
+            found = identify_channel(record, axis, arma=None)
+            assert not any(term.present for term in found.terms)
+            white = found.term("white").coefficients["density"]  # type: ignore[union-attr]
+            assert truth < white.upper < 1.02 * largest * step * np.sqrt(INTERVAL)
+            assert found.warnings[0] in record.notes
+
+
+def test_a_log_in_parts_says_what_the_whole_log_says(tmp_path: Path) -> None:
+    """A cell of 9e4 rad/s, units that nobody states, a column that is not used, whole numbers."""
+    data = {name.partition(" [")[0]: column for name, column in columns().items()}
+    data["gyro_x"][300] = 9e4
+    path = written(tmp_path / "log.csv", data | {"checksum": np.arange(ROWS) % 251})
+    whole, small = both(path)
+    assert np.abs(small.y).max() < 1.0
+    said = [re.sub(r"[0-9][0-9.]*", "#", "; ".join(record.notes)) for record in (whole, small)]
+    assert "rows hold a reading" in said[0]
+    assert all(note.partition(" (")[0] in said[1] for note in said[0].split("; ")), said
+    assert len(small.assumptions) == len(whole.assumptions) + 1
+    data["gyro_x"][300] = 0.0
+    raw = data | {f"gyro_{a}": np.rint(1e4 * data[f"gyro_{a}"]) for a in "xy"}
+    for memory in (None, LITTLE):
+        with pytest.raises(DataError, match="gyro holds whole numbers, as counts do"):
+            read(written(tmp_path / "counts.npz", raw), memory=memory)
 
 
 def test_what_is_hidden_within_the_means_is_said(tmp_path: Path) -> None:

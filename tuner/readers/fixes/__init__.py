@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from tuner.formats.guard import input_guard
 from tuner.readers.fixes.gps_time import GpsFixes
 from tuner.readers.fixes.nmea import read_nmea
 from tuner.readers.fixes.rtklib import read_rtklib
 from tuner.readers.fixes.ubx import read_ubx
 from tuner.readers.waypoint import COLUMNS, read_waypoint, waypoint_header
+from tuner.types.records import DataError
 
 READERS: Mapping[str, Callable[[Path], GpsFixes]] = MappingProxyType(
     {".pos": read_rtklib, ".nmea": read_nmea, ".ubx": read_ubx}
@@ -48,9 +50,24 @@ def _kind(path: Path) -> str:
 
 
 def read_fix_file(path: Path) -> GpsFixes:
-    """Return the fixes of one of `fix_files`."""
-    if _kind(path) != "waypoint":
-        return READERS[path.suffix.lower()](path)
+    """Return the fixes of one of `fix_files`.
+
+    Raises
+    ------
+    DataError
+        What is damaged, or holds no fixes.
+    """
+    kind = _kind(path)
+    with input_guard(path, "a file of a receiver"):
+        try:
+            return _of_waypoint(path) if kind == "waypoint" else READERS[kind](path)
+        except ImportError as error:
+            msg = f"{path}: needs {error.name}: pip install 'ins-noise-tuner[{EXTRAS[kind]}]'"
+            raise DataError(msg) from None
+    raise AssertionError
+
+
+def _of_waypoint(path: Path) -> GpsFixes:
     found = read_waypoint(path)
     columns = [COLUMNS.index(name) for name in COLUMNS if name not in ("roll", "pitch", "yaw")][:12]
     return GpsFixes(found.t, found.rows[:, columns], found.notes, dated=found.dated)
