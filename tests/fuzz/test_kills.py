@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,9 @@ COMMANDS = {
     "fleet": ("fleet", "{log}", "{again}", "-o", "{place}"),
     "simulate": ("simulate", "{sheet}", "--hours", "0.5", "-o", "{place}/s.csv"),
     "identify": ("identify", "{log}", "--json", "{place}/i.json", "--figure", "{place}/f.png"),
+    "diagnose": ("diagnose", "{log}", "--json", "{place}/d.json", "--page", "{place}/d.html", "--jobs", "2"),
+    "check": ("check", "{sheet}", "--runs", "2", "--duration", "60", *("--json", "{place}/c.json")),
+    "export": ("export", "{sheet}", "--to", "kalibr", "-o", "{place}/imu.yaml"),
 }
 """Commands that write a folder, files one by one, or a file and its companion; both sources differ in every byte."""
 
@@ -52,11 +56,22 @@ def started(command: str, source: Path, folder: Path) -> subprocess.Popen[bytes]
     words = {"log": source, "again": source.with_stem("again"), "sheet": source.stem, "place": folder}
     arguments = [word.format(**words) for word in COMMANDS[command]]
     return subprocess.Popen(
-        [sys.executable, "-m", "tuner", *arguments, "--quiet"],
+        [sys.executable, "-m", "tuner", *arguments, *(() if command == "export" else ("--quiet",))],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
+
+
+def still_at_work(session: int) -> list[str]:
+    """Processes of a session that have not ended."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state_, _, group = stat.read_text().rpartition(")")[2].split()[:3]
+            found += [stat.parent.name] if int(group) == session and state_ != "Z" else []
+    return found
 
 
 @pytest.mark.slow
@@ -86,6 +101,8 @@ def test_runs_that_are_ended_at_any_moment(tmp_path: Path, command: str) -> None
         begin = time.monotonic()
         ended += running.wait(60) != 0
         assert number == signal.SIGKILL or time.monotonic() - begin < 30.0, round_
+        time.sleep(0.1)
+        assert not still_at_work(running.pid), round_
         digests, stale = state(folder)
         if command in ("tune", "fleet"):
             assert digests in ({}, *whole), round_
@@ -100,7 +117,7 @@ def test_runs_that_are_ended_at_any_moment(tmp_path: Path, command: str) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit", [0, 16384])
+@pytest.mark.parametrize("limit", [0, 16384, 65536])
 def test_no_room_to_write(tmp_path: Path, limit: int) -> None:
     source, folder = log(tmp_path / "one.npz", 1e-3), tmp_path / "out" / "unit"
     assert started("tune", source, folder).wait() == 0

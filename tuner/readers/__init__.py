@@ -60,7 +60,7 @@ def read(
     rate : float, optional
         Sampling rate, Hz: needed where the file has neither stamps nor a stated rate; checked against stamps.
     gyro_unit, accel_unit : str, optional
-        ``rad/s deg/s deg/h mrad/s mdeg/s rad deg arcsec`` and ``m/s^2 g mg cm/s^2 ft/s^2 m/s cm/s ft/s``, instead
+        ``rad/s deg/s deg/h mrad/s mdeg/s rad deg arcsec`` and ``m/s^2 g mg ug cm/s^2 ft/s^2 m/s cm/s ft/s``, instead
         of what the file says. Units without time (and lengths by s) are increments: they are divided by the interval.
     gyro_scale, accel_scale : float, optional
         Units in one count.

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from tuner.free_memory import free_memory
 from tuner.readers.assemble import EvenRecords, Plan, checked, even
+from tuner.readers.clock import WRAP_STEPS, WRAPS
+from tuner.readers.column_names import TIME_UNITS
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.time_base import MIN_SEGMENT_SAMPLES
@@ -98,14 +100,32 @@ def _parts(
     """Yield the number of the first row of each part, and its records; the last part is no shorter than half of one."""
     assert listing.stream is not None
     stated = plan.layout.time is not None
-    row = 0
+    row, turned, end = 0, 0.0, -math.inf
     for piece in _even_parts(listing.stream(plan.groups, rows), rows // 2):
         found = even(replace(listing, load=partial(_given, piece)), plan, digest, options)
         if not stated:
             shift = row * found.records[0].interval
-            found = replace(found, records=tuple(replace(r, t=r.t + shift) for r in found.records))
+            found = _later(found, shift)
+        else:
+            ahead = float(found.records[0].t[0]) + turned - end
+            if (period := _clock_period(-ahead, found.records[0].interval)) > 0.0:
+                turned += period
+                note = f"the clock began anew {period:.10g} s later and was continued"
+                found = replace(found, notes=(*found.notes, note))
+            found = _later(found, turned) if turned else found
+            end = float(found.records[0].t[-1])
         yield row, found
         row += len(piece[0])
+
+
+def _later(found: EvenRecords, shift: float) -> EvenRecords:
+    return replace(found, records=tuple(replace(r, t=r.t + shift) for r in found.records))
+
+
+def _clock_period(back: float, interval: float) -> float:
+    """Return the period of a clock, s, that goes back by so much where it begins anew; 0 where none does."""
+    periods = (wrap * unit for unit in TIME_UNITS.values() for wrap in WRAPS)
+    return next((p for p in periods if 0.0 < p - back <= WRAP_STEPS * interval < p), 0.0)
 
 
 def _given(piece: tuple[NDArray[Any], ...], _: object) -> tuple[NDArray[Any], ...]:

@@ -85,6 +85,13 @@ def choose(listing: Listing, *, columns: Mapping[str, str] | None = None) -> Lay
     used = {part.array for sensor in sensors for part in sensor.parts}
     used |= {channel.part.array for channel in channels.values()}
     if unused := [array for array in listing.shapes if array not in used]:
+        for name in set(names.SENSORS) - {sensor.name for sensor in sensors}:
+            like = [array for array in unused if names.sensor_of(parsed[array].plain) == name]
+            if len(like) >= len("xyz"):
+                notes.append(
+                    f"{name}: none of its columns is read, as no known name or unit fits {', '.join(like[:3])}: "
+                    f"name them, such as by --columns '{name}_x=…'"
+                )
         more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
         notes.append(f"columns not used: {', '.join(unused[:MAX_NAMED])}{more}")
     return Layout(channels.pop("t", None), tuple(sensors), channels, tuple(notes))

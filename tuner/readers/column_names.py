@@ -96,7 +96,7 @@ TIME_UNITS: Mapping[str, float] = {
 
 UNITS: Mapping[str, tuple[str, ...]] = {
     "gyro": ("rad/s", "deg/s", "deg/h", "mrad/s", "mdeg/s", "rad", "deg", "arcsec"),
-    "accel": ("m/s^2", "g", "mg", "cm/s^2", "ft/s^2", "m/s", "cm/s", "ft/s"),
+    "accel": ("m/s^2", "g", "mg", "ug", "cm/s^2", "ft/s^2", "m/s", "cm/s", "ft/s"),
 }
 """Units a sensor may have, SI first; the last ones (no time in the gyro's, /s of the accel) are increments."""
 
@@ -116,7 +116,8 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
               "mpss", "ms2", "ms^-2", "m/s**2"),
     "g": ("g", "gn", "g0"),
     "mg": ("mg", "milli-g", "millig"),
-    "cm/s^2": ("cm/s^2", "cm/s2", "cm/s²", "gal", "cm_s2"),
+    "ug": ("ug", "µg", "μg", "micro-g", "microg"),
+    "cm/s^2": ("cm/s^2", "cm/s2", "cm/s²", "gal", "cm_s2", "cms2"),
     "ft/s^2": ("ft/s^2", "ft/s2", "ft/s²", "ft_s2", "fps2"),
     "m/s": ("m/s", "m s^-1", "mps", "m_s", "m/sec"),
     "cm/s": ("cm/s", "cm_s"),
@@ -130,7 +131,7 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "0.1 ms": ("0.1 ms", "0.1ms"),
     "degC": ("degc", "°c", "c", "celsius", "deg c", "deg_c", "℃"),
     "K": ("k", "kelvin"),
-    "count": ("count", "counts", "lsb", "adc", "ticks"),
+    "count": ("count", "counts", "lsb", "adc", "ticks", "raw"),
 }  # fmt: skip
 _UNIT_OF = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 _SUFFIXES = {s: u for s, u in _UNIT_OF.items() if re.fullmatch(r"[a-z][a-z0-9_]+", s) and u != "min"} | {

@@ -10,7 +10,6 @@ increments (rad), three velocity increments (m/s), forward-right-down.
 
 from __future__ import annotations
 
-import gzip
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -24,15 +23,16 @@ from tuner.readers.columns import Listing, Part, Progress
 from tuner.readers.log_format import LogFormat, format_of
 from tuner.readers.text_dialect import (
     HEAD_BYTES,
-    STAMP,
     Dialect,
     find_dialect,
     is_number,
     is_text,
     lone_return,
     open_bytes,
+    plain_text,
     split_line,
 )
+from tuner.readers.text_stamps import STAMP, seconds_of_stamps
 from tuner.types.records import DataError
 
 BYTES_AT_ONCE = 1 << 22
@@ -165,7 +165,7 @@ def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progres
     import pandas as pd
 
     total = path.stat().st_size
-    with path.open("rb") as raw, _unpacked(path, raw) as file:
+    with path.open("rb") as raw, plain_text(path, raw) as file:
         for first, text in _pieces(path, file, dialect.skip):
             try:
                 frame = pd.read_csv(
@@ -184,7 +184,7 @@ def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progres
                     dtype={j: object if j in dialect.dates else np.float64 for j in used},
                 )
                 for j in dialect.dates.keys() & set(used):
-                    frame[j] = _seconds_of_stamps(frame[j], dialect.dates[j])
+                    frame[j] = seconds_of_stamps(frame[j], dialect.dates[j])
             except (ValueError, pd.errors.ParserError, pd.errors.EmptyDataError):
                 if not _has_rows(text):
                     continue
@@ -200,21 +200,6 @@ def _frames(path: Path, dialect: Dialect, used: Sequence[int], progress: Progres
             yield frame
             if progress is not None:
                 progress(raw.tell(), total)
-
-
-def _seconds_of_stamps(stamps: Any, day: str) -> Any:
-    """Return ISO 8601 stamps as seconds since the beginning of a day, clock times (no day) as seconds of theirs."""
-    import pandas as pd
-
-    if not day:
-        return pd.to_timedelta(stamps).dt.total_seconds()
-    return (
-        pd.to_datetime(stamps, format="ISO8601", utc=True) - pd.Timestamp(day, tz="UTC")
-    ).dt.total_seconds()
-
-
-def _unpacked(path: Path, raw: IO[bytes]) -> IO[bytes]:
-    return gzip.open(raw, "rb") if path.suffix.lower() == ".gz" else raw  # type: ignore[return-value]
 
 
 def _count_lines(path: Path) -> int:

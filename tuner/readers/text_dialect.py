@@ -6,15 +6,20 @@ columns are called c1, c2, ….
 
 from __future__ import annotations
 
+import codecs
 import gzip
+import operator
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO
 
 from tuner.formats.guard import input_guard, printable
+from tuner.readers.column_names import known_unit
+from tuner.readers.text_stamps import STAMP
 from tuner.types.records import DataError
 
 HEAD_BYTES = 1 << 16
@@ -24,10 +29,6 @@ GZIP = b"\x1f\x8b"
 _MISSING_NUMBERS = frozenset(
     ("", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "infinity", "-infinity", "#n/a", "<na>")
 )
-STAMP = re.compile(
-    r"(?:(?P<day>\d{4}[-/]\d{2}[-/]\d{2})[T ])?\d{1,2}:\d{2}:\d{2}(?:[.,]\d{1,9})?(?:Z|UTC|[+-]\d{2}:?\d{2})?"
-)
-"""A date with time of ISO 8601, or a clock time alone."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 """A number with a comma before its fraction, as spreadsheets of many countries write between semicolons or tabs."""
 _STATED_RATE = re.compile(
@@ -51,7 +52,7 @@ class Dialect:
     header : bool
         Whether the last of them names the columns.
     dates : mapping of int to str
-        Columns of ISO 8601 stamps or clock times, each with the day of its first one (empty for a clock time).
+        Columns of dates or clock times, each with the day of its first one (empty for a clock time).
     decimal : str
         Point or comma before fractions.
     rate : float or None
@@ -67,9 +68,20 @@ class Dialect:
     rate: float | None = None
 
 
-def open_bytes(path: Path) -> IO[bytes]:
-    """Open a file for reading, unpacked if its name ends in ``.gz``."""
-    return gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb")  # type: ignore[return-value]
+@contextmanager
+def open_bytes(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file for reading, unpacked if its name ends in ``.gz``, and UTF-16 as UTF-8."""
+    with path.open("rb") as raw, plain_text(path, raw) as file:
+        yield file
+
+
+def plain_text(path: Path, raw: IO[bytes]) -> IO[bytes]:
+    """Return the text of an open file, unpacked, UTF-16 (of spreadsheets) as UTF-8."""
+    if path.suffix.lower() == ".gz":
+        return gzip.open(raw, "rb")  # type: ignore[return-value]
+    wide = raw.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    raw.seek(0)
+    return codecs.EncodedFile(raw, "utf-8", "utf-16", errors="replace") if wide else raw
 
 
 def find_dialect(path: Path) -> Dialect:
@@ -98,6 +110,8 @@ def find_dialect(path: Path) -> Dialect:
         raise DataError(msg)
     skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
     dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
+    if skip > 1:
+        dialect = _with_units_below(dialect, lines[skip - 2])
     rate = next((m["hz"] for line in lines[:skip] if (m := _STATED_RATE.search(line))), None)
     return replace(
         dialect,
@@ -113,7 +127,7 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
     separator = _separator(data)
     cells = split_line(data, separator)
     found = {j: stamp for j, cell in enumerate(cells) if (stamp := STAMP.fullmatch(cell.strip(' "\t')))}
-    dates = MappingProxyType({j: (stamp["day"] or "").replace("/", "-") for j, stamp in found.items()})
+    dates = MappingProxyType({j: stamp["day"] or "" for j, stamp in found.items()})
     unnamed = tuple(f"c{j + 1}" for j in range(len(cells)))
     if above is None:
         return Dialect(unnamed, separator, skip, False, dates)
@@ -135,6 +149,23 @@ def _dialect(path: Path, above: str | None, data: str, skip: int) -> Dialect:
     raise DataError(msg)
 
 
+def _with_units_below(dialect: Dialect, above: str) -> Dialect:
+    """Return the dialect with the names of the line above, where the last line of the header has their units."""
+    units = [name.strip(" []()") for name in dialect.names]
+    header = [
+        printable(name.strip().strip('"').strip())
+        for name in split_line(above.strip().lstrip("#%").strip(), dialect.separator)
+    ]
+    stated = [known_unit(unit) is not None for unit in units]
+    unnamed = [not unit or unit == "-" or unit == f"c{j + 1}" for j, unit in enumerate(units)]
+    if len(header) != len(units) or not any(stated) or not all(map(operator.or_, stated, unnamed)):
+        return dialect
+    names = (
+        f"{name} [{unit}]" if fits else name for name, unit, fits in zip(header, units, stated, strict=True)
+    )
+    return replace(dialect, names=tuple(names))
+
+
 def lone_return(path: Path, line: int) -> str:
     """Return the message that a line ends in CR alone."""
     return (
@@ -146,7 +177,7 @@ def lone_return(path: Path, line: int) -> str:
 def _separator(line: str) -> str | None:
     """Return what separates the columns of a line; None for blanks."""
     for separator in (";", "\t"):
-        if _has_decimal_comma(line, separator):
+        if separator in line and "," in line and _commas_are_inside(line, separator):
             return separator
     return next((s for s in (",", ";", "\t") if s in line), None)
 
@@ -155,10 +186,15 @@ def _has_decimal_comma(line: str, separator: str | None) -> bool:
     """Return whether every comma of a line is that of a number between semicolons or tabs."""
     if separator not in (";", "\t") or separator not in line or "," not in line:
         return False
-    with_comma = [cell.strip() for cell in line.split(separator) if "," in cell]
-    return all(_DECIMAL_COMMA.fullmatch(cell) or STAMP.fullmatch(cell) for cell in with_comma) and any(
-        map(_DECIMAL_COMMA.fullmatch, with_comma)
+    return _commas_are_inside(line, separator) and any(
+        _DECIMAL_COMMA.fullmatch(cell.strip()) for cell in line.split(separator)
     )
+
+
+def _commas_are_inside(line: str, separator: str) -> bool:
+    """Return whether every comma of a line is that of a number or a stamp."""
+    with_comma = [cell.strip() for cell in line.split(separator) if "," in cell]
+    return all(_DECIMAL_COMMA.fullmatch(cell) or STAMP.fullmatch(cell.strip('"')) for cell in with_comma)
 
 
 def split_line(line: str, separator: str | None) -> list[str]:
@@ -203,4 +239,4 @@ def _is_data(line: str) -> bool:
 
 def is_text(head: bytes) -> bool:
     """Return whether the first bytes of a file are text, or text packed by gzip."""
-    return head.startswith(GZIP) or b"\0" not in head
+    return head.startswith((GZIP, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head

@@ -30,9 +30,9 @@ MAX_STRAY_SHARE = 0.1
 """Share of stamps a year or more from the others up to which they are left out: more is another clock."""
 WRAPS = (
     *(2.0**bits for bits in (16, 24, 31, 32)),
-    *(span * unit for span in (86400.0, 604800.0) for unit in (1.0, 1e3, 1e6, 1e9)),
+    *(span * unit for span in (3600.0, 86400.0, 604800.0) for unit in (1.0, 1e3, 1e6, 1e9)),
 )
-"""Where clocks begin anew: counters of few bits, the day and the GPS week, in s, ms, µs and ns."""
+"""Where clocks begin anew: counters of few bits, the hour, the day and the GPS week, in s, ms, µs and ns."""
 SINGLE_STAMPS = 2048
 """Stamps at both ends in which single precision is looked for."""
 MIN_SINGLE_SHARE = 0.01

@@ -141,6 +141,18 @@ def test_noise_below_the_step_of_a_quantizer_is_a_bound_in_means_and_in_samples(
             assert found.warnings[0] in record.notes
 
 
+@pytest.mark.parametrize("weeks", [True, False])
+def test_a_week_of_gps_that_begins_between_parts_is_continued(tmp_path: Path, weeks: bool) -> None:
+    """Also where it begins within a part, and without a column of weeks."""
+    for first in (604800.0 - INTERVAL * 2 * MIN_ROWS, 604800.0 - INTERVAL * 40_000):
+        data = columns()
+        t = first + data.pop("t [s]")
+        data |= {"tow": t % 604800.0} | ({"week": 2312.0 + t // 604800.0} if weeks else {})
+        whole, small = both(written(tmp_path / "log.npz", data))
+        np.testing.assert_allclose(small.t, whole.t[: 8 * len(small)].reshape(-1, 8).mean(axis=1))
+        assert len(small.segments) == 1
+
+
 def test_a_log_in_parts_says_what_the_whole_log_says(tmp_path: Path) -> None:
     """A cell of 9e4 rad/s, units that nobody states, a column that is not used, whole numbers."""
     data = {name.partition(" [")[0]: column for name, column in columns().items()}

@@ -228,7 +228,7 @@ def reading(command: Command) -> Command:
     @click.option(
         "--accel-unit",
         metavar="UNIT",
-        help="Unit of the accelerometers: m/s^2 g mg cm/s^2 ft/s^2, or increments m/s cm/s ft/s.",
+        help="Unit of the accelerometers: m/s^2 g mg ug cm/s^2 ft/s^2, or increments m/s cm/s ft/s.",
     )
     @click.option("--gyro-scale", type=float, metavar="X", help="Size of one gyro count in that unit.")
     @click.option(
