@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from tuner.free_memory import free_memory
 from tuner.readers.assemble import EvenRecords, Plan, checked, even
-from tuner.readers.clock import WRAP_STEPS, WRAPS
 from tuner.readers.column_names import TIME_UNITS
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options
 from tuner.readers.time_base import MIN_SEGMENT_SAMPLES
+from tuner.readers.time_column import WRAP_STEPS, WRAPS
 from tuner.types.records import DataError, Record, ShortClusters
 
 FloatArray = NDArray[np.float64]
