@@ -18,8 +18,8 @@ from types import MappingProxyType
 import click
 
 # Threads inside small matrix products cost more than they give; this must be said before numpy is imported.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Their sums also depend on the number of threads in the last digit.
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 from models.registry import RegistryError
 from tuner.cli.examples import EXAMPLES

@@ -35,12 +35,16 @@ class Terminated(BaseException):
     """A request to end was received; unlike an error it passes every handler, and temporary files are removed."""
 
 
+ENDS = (KeyboardInterrupt, Terminated)
+
+
 @contextmanager
 def termination() -> Iterator[None]:
     """Turn a request to end (SIGTERM, and SIGHUP where it exists) into `Terminated`, and see that it is answered.
 
     Python hands over a signal between two of its own steps. Compiled code and a wait for threads have none: where the
-    block has not ended `ANSWER_TIME` after a request, a second thread removes temporary files and ends the process.
+    block has not ended `ANSWER_TIME` after a request, a second thread removes temporary files and ends the process. So
+    it is where Python drops the exception as it came in a destructor; that is not printed.
     """
 
     def end(_number: int, _frame: FrameType | None) -> NoReturn:
@@ -56,12 +60,15 @@ def termination() -> Iterator[None]:
     ]
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda found: None if isinstance(found.exc_value, ENDS) else hook(found)
     woken = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=_end_what_does_not, args=(receiver,), daemon=True).start()
     try:
         yield
     finally:
         signal.set_wakeup_fd(woken)
+        sys.unraisablehook = hook
         sender.close()
         for number, handler in before:
             signal.signal(number, handler)

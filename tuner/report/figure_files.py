@@ -40,9 +40,7 @@ def new_figure(
 
     Its panels are laid out once for all files: that takes as long as drawing them.
     """
-    with mpl.rc_context(
-        {"font.size": 9, "axes.titlesize": 10, "svg.fonttype": "none", "svg.hashsalt": "tuner"}
-    ):
+    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
         figure = ShownFigure(figsize=size, layout="constrained")
         yield figure
         lay_out(figure)
@@ -87,9 +85,10 @@ def draw_all(figures: Sequence[Callable[[Put], object]], put: Put) -> None:
 
 
 def figure_bytes(figure: Figure, suffix: str) -> bytes:
-    """Return a figure as a file of the format of a suffix, without a date."""
+    """Return a figure as a file, its format by a suffix: no date, and names of parts that follow from their content."""
     content = BytesIO()
     kind = suffix.lstrip(".").lower() or "png"
     dateless = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    figure.savefig(content, dpi=FILE_DPI, format=kind, metadata=dateless)
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "tuner"}):
+        figure.savefig(content, dpi=FILE_DPI, format=kind, metadata=dateless)
     return content.getvalue()

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,8 +16,9 @@ from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.output_scores import autocorrelation, normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
-from tuner.formats.files import whole_file, write_text
+from tuner.formats.files import write_bytes, write_text
 from tuner.report.consistency_tables import consistency_tables
+from tuner.report.figure_files import figure_bytes
 from tuner.report.html_page import Picture, write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.output_cause_text import cause_text, change_text
@@ -99,8 +99,7 @@ def _draw(found: OutputScore, directory: Path) -> list[tuple[Path, Figure]]:
 
 def _saved(figure: Figure, directory: Path) -> list[tuple[Path, Figure]]:
     for suffix in ("png", "svg"):
-        with whole_file(directory / f"score.{suffix}") as path, mpl.rc_context({"svg.hashsalt": "tuner"}):
-            figure.savefig(path, dpi=120, metadata={"Date": None} if suffix == "svg" else None)
+        write_bytes(directory / f"score.{suffix}", figure_bytes(figure, suffix))
     return [(directory / "score.svg", figure)]
 
 

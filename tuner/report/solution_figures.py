@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 
 from tuner.consistency.drive_scores import differences, stated
 from tuner.consistency.score_drive import DriveResult
-from tuner.formats.files import whole_file
+from tuner.formats.files import write_bytes
 from tuner.navigation.data import GATED, USED
+from tuner.report.figure_files import figure_bytes
 from tuner.report.solution_files import local_track, tracks
 from tuner.types.records import Drive, Reference
 
@@ -52,8 +52,7 @@ def draw_solution(found: DriveResult, drive: Drive, directory: Path) -> list[Pat
     for name, figure in pictures.items():
         for suffix in ("png", "svg"):
             path = directory / f"{name}.{suffix}"
-            with mpl.rc_context({"svg.fonttype": "none"}), whole_file(path) as temporary:
-                figure.savefig(temporary, dpi=130)
+            write_bytes(path, figure_bytes(figure, path.suffix))
             written.append(path)
     return written
 

@@ -100,6 +100,23 @@ def test_an_interrupt_while_the_program_is_imported_is_one_line() -> None:
     assert (done.returncode, done.stderr.split(b"\n")) == (130, [b"", b"tuner: interrupted", b""])
 
 
+DROPPED = """
+import os, signal, time
+from tuner.cli.process import termination
+class Dropping:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+with termination():
+    Dropping()
+    time.sleep(60.0)
+"""
+
+
+def test_a_request_that_comes_in_a_destructor_is_answered_in_one_line() -> None:
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, check=False, timeout=30)
+    assert (done.returncode, done.stderr.count(b"\n")) == (143, 2), done.stderr
+
+
 def test_no_place_for_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(process, "_cache_is_writable", lambda: False)

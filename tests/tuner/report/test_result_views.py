@@ -14,6 +14,7 @@ from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.comparison import compare_identifications
 from tuner.readers.logs_in_memory import arrays_of_frame
+from tuner.report.figure_files import figure_bytes
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
@@ -131,6 +132,15 @@ def test_a_chart_has_the_numbers_the_names_and_the_spans_of_its_figure():
     assert chart["xrange"] == [0.0, 2.0]
     panel.imshow(np.zeros((2, 2)))
     assert charts_of_figure(figure) is None
+
+
+def test_a_figure_drawn_again_has_the_same_bytes():
+    def drawn() -> bytes:
+        figure = Figure()
+        figure.subplots().plot([1.0, 2.0], [2.0, 3.0], "o")
+        return figure_bytes(figure, ".svg")
+
+    assert drawn() == drawn()
 
 
 def test_every_verb_returns_what_can_be_shown():

@@ -34,7 +34,7 @@ class Finite(click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
-WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--jobs")
+WITHOUT_NUMBERS = ("-o", "--output-dir", "--json", "--page", "--figure", "--jobs")
 """Options followed by a word that changes no number of a result: where it goes, and on how many processors."""
 OUTPUT_FLAGS = ("--quiet", "--verbose")
 """Options that change how much is printed."""
