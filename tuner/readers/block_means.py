@@ -38,7 +38,7 @@ MIN_ROWS = 1 << 14
 """Rows from which a part tells rate, gaps and broken readings as a whole log does."""
 BASE_BYTES = 400e6
 """Memory of the program without samples."""
-BYTES_A_NUMBER, BYTES_A_ROW = 24.0, 250.0
+BYTES_A_NUMBER, BYTES_A_ROW = 24.0, 750.0
 """Memory behind each number of a record that is read, and behind each row while one axis is diagnosed."""
 SHARE_OF_FREE = 0.5
 """Part of the free memory that a log may take where nobody says how much."""
