@@ -131,7 +131,7 @@ _SPELLINGS: Mapping[str, tuple[str, ...]] = {
     "0.1 ms": ("0.1 ms", "0.1ms"),
     "degC": ("degc", "°c", "c", "celsius", "deg c", "deg_c", "℃"),
     "K": ("k", "kelvin"),
-    "count": ("count", "counts", "lsb", "adc", "ticks", "raw"),
+    "count": ("count", "counts", "lsb", "adc", "ticks"),
 }  # fmt: skip
 _UNIT_OF = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 _SUFFIXES = {s: u for s, u in _UNIT_OF.items() if re.fullmatch(r"[a-z][a-z0-9_]+", s) and u != "min"} | {
@@ -234,6 +234,9 @@ def _role_of(plain: str) -> tuple[str, int] | None:
             return role, 0
         if any(plain.endswith(f"_{a}") for a in aliases if len(a) > 3):
             return role, 1
+    if plain.endswith("_raw") and _AXIS.match(plain.removesuffix("_raw")):
+        found = _role_of(plain.removesuffix("_raw"))
+        return None if found is None else (found[0], 1)
     match = _AXIS.match(plain)
     stem, suffix = (match["stem"], f"_{match['axis']}") if match else (plain, "")
     for sensor in SENSORS:
