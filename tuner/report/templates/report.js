@@ -68,10 +68,11 @@
     const style = getComputedStyle(root);
     const colour = function (name) { return style.getPropertyValue(name).trim(); };
     const narrow = window.innerWidth < 640;
+    function broken(words) { return narrow ? words.replace(/(.{20,38}?) /g, "$1<br>") : words; }
     function axis(end) {
       const scale = chart.scale || chart[end + "scale"];
       const made = {
-        type: scale, title: { text: chart[end] }, gridcolor: colour("--rule"), zeroline: false,
+        type: scale, title: { text: end === "x" ? broken(chart[end]) : chart[end] }, gridcolor: colour("--rule"), zeroline: false,
         linecolor: colour("--quiet"), automargin: true
       };
       const range = chart[end + "range"] || (end === "y" && chart.range);
@@ -85,7 +86,7 @@
       return made;
     }
     if (narrow) {
-      chart.traces.forEach(function (one) { one.name = one.name.replace(/(.{20,38}?) /g, "$1<br>"); });
+      chart.traces.forEach(function (one) { one.name = broken(one.name); });
     }
     const shapes = chart.spans.map(function (span) {
       return {
