@@ -44,6 +44,8 @@ _LEVEL_MARGIN = 1.5
 """Factor for a noise level that changes while the sensor is at rest."""
 _BRIDGE_QUARTILE = 0.0701
 """Lower quartile of the variance of a Brownian bridge of free mean, of unit density."""
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of the absolute value of a normal variable of unit variance."""
 _BLOCK_SECONDS = 1.0
 """Length of a block, s: the shortest movement of a hand."""
 _MIN_BLOCK_SAMPLES = 32
@@ -52,6 +54,9 @@ _MIN_BLOCKS = 8
 """Fewest blocks of a record, and fewest samples of a block, whose variances can be compared."""
 _CERTAIN_MOTION = {"rad/s": 0.1, "m/s^2": 1.0}
 """Change of the mean rate, or sd within a block, that is motion on one channel alone; by unit."""
+_LARGEST_AT_REST = {"rad/s": 5e-3, "m/s^2": 0.1}
+"""Largest usual change of the mean from one block to the next of a sensor at rest, by unit: twice that of the noisiest
+gyroscopes sold (0.1 deg/s/√Hz) and seven times that of the noisiest accelerometers (1 mg/√Hz)."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +82,15 @@ class Motion:
     statistic: float
     threshold: float
 
-    def describe(self) -> str | None:
-        """Return one line about the motion, or None where there was none."""
+    def describe(self, begin: float) -> str | None:
+        """Return one line about the motion, in s after `begin` (s, on the record's clock), or None without any."""
         if not self.episodes:
             return None
-        shown = ", ".join(f"{start:.6g} s for {duration:.3g} s" for start, duration in self.episodes[:4])
+        shown = ", ".join(
+            f"{start - begin:.5g} s for {duration:.3g} s" for start, duration in self.episodes[:4]
+        )
         more = f" and {len(self.episodes) - 4} more" if len(self.episodes) > 4 else ""
-        return f"the sensor moved in {100.0 * self.share:.3g} % of the log: at {shown}{more}"
+        return f"the sensor moved in {100.0 * self.share:.3g} % of the log: {shown}{more} (from its start)"
 
 
 def find_motion(
@@ -144,16 +151,47 @@ def keep_still(
         Nothing stands still, or too short to tell.
     """
     motion = find_motion(records, false_alarm=false_alarm)
-    description = motion.describe()
-    if description is None:
-        return tuple(records)
+    description = motion.describe(float(records[0].t[0]))
     if not motion.still:
         msg = f"{records[0].source}: {description}: no part stands still; record the sensor at rest"
         raise DataError(msg)
+    for record in records:
+        _refuse_steady_motion(record, motion.still)
+    if description is None:
+        return tuple(records)
     note = f"{description}; {len(motion.still)} still parts are used"
     return tuple(
         replace(r, segments=motion.still, notes=(*r.notes, note), short_clusters={}) for r in records
     )
+
+
+def _refuse_steady_motion(record: Record, still: Segments) -> None:
+    """Refuse a record whose means change as those of no sensor at rest, even where it moved least.
+
+    A log that moves nearly all the time has no quiet quarter to compare with.
+    """
+    if record.unit not in _LARGEST_AT_REST:
+        return
+    bounds = _blocks(replace(record, segments=still))
+    touching = bounds[1:, 0] == bounds[:-1, 1]
+    if not touching.any():
+        return
+    change = (
+        np.median(np.abs(np.diff(_moments(record, bounds)[0], axis=0)[touching]), axis=0) / _MEDIAN_OF_NORMAL
+    )
+    limit = np.sqrt(_LARGEST_AT_REST[record.unit] ** 2 + _rounding_variance(record))
+    worst, length = int(np.argmax(change / limit)), float(np.diff(bounds).mean()) * record.interval
+    if change[worst] > limit[worst]:
+        gyro = record.unit == "rad/s"
+        found, allowed, unit = (
+            (np.degrees(change), np.degrees(limit), "deg/s") if gyro else (change, limit, "m/s²")
+        )
+        msg = (
+            f"{record.source}: not at rest, or in another unit: even where it moved least, the mean of "
+            f"{record.axes[worst]} changes by {found[worst]:.2g} {unit} within {length:.2g} s, at rest by less "
+            f"than {allowed[worst]:.2g} {unit}: record the sensor at rest, or state the unit"
+        )
+        raise DataError(msg)
 
 
 def _scatter(channels: int, probability: float) -> float:

@@ -75,7 +75,7 @@ def test_a_turn_is_found_where_it_is(rate: float) -> None:
     assert 8290 <= stop <= 8500
     assert motion.still == ((0, start), (stop, 20_000))
     assert motion.episodes == ((start / RATE, pytest.approx((stop - start) / RATE)),)
-    described = motion.describe()
+    described = motion.describe(0.0)
     assert described is not None
     assert described.startswith("the sensor moved in")
 
@@ -114,6 +114,25 @@ def test_keep_still_cuts_the_segments() -> None:
     assert len(kept.segments) == 2
     assert kept.span < 190.5
     assert any("the sensor moved" in note for note in kept.notes)
+
+
+def test_a_log_that_moves_all_the_time_is_refused() -> None:
+    """A hand holds no quarter of it stiller than the others: its sway of half a second changes every mean."""
+    rng = np.random.default_rng(29)
+    sway = 0.05 * np.convolve(rng.standard_normal(10_000), np.ones(25) / 5.0, "same")[:, None]
+    moving = gyro_of(1e-3 * rng.standard_normal((10_000, 3)) + sway)
+    assert find_motion(moving).episodes == ()
+    with pytest.raises(DataError, match=r"not at rest, or in another unit: .*gyro_[xyz] changes by .* deg/s"):
+        keep_still((moving,))
+
+
+def test_times_of_motion_count_from_the_start_of_the_log() -> None:
+    rng = np.random.default_rng(30)
+    y = 1e-3 * rng.standard_normal((10_000, 3))
+    y[3000:3500] += rng.standard_normal((500, 3))
+    late = gyro_of(y)
+    (kept,) = keep_still((Record("gyro", late.t + 1.4e9, y, late.axes, "rad/s", 1 / RATE),))
+    assert ": 59 s for 12 s (from its start)" in kept.notes[-1]
 
 
 def test_quantizer_coarser_than_noise() -> None:
