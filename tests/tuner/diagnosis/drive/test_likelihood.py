@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -17,6 +18,7 @@ from tuner.diagnosis.drive.linear_model.likelihood import (
 )
 from tuner.diagnosis.drive.linear_model.linearized_run import LinearizedRun
 from tuner.diagnosis.drive.linear_model.noise_parameters import noise_parameters
+from tuner.diagnosis.drive.linear_model.propagation_kernels import _add_white
 from tuner.types import Parameter
 
 NAMES = (
@@ -198,3 +200,19 @@ def test_rounding_does_not_grow(long_drive: LinearizedRun) -> None:
             assert likelihood.variance[i, row] == pytest.approx(float(f), rel=1e-7)
             L = one - np.outer(P @ h, h) / f
             P = L @ P @ L.T + np.outer(P @ h, P @ h) * (sd[i, row] / f) ** 2
+
+
+def test_white_noise_of_a_sensor_adds_to_its_own_block_alone():
+    """Compiled code checks no bounds: what lies behind an array is not a number here, and must not be met."""
+
+    @numba.njit
+    def add(W, at, G, s, density):
+        _add_white(W, at, G, s, density)
+
+    G = np.full((12, 6), np.nan)[:9]
+    G[:] = np.random.default_rng(8).standard_normal(G.shape)
+    W = np.zeros((9, 30))
+    add(W, 9, G, 2, 0.5)
+    expected = np.zeros_like(W)
+    expected[:, 9:18] = 0.5 * np.outer(G[:, 2], G[:, 2])
+    np.testing.assert_allclose(W, expected, rtol=1e-14)
