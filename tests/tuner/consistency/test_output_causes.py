@@ -52,7 +52,8 @@ def scored(run_filter, runs, seed, *, innovations=False, duration=240.0, **fault
 
 
 def test_what_the_filter_assumes_is_read_off_its_sds():
-    from tuner.consistency.output_causes.filter_model import course_of, fit_filter
+    from tuner.consistency.output_causes.course import course_of
+    from tuner.consistency.output_causes.filter_model import fit_filter
 
     (found,) = scored(textbook.run_invariant, 1, 2, duration=400.0)
     (run,) = found.runs

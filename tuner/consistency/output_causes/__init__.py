@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.consistency.output_causes.course import course_of
 from tuner.consistency.output_causes.error_model import (
     MODEL_ERROR,
     REGRESSORS,
@@ -22,7 +23,7 @@ from tuner.consistency.output_causes.error_model import (
     TrueNoise,
     error_model,
 )
-from tuner.consistency.output_causes.filter_model import FilterModel, course_of, fit_filter
+from tuner.consistency.output_causes.filter_model import FilterModel, fit_filter
 from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypothesis, scale_hypotheses
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN

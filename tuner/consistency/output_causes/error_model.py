@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
-from tuner.consistency.output_causes.filter_model import Course, FilterModel, start_covariance, transitions
+from tuner.consistency.output_causes.course import Course
+from tuner.consistency.output_causes.filter_model import FilterModel, start_covariance, transitions
 from tuner.consistency.output_causes.kernels import covariance_recursion, error_likelihood
 from tuner.consistency.output_errors import OutputErrors
 

@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import rotation
+from tuner.consistency.output_causes.course import GRAVITY, Course, head
 from tuner.consistency.output_causes.kernels import covariance_recursion
 from tuner.consistency.output_errors import OutputErrors
 
 FloatArray = NDArray[np.float64]
 
-GRAVITY = np.array([0.0, 0.0, 9.80665])
-"""m/s²: its change from place to place is far below the noise of the errors."""
 SOURCES = ("gyro white noise", "accelerometer white noise", "gyro bias noise", "accelerometer bias noise")
 """Process noise, in the order of the sources of a model."""
 DEFAULT_SD = np.repeat([3.0, 0.3, 0.03, 1e-3, 0.03], 3)
@@ -33,10 +32,6 @@ FIRST_GUESS = np.log([1e-4, 3e-3, 3e-5, 3e-4])
 """Densities from which the search begins, SI: a consumer unit."""
 LOG_SPAN = 12.0
 """How far, as a logarithm, the search may go from its first guess: from a consumer unit to a navigation grade."""
-MIN_EPOCHS = 40
-"""Epochs from which a filter is modelled: four times the numbers that are sought."""
-MAX_EPOCHS = 1200
-"""Epochs that are modelled: twenty minutes of fixes tell every fault that scores show."""
 MAX_FITTED_EPOCHS = 400
 """Epochs of a run that are fitted: eight numbers follow from far fewer."""
 MAX_MISFIT = 0.05
@@ -44,47 +39,8 @@ MAX_MISFIT = 0.05
 leave 0.2 to 1 %, KF-GINS with scale factors of 3 % left 14 %, with densities that were wrong by powers of ten."""
 MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
-MIN_FIXED_DROP = 1e-4
-"""Relative drop of the position variance that shows a fix."""
 NO_FIX_VARIANCE = 1e12
 """Variance of fixes that there are not, (m/s)²."""
-STEADY_GROWTH = 0.05
-"""Relative growth of the position variance from epoch to epoch above which there was no fix between."""
-
-
-@dataclass(frozen=True)
-class Course:
-    """The epochs of a run as a linear filter passes them.
-
-    Attributes
-    ----------
-    rows : ndarray of int, shape (k + 1,)
-        Epochs of the errors; the model starts at the first.
-    dt : ndarray, shape (k,)
-        s.
-    mat_nb, force, vel, acc, rate : ndarray, shapes (k, 3, 3), (k, 3) four times
-        Attitude, specific force, velocity and its derivative, angular rate, in north-east-down, at the later epoch
-        or, of attitude and force, in the middle.
-    body : ndarray, shape (k, 3, 3)
-        Attitude at the later epoch.
-    fixed : ndarray of bool, shape (k,)
-        Epochs with a fix.
-    of_body : bool
-        Whether the errors of velocity are those along the axes of the body. Such a filter carries its velocity in
-        these axes, measures it there more often than the position, and turns it with its attitude: no force acts
-        through errors of the attitude, and errors of the velocity fade.
-    """
-
-    rows: NDArray[np.intp]
-    dt: FloatArray
-    mat_nb: FloatArray
-    force: FloatArray
-    vel: FloatArray
-    acc: FloatArray
-    rate: FloatArray
-    body: FloatArray
-    fixed: NDArray[np.bool_]
-    of_body: bool = False
 
 
 @dataclass(frozen=True)
@@ -115,79 +71,6 @@ class FilterModel:
     def fits(self) -> bool:
         """Whether the sds are those of such a filter."""
         return self.misfit < MAX_MISFIT
-
-
-def course_of(run: OutputErrors) -> Course | None:
-    """Return the epochs of a run with their dynamics; None where it has no velocity or too few epochs."""
-    estimate = run.estimate
-    vel = estimate.vel_n
-    if not np.isfinite(vel).any() and estimate.local is not None:
-        vel = np.gradient(estimate.local, run.t, axis=0)
-    quat = estimate.quat_nb
-    if not np.isfinite(quat).any():
-        heading = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0]))
-        quat = rotation.quat_from_rpy(np.column_stack([0.0 * heading, 0.0 * heading, heading]))
-    rows = np.flatnonzero(np.isfinite(vel).all(axis=1) & np.isfinite(quat).all(axis=1))
-    if len(rows) < MIN_EPOCHS:
-        return None
-    rows, fixed = _at_fixes(run.t, rows, fixes_of(run, rows))
-    if len(rows) < MIN_EPOCHS:
-        return None
-    t, vel, quat = run.t[rows], vel[rows], quat[rows]
-    dt = np.diff(t)
-    turn = rotation.rotvec_from_quat(rotation.quat_multiply(quat[1:], rotation.quat_conjugate(quat[:-1])))
-    middle = rotation.quat_multiply(rotation.quat_from_rotvec(0.5 * turn), quat[:-1])
-    mean_acc = np.diff(vel, axis=0) / dt[:, None]
-    acc = np.gradient(vel, t, axis=0)[1:]
-    rate = np.concatenate([turn / dt[:, None], turn[-1:] / dt[-1]])
-    return Course(
-        rows,
-        dt,
-        rotation.mat_from_quat(middle),
-        mean_acc - GRAVITY,
-        vel[1:],
-        acc,
-        0.5 * (rate[:-1] + rate[1:]),
-        rotation.mat_from_quat(quat[1:]),
-        fixed[1:],
-        estimate.vel_of_body,
-    )
-
-
-def _at_fixes(
-    t: FloatArray, rows: NDArray[np.intp], fixed: NDArray[np.bool_]
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return the first epochs with fixes and, where there are none, some as far apart; and which have one."""
-    where = np.flatnonzero(fixed)
-    if 2 < len(where) < 0.9 * len(rows):
-        spacing = float(np.median(np.diff(t[rows[where]])))
-        keep, last = np.zeros(len(rows), dtype=bool), -np.inf
-        for i, now in enumerate(t[rows]):
-            if fixed[i] or now - last > 1.5 * spacing:
-                keep[i], last = True, now
-        rows, fixed = rows[keep], fixed[keep]
-    return rows[:MAX_EPOCHS], fixed[:MAX_EPOCHS]
-
-
-def fixes_of(run: OutputErrors, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return at which epochs the filter used a fix: by innovations, else by drops of its position variance."""
-    estimate = run.estimate
-    outside = np.ones(len(rows), dtype=bool)
-    for begin, end in estimate.outages:
-        outside &= (run.t[rows] <= begin) | (run.t[rows] >= end)
-    if estimate.has_innovations:
-        return np.asarray(np.isfinite(estimate.innovation[rows, :3]).all(axis=1))
-    variance = np.trace(run.covariance[rows][:, :3, :3], axis1=1, axis2=2)
-    if not np.isfinite(variance).all():
-        return outside
-    growth = np.concatenate([[0.0], np.diff(np.log(variance))])
-    drops = np.flatnonzero(growth < -MIN_FIXED_DROP)
-    spacing = np.diff(drops)
-    if len(spacing) > 10 and np.median(spacing) >= 2:
-        fixed = np.zeros(len(rows), dtype=bool)
-        fixed[drops] = True
-        return fixed
-    return outside & (growth < STEADY_GROWTH)
 
 
 def transitions(course: Course, time_constant: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -295,7 +178,7 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
     guess = np.concatenate(
         [FIRST_GUESS, np.log([300.0, 300.0]), 0.5 * np.log(10.0 * np.concatenate([position, velocity]))]
     )
-    part = _head(course, count)
+    part = head(course, count)
 
     def residual(x: FloatArray) -> FloatArray:
         model = _model(x, 0.0, of_body=course.of_body)
@@ -321,11 +204,3 @@ def _model(x: FloatArray, misfit: float, *, of_body: bool) -> FilterModel:
     if of_body:  # what is measured of the velocity is in its fading
         variance[3:] = NO_FIX_VARIANCE
     return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit)
-
-
-def _head(course: Course, count: int) -> Course:
-    """Return the first epochs of a course."""
-    names = ("dt", "mat_nb", "force", "vel", "acc", "rate", "body", "fixed")
-    return replace(
-        course, rows=course.rows[: count + 1], **{name: getattr(course, name)[:count] for name in names}
-    )
