@@ -160,7 +160,7 @@ def score_outputs(
     if why.misfit is not None and not found.consistent:
         notes.append(
             f"no cause is sought: the sds differ by {100.0 * why.misfit:.0f} % (rms) from those of every filter of "
-            "position, velocity, attitude and biases; it has further states, such as scale factors"
+            "position, velocity, attitude, biases and scale factors; it has further states, or no fixes"
         )
     causes = () if found.consistent else _without_contradicted(why.causes, found.scores)
     far = any(s.ratio > DIVERGED_RATIO for s in found.scores) and not causes

@@ -132,6 +132,35 @@ def test_noise_of_the_unit_at_rest_speaks_against_hypotheses_with_less():
     )  # its sds do not tell what it assumes of the accelerometers
 
 
+def test_scale_factors_act_on_the_errors_as_on_a_strapdown_computation():
+    from tuner.consistency.output_causes.course import course_of
+    from tuner.consistency.output_causes.filter_model import transitions
+    from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
+
+    rng = np.random.default_rng(2)
+    truth = textbook.drive(60.0, rng)
+    o = textbook.run_invariant(truth, 1, rng)
+    (run,) = score_outputs([output_of(o, 0)], [truth_of(o)]).runs
+    exact = replace(run.estimate, vel_n=truth_of(o).vel_n, quat_nb=truth_of(o).quat_nb)
+    course = course_of(replace(run, estimate=exact))
+    phi, noise = transitions(course, np.array([400.0, 400.0]))
+    wide, _, start = with_scale_factors(course, phi, noise, np.eye(15), np.array([1e-3, 2e-3]), 1e9)
+    assert np.sqrt(np.diag(start)[15:]) == pytest.approx([1e-3] * 3 + [2e-3] * 3)
+    k, scale = 20, 1e-4 * np.arange(1.0, 7.0)  # of the six sensors: truth minus estimate
+    begin = np.searchsorted(truth.t, run.t[course.rows[k]] - 1e-9)
+    p, v, c = truth.p[begin], truth.v[begin], truth.c[begin]
+    for j in range(begin, begin + textbook.FIX_STEPS):
+        sample = np.concatenate([truth.omega[j], truth.f[j]]) * (1.0 + scale)
+        p, v, c = textbook.mechanise(p, v, c, sample, np.zeros(6))
+    end = begin + textbook.FIX_STEPS
+    turned = textbook.logm((truth.c[end] @ c.T)[None])[0]
+    error = np.concatenate([truth.p[end] - p, truth.v[end] - v, turned])
+    found = wide[k, :9, 15:] @ scale
+    # Motion bends within the second, and rates are means over two of them.
+    for own, tolerance in ((slice(0, 3), 0.05), (slice(3, 6), 0.05), (slice(6, 9), 0.15)):
+        assert found[own] == pytest.approx(error[own], abs=tolerance * np.abs(error[own]).max())
+
+
 STUDY = {
     "none": ({}, None),
     "r": ({"r": 3.0}, "gnss_noise_scale"),

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from models import rotation
 from tuner.consistency.output_causes.course import Course
-from tuner.consistency.output_causes.filter_model import FilterModel, start_covariance, transitions
+from tuner.consistency.output_causes.filter_model import FilterModel, filter_matrices, start_covariance
 from tuner.consistency.output_causes.kernels import covariance_recursion, error_likelihood
 from tuner.consistency.output_errors import OutputErrors
 
@@ -99,21 +99,21 @@ class ErrorModel:
     ----------
     model : FilterModel
         What the filter assumes.
-    update : ndarray, shape (k, 15, 15)
+    update : ndarray, shape (k, n, n)
         I − K H of what happens to the errors between what is seen of them; I where innovations are seen.
-    phi, noise : ndarray, shapes (k, 15, 15), (k, 4, 15, 15)
+    phi, noise : ndarray, shapes (k, n, n), (k, 4, n, n)
         Transition, and process noise of the assumed densities by source.
-    gain : ndarray, shape (k, 15, 6)
+    gain : ndarray, shape (k, n, 6)
         Gains of the fixes.
-    start : ndarray, shape (15, 15)
+    start : ndarray, shape (n, n)
         Covariance at the first epoch.
     seen, variance : ndarray, shapes (k, c)
         What is seen, and the variance of the white error with which it is.
     known : ndarray of bool, shape (k, c)
         Where it is.
-    shift : ndarray, shape (k, 15)
+    shift : ndarray, shape (k, n)
         Known changes of the errors.
-    inputs, outputs : ndarray, shapes (k, 15, m), (k, c, m)
+    inputs, outputs : ndarray, shapes (k, n, m), (k, c, m)
         What the constants of `REGRESSORS` do to the errors, and to what is seen of them.
     sds : ndarray, shape (k, 9)
         Of position, velocity and attitude, as predicted.
@@ -142,6 +142,11 @@ class ErrorModel:
     by_innovations: bool = field(default=False)
     of_body: bool = field(default=False)
 
+    @property
+    def count(self) -> int:
+        """States of the filter: 15, or 21 with scale factors."""
+        return len(self.start)
+
     def deviance(self, true: TrueNoise) -> float:
         """Return −2 ln of the likelihood, up to a constant."""
         logs, products = self._likelihood(true, 0)
@@ -154,7 +159,7 @@ class ErrorModel:
 
     def variances(self, true: TrueNoise) -> FloatArray:
         """Return the mean variances of the 15 errors in the second half of the run."""
-        update = np.tile(np.eye(15), (len(self.dt), 1, 1))
+        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
         update[:, :, :6] -= self.gain
         after = replace(self, update=update, by_innovations=False) if self.by_innovations else self
         system = after._system(true)
@@ -168,11 +173,11 @@ class ErrorModel:
 
     def response(self, constants: FloatArray) -> FloatArray:
         """Return the mean of the errors of position, velocity and attitude that constants (m,) make; (k, 9)."""
-        mean, found = np.zeros(15), np.zeros((len(self.dt), 9))
+        mean, found = np.zeros(self.count), np.zeros((len(self.dt), 9))
         through = self.inputs @ constants
         if self.by_innovations:
             through = -np.einsum("kij,kj->ki", self.gain, self.outputs @ constants)
-        update = np.tile(np.eye(15), (len(self.dt), 1, 1))
+        update = np.tile(np.eye(self.count), (len(self.dt), 1, 1))
         update[:, :, :6] -= self.gain
         dynamics = update @ self.phi
         for k in range(len(self.dt)):
@@ -184,8 +189,8 @@ class ErrorModel:
         system = self._system(true)
         k, n, _ = system.dynamics.shape
         inputs, shift = np.zeros((k, n, regressors)), np.zeros((k, n))
-        inputs[:, :15] = self.inputs[:, :, :regressors]
-        shift[:, :15] = self.shift
+        inputs[:, : self.count] = self.inputs[:, :, :regressors]
+        shift[:, : self.count] = self.shift
         variance = self.variance
         if self.by_innovations:
             variance = variance + np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
@@ -205,12 +210,12 @@ class ErrorModel:
 
     @cached_property
     def _own_dynamics(self) -> FloatArray:
-        """Dynamics of the errors where the filter lacks no process, shape (k, 15, 15)."""
+        """Dynamics of the errors where the filter lacks no process, shape (k, n, n)."""
         return np.asarray(self.update @ self.phi)
 
     @cached_property
     def _own_noise(self) -> FloatArray:
-        """Their noise by source, of the fixes last, shape (4 + 2, k, 15, 15)."""
+        """Their noise by source, of the fixes last, shape (4 + 2, k, n, n)."""
         mats = [self.update @ self.noise[:, s] @ np.swapaxes(self.update, -1, -2) for s in range(4)]
         for own in (slice(0, 3), slice(3, 6)):
             part = self.gain[:, :, own]
@@ -236,27 +241,27 @@ class ErrorModel:
             return system
         n = system.dynamics.shape[1]
         wide = np.tile(np.eye(n), (len(self.dt), 1, 1))
-        wide[:, :15, :15] = self.update
+        wide[:, : self.count, : self.count] = self.update
         if true.extra is not None and true.extra.place == "fixes":
-            wide[:, :15, 15:] = -self.gain[:, :, :3]
+            wide[:, : self.count, self.count :] = -self.gain[:, :, :3]
         r = np.repeat(true.fixes, 3) ** 2 * self.model.fix_variance
         after = wide @ system.noise @ np.swapaxes(wide, -1, -2)
-        after[:, :15, :15] += (self.gain * r) @ np.swapaxes(self.gain, -1, -2)
+        after[:, : self.count, : self.count] += (self.gain * r) @ np.swapaxes(self.gain, -1, -2)
         return _System(wide @ system.dynamics, after, system.start)
 
     def _widened(self, system: _System, decay: FloatArray, variance: FloatArray) -> _System:
-        """Return the system with further stationary first-order states behind the 15."""
+        """Return the system with further stationary first-order states behind those of the filter."""
         k, more = len(self.dt), len(variance)
-        n = 15 + more
+        own, n = self.count, self.count + more
         dynamics, noise, start = np.zeros((k, n, n)), np.zeros((k, n, n)), np.zeros((n, n))
-        dynamics[:, :15, :15], noise[:, :15, :15], start[:15, :15] = (
+        dynamics[:, :own, :own], noise[:, :own, :own], start[:own, :own] = (
             system.dynamics,
             system.noise,
             system.start,
         )
-        dynamics[:, range(15, n), range(15, n)] = decay
-        noise[:, range(15, n), range(15, n)] = (1.0 - decay**2) * variance
-        start[range(15, n), range(15, n)] = variance
+        dynamics[:, range(own, n), range(own, n)] = decay
+        noise[:, range(own, n), range(own, n)] = (1.0 - decay**2) * variance
+        start[range(own, n), range(own, n)] = variance
         return _System(dynamics, noise, start)
 
     def _with_missing_state(self, system: _System, extra: ExtraProcess) -> _System:
@@ -265,7 +270,7 @@ class ErrorModel:
         wide = self._widened(system, decay, np.full(3, extra.sd**2))
         response = self.phi[:, :, first : first + 3].copy()
         response[:, 9:] = 0.0
-        wide.dynamics[:, :15, 15:] = response
+        wide.dynamics[:, : self.count, self.count :] = response
         return wide
 
     def _with_fix_errors(self, system: _System, extra: ExtraProcess) -> _System:
@@ -281,42 +286,40 @@ class ErrorModel:
         variance = 0.5 * density**2 * assumed
         decay = np.exp(-self.dt[:, None] / constant)
         wide = self._widened(system, decay, variance)
-        own, biases = range(9, 15), range(15, 21)
+        own, biases = range(9, 15), range(self.count, self.count + 6)
         increment = (1.0 - decay**2) * variance
         wide.dynamics[:, own, biases] = decay - np.exp(-self.dt[:, None] / assumed)
-        wide.noise[:, :15, :15] -= np.einsum("s,ksij->kij", scale**2, self.noise[:, 2:])
+        wide.noise[:, :15, :15] -= np.einsum("s,ksij->kij", scale**2, self.noise[:, 2:, :15, :15])
         wide.noise[:, own, own] += increment
         wide.noise[:, own, biases] = wide.noise[:, biases, own] = increment
-        known = np.minimum(np.diag(self.start)[9:], variance)
+        known = np.minimum(np.diag(self.start)[9:15], variance)
         wide.start[own, biases] = wide.start[biases, own] = known
         return wide
 
 
 def error_model(run: OutputErrors, course: Course, model: FilterModel) -> ErrorModel:
     """Return a run with the gains of a filter, ready for the likelihood of its errors, or else of its innovations."""
-    phi, noise = transitions(course, model.time_constant)
-    noise = noise * (model.density**2)[:, None, None]
-    if (
-        course.of_body
-    ):  # half of what drives errors of a random walk that is measured often is that of the measurements
+    phi, noise, start = filter_matrices(course, model, start_covariance(run, course))
+    if course.of_body:
+        # Half of what drives errors of a random walk that is measured often is that of the measurements.
         noise[:, 1] *= 0.5
         noise[:, 3] = noise[:, 1]
-    start = start_covariance(run, course)
+    n = len(start)
     covariance, gain = covariance_recursion(phi, noise, course.fixed, np.ones(4), model.fix_variance, start)
     rows = course.rows[1:]
     sds = np.sqrt(np.einsum("kii->ki", covariance)[:, :9])
     by_fixes, outputs = _regressors(course)
     error = run.error[rows, :9]
     by_innovations = not np.isfinite(error).any()
-    update = np.tile(np.eye(15), (len(phi), 1, 1))
-    shift = np.zeros((len(phi), 15))
+    update = np.tile(np.eye(n), (len(phi), 1, 1))
+    shift = np.zeros((len(phi), n))
     if by_innovations:
         seen = run.estimate.innovation[rows]
         known = np.isfinite(seen)
         seen = np.where(known, seen, 0.0)
         # Innovations are of the errors before the fix: the change by the fix belongs to the step after it.
         shift[1:] = -np.einsum("kij,kjl,kl->ki", phi[1:], gain[:-1], seen[:-1])
-        inputs = np.zeros((len(phi), 15, REGRESSOR_COUNT))
+        inputs = np.zeros((len(phi), n, REGRESSOR_COUNT))
         outputs = by_fixes
         variance = MODEL_ERROR**2 * sds[:, :6] ** 2
     else:

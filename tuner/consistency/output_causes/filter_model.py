@@ -3,7 +3,8 @@
 Along the trajectory the errors of any inertial filter obey the same linear dynamics: position, velocity, attitude and
 biases, driven by white noise of gyros and accelerometers and by that of their biases [1]_. What a filter assumes, the
 densities of four noises, the time constants of the biases and the variances of position and velocity fixes, horizontal
-and vertical, is found by least squares of the logarithms of its sds. Its gains follow.
+and vertical, is found by least squares of the logarithms of its sds; where no such filter has these, scale factors join
+its states. Its gains follow.
 
 References
 ----------
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from models import rotation
 from tuner.consistency.output_causes.course import GRAVITY, Course, head
 from tuner.consistency.output_causes.kernels import covariance_recursion
+from tuner.consistency.output_causes.scale_factor_states import with_scale_factors
 from tuner.consistency.output_errors import OutputErrors
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +38,10 @@ MAX_FITTED_EPOCHS = 400
 """Epochs of a run that are fitted: eight numbers follow from far fewer."""
 MAX_MISFIT = 0.05
 """Rms difference of the logarithms of sds above which no such filter explains them: filters without further states
-leave 0.2 to 1 %, KF-GINS with scale factors of 3 % left 14 %, with densities that were wrong by powers of ten."""
+leave 0.2 to 1 %; of KF-GINS with scale factors of 3 %, a model without them leaves 14 %, with densities wrong by powers
+of ten, and one with them 1.5 %."""
+SCALE_GUESS = np.log([3e-3, 3e-3])
+"""Sds of scale factors from which the search begins."""
 MIN_MISFIT = 0.01
 """Error of the sds of a modelled filter that is taken at least: what its linear dynamics leave out."""
 NO_FIX_VARIANCE = 1e12
@@ -59,6 +64,8 @@ class FilterModel:
         Rms difference of the logarithms of its sds and those stated.
     log_density_sd : ndarray, shape (4,)
         How well the sds tell the logarithms of the densities: errors of one epoch's sds, as those of all are alike.
+    scale_sd : ndarray, shape (2,), or None
+        Of scale factors of gyros and accelerometers among its states; None without.
     """
 
     density: FloatArray
@@ -66,6 +73,7 @@ class FilterModel:
     fix_variance: FloatArray
     misfit: float
     log_density_sd: FloatArray = field(default_factory=lambda: np.full(4, np.inf))
+    scale_sd: FloatArray | None = None
 
     @property
     def fits(self) -> bool:
@@ -159,8 +167,30 @@ def start_covariance(run: OutputErrors, course: Course) -> FloatArray:
     return np.asarray(start)
 
 
+def filter_matrices(
+    course: Course, model: FilterModel, start: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return transition, noise by source and start of a filter, of 15 states, or of 21 with scale factors.
+
+    The noise is that of the densities that it assumes; noise of scale factors joins that of the gyro biases.
+    """
+    phi, noise = transitions(course, model.time_constant)
+    noise = noise * (model.density**2)[:, None, None]
+    if model.scale_sd is None:
+        return phi, noise, start
+    return with_scale_factors(course, phi, noise, start, model.scale_sd, float(model.time_constant[0]))
+
+
 def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
-    """Return the filter whose sds are nearest to those of a run."""
+    """Return the filter whose sds are nearest to those of a run; one with scale factors where none without fits."""
+    found = _fit(run, course, scale=False)
+    if found.fits or course.of_body:
+        return found
+    other = _fit(run, course, scale=True)
+    return other if other.fits else found
+
+
+def _fit(run: OutputErrors, course: Course, *, scale: bool) -> FilterModel:
     from scipy.optimize import least_squares  # loaded when used: slow to import
 
     count = min(len(course.dt), MAX_FITTED_EPOCHS)
@@ -182,13 +212,15 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
 
     def residual(x: FloatArray) -> FloatArray:
         model = _model(x, 0.0, of_body=course.of_body)
-        phi, noise = transitions(part, model.time_constant)
-        p, _ = covariance_recursion(phi, noise, part.fixed, model.density**2, model.fix_variance, start)
-        own = np.log(np.maximum(np.einsum("kii->ki", p), 1e-30))
+        phi, noise, wide = filter_matrices(part, model, start)
+        p, _ = covariance_recursion(phi, noise, part.fixed, np.ones(4), model.fix_variance, wide)
+        own = np.log(np.maximum(np.einsum("kii->ki", p)[:, :15], 1e-30))
         return np.asarray(0.5 * (own - stated)[late][:, states].ravel())
 
     if course.of_body:
         guess[5] = 0.0
+    if scale:
+        guess = np.concatenate([guess, SCALE_GUESS])
     found = least_squares(
         residual, guess, bounds=(guess - LOG_SPAN, guess + LOG_SPAN), x_scale=1.0, diff_step=1e-4, max_nfev=40
     )
@@ -200,7 +232,8 @@ def fit_filter(run: OutputErrors, course: Course) -> FilterModel:
 
 
 def _model(x: FloatArray, misfit: float, *, of_body: bool) -> FilterModel:
-    variance = np.exp(2.0 * x[6:])[[0, 0, 1, 2, 2, 3]]
+    variance = np.exp(2.0 * x[6:10])[[0, 0, 1, 2, 2, 3]]
+    scale = np.exp(x[10:]) if len(x) > 10 else None
     if of_body:  # what is measured of the velocity is in its fading
         variance[3:] = NO_FIX_VARIANCE
-    return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit)
+    return FilterModel(np.exp(x[:4]), np.exp(x[4:6]), variance, misfit, scale_sd=scale)
