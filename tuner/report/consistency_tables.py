@@ -73,6 +73,13 @@ def consistency_tables(found: Consistency, notes: Sequence[str] = ()) -> list[Ta
     return answer
 
 
+def consistency_verdict(found: Consistency) -> tuple[bool, str]:
+    """Return whether a filter is consistent, and that with the first reason in words."""
+    reasons = [verdict_text(verdict) for verdict in found.shown.verdicts]
+    words = "Consistent" if found.consistent else "NOT consistent"
+    return found.consistent, f"{words}: {reasons[0]}." if reasons else f"{words}."
+
+
 def check_tables(found: Check, *, budget: bool) -> list[Table | str]:
     """Return the tables of a Monte-Carlo check, the error budget before them where wanted."""
     tables = consistency_tables(found.consistency, found.notes)

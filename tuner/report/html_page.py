@@ -144,9 +144,15 @@ def write_page(
 
 
 def write_sections_page(
-    title: str, sections: Sequence[tuple[str, Sequence[Table | str], Sequence[Picture]]], command: str = ""
+    title: str,
+    sections: Sequence[tuple[str, Sequence[Table | str], Sequence[Picture]]],
+    command: str = "",
+    verdict: tuple[bool, str] | None = None,
 ) -> str:
-    """Return a page of sections with their tables and captioned figures, and the command that makes it again."""
+    """Return a page of sections with their tables and captioned figures, and the command that makes it again.
+
+    Above them stands the verdict, whether it is good and its words, where there is one.
+    """
     drawn: list[Chart] = []
     parts = []
     for heading, words, pictures in sections:
@@ -161,6 +167,7 @@ def write_sections_page(
         "name": title,
         "sections": parts,
         "command": command,
+        "verdict": verdict,
         "charts": _for_script(drawn),
         "plotly": _packed_library() if drawn else "",
     }

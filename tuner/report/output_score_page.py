@@ -17,7 +17,7 @@ from tuner.consistency.output_scores import autocorrelation, normalized
 from tuner.consistency.score_output import OutputScore
 from tuner.formats.documents import json_text
 from tuner.formats.files import write_bytes, write_text
-from tuner.report.consistency_tables import consistency_tables
+from tuner.report.consistency_tables import consistency_tables, consistency_verdict
 from tuner.report.figure_files import figure_bytes
 from tuner.report.html_page import Picture, write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
@@ -40,7 +40,9 @@ _AXES = (("north", "east", "down"),) * 3 + (("x", "y", "z"),) * 2
 ERROR_COLOUR, BAND_COLOUR = "#1d4ed8", "#d6d3d1"
 
 
-def write_output_score(found: OutputScore, content: Mapping[str, Any], directory: Path) -> None:
+def write_output_score(
+    found: OutputScore, content: Mapping[str, Any], directory: Path, command: str = ""
+) -> None:
     """Write ``report.html``, ``score.svg``, ``score.png`` and ``score.json``.
 
     Parameters
@@ -51,6 +53,8 @@ def write_output_score(found: OutputScore, content: Mapping[str, Any], directory
         The JSON.
     directory : Path
         Made where it does not exist; each file is written whole or not at all.
+    command : str
+        What was typed; empty where the page is made from Python.
     """
     pictures = [
         Picture(
@@ -70,8 +74,9 @@ def write_output_score(found: OutputScore, content: Mapping[str, Any], directory
         sections.append(("What explains it, and what to change", lines, []))
     if found.states and not found.consistency.diverged:
         sections.append(("State by state", [states_table(found.states)], []))
+    verdict = consistency_verdict(found.consistency)
     title = f"Score of {', '.join(Path(output.name).name for output in found.outputs[:3])}"
-    write_text(directory / "report.html", write_sections_page(title, sections))
+    write_text(directory / "report.html", write_sections_page(title, sections, command, verdict))
     write_text(directory / "score.json", json_text(content))
 
 

@@ -22,7 +22,7 @@ from tuner.pipeline import TuneResult
 from tuner.report.allan_figure import allan_figure
 from tuner.report.answer_layout import settings_table
 from tuner.report.comparison_tables import choice_tables, comparison_tables
-from tuner.report.consistency_tables import check_tables, consistency_tables
+from tuner.report.consistency_tables import check_tables, consistency_tables, consistency_verdict
 from tuner.report.curve_tables import statistic_tables
 from tuner.report.drive_diagnosis_tables import drive_tables
 from tuner.report.figure_files import draw_all, figure_bytes
@@ -142,7 +142,10 @@ def page_of(results: Mapping[str, object], title: str, command: str) -> str:
     for heading, result in results.items():
         part = result if isinstance(result, Part) else _part_of(result)
         sections.append((heading, part.tables, part.pictures))
-    return write_sections_page(title, sections, command)
+    judged = next((r.consistency for r in results.values() if isinstance(r, Check | DriveResult)), None)
+    return write_sections_page(
+        title, sections, command, None if judged is None else consistency_verdict(judged)
+    )
 
 
 def _part_of(result: object) -> Part:

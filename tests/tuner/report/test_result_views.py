@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -14,12 +15,14 @@ from tuner.consistency.choose_grade import GradeChoice, RankedGrade
 from tuner.consistency.compare_sensors import SensorComparison
 from tuner.identification.comparison import compare_identifications
 from tuner.readers.logs_in_memory import arrays_of_frame
+from tuner.report.consistency_tables import consistency_verdict
 from tuner.report.figure_files import figure_bytes
+from tuner.report.html_page import write_sections_page
 from tuner.report.interactive_figure import charts_of_figure
 from tuner.report.result_views import VIEWS, page_of
 from tuner.synthesis.load_config import load_config
 from tuner.types import Diagnosis
-from tuner.types.consistency import Consistency, Score
+from tuner.types.consistency import Consistency, Score, Severity, Verdict, VerdictCode
 from tuner.types.records import DataError
 
 RATE, COUNT = 50.0, 4000
@@ -110,6 +113,14 @@ def test_each_result_has_tables_numbers_and_a_figure(kind, noise, frame):
     assert "default-src 'none'" in page
     assert "data-chart=" in page, "nothing to read values off"
     assert len(page.encode()) < 6_000_000
+
+
+def test_the_verdict_stands_first_on_a_page():
+    good = Consistency(replace(SCORES[0], mean=15.0), (), (), None, (), {}, 0.0, diverged=False)
+    bad = replace(good, diverged=True, verdicts=(Verdict(VerdictCode.NOT_FINITE, Severity.DIVERGED),))
+    for found, words in ((good, "Consistent."), (bad, "NOT consistent: the filter diverged")):
+        page = write_sections_page("A title", [], "", consistency_verdict(found))
+        assert words in page.partition("</header>")[0]
 
 
 def test_a_chart_has_the_numbers_the_names_and_the_spans_of_its_figure():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import DIRECTORY, Output, common, strict
+from tuner.cli.commands.options import DIRECTORY, Output, common, stated_command, strict
 from tuner.cli.progress import Messages
 
 
@@ -155,7 +155,7 @@ def command(
     if output_dir is not None:
         from tuner.report.output_score_page import write_output_score
 
-        write_output_score(found, content, output_dir)
+        write_output_score(found, content, output_dir, stated_command(click.get_current_context().obj))
         messages.say(f"written: {output_dir}")
     if output.tables:
         show(output_score_tables(found))
