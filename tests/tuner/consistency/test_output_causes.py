@@ -15,8 +15,8 @@ import pytest
 from models import rotation
 from tests import textbook_filters as textbook
 from tuner.consistency.output_causes import _Fit, _with_sensor_noise
-from tuner.consistency.output_causes.error_model import TrueNoise
 from tuner.consistency.output_causes.filter_model import FilterModel
+from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.score_output import score_outputs
 from tuner.types.filter_output import filter_output
 from tuner.types.output_score import OutputCause

@@ -20,11 +20,11 @@ from tuner.consistency.output_causes.error_model import (
     MODEL_ERROR,
     REGRESSORS,
     ErrorModel,
-    TrueNoise,
     error_model,
 )
 from tuner.consistency.output_causes.filter_model import FilterModel, fit_filter
 from tuner.consistency.output_causes.hypotheses import LOG_MAX_SCALE, ScaleHypothesis, scale_hypotheses
+from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
 from tuner.jobs import counted

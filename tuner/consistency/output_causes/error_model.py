@@ -23,6 +23,7 @@ from models import rotation
 from tuner.consistency.output_causes.course import Course
 from tuner.consistency.output_causes.filter_model import FilterModel, filter_matrices, start_covariance
 from tuner.consistency.output_causes.kernels import covariance_recursion, error_likelihood
+from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 
 FloatArray = NDArray[np.float64]
@@ -41,45 +42,6 @@ REGRESSORS: Mapping[str, slice] = {
 """Constants that may act, and their columns."""
 REGRESSOR_COUNT = 17
 """Columns of all of them."""
-
-
-@dataclass(frozen=True)
-class ExtraProcess:
-    """First-order Gauss–Markov processes of three axes that a filter lacks.
-
-    Attributes
-    ----------
-    place : str
-        ``gyro``, ``accel`` or ``fixes``.
-    sd, time_constant : float
-        SI.
-    """
-
-    place: str
-    sd: float
-    time_constant: float
-
-
-@dataclass(frozen=True)
-class TrueNoise:
-    """What the truth is relative to what a filter assumes.
-
-    Attributes
-    ----------
-    density : tuple of 4 floats
-        True ÷ assumed density of each source of process noise.
-    fixes : tuple of 2 floats
-        True ÷ assumed sd of position and velocity fixes.
-    time_ratio : tuple of 2 floats
-        True ÷ assumed time constant of gyro and accelerometer biases of the assumed sd.
-    extra : ExtraProcess or None
-        What the filter lacks.
-    """
-
-    density: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    fixes: tuple[float, float] = (1.0, 1.0)
-    time_ratio: tuple[float, float] = (1.0, 1.0)
-    extra: ExtraProcess | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tuner.consistency.output_causes.error_model import ErrorModel, ExtraProcess, TrueNoise
+from tuner.consistency.output_causes.error_model import ErrorModel
+from tuner.consistency.output_causes.true_noise import ExtraProcess, TrueNoise
 
 LOG_MAX_SCALE = math.log(20.0)
 """Largest ratio of true to assumed sd that is looked for, as a logarithm."""
