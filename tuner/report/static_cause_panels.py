@@ -15,6 +15,7 @@ from tuner.diagnosis import cause
 from tuner.diagnosis.static.causes.registry import CAUSES
 from tuner.formats.customary_units import customary_unit, in_customary, pretty
 from tuner.report.diagnosed_axis import DiagnosedAxis
+from tuner.report.two_level_path import two_level_path
 
 FloatArray = NDArray[np.float64]
 View = Callable[[Axes, DiagnosedAxis, Mapping[str, float]], None]
@@ -113,6 +114,11 @@ def draw_course(panel: Axes, subject: DiagnosedAxis, values: Mapping[str, float]
     hours = blocks(subject.t[part]).mean(axis=1) / 3600.0
     bias = shown(subject, blocks(subject.without_others(cause)[part]).mean(axis=1))
     panel.plot(hours, bias - bias.mean(), color=DATA_COLOUR, lw=0.8, label="means of the samples")
+    if "dwell_low" in values and "size" in values and len(hours) > 1:
+        step = 3600.0 * float(hours[1] - hours[0])
+        size = float(shown(subject, np.array(values["size"])))
+        path = two_level_path(bias, step, size, (values["dwell_low"], values["dwell_high"]))
+        panel.plot(hours, path - bias.mean(), color=CAUSE_COLOUR, lw=1.4, label="likeliest two levels")
     if cause in subject.signals:
         signal = shown(subject, blocks(subject.signals[cause][part]).mean(axis=1))
         panel.plot(hours, signal - signal.mean(), color=CAUSE_COLOUR, lw=1.4, label="found")

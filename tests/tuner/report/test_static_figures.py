@@ -16,6 +16,7 @@ from tuner.report.diagnosed_axis import diagnosed_axis, signal_of
 from tuner.report.figure_files import lay_out
 from tuner.report.static_diagnosis_figures import draw_findings
 from tuner.report.static_diagnosis_tables import diagnosis_tables, hidden_effect_lines
+from tuner.report.two_level_path import two_level_path
 from tuner.simulation.static import simulate
 from tuner.types import Coefficient, Diagnosis, Finding, Gain
 
@@ -159,3 +160,14 @@ def test_panels_are_laid_out_as_with_every_tick():
     whole.get_layout_engine().execute(whole)
     assert [p.get_position().bounds for p in figure.axes] == [p.get_position().bounds for p in whole.axes]
     assert figure.axes[2].xaxis.get_minorticklocs().size
+
+
+def test_the_drawn_path_of_a_telegraph_is_the_one_that_was_put_in():
+    """Levels two noise sds apart for 20 means each: a mean alone tells 84 %, the path nearly all."""
+    rng = np.random.default_rng(4)
+    state = np.cumsum(rng.random(600) < 1.0 / 20.0) % 2
+    path = two_level_path(3.0 + 2.0 * state + rng.normal(0.0, 1.0, 600), 0.5, 2.0, (10.0, 10.0))
+    levels = np.unique(path)
+    assert levels[1] - levels[0] == pytest.approx(2.0)
+    assert levels[0] == pytest.approx(3.0, abs=0.3)
+    assert np.mean((path > levels.mean()) == (state == 1)) > 0.92
