@@ -80,6 +80,15 @@ Read in the sources above, against what tables and forums state:
 - *PSINS*: of the filters of `kfinit` only some use the bias noise at all; the bias does not fade while `ins.tauG`
   is infinite.
 
+## Other configurations and rates
+
+By the same formulas, at 10 Hz and 4 kHz, with noise a million times smaller and a thousand times larger, with gyros
+or accelerometers alone, two axes of three, unequal axes (rms), without a receiver: white noise and walks come out at
+1.00 in every dialect that has a bias. Of the simulators, one state of 100 s comes out within 3 % in gnss-ins-sim,
+Gazebo and RotorS, within 12 % in `imuSensor` and within 31 % in AirSim, whose bias never comes back. No number is
+infinite or NaN; what cannot be written, an axis without white noise or a sensor that the program needs, is refused in
+one line.
+
 ## Not written
 
 - *MATLAB* `insfilter…`, `factorIMUParameters`: their pages name covariances in (rad/s)² and (m/s²)², which fits a

@@ -12,14 +12,17 @@ import re
 import numpy as np
 import pytest
 
+from tests.consumers import filters
 from tests.consumers.examples import EXAMPLES, LAGS, text_of
 from tests.consumers.filters import FILTERS, Filter
 from tests.consumers.simulators import SIMULATORS
-from tuner.exporters import DIALECTS
+from tuner.exporters import DIALECTS, export
 from tuner.synthesis.error_growth import modelled_growth
 
 BY_NAME = {program.dialect: program for program in FILTERS}
 FADING = ("kf-gins", "ob-gins", "navego")
+OWN_STEP = ("px4", "ardupilot")
+"""Their filters predict at a step of their own, whatever the rate of the IMU."""
 
 
 def test_every_dialect_has_a_consumer_whose_use_of_its_numbers_was_read() -> None:
@@ -40,6 +43,22 @@ def ratios(program: Filter, example: str, sensor: str) -> np.ndarray:
 def test_white_noise_and_walk_are_predicted_as_modelled(dialect: str, sensor: str) -> None:
     # Six digits of the export and the Euler step of a fading bias (dt/T = 3e-6) leave a thousandth.
     assert ratios(BY_NAME[dialect], "walk", sensor) == pytest.approx(np.ones(LAGS.size), abs=2e-3)
+
+
+@pytest.mark.parametrize("rate", [10.0, 4000.0])
+@pytest.mark.parametrize("dialect", [name for name in BY_NAME if name not in OWN_STEP])
+def test_the_rate_of_the_target_changes_no_prediction(
+    monkeypatch: pytest.MonkeyPatch, dialect: str, rate: float
+) -> None:
+    program, lags = BY_NAME[dialect], LAGS[:2]
+    monkeypatch.setattr(filters, "STEP", 1.0 / rate)
+    text = export(EXAMPLES["walk"](), dialect, interval=1.0 / rate, memory=float(LAGS[-1]))
+    for sensor in ("gyro", "accel"):
+        channel = EXAMPLES["walk"]().channels[f"{sensor}_x"]
+        modelled = modelled_growth(channel, lags, memory=LAGS[-1])
+        if not program.has_bias:
+            modelled = channel.white_density**2 * lags
+        assert np.sqrt(program.growth(text, sensor, lags) / modelled) == pytest.approx(np.ones(2), abs=3e-3)
 
 
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
