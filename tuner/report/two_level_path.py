@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 MAD_OF_NORMAL = 0.6745
 """Median of the magnitude of a standard normal variable."""
-PASSES = 3
+LEVEL_PASSES = 3
 """Times the level is found again from what the path leaves: it moves by less than a tenth of the noise after two."""
 
 
@@ -23,7 +23,7 @@ def two_level_path(
     Parameters
     ----------
     means : ndarray, shape (n,)
-        Bias, averaged over `interval`; its noise is told from neighbours, which seldom lie on two levels.
+        Bias, averaged over `interval`; its noise follows from neighbours, which seldom lie on two levels.
     interval : float
         s.
     size : float
@@ -38,7 +38,7 @@ def two_level_path(
     levels = np.array([-share, 1.0 - share]) * size
     offset = float(np.mean(means))
     path = np.full(len(means), offset)
-    for _ in range(PASSES):
+    for _ in range(LEVEL_PASSES):
         fit = -0.5 * ((means[:, None] - offset - levels) / max(noise, 1e-300)) ** 2
         came = np.zeros((len(means), 2), dtype=int)
         best = fit[0]
