@@ -16,7 +16,7 @@ is none, the note says that the fixes are better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -29,10 +29,12 @@ from tuner.diagnosis.drive.held_out_gain import change_interval, fitted_before
 from tuner.diagnosis.drive.hypothesis import with_density_factors
 from tuner.diagnosis.drive.linear_model.linearized_run import NOISE_GROUPS
 from tuner.diagnosis.drive.predictive_score import (
+    ConfiguredRun,
     PredictiveScore,
     configured_run,
     outage_pairs,
     predictive_score,
+    with_other_noise,
 )
 from tuner.diagnosis.drive.score_tests import FITTED_SHARE
 from tuner.diagnosis.drive.staying_errors import (
@@ -171,9 +173,17 @@ def choose_config(
     begin, end = float(gnss.t[0]), float(gnss.t[-1])
     cut = begin + FITTED_SHARE * (end - begin)
 
-    def score(config: FilterConfig, first: float, last: float) -> PredictiveScore | None:
+    runs: dict[str, ConfiguredRun] = {}
+
+    def run_of(name: str, config: FilterConfig) -> ConfiguredRun:
+        """Return the run of a configuration that differs from that of a name in its noise only."""
+        if name not in runs:
+            runs[name] = configured_run(drive, config, clock)
+        return with_other_noise(runs[name], drive, config, clock)
+
+    def score(name: str, config: FilterConfig, first: float, last: float) -> PredictiveScore | None:
         try:
-            return predictive_score(configured_run(drive, config, clock), first, last)
+            return predictive_score(run_of(name, config), first, last)
         except (DataError, np.linalg.LinAlgError):
             return None
 
@@ -193,24 +203,24 @@ def choose_config(
     for name, config in fitted.items():
         least = -np.inf
         for factors in (MappingProxyType({}), FIRST_STAYING):
-            first = score(with_noise_factors(config, factors), begin, cut)
+            first = score(name, with_noise_factors(config, factors), begin, cut)
             if first is not None and first.nats >= least:
                 candidates.append(Candidate(name, config, factors, first))
                 least = first.nats + len(FIRST_STAYING) * MIN_GAIN
-    begun = score(before, cut, end)
+    begun = score("as it began", before, cut, end)
     if begun is None or not candidates:
         return HeldOutChoice(after, "with the findings", note=NOT_JUDGED)
     best = max(candidates, key=_nats)
-    candidates += _refined(best, lambda one: score(one, begin, cut))
+    candidates += _refined(best, lambda one: score(best.name, one, begin, cut))
     progress("judging the configurations on the last part of the drive")
-    began = configured_run(drive, before, clock)
+    began = run_of("as it began", before)
 
     def judged(one: Candidate) -> HeldOutChoice | None:
         config = with_noise_factors(one.config, one.factors)
-        late = score(config, cut, end)
+        late = score(one.name, config, cut, end)
         if late is None or not is_better(begun, late):
             return None
-        pairs = outage_pairs(began, configured_run(drive, config, clock), begin, end)
+        pairs = outage_pairs(began, run_of(one.name, config), begin, end)
         if any(change_interval(pair, 2.0 * WORSE_PROBABILITY - 1.0)[0] > 0.0 for pair in pairs.values()):
             return None
         kept = f"{one.name}, factors for outages" if one.factors else one.name
@@ -221,7 +231,7 @@ def choose_config(
         """Whether positions err no more than the fixes, by the settings as fitted and as they are written."""
         if drive.reference is None or found.after is None or not found.after.follows:
             return drive.reference is None
-        stored = score(found.config, cut, end)
+        stored = score(f"{found.kept}, as written", found.config, cut, end)
         return stored is not None and stored.follows
 
     passing = None
@@ -237,7 +247,8 @@ def choose_config(
         return passing
     others = [other for other in candidates if other.name != one.name]
     if others:
-        others = _refined(max(others, key=_nats), lambda config: score(config, begin, cut))
+        next_best = max(others, key=_nats)
+        others = _refined(next_best, lambda config: score(next_best.name, config, begin, cut))
     for other in [*_nearer_to_fixes(one), *others, *(near for it in others for near in _nearer_to_fixes(it))]:
         nearer = judged(other)
         if nearer is not None and errs_no_more(nearer):
@@ -278,21 +289,40 @@ def _fit_factors(
 ) -> Mapping[str, float]:
     """Return the factors of a candidate after those moves that raise its log density, one after another."""
     factors, nats = dict(best.factors), best.first.nats
+    gains: dict[str, list[float]] = {}
     for step in STEPS:
         for name in (*FACTORS, *(own for own in STAYING if POSITION in factors)):
+            if _top_of_parabola(gains.get(name, [])) < MIN_GAIN:
+                continue
+            gains[name] = []
             for direction in (step, 1.0 / step):
                 moved = False
                 for _ in range(MAX_MOVES):
                     trial = {**factors, name: factors.get(name, 1.0) * direction}
                     found = score(with_noise_factors(best.config, trial))
+                    gains[name].append(-np.inf if found is None else found.nats - nats)
                     if found is None or found.nats < nats + MIN_GAIN:
                         break
                     factors, nats, moved = trial, found.nats, True
                 if moved:
+                    gains[name] = []
                     break
     return {
         name: value for name, value in factors.items() if name in FIRST_STAYING or abs(np.log(value)) > 1e-6
     }
+
+
+def _top_of_parabola(gains: Sequence[float]) -> float:
+    """Return how much more a parabola through 0 and two gains, one to either side, gains at its top; ∞ without them.
+
+    Where a far step lost to both sides, a near one is tried only where it may gain.
+    """
+    if len(gains) != 2:
+        return np.inf
+    more, less = gains
+    if not np.isfinite(more + less) or more + less >= 0.0:
+        return np.inf
+    return -((more - less) ** 2) / (8.0 * (more + less))
 
 
 def _recorded(config: FilterConfig, factors: Mapping[str, float]) -> FilterConfig:

@@ -32,7 +32,7 @@ from tuner.types.records import Drive
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MAX_FIXES = 1500
+MAX_FIXES = 1000
 """Fixes that a diagnosis uses, of more of them: its cost grows with them, while constants are known well
 enough.
 """

@@ -6,29 +6,44 @@ or else the withheld fix, is compared with the covariance S that the filter stat
     ln p = −½ [(ν + 3) ln(1 + eᵀS⁻¹e/(ν − 2)) + ln det S]          ν = 5
 
 Student's density with the covariance S: a proper score, which both large errors and wrong covariances lower, and which
-a few windows do not decide. The filter is the one that `navigate` runs, clocks included.
+a few windows do not decide. The filter is the one that `navigate` runs, clocks included. It runs through the drive
+once; every outage branches off from it, as if it were the only one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.earth import ned_between
+from models.strapdown import NavigationState
 from tuner.consistency.drive_scores import reference_at, stated
 from tuner.consistency.score_drive import OUTAGE_LENGTHS, drive_filter
+from tuner.navigation import engine
 from tuner.navigation.compensation import compensate
-from tuner.navigation.data import WITHHELD, Solution
+from tuner.navigation.data import Solution, Steps
 from tuner.navigation.drive.clock import Clock
-from tuner.navigation.drive.run import RECOVERY_TIME, Stretch, navigate, outage_windows, prepare
+from tuner.navigation.drive.run import (
+    RECOVERY_TIME,
+    Stretch,
+    assumed_sds,
+    at_stamps,
+    filtered,
+    initial_estimates,
+    initial_state,
+    outage_windows,
+    prepare,
+)
 from tuner.navigation.settings import FilterSettings
 from tuner.types import FilterConfig
 from tuner.types.records import Drive, Reference
 
 FloatArray = NDArray[np.float64]
+Window = tuple[float, float]
+"""Begin and end of an outage, s."""
 
 STUDENT_FREEDOM = 5.0
 """ν: heavy tails in which an error of five sds costs 8 nats, not 12."""
@@ -109,36 +124,59 @@ def configured_run(drive: Drive, config: FilterConfig, clock: Clock) -> Configur
     clock : Clock
         Of this drive, in place of what the configuration says of clocks.
     """
+    drive, settings = _drive_and_settings(drive, config, clock)
+    stretches: list[Stretch] = []
+    before = None
+    for stretch in prepare(drive, settings, clock=clock)[0]:
+        stretches.append(at_stamps(stretch, settings, before))
+        before = filtered(stretches[-1], settings, before)
+    return ConfiguredRun(settings, tuple(stretches), drive.reference)
+
+
+def with_other_noise(run: ConfiguredRun, drive: Drive, config: FilterConfig, clock: Clock) -> ConfiguredRun:
+    """Return a run with a configuration that differs in its noise only: alignment and velocities are kept.
+
+    Parameters
+    ----------
+    run : ConfiguredRun
+        Of the same drive and clock under a configuration with the same lever arm and sensor errors.
+    drive, config, clock
+        As of `configured_run`.
+    """
+    settings = _drive_and_settings(drive, config, clock)[1]
+    stretches = tuple(
+        replace(s, fixes=replace(s.fixes, sd=assumed_sds(s.reported_sd, settings))) for s in run.stretches
+    )
+    return replace(run, settings=settings, stretches=stretches)
+
+
+def _drive_and_settings(drive: Drive, config: FilterConfig, clock: Clock) -> tuple[Drive, FilterSettings]:
     compensation = config.compensation.without(("time_offset", "velocity_lag"))
     config = replace(config, compensation=compensation)
     drive = compensate(drive, compensation)
-    settings, _ = drive_filter(drive, config, clock=clock)
-    stretches, _ = prepare(drive, settings, clock=clock)
-    return ConfiguredRun(settings, stretches, drive.reference)
+    return drive, drive_filter(drive, config, clock=clock)[0]
 
 
 def predictive_score(run: ConfiguredRun, begin: float, end: float) -> PredictiveScore | None:
     """Score a filter between two times on the clock of the inertial unit, s; None where no outage fits."""
     stretches = tuple(_until(s, end) for s in run.stretches if s.fixes.t[0] < end)
     run = replace(run, stretches=stretches)
-    outages = []
-    for seconds in OUTAGE_LENGTHS:
-        windows = outage_windows(stretches, seconds, begin=begin, end=end)
-        if len(windows) < 2:
-            continue
-        found = _at_ends(run, np.array(windows))
-        if found is None:
-            return None
-        outages.append(replace(found, seconds=seconds))
-    solutions = navigate(stretches, run.settings, np.zeros((0, 2)))
+    windows = {
+        seconds: found
+        for seconds in OUTAGE_LENGTHS
+        if len(found := outage_windows(stretches, seconds, begin=begin, end=end)) > 1
+    }
+    solutions, ends = _with_outages(run, [window for each in windows.values() for window in each])
+    outages = [_errors(run, seconds, [ends[one] for one in each]) for seconds, each in windows.items()]
     tracked = [_tracked(run, s, solution, begin) for s, solution in zip(stretches, solutions, strict=True)]
     t, square, density, alone = (np.concatenate(part) for part in zip(*tracked, strict=True))
-    if not outages or not len(t) or not np.isfinite(density).all():
+    good = [one for one in outages if one is not None]
+    if not good or len(good) < len(outages) or not len(t) or not np.isfinite(density).all():
         return None
     block = (t // RECOVERY_TIME).astype(int)
     means = np.array([density[block == one].mean() for one in np.unique(block)])
     fixes_rms = None if run.reference is None else float(np.sqrt(np.mean(alone)))
-    return PredictiveScore(tuple(outages), float(np.sqrt(np.mean(square))), means, fixes_rms)
+    return PredictiveScore(tuple(good), float(np.sqrt(np.mean(square))), means, fixes_rms)
 
 
 def _until(stretch: Stretch, end: float) -> Stretch:
@@ -167,24 +205,96 @@ def _position_errors(
     return error, solution.covariance[rows, :3, :3] + own
 
 
-def _at_ends(run: ConfiguredRun, windows: FloatArray) -> OutageErrors | None:
-    """Withhold windows (w, 2) and return the errors at their ends; None where a filter is lost."""
-    errors, covariances = [], []
-    for solution in navigate(run.stretches, run.settings, windows):
-        for first, last in windows:
-            inside = np.flatnonzero(
-                (solution.t > first) & (solution.t <= last) & (solution.use[:, 0] == WITHHELD)
+def _with_outages(
+    run: ConfiguredRun, windows: Sequence[Window]
+) -> tuple[tuple[Solution, ...], Mapping[Window, Solution | None]]:
+    """Filter with all fixes, and from there through each window; return also the prediction of its last fix."""
+    solutions: list[Solution] = []
+    ends: dict[Window, Solution | None] = dict.fromkeys(windows)
+    for stretch in run.stretches:
+        x, p = initial_estimates(run.settings, stretch, solutions[-1] if solutions else None)
+        now, fixes = initial_state(run.settings, stretch, x), stretch.fixes
+        at = {
+            window: (int(first), int(last))
+            for window, first, last in zip(
+                windows,
+                *np.searchsorted(fixes.t, np.array(windows).reshape(-1, 2).T, side="right"),
+                strict=True,
             )
-            if not len(inside) or last - solution.t[inside[-1]] > MAX_LATE_FIX * (last - first) + 0.5:
-                continue
-            error, covariance = _position_errors(run, solution, inside[-1:])
-            if np.isfinite(error).all():
-                errors.append(error[0])
-                covariances.append(covariance[0])
-    if not errors or not np.isfinite(covariances).all():
+            if 0 < first < last
+            and window[1] - fixes.t[last - 1] <= MAX_LATE_FIX * (window[1] - window[0]) + 0.5
+        }
+        parts, first = [], 0
+        for last in [*sorted({begun for begun, _ in at.values()} - {len(fixes)}), len(fixes)]:
+            part = _filtered_part(run.settings, now, stretch, slice(first, last), x, p)
+            now, x, p, first = part.final, part.final_parameters, part.final_covariance, last
+            parts.append(part)
+            for window in [one for one, (begun, _) in at.items() if begun == last]:
+                only = slice(at[window][1] - 1, at[window][1])
+                ends[window] = _filtered_part(
+                    run.settings, now, stretch, only, x, p, since=last, withheld=True
+                )
+        solutions.append(_joined(parts))
+    return tuple(solutions), ends
+
+
+def _filtered_part(
+    settings: FilterSettings,
+    now: NavigationState,
+    stretch: Stretch,
+    which: slice,
+    x: FloatArray,
+    p: FloatArray,
+    *,
+    since: int | None = None,
+    withheld: bool = False,
+) -> Solution:
+    """Filter on from the fix before `since`, by default before the first, with some of the fixes of a stretch."""
+    steps, before = stretch.steps, which.start if since is None else since
+    begin = int(stretch.fixes.after[before - 1]) if before else 0
+    own = stretch.fixes.rows(which)
+    own = replace(own, after=own.after - begin, withheld=own.withheld | withheld)
+    last = which.stop == len(stretch.fixes) and not withheld
+    done = slice(begin, len(steps.dt) if last else int(stretch.fixes.after[which.stop - 1]))
+    start = steps.start + float(steps.dt[:begin].sum())
+    part = Steps(start, steps.dt[done], steps.increments[done])
+    return engine.run(settings, now, part, own, parameters=x, covariance=p)
+
+
+def _joined(parts: Sequence[Solution]) -> Solution:
+    """Return solutions of parts that follow one another as one."""
+    state = NavigationState(
+        *(np.concatenate([getattr(one.state, name) for one in parts]) for name in ("llh", "vel_n", "quat_nb"))
+    )
+
+    def whole(name: str) -> FloatArray:
+        return np.concatenate([getattr(one, name) for one in parts])
+
+    return replace(
+        parts[-1],
+        t=whole("t"),
+        state=state,
+        parameters=whole("parameters"),
+        covariance=whole("covariance"),
+        innovation=whole("innovation"),
+        innovation_covariance=whole("innovation_covariance"),
+        use=np.concatenate([one.use for one in parts]),
+        further_covariance=whole("further_covariance"),
+    )
+
+
+def _errors(run: ConfiguredRun, seconds: float, ends: Sequence[Solution | None]) -> OutageErrors | None:
+    """Return the errors at the ends of outages of one length; None where a filter is lost."""
+    found = [one for one in ends if one is not None]
+    if not found:
         return None
-    e, s = np.array(errors), np.array(covariances)
-    return OutageErrors(0.0, np.sum(e**2, axis=1), np.trace(s, axis1=1, axis2=2), _log_density(e, s))
+    whole = _joined(found)
+    e, s = _position_errors(run, whole, np.arange(len(whole.t)))
+    good = np.isfinite(e).all(axis=1)
+    e, s = e[good], s[good]
+    if not len(e) or not np.isfinite(s).all():
+        return None
+    return OutageErrors(seconds, np.sum(e**2, axis=1), np.trace(s, axis1=1, axis2=2), _log_density(e, s))
 
 
 def _tracked(
@@ -220,19 +330,22 @@ def outage_pairs(
     A drive of ten minutes has two outages of a minute in its last part, by which no change can be judged. Here are
     those of the whole time given, and again those half a window later.
     """
-    pairs = {}
-    for seconds in OUTAGE_LENGTHS:
-        errors = []
-        for run in (before, after):
-            both: list[FloatArray] = []
-            for late in (0.0, 0.5 * (seconds + RECOVERY_TIME)):
-                windows = [
-                    (a + late, b + late)
-                    for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - late)
-                ]
-                found = _at_ends(run, np.array(windows)) if windows else None
-                both.append(np.zeros(0) if found is None else found.square)
-            errors.append(np.concatenate(both))
-        if len(errors[0]) == len(errors[1]) > 1:
-            pairs[seconds] = np.stack(errors, axis=-1)
-    return pairs
+    late = {seconds: (0.0, 0.5 * (seconds + RECOVERY_TIME)) for seconds in OUTAGE_LENGTHS}
+    square = []
+    for run in (before, after):
+        windows = {
+            seconds: [
+                (a + later, b + later)
+                for later in each
+                for a, b in outage_windows(run.stretches, seconds, begin=begin, end=end - later)
+            ]
+            for seconds, each in late.items()
+        }
+        _, ends = _with_outages(run, [one for each in windows.values() for one in each])
+        found = {s: _errors(run, s, [ends[one] for one in each]) for s, each in windows.items()}
+        square.append({s: one.square for s, one in found.items() if one is not None})
+    return {
+        seconds: np.stack([square[0][seconds], square[1][seconds]], axis=-1)
+        for seconds in OUTAGE_LENGTHS
+        if len(square[0].get(seconds, ())) == len(square[1].get(seconds, ())) > 1
+    }

@@ -43,26 +43,37 @@ def without_gross_outliers(gnss: Gnss) -> tuple[Gnss, int, int]:
     last = np.searchsorted(gnss.t, gnss.t + NEIGHBOUR_TIME, side="right")
     wrong, slips = np.zeros(len(gnss), dtype=bool), np.zeros(len(gnss), dtype=bool)
     with_velocity: NDArray[np.bool_] = np.isfinite(gnss.vel_n.sum(axis=1))
-    for i in np.flatnonzero(last - first > MIN_NEIGHBOURS):
-        near = np.r_[first[i] : i, i + 1 : last[i]]
-        moving = near[with_velocity[near]]
-        if len(moving) < MIN_NEIGHBOURS:
-            continue
-        around = gnss.vel_n[moving]
-        velocity = np.median(around, axis=0)
-        there = metres[near] - velocity * (gnss.t[near] - gnss.t[i])[:, None]
-        wrong[i] = _is_far(metres[i], there, POSITION_FLOOR)
-        slips[i] = bool(with_velocity[i]) and _is_far(gnss.vel_n[i], around, VELOCITY_FLOOR)
+    count = last - first
+    for n in np.unique(count[count > MIN_NEIGHBOURS]).tolist():
+        rows = np.flatnonzero(count == n)
+        near = first[rows, None] + np.arange(n)
+        near = near[near != rows[:, None]].reshape(len(rows), n - 1)
+        moving = with_velocity[near]
+        usual = moving.all(axis=1)
+        parts = [(rows[usual], near[usual], near[usual])]
+        parts += [
+            (rows[i : i + 1], near[i : i + 1], near[i : i + 1, moving[i]]) for i in np.flatnonzero(~usual)
+        ]
+        for i, others, known in parts:
+            if not len(i) or known.shape[1] < MIN_NEIGHBOURS:
+                continue
+            around = gnss.vel_n[known]
+            velocity = np.median(around, axis=1, keepdims=True)
+            there = metres[others] - velocity * (gnss.t[others] - gnss.t[i, None])[..., None]
+            wrong[i] = _are_far(metres[i], there, POSITION_FLOOR)
+            slips[i] = with_velocity[i] & _are_far(gnss.vel_n[i], around, VELOCITY_FLOOR)
     wrong |= _contradicts_both_neighbours(gnss, metres) & (last - first <= MIN_NEIGHBOURS)
     vel_n = np.where(slips[:, None], np.nan, gnss.vel_n)
     return replace(gnss, vel_n=vel_n).rows(~wrong), int(wrong.sum()), int(slips.sum())
 
 
-def _is_far(value: FloatArray, others: FloatArray, floor: float) -> bool:
-    """Whether a value (3,) lies horizontally further from the median of others (n, 3) than they scatter."""
-    middle = np.median(others[:, :2], axis=0)
-    scatter = 1.48 * np.median(np.linalg.norm(others[:, :2] - middle, axis=1))
-    return bool(np.linalg.norm(value[:2] - middle) > max(MAX_SCATTERS * scatter, floor))
+def _are_far(value: FloatArray, others: FloatArray, floor: float) -> NDArray[np.bool_]:
+    """Whether values (k, 3) lie horizontally further from the median of others (k, n, 3) than they scatter."""
+    middle = np.median(others[..., :2], axis=1)
+    scatter = 1.48 * np.median(np.linalg.norm(others[..., :2] - middle[:, None], axis=2), axis=1)
+    return np.asarray(
+        np.linalg.norm(value[:, :2] - middle, axis=1) > np.maximum(MAX_SCATTERS * scatter, floor)
+    )
 
 
 def _contradicts_both_neighbours(gnss: Gnss, metres: FloatArray) -> NDArray[np.bool_]:

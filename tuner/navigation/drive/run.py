@@ -13,7 +13,7 @@ clock and correlated error of the receiver included: with H of the fix, H_pv = I
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -70,6 +70,10 @@ class Stretch:
         Where it comes from.
     lag : float
         How much later the receiver's velocities are than its positions, s; `navigate` mends it.
+    constraints : Constraints or None
+        What is known of the vehicle beside the fixes.
+    reported_sd : ndarray, shape (k, 6)
+        Sds of the fixes as the receiver reports them, NaN where it reports none.
     """
 
     steps: Steps
@@ -78,6 +82,7 @@ class Stretch:
     alignment: Alignment
     lag: float = 0.0
     constraints: Constraints | None = None
+    reported_sd: FloatArray = field(default_factory=lambda: np.full((0, 6), np.nan))
 
     @property
     def settled(self) -> float:
@@ -165,26 +170,35 @@ def navigate(
     """Filter all stretches, fixes inside windows (w, 2), s, withheld; biases and constants are carried over."""
     answers: list[Solution] = []
     for stretch in stretches:
-        x, p = initial_estimates(settings, stretch, answers[-1] if answers else None)
-        fixes, lag = stretch.fixes.without(windows), settings.velocity_lag + stretch.lag
-
-        def filtered(
-            fixes: Fixes, stretch: Stretch = stretch, x: FloatArray = x, p: FloatArray = p
-        ) -> Solution:
-            return engine.run(
-                settings,
-                initial_state(settings, stretch, x),
-                stretch.steps,
-                fixes,
-                parameters=x,
-                covariance=p,
-                constraints=stretch.constraints,
-            )
-
-        if lag:
-            fixes = advanced(fixes, stretch.steps, filtered(interpolated(fixes, lag)), lag)
-        answers.append(filtered(fixes))
+        before = answers[-1] if answers else None
+        one = replace(stretch, fixes=stretch.fixes.without(windows))
+        answers.append(filtered(at_stamps(one, settings, before), settings, before))
     return tuple(answers)
+
+
+def filtered(stretch: Stretch, settings: FilterSettings, before: Solution | None) -> Solution:
+    """Filter a stretch that follows a solution, or none; velocities are those at the stamps."""
+    x, p = initial_estimates(settings, stretch, before)
+    start = initial_state(settings, stretch, x)
+    return engine.run(
+        settings,
+        start,
+        stretch.steps,
+        stretch.fixes,
+        parameters=x,
+        covariance=p,
+        constraints=stretch.constraints,
+    )
+
+
+def at_stamps(stretch: Stretch, settings: FilterSettings, before: Solution | None) -> Stretch:
+    """Return a stretch whose velocities lag no more, with the attitude of a filter that interpolates them."""
+    lag = settings.velocity_lag + stretch.lag
+    if not lag:
+        return stretch
+    rough = filtered(replace(stretch, fixes=interpolated(stretch.fixes, lag)), settings, before)
+    fixes = advanced(stretch.fixes, stretch.steps, rough, lag)
+    return replace(stretch, fixes=fixes, lag=-settings.velocity_lag)
 
 
 def outage_windows(
@@ -321,13 +335,14 @@ def _timed(steps: Steps, own: Gnss, a: Alignment, settings: FilterSettings, lag:
     steps = Steps(float(ends[first]), steps.dt[first:], steps.increments[first:])
     split, after = split_at(steps, t)
     settled = a.t + a.still + SETTLING_TIME
-    fixes = Fixes(t, after, own.llh, own.vel_n, _sds(own, settings), trusted=t < settled)
+    raw = np.hstack([own.position_sd, own.velocity_sd])
+    fixes = Fixes(t, after, own.llh, own.vel_n, assumed_sds(raw, settings), trusted=t < settled)
     mat_nb, vel = rotation.mat_from_quat(quat), velocities(own)[0]
     arm = np.array(settings.lever_arm)
     vel = vel - mat_nb @ np.cross(_first_rates(steps)[:3] - a.gyro_bias, arm)
     there = llh_displaced(own.llh[0], -mat_nb @ arm - vel * (t[0] - steps.start))
     start = NavigationState(there, vel, quat)
-    return Stretch(split, fixes, start, a, lag)
+    return Stretch(split, fixes, start, a, lag, reported_sd=raw)
 
 
 def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
@@ -341,9 +356,9 @@ def _attitude_at(steps: Steps, a: Alignment, k: int) -> FloatArray:
     return quat
 
 
-def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
-    """Return what the filter assumes of each fix: what the receiver reports, else the configuration's; (k, 6)."""
-    reported = reported_sds(gnss, settings)
+def assumed_sds(raw: FloatArray, settings: FilterSettings) -> FloatArray:
+    """Return what the filter assumes of fixes: the receiver's sds (k, 6), where it has none the configuration's."""
+    reported = _known(raw, settings)
     if settings.fix_sd_models is None:
         return reported if settings.position_sd is None else np.maximum(reported, _configured(settings))
     position, velocity = settings.fix_sd_models
@@ -352,8 +367,11 @@ def _sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
 
 def reported_sds(gnss: Gnss, settings: FilterSettings) -> FloatArray:
     """Return the sds that the receiver reports, those of the configuration where it reports none; (k, 6)."""
-    reported = np.hstack([gnss.position_sd, gnss.velocity_sd])
-    return np.where(reported > 0.0, reported, _configured(settings))
+    return _known(np.hstack([gnss.position_sd, gnss.velocity_sd]), settings)
+
+
+def _known(raw: FloatArray, settings: FilterSettings) -> FloatArray:
+    return np.where(raw > 0.0, raw, _configured(settings))
 
 
 def _configured(settings: FilterSettings) -> FloatArray:

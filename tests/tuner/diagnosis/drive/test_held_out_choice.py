@@ -15,10 +15,14 @@ from tuner.diagnosis.drive.held_out_choice import choose_config, is_better, with
 from tuner.diagnosis.drive.predictive_score import (
     OutageErrors,
     PredictiveScore,
+    _with_outages,
     configured_run,
     predictive_score,
+    with_other_noise,
 )
+from tuner.navigation.data import WITHHELD
 from tuner.navigation.drive.clock import AGREEING, Clock
+from tuner.navigation.drive.run import navigate
 from tuner.simulation.drive import simulate_drive
 from tuner.synthesis.load_config import load_config
 from tuner.types import Parameter
@@ -58,6 +62,29 @@ def test_outages_of_the_right_filter_are_consistent(drive, right):
     score = predictive_score(configured_run(drive, right, AGREEING), 0.0, 600.0)
     assert [one.seconds for one in score.outages] == [10.0, 30.0, 60.0]
     assert all(0.5 < one.ratio < 2.0 for one in score.outages)
+
+
+def test_an_outage_branches_off_from_the_filter_with_all_fixes(drive, right):
+    """What a branch predicts is what a filter predicts from which that one outage is withheld."""
+    run = configured_run(drive, right, AGREEING)
+    window = (200.0, 230.0)
+    (whole,), ends = _with_outages(run, [window])
+    (alone,) = navigate(run.stretches, run.settings, np.array([window]))
+    last = int(np.flatnonzero(alone.use[:, 0] == WITHHELD)[-1])
+    assert ends[window].t[0] == alone.t[last]
+    np.testing.assert_allclose(ends[window].innovation[0], alone.innovation[last], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(ends[window].covariance[0], alone.covariance[last], rtol=1e-6, atol=1e-12)
+    (every,) = navigate(run.stretches, run.settings, np.zeros((0, 2)))
+    np.testing.assert_allclose(whole.covariance, every.covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_a_run_with_other_noise_is_the_run_of_that_configuration(drive, right):
+    other = with_noise_factors(right, {"white": 3.0, "position_horizontal": 2.0})
+    kept = with_other_noise(configured_run(drive, right, AGREEING), drive, other, AGREEING)
+    first, second = (
+        predictive_score(run, 0.0, 600.0) for run in (kept, configured_run(drive, other, AGREEING))
+    )
+    assert first.nats == pytest.approx(second.nats, abs=0.1)
 
 
 def test_noise_that_is_far_too_small_is_mended(drive, right):

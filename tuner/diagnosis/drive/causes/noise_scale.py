@@ -196,8 +196,12 @@ def joint_noise(
     return test("gnss_noise_scale", 0), test("imu_noise_scale", 1)
 
 
-def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFit:
+def _fit_identifiable(
+    noise: NoiseHypothesis, names: tuple[str, ...], alone: NoiseFit | None = None
+) -> NoiseFit:
     """Fit factors; those on Q that the drive does not identify, or that are 1 within error, stay as configured.
+
+    A factor that was fitted `alone` is not fitted again.
 
     Where ln L is flat in a factor the search ends anywhere: white noise of accelerometers hardly shows in fixes at
     1 Hz.
@@ -208,7 +212,10 @@ def _fit_identifiable(noise: NoiseHypothesis, names: tuple[str, ...]) -> NoiseFi
         for n in names
         if n in ROW_GROUPS or (fit.identifiable(n) and _wald_statistic(fit, n, 0.0) > MIN_SCORE_STATISTIC)
     )
-    return fit if kept in (names, ()) else maximize_likelihood(noise, noise_parameters(kept))
+    if kept in (names, ()):
+        return fit
+    known = alone is not None and kept == alone.parameters.names
+    return alone if alone is not None and known else maximize_likelihood(noise, noise_parameters(kept))
 
 
 def _wald_statistic(fit: NoiseFit, name: str, prior_sd: float) -> float:
@@ -238,7 +245,7 @@ def _test(
         name for name in scores.names if name in (ROW_GROUPS if best in ERROR_RATE_SHARE else NOISE_GROUPS)
     )
     wrong = tuple(name for name in parts if ratio.get(name, 0.0) > MIN_SCORE_STATISTIC)
-    fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong)]
+    fits = [alone] if wrong in ((), (best,)) else [alone, _fit_identifiable(noise, wrong, alone)]
     fit = max(fits, key=lambda one: one.log_likelihood - price * len(one.estimate))
     gain = fit.log_likelihood - scores.value - price * len(fit.estimate)
     result = TestResult(cause, p_value, gain, exact, title)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -60,6 +60,8 @@ The guess of a fifth is within some two sds of the whole, which a fit reaches in
 """
 LOST_IN_ROUNDING_COST = 1e12
 """Cost, nats, of noise so far from the run's that its likelihood is lost in rounding."""
+REMEMBERED = 4
+"""Answers that a cost remembers: the end of one search is the beginning of the next, and of a curvature."""
 NO_PRIOR: Mapping[str, float] = MappingProxyType({})
 """Prior sds by parameter where nothing is known of any."""
 _LOG_STEP = 0.02
@@ -253,9 +255,17 @@ def _cost_at_fixed_constants(
 
 
 def _cost(noise: NoiseHypothesis, parameters: NoiseParameters, sd: FloatArray) -> Cost:
-    """Return the cost to minimise, −ln L and the prior, with its gradient."""
+    """Return the cost to minimise, −ln L and the prior, with its gradient; the last answers are remembered."""
+
+    @lru_cache(maxsize=REMEMBERED)
+    def remembered(at: tuple[float, ...]) -> tuple[float, FloatArray]:
+        return computed(np.array(at))
 
     def cost(at: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = remembered(tuple(at.tolist()))
+        return value, slope.copy()
+
+    def computed(at: FloatArray) -> tuple[float, FloatArray]:
         x = np.clip(at, -MAX_LOG, MAX_LOG)
         with np.errstate(invalid="ignore", divide="ignore"):
             likelihood, gradient = evaluate_with_gradient(parameters.change(noise, x))
