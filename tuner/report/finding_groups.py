@@ -34,6 +34,8 @@ COMB_TOLERANCE = 0.02
 in one of 25 cases each."""
 SIMULTANEOUS_WITHIN = 5.0
 """Seconds between events that are one: longer than the edges of an event are uncertain, shorter than most bursts."""
+SAMPLES_AT_FAULT = "no entry: the samples themselves are at fault"
+"""What a cause changes that no setting can make up for: spikes, motion, rails, stamps."""
 LASTING = ("thermal", "attitude")
 """Causes without one effect of their own that are compensated, as those whose effect is a signal are."""
 
@@ -72,8 +74,7 @@ class FindingGroup:
         """Whether it moves the position, or may for all that is known; faults of the samples do."""
         if not self.drift or self.worth >= log(MIN_DRIFT_CHANGE):
             return True
-        declared = [CAUSES.get(finding.cause) for finding in self.findings]
-        return any(cause is None or cause.group == "samples" for cause in declared)
+        return any(changed_entry(finding.cause) == SAMPLES_AT_FAULT for finding in self.findings)
 
 
 def contradicted(finding: Finding) -> bool:
@@ -194,7 +195,7 @@ def changed_entry(cause: str) -> str:
     if effect is None or effect.joins == "preprocessing":
         if effect is not None and effect.identified_as is not None:
             return _of_term(effect.identified_as)
-        return "no entry: the samples themselves are at fault"
+        return SAMPLES_AT_FAULT
     if effect.identified_as is not None:
         return _of_term(effect.identified_as)
     if effect.joins == "law of the noise":
@@ -246,7 +247,8 @@ def headlines(findings: Sequence[Finding], span: float | None = None) -> list[st
     notes = []
     if idle := [group for group in every if not group.matters]:
         share = 100.0 * (MIN_DRIFT_CHANGE - 1.0)
-        notes = [f"found, moves the position by less than {share:.2g} %: {'; '.join(g.short for g in idle)}"]
+        listed = "; ".join(f"{group.title}: changes {group.changes}" for group in idle)
+        notes = [f"found, moves the position by less than {share:.2g} %: {listed}"]
     notes += [
         f"{one.cause} in {', '.join(one.channels)}: held-out data are less likely with it ({_split(one.gain)})"
         for one in findings

@@ -102,7 +102,7 @@ def test_what_stays_unexplained_is_a_status_only_if_strict(tmp_path, capsys, mon
     monkeypatch.setattr("tuner.diagnosis.diagnose", lambda *_, **__: odd)
     path = str(log(tmp_path / "odd.npz", seed=5))
     assert run(["diagnose", path, "--quiet"]) == 0
-    assert "unexplained: kurtosis of the residuals in gyro_x" in capsys.readouterr().out
+    assert "unexplained: kurtosis of the residuals in gyro x" in capsys.readouterr().out
     assert run(["diagnose", path, "--strict", "--quiet"]) == 1
 
 
@@ -133,6 +133,6 @@ def test_two_states_of_a_unit_differ_by_cause_and_entry(tmp_path, capsys):
     found = {(one["cause"], one["entry"]) for one in told["differences"]}
     entry = "channels.gyro_x.{}".format
     assert found >= {
-        ("line", entry("white_density")), ("noise", entry("white_density")), ("mean", entry("constant_sd")),
+        ("line", None), ("noise", entry("white_density")), ("mean", entry("constant_sd")),
     }  # fmt: skip
     assert "What differs, by cause" in capsys.readouterr().out
