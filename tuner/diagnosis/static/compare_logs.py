@@ -22,17 +22,20 @@ NOISE, MEAN = "noise", "mean"
 ENTRY_OF_GROUP: Mapping[str, str] = {
     "fast spectrum": "white_density",
     "distribution": "white_density",
-    "several channels": "white_density",
 }
 """Entry of an axis in the configuration that causes of a group move."""
 ENTRY_OF_CAUSE: Mapping[str, str] = {
     "gauss_markov": "markov",
     "telegraph": "markov",
     "step": "random_walk_density",
-    "motion": "",
     "warmup": "constant_sd",
+    "line": "",
+    "comb": "",
+    "vibration": "",
+    "skewed_noise": "",
+    "spikes": "",
 }
-"""The same of single causes; all others are taken out of the samples and leave the noise as it is."""
+"""The same of single causes; what is bounded, or taken out of the samples, leaves the noise as it is."""
 ENTRY_OF_TERM: Mapping[str, str] = {
     "white": "white_density",
     "bias_instability": "markov",
@@ -115,12 +118,12 @@ def _by_cause(axis: str, running: Sequence[Finding], at_rest: Sequence[Finding])
         twin = next((other for other in others if _same(axis, finding, other)), None)
         if twin is not None:
             others.remove(twin)
-        name = _size(finding)
+        name = _size(axis, finding)
         now, then = _value(axis, finding, name), None if twin is None else _value(axis, twin, name)
         if twin is None or _apart(now, then):
             differences.append(Difference(axis, finding.cause, name, then, now, _entry(axis, finding.cause)))
     for finding in others:
-        name = _size(finding)
+        name = _size(axis, finding)
         then = _value(axis, finding, name)
         differences.append(Difference(axis, finding.cause, name, then, None, _entry(axis, finding.cause)))
     return differences
@@ -143,10 +146,12 @@ def _locating(cause: str) -> tuple[str, ...]:
     return () if declared is None or declared.effect is None else declared.effect.locates
 
 
-def _size(finding: Finding) -> str:
-    """Return the name of the parameter that says how much there is of a cause."""
+def _size(axis: str, finding: Finding) -> str:
+    """Return the name of the parameter that says how much there is of a cause: one in the unit of the axis if any."""
     places = _locating(finding.cause)
-    return next((n for n in finding.parameters if n not in places), next(iter(finding.parameters), ""))
+    sizes = [n for n in finding.parameters if n not in places] or list(finding.parameters)
+    unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
+    return next((n for n in sizes if finding.parameters[n].unit == unit), next(iter(sizes), ""))
 
 
 def _same(axis: str, one: Finding, other: Finding) -> bool:
