@@ -104,8 +104,8 @@ def simulate_source(
 
 
 def _profile(findings: tuple[PlacedEffect, ...], duration: float) -> Profile | None:
-    """Return a temperature that rises and falls where findings follow one: no transient resembles it."""
-    if not any(one.effect.needs_temperature for one in findings):
+    """Return a temperature that rises and falls where there are findings: no transient resembles it."""
+    if not findings:
         return None
     return Diurnal(MIDDLE_TEMPERATURE, TEMPERATURE_SWING, period=duration / TEMPERATURE_CYCLES)
 

@@ -11,7 +11,7 @@ from tuner.diagnosis import diagnose
 from tuner.formats import noise_yaml
 from tuner.identification import identify
 from tuner.simulation.from_config import channels_of_config
-from tuner.simulation.simulate_source import simulate_source
+from tuner.simulation.simulate_source import _profile, simulate_source
 from tuner.simulation.static import simulate
 from tuner.synthesis import synthesize
 from tuner.synthesis.findings import findings_for_config
@@ -67,16 +67,20 @@ def test_findings_become_effects_as_they_were_found():
             finding("lattice", "gyro_y", step=STEP),
             finding("timing", "gyro_x", gap_count=3.0),
             finding("timing", "gyro_y", gap_count=3.0),
+            finding("motion", "gyro_x", start=3.0, duration=2.0, sd=0.1),
         ),
     )  # fmt: skip
     channels, effects, notes = channels_of_config(config)
     assert notes == ()
     made = {one.effect.name: one for one in effects}
-    assert sorted(one.effect.name for one in effects) == ["clipping", "colour", "lattice", "timing"]
+    assert sorted(one.effect.name for one in effects) == ["clipping", "colour", "lattice", "motion", "timing"]
     assert made["colour"].effect.ar == (0.5, -0.3)
     assert (made["clipping"].effect.low, made["clipping"].effect.high) == pytest.approx((-0.02, 0.03))
     assert (channels["gyro_x"].bias_sd, channels["gyro_y"].bias_sd) == (0.0, 0.02)
     assert set(made["timing"].axes) == {"gyro_x", "gyro_y"}
+    assert isinstance(
+        _profile(effects, 100.0), Diurnal
+    )  # a warm-up beside a warming box would be its temperature
     (white,) = [t for t in channels["gyro_y"].model.terms if isinstance(t, White)]
     assert white.density**2 == pytest.approx(1e-6 - STEP**2 * 0.02 / 12.0)
 

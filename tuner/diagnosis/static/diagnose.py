@@ -289,9 +289,12 @@ def _motion(
     found = []
     for extension, stretch in zip(extensions, stretches, strict=True):
         axes = tuple(c.axis for c in channels if motion.moved(c, stretch)) or tuple(c.axis for c in channels)
-        parameters = {
-            k: v.coefficient(channels[0].unit, channels[0].scale) for k, v in extension.values.items()
+        when = {k: v.coefficient("s", 1.0) for k, v in extension.values.items()}
+        moved = {
+            c.axis: motion.sway(c, stretch).coefficient(c.unit, c.scale) for c in channels if c.axis in axes
         }
+        by_channel = {axis: {**when, "sd": sd} for axis, sd in moved.items()}
+        parameters = max(by_channel.values(), key=lambda values: values["sd"].value or 0.0)
         found.append(
             Finding(
                 "motion",
@@ -300,8 +303,9 @@ def _motion(
                 motion.STEP_THRESHOLD,
                 1e-10,
                 parameters,
-                words("motion", axes, motion.Motion.meaning, parameters),
+                words("motion", axes, motion.Motion.meaning, parameters, by_channel),
                 motion.Motion.consequence,
+                by_channel=by_channel,
             )
         )
     share = sum(stretch.last - stretch.first for stretch in stretches) / len(channels[0])

@@ -230,6 +230,8 @@ def test_axes_that_are_one_and_the_same_are_shared_noise():
 def test_motion_is_left_out():
     (finding,) = found("motion:start=600,duration=60,sd=0.2").findings
     assert finding.cause == "motion"
+    low, high = finding.parameters["sd"].interval
+    assert 0.9 * low < 0.2 < 1.1 * high
     start, duration = (finding.parameters[k].value for k in ("start", "duration"))
     assert start < 615
     assert start + duration > 645

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.static.events import SWAY_FREQUENCY
 from models.effects.static.events import Motion as Effect
 from tuner.diagnosis.static.causes.base import Extension, Value
 from tuner.diagnosis.static.channel import GAP_NEIGHBOURS, Channel
@@ -273,6 +274,18 @@ def _felt(channels: list[Channel], first: int, last: int) -> bool:
         >= MIN_LARGE_STEPS
     }
     return len(jumps) > 1
+
+
+def sway(channel: Channel, stretch: Stretch) -> Value:
+    """Return the standard deviation, scales, of the motion in the middle half of its stretch: it swells and ebbs.
+
+    It sways at about `SWAY_FREQUENCY`, so that a stretch shows it twice a period.
+    """
+    quarter = (stretch.ended - stretch.begun) // 4
+    inside = channel.y[stretch.begun + quarter : max(stretch.ended - quarter, stretch.begun + quarter + 2)]
+    sd = float(np.sqrt(max(float(np.var(inside)) - 1.0, 1.0)))
+    number = max(2.0 * len(inside) * channel.interval * SWAY_FREQUENCY, 1.0)
+    return Value.log(sd, float(np.sqrt(0.5 / number)), "{u}")
 
 
 def extension(channel: Channel, stretch: Stretch) -> Motion:
