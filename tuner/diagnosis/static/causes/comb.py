@@ -32,6 +32,8 @@ PERIOD_MULTIPLES = 32
 """Multiples of a period at which the autocorrelation is averaged: its deviation falls by their root."""
 MIN_SCORE = 5.5
 """Deviations of that mean below which no period is folded: one of 1e5 exceeds it by chance in 2e-3 of records."""
+MAX_MULTIPLE = 12
+"""Largest multiple of its period at which a comb is found; beyond, few periods are left in a record."""
 FEW_LINES, MAX_LINE_SHARE = 3, 0.6
 """Lines that hold less than this share of the power of a comb; a pulse spreads its power over all of them evenly."""
 
@@ -70,11 +72,12 @@ class Comb(Extension):
         if score < MIN_SCORE:
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
         e = np.where(fitted.valid, np.clip(fitted.e, -RESIDUAL_CLIP, RESIDUAL_CLIP), 0.0)
-        period, folded = _refined(e, period)
+        period = _shortest(e, _refined(e, period))
+        folded = _fold(e, period)
         lines = np.sort(np.abs(rfft(folded - folded.mean())) ** 2)[::-1]
         if lines[:FEW_LINES].sum() > MAX_LINE_SHARE * lines.sum():
             return TestResult(cls.cause, 1.0, NO_GAIN, score, name)
-        square = float(np.sum(np.bincount(_bins(len(e), period), minlength=len(folded)) * folded**2))
+        square = _square(e, period)
         p_value = min(1.0, number * len(e) / period * float(chi2.sf(square, len(folded))))
         gain = 0.5 * (square - len(folded)) - float(np.log(number * len(e) / period))
         return TestResult(cls.cause, p_value, gain, square, name, lambda: (_extension(fitted, period),))
@@ -98,9 +101,12 @@ def _best_period(fitted: Residual) -> tuple[float, float, int]:
 
 
 def _bins(n: int, period: float) -> IntArray:
-    """Return which phase of the period each of n samples has, as a whole number below the period, shape (n,)."""
+    """Return which phase of the period each of n samples has, as a whole number below the period, shape (n,).
+
+    Samples lie in the middle of their bin: at its edge, rounding would spread what comes again over two.
+    """
     number = int(period)
-    return np.minimum((np.arange(n) / period % 1.0 * number).astype(np.intp), number - 1)
+    return np.minimum(((np.arange(n) + 0.5) / period % 1.0 * number).astype(np.intp), number - 1)
 
 
 def _fold(x: FloatArray, period: float) -> FloatArray:
@@ -110,15 +116,36 @@ def _fold(x: FloatArray, period: float) -> FloatArray:
     return np.asarray(np.bincount(place, x, number) / np.maximum(count, 1))
 
 
-def _refined(e: FloatArray, near: float) -> tuple[float, FloatArray]:
-    """Return the period next to one at which the residuals fold best, and their means there."""
+def _refined(e: FloatArray, near: float) -> float:
+    """Return the period next to one at which the residuals fold best."""
     period, reach = near, 1.0 / PERIOD_MULTIPLES
     while reach > 0.25 * period / len(e):
         tried = period + reach * np.linspace(-1.0, 1.0, 17)
         tried = tried[tried.astype(int) == int(near)] if len({int(p) for p in tried}) > 1 else tried
         period = float(max(tried, key=lambda p: float(np.sum(_fold(e, p) ** 2))))
         reach /= 4.0
-    return period, _fold(e, period)
+    return period
+
+
+def _square(e: FloatArray, period: float) -> float:
+    """Return Σ count · mean² of residuals over the phases of a period: χ² where nothing repeats."""
+    count = np.bincount(_bins(len(e), period), minlength=int(period))
+    return float(np.sum(count * _fold(e, period) ** 2))
+
+
+def _shortest(e: FloatArray, period: float) -> float:
+    """Return a period or the part of it that is likeliest: what repeats at one repeats at its multiples, too.
+
+    The likelihood is that of K means whose variance is unknown, ½ (S − K − K ln S/K) for the sum S of their squares.
+    """
+
+    def likelihood(tried: float) -> float:
+        ratio = max(_square(e, tried) / int(tried), 1.0)
+        return 0.5 * int(tried) * (ratio - 1.0 - float(np.log(ratio)))
+
+    return max(
+        (period / k for k in range(1, int(period / MIN_PERIOD) + 1) if k <= MAX_MULTIPLE), key=likelihood
+    )
 
 
 def _extension(fitted: Residual, period: float) -> Comb:
