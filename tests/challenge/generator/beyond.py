@@ -336,7 +336,7 @@ def glitches(rng: np.random.Generator) -> Made:
     )
     y = lfilter([1.0], [1.0, -np.exp(-INTERVAL / decay)], y)
     noise = drawn_noise(rng)
-    return made(samples(noise, rng) + sized(noise, y, d), ("glitches",), d)
+    return made(samples(noise, rng) + sized(noise, y, d), ("recovery",), d)
 
 
 def recovery(rng: np.random.Generator) -> Made:

@@ -108,10 +108,10 @@ def quiet_mean(rng: np.random.Generator) -> Made:
 
 
 def quiet_cic(rng: np.random.Generator) -> Made:
-    """A cascade of 2 to 4 moving means over as many samples as the log leaves out, or up to four times as many."""
-    b = np.ones(int(rng.choice([1, 2, 4])) * FINER)
-    for _ in range(int(rng.integers(1, 4))):
-        b = np.convolve(b, np.ones(FINER))
+    """A cascade of 2 to 4 moving means over as many samples as the log leaves out, or twice as many."""
+    mean, b = np.ones(int(rng.choice([1, 2])) * FINER), np.ones(1)
+    for _ in range(int(rng.integers(2, 5))):
+        b = np.convolve(b, mean)
     return filtered(rng, lambda x: np.asarray(lfilter(b, [1.0], x)))
 
 

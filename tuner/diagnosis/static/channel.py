@@ -31,6 +31,13 @@ MAX_LOST_SHARE = 1e-3
 """Share of the samples, at the end, that may be left out for fast transforms; chosen as no loss of information."""
 SLOW_PRIME = 11
 """Prime factor from which on transforms are slow; with one of 683 they take five times as long."""
+DEEP_STOP_BAND = 0.15
+"""Sd of eighth differences, as of white noise, ÷ scale below which a filter leaves some 50 dB less at high frequencies.
+
+There what a transform leaks from the ends of a record, and arithmetic, would be all that whitened residuals show.
+"""
+FLOOR_STEP = 0.5
+"""Step of the codes, ÷ scale, that such samples are given: rounding is a known white floor, scale²/48."""
 ARITHMETIC_SD = 1e-9
 """Sd of what is left of a computed signal ÷ its own: arithmetic has no more digits."""
 MIN_SAMPLES = 1024
@@ -70,6 +77,8 @@ class Channel:
         Step of the codes and half-width of the dead band about zero, ÷ `scale`; 0 for none.
     interpolated : bool
         Whether law and spectrum of the samples are those of an interpolation.
+    clipped : bool
+        Whether rails cut the law of the samples.
     """
 
     axis: str
@@ -85,6 +94,7 @@ class Channel:
     quantizer_step: float = 0.0
     deadband: float = 0.0
     interpolated: bool = False
+    clipped: bool = False
 
     def __len__(self) -> int:
         return len(self.y)
@@ -194,11 +204,15 @@ def channel(
         what = f"a sinusoid of {cycles / record.interval:.6g} Hz" if cycles > 0.0 else "a straight line"
         msg = f"{record.source or record.name}: {axis} is {what} without any noise, expected noise; leave it out"
         raise DataError(msg)
+    noise = np.random.default_rng((seed, 77))
+    if float(np.std(np.diff(measured, 8))) < DEEP_STOP_BAND * scale * float(np.sqrt(12870.0)):  # Σ C(8, k)²
+        quantizer_step = max(quantizer_step, FLOOR_STEP * scale)
+        measured = measured + FLOOR_STEP * scale * noise.uniform(-0.5, 0.5, len(measured))
     valid = np.zeros(n, dtype=bool)
     valid[place] = True
     y = np.zeros(n)
     y[place] = (measured - level) / scale
-    y = fill(y, ~valid, 1.0, np.random.default_rng((seed, 77)))
+    y = fill(y, ~valid, 1.0, noise)
     covariates = {
         name: smoothed(
             np.interp(np.arange(n), place, values[source]).reshape(-1, block).mean(axis=1),

@@ -62,7 +62,8 @@ def prepared(
             source, repeated = _thinned(source, ~repeated), None
         try:
             even = channel(source, axis, quantizer_step=step, repeated=repeated, seed=seed)
-            ready.append(replace(even, deadband=dead / even.scale, interpolated="interpolated" in mine))
+            even = replace(even, interpolated="interpolated" in mine, clipped="clipping" in mine)
+            ready.append(replace(even, deadband=dead / even.scale))
         except DataError as error:
             refused.append(str(error))
     return ready

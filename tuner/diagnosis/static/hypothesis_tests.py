@@ -88,7 +88,7 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
     """Test the fast spectrum for resonances and for its broad shape.
 
     Beside a clear narrow resonance (`CERTAIN_GAIN`) broad shapes are tested only with `whole`: the resonance goes
-    first.
+    first, unless a filter gains more: between the nulls of moving means power looks like resonances.
     """
     tested = few_shapes(fitted)
     name, nats = "shape of the fast spectrum", tested.misfit_nats
@@ -96,7 +96,7 @@ def spectrum(fitted: Residual, *, whole: bool = True) -> tuple[TestResult, ...]:
         "spectrum", tested.misfit, 0.0, tested.null.cost, name, misfit=nats, place=tested.worst
     )
     resonances = (vibration.test(fitted, tested),) if is_open(fitted, "vibration") else ()
-    certain = any(one.gain > CERTAIN_GAIN for one in resonances)
+    certain = any(one.gain > max(CERTAIN_GAIN, tested.filter_gain) for one in resonances)
     if fitted.count("lowpass", "colour") or (certain and not whole):
         return (*resonances, unnamed)
     known, tested = tested, many_shapes(tested)

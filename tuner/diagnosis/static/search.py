@@ -135,7 +135,9 @@ def search_causes(channel: Channel, threshold: float, given: tuple[Extension, ..
             rejections = [better[1]]
         if not rejections:
             break
-        if any(result.local for result in rejections):
+        local = [result.gain for result in rejections if result.local]
+        filtered = [result.gain for result in rejections if result.cause == "lowpass"]
+        if local and not (filtered and filtered[0] > max(local) + CERTAIN_GAIN):
             rejections = [
                 result for result in rejections if result.local or group_of(result.cause) != "fast spectrum"
             ]

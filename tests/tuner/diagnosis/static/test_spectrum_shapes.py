@@ -27,6 +27,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     colour_arma,
     filter_arma,
     filter_power,
+    is_mean,
 )
 from tuner.diagnosis.static.spectrum.shape import shape_test
 from tuner.types import Coefficient
@@ -54,9 +55,11 @@ def filtered(order: int, cutoff: float, rng: np.random.Generator, times: int = 8
 @pytest.mark.parametrize("name", FILTERS)
 def test_recursion_has_the_power_of_its_filter(name):
     for cutoff in (0.01, 0.1, 0.4):
+        if is_mean(name) and not FILTERS[name][0] < cutoff < FILTERS[name][1]:
+            continue
         ar, ma = filter_arma(name, cutoff)
         power = arma_power(ar, ma, CYCLES) * ((1.0 - sum(ar)) / (1.0 + sum(ma))) ** 2
-        np.testing.assert_allclose(power, filter_power(name, cutoff, CYCLES), rtol=2e-3)
+        np.testing.assert_allclose(power, filter_power(name, cutoff, CYCLES), rtol=2e-3, atol=2e-6)
 
 
 @pytest.mark.parametrize("order", [1, 2])

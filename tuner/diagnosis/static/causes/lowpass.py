@@ -20,7 +20,7 @@ from tuner.diagnosis.static.causes.base import Value
 from tuner.diagnosis.static.causes.shaped_white_noise import ShapedWhiteNoise
 from tuner.diagnosis.static.outcome import TestResult
 from tuner.diagnosis.static.spectrum.binned import Bins, bins
-from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind
+from tuner.diagnosis.static.spectrum.filters import filter_arma, filter_kind, filter_power, is_mean
 from tuner.diagnosis.static.spectrum.shape import ShapeFit, ShapeTest, cutoffs, fit_filters
 
 if TYPE_CHECKING:
@@ -56,6 +56,12 @@ class LowPass(ShapedWhiteNoise):
     def order(self) -> int:
         """Number of poles."""
         return filter_kind(self.kind)[0]
+
+    def gain(self, f: FloatArray, interval: float) -> FloatArray:
+        """Return the squared response of the filter; of moving means, whose nulls an ARMA blurs, in closed form."""
+        if is_mean(self.kind):
+            return filter_power(self.kind, self.cutoff * interval, np.asarray(f) * interval)
+        return super().gain(f, interval)
 
     def refit(self, fitted: Residual, index: int) -> LowPass:
         """Fit the filter again beside everything else, unless that hardly moves it."""

@@ -29,11 +29,14 @@ MARKOV: Kinds = (Quantization, White, RandomWalk, GaussMarkov)
 """Slow noise with a Gauss–Markov process."""
 BASES = (FLICKER, MARKOV)
 """The two kinds of slow noise."""
-MIN_TIME_CONSTANT = 100.0
-"""Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the fast spectrum."""
+MIN_TIME_CONSTANT = 10.0
+"""Least time constant of a Gauss–Markov term, sampling intervals: what is faster is a matter of the fast spectrum.
 
-TRIAL_CONSTANTS = 6
-"""Trial values of a time constant: two a decade in a record of 1e6 samples."""
+The corner of such a process, 1/63 of the rate, lies above the lowest bin of that, 1/100; slower ones have it below.
+"""
+
+TRIAL_CONSTANTS = 8
+"""Trial values of a time constant: two a decade in a record of 1e5 samples."""
 FIT_TOLERANCE = 1e-4
 """Gain of -2 ln L in one step below which a fit ends: far below a likelihood ratio that decides anything."""
 

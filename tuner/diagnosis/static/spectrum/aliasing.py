@@ -21,6 +21,7 @@ from models.noise import White
 from tuner.diagnosis.static.causes.colour import Colour
 from tuner.diagnosis.static.causes.lowpass import LowPass
 from tuner.diagnosis.static.model.residual import Residual, gain_of
+from tuner.diagnosis.static.spectrum.filters import is_mean
 
 MIN_RATE_RATIO = 2.0
 """Least rate ÷ bandwidth without aliasing: the sampling theorem."""
@@ -43,12 +44,12 @@ def bandwidth(fitted: Residual) -> tuple[float, bool]:
     """Return the equivalent noise bandwidth of a channel, Hz, and whether it may as well be larger."""
     dt = fitted.channel.interval
     for shape in fitted.extensions:
-        if isinstance(shape, LowPass):
+        if isinstance(shape, LowPass) and not is_mean(shape.kind):
             return float(0.5 * np.pi / shape.order / np.sin(0.5 * np.pi / shape.order)) * shape.cutoff, False
-        if isinstance(shape, Colour):
+        if isinstance(shape, LowPass | Colour):
             f = np.asarray((np.arange(256) + 0.5) / (512.0 * dt), dtype=float)
             share = float(np.mean(shape.gain(f, dt)) / shape.gain(np.zeros(1), dt)[0])
-            return min(share, 1.0) * 0.5 / dt, True
+            return min(share, 1.0) * 0.5 / dt, isinstance(shape, Colour)
     return 0.5 / dt, True
 
 

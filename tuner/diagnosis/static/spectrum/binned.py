@@ -33,6 +33,8 @@ BIN_COUNT = 128
 """Bins of the fast spectrum; chosen so that each averages hundreds of ordinates of a record of 10⁵ samples."""
 MIN_RELATIVE_FREQUENCY = 0.01
 """Lowest frequency, share of the rate; below, slow noise is part of the spectrum."""
+PARTS = (np.arange(8) + 0.5) / 8.0
+"""Places within a bin at which the gain of a filter is averaged: at its nulls it is not that of the middle."""
 CHI2_MEDIAN = 0.4549
 """Median of χ²₁."""
 
@@ -78,6 +80,11 @@ class Bins:
         return float(np.sqrt(self.rounding / self.interval))
 
     @property
+    def width(self) -> float:
+        """Width of a bin, frequency × interval."""
+        return float(self.cycles[1] - self.cycles[0])
+
+    @property
     def log_count(self) -> float:
         """Log of the number of coefficients, twice the price of a parameter."""
         return float(np.log(self.count.sum()))
@@ -102,6 +109,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
     level = np.median(square, axis=1, keepdims=True) / CHI2_MEDIAN
     total = fitted.power[inside].reshape(BIN_COUNT, width).mean(axis=1)
     cycles = np.asarray((first + (np.arange(BIN_COUNT) + 0.5) * width + 0.5) / (2.0 * (n + 1)), dtype=float)
+    within = [cycles + (part - 0.5) * width / (2.0 * (n + 1)) for part in PARTS]
     terms = fitted.fit.terms()
     white = sum(t.density**2 for t in terms if isinstance(t, White))
     quantization = sum((t.increment_sd / dt) ** 2 * dt for t in terms if isinstance(t, Quantization))
@@ -122,7 +130,7 @@ def bins(fitted: Residual, without: Extension | None = None) -> Bins:
         cycles,
         np.minimum(square, MAX_SQUARE * level).mean(axis=1),
         np.full(BIN_COUNT, width / float(np.mean(course(fitted) ** 2))),
-        gain_of(known, cycles / dt, dt),
+        np.mean([gain_of(known, f / dt, dt) for f in within], axis=0),
         np.maximum(rest, 0.0),
         peaks,
         0.0 if shaped else rounding,

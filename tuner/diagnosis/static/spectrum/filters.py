@@ -11,6 +11,8 @@ Filters have gain 1 at frequency 0 and half power at the cutoff. What reaches th
 
   At one time the rate nothing is folded; at many times it is the analogue filter before the converter. How much a
   sensor folds is not known, but shows in its spectrum.
+- ``mean1`` …: that many moving means in a row over a width W (a cascaded integrator–comb), whose values are kept at the
+  rate. Their covariance at lag k is the B-spline of order 2N at k/W, folding included.
 
 Colours are ARMA processes; partial correlations tanh x keep them stationary.
 
@@ -22,6 +24,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import comb
 
 import numba
 import numpy as np
@@ -44,8 +47,22 @@ FILTERS: dict[str, tuple[float, float]] = {
     "sampled2x4": (0.002, 0.52),
     "sampled2x2": (0.002, 0.52),
     "sampled2x1": (0.002, 0.49),
+    "sampled3x8": (0.002, 0.52),
+    "sampled3x1": (0.002, 0.49),
+    "sampled4x8": (0.002, 0.52),
+    "sampled4x1": (0.002, 0.49),
+    "mean1": (0.02, 0.44),
+    "mean2": (0.02, 0.4),
+    "mean3": (0.02, 0.33),
+    "mean4": (0.02, 0.28),
 }
 """Least and largest cutoff × interval of the filters."""
+MEAN_CUTOFFS = {1: 0.44295, 2: 0.31892, 3: 0.26194, 4: 0.22751}
+"""Half-power frequency × width of so many moving means in a row: sin(πx)/(πx) to the power of twice that is ½."""
+NULL_FLOOR = 1e-6
+"""Power, of that at frequency 0, where moving means let nothing pass: what the ends of a record leak there."""
+FACTOR_POINTS = 4096
+"""Frequencies at which the power of moving means is factored: many more than lags."""
 COLOURS: dict[str, tuple[int, int, tuple[tuple[float, ...], ...]]] = {
     "ar1": (1, 0, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
     "ma1": (0, 1, ((0.1,), (-0.1,), (0.7,), (-0.7,))),
@@ -82,12 +99,14 @@ def _arma_power(ar: FloatArray, ma: FloatArray, cycles: FloatArray) -> FloatArra
 def filter_arma(name: str, cutoff: float) -> Coefficients:
     """Return AR and MA coefficients of a filter; `cutoff` is its half-power frequency × interval."""
     order, times = filter_kind(name)
+    if is_mean(name):
+        return (), _mean_factor(order, cutoff)
     if not times:
         a = LowPass(cutoff, order).denominator(1.0)
         return tuple((-a[1:]).tolist()), ()
     s = np.tan(np.pi * cutoff / times) * np.exp(1j * np.pi * (2 * np.arange(order) + order + 1) / (2 * order))
     a = np.asarray(np.poly(((1.0 + s) / (1.0 - s)) ** times).real, dtype=float)
-    even = np.arange(8) / 8.0
+    even = np.arange(16) / 16.0
     end = float(np.tan(np.pi * cutoff / times))
     passed = _folded(order, _tangents(times, even), end) / arma_power(tuple((-a[1:]).tolist()), (), even)
     covariance = np.fft.ifft(passed).real[: order + 1]
@@ -96,9 +115,49 @@ def filter_arma(name: str, cutoff: float) -> Coefficients:
     return tuple((-a[1:]).tolist()), tuple(np.poly(inside)[1:].real.tolist())
 
 
-def filter_powers(name: str, cycles: FloatArray) -> Callable[[float], FloatArray]:
-    """Return the squared response of a filter, 1 at frequency 0, as a function of the cutoff × interval."""
+def is_mean(name: str) -> bool:
+    """Return whether a filter is one of moving means."""
+    return name.startswith("mean")
+
+
+def _mean_covariance(order: int, cutoff: float) -> FloatArray:
+    """Return the covariance of moving means of white noise at lags 0, 1, …; the power at frequency 0 is 1."""
+    x = np.arange(int(order * MEAN_CUTOFFS[order] / cutoff) + 1) * cutoff / MEAN_CUTOFFS[order]
+    r = sum(
+        (-1) ** j * comb(2 * order, j) * np.maximum(x + order - j, 0.0) ** (2 * order - 1)
+        for j in range(2 * order + 1)
+    )
+    return np.asarray(r / (r[0] + 2.0 * r[1:].sum()))
+
+
+def _mean_power(order: int, cutoff: float, cycles: FloatArray, width: float) -> FloatArray:
+    """Return the power of moving means, averaged over a width of frequency × interval, for its nulls are narrow."""
+    r = _mean_covariance(order, cutoff)
+    lag = np.arange(1, len(r))
+    wave = np.cos(2.0 * np.pi * np.multiply.outer(cycles, lag)) * np.sinc(width * lag)
+    return np.asarray(np.maximum(r[0] + 2.0 * wave @ r[1:], NULL_FLOOR))
+
+
+def _mean_factor(order: int, cutoff: float) -> tuple[float, ...]:
+    """Return the MA coefficients of moving means, by the logarithm of their power (Kolmogorov's factor)."""
+    even = np.arange(FACTOR_POINTS) / FACTOR_POINTS
+    cepstrum = np.fft.ifft(np.log(_mean_power(order, cutoff, even, 0.0))).real
+    half = FACTOR_POINTS // 2
+    cepstrum[0] *= 0.5
+    cepstrum[half:] = 0.0
+    factor = np.fft.ifft(np.exp(np.fft.fft(cepstrum))).real
+    number = len(_mean_covariance(order, cutoff))
+    return tuple((factor[1:number] / factor[0]).tolist())
+
+
+def filter_powers(name: str, cycles: FloatArray, width: float = 0.0) -> Callable[[float], FloatArray]:
+    """Return the squared response of a filter, 1 at frequency 0, as a function of the cutoff × interval.
+
+    That of moving means is averaged over a width of frequency × interval.
+    """
     order, times = filter_kind(name)
+    if is_mean(name):
+        return lambda cutoff: _mean_power(order, cutoff, cycles, width)
     tangents, middle = _tangents(times, cycles), _tangents(times, np.zeros(1))
 
     def power(cutoff: float) -> FloatArray:
@@ -111,9 +170,9 @@ def filter_powers(name: str, cycles: FloatArray) -> Callable[[float], FloatArray
     return power
 
 
-def filter_power(name: str, cutoff: float, cycles: FloatArray) -> FloatArray:
-    """Return the squared response of a filter, 1 at frequency 0."""
-    return filter_powers(name, cycles)(cutoff)
+def filter_power(name: str, cutoff: float, cycles: FloatArray, width: float = 0.0) -> FloatArray:
+    """Return the squared response of a filter, 1 at frequency 0, as `filter_powers` does."""
+    return filter_powers(name, cycles, width)(cutoff)
 
 
 def filter_kind(name: str) -> tuple[int, int]:

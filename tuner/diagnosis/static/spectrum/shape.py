@@ -37,6 +37,7 @@ from tuner.diagnosis.static.spectrum.filters import (
     colour_arma,
     filter_power,
     filter_powers,
+    is_mean,
 )
 from tuner.diagnosis.static.spectrum.resonance import ResonanceFit, fit_resonance, scan_resonances
 
@@ -51,6 +52,8 @@ LOW_CUTOFFS, HIGH_CUTOFFS = 10, 20
 
 Chosen so that neighbouring cutoffs lie on the same maximum of the likelihood.
 """
+MEAN_CUTOFFS_TRIED = 200
+"""The same of moving means, 1.5 % apart: the highest of their nulls then moves by two bins."""
 FOLDING_CUTOFF = 0.12
 """Cutoff × interval from which a filter with aliasing can have several likely cutoffs; below, it folds too little."""
 QUANTIZATION_LIKE_FILTER = "sampled1x1"
@@ -117,8 +120,7 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
     """Fit a filter by name, from its two likeliest cutoffs: with aliasing the likelihood can have two maxima."""
     cost = _filter_cost(data, name)
     low, high = FILTERS[name]
-    above = np.linspace(FOLDING_CUTOFF, high, HIGH_CUTOFFS)
-    grid = np.log(np.concatenate((np.geomspace(low, FOLDING_CUTOFF, LOW_CUTOFFS, endpoint=False), above)))
+    grid = np.log(_cutoffs_tried(name, low, high))
     value = np.array([cost(x) for x in grid])
     edged = np.concatenate(([np.inf], value, [np.inf]))
     lowest = np.flatnonzero((value <= edged[:-2]) & (value <= edged[2:]))
@@ -127,7 +129,7 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
         bounds = (grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)])
         tried.append(minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-4}))
     x = float(min(tried, key=lambda result: result.fun).x)
-    power = filter_power(name, float(np.exp(x)), data.cycles)
+    power = filter_power(name, float(np.exp(x)), data.cycles, data.width)
     fits = [(rises, _sized(data, power, rises)) for rises in (False, True)]
     least = min(found.cost for _, found in fits)
     return _simpler(
@@ -135,8 +137,16 @@ def fit_filter(data: Bins, name: str) -> ShapeFit:
     )
 
 
+def _cutoffs_tried(name: str, low: float, high: float) -> FloatArray:
+    """Return the cutoffs × interval from which the best one is sought."""
+    if is_mean(name):
+        return np.geomspace(low, high, MEAN_CUTOFFS_TRIED)
+    above = np.linspace(FOLDING_CUTOFF, high, HIGH_CUTOFFS)
+    return np.concatenate((np.geomspace(low, FOLDING_CUTOFF, LOW_CUTOFFS, endpoint=False), above))
+
+
 def _filter_cost(data: Bins, name: str) -> Callable[[float], float]:
-    power = filter_powers(name, data.cycles)
+    power = filter_powers(name, data.cycles, data.width)
     return lambda x: _sized(data, power(float(np.exp(x)))).cost
 
 
@@ -260,7 +270,7 @@ class ShapeTest:
     @property
     def filter_gain(self) -> float:
         """Greatest gain of a filter, whatever its aliasing."""
-        return max(self.gain(fitted) for fitted in self.filters)
+        return max((self.gain(fitted) for fitted in self.filters), default=-np.inf)
 
     def falls(self, fitted: ShapeFit) -> bool:
         """Return whether the spectrum falls all the way, but for the resonances that are known."""

@@ -1,0 +1,66 @@
+"""What shapes noise without being an effect: filters, short Gauss–Markov processes, rails; and the period of a comb."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from tuner.diagnosis import diagnose
+from tuner.diagnosis.static.causes.comb import _shortest
+from tuner.diagnosis.static.spectrum.filters import MEAN_CUTOFFS, arma_power, filter_arma, filter_power
+from tuner.types import Diagnosis
+from tuner.types.records import Record
+
+N, INTERVAL, FINER = 40_000, 0.01, 8
+BUTTERWORTH = butter(4, 2.0 * 0.06 / FINER)
+
+
+def diagnosed(y: np.ndarray) -> Diagnosis:
+    t = INTERVAL * np.arange(len(y))
+    return diagnose([Record("gyro", t, 1e-3 * y[:, None], ("gyro_x",), "rad/s", INTERVAL)])
+
+
+@pytest.mark.parametrize(
+    ("b", "a"),
+    [(np.ones(3 * FINER), [1.0]), (np.convolve(np.ones(FINER), np.ones(FINER)), [1.0]), BUTTERWORTH],
+    ids=["moving mean of three samples", "two integrators and combs", "Butterworth of order 4, 72 dB deep"],
+)
+def test_a_real_filter_is_a_lowpass_and_leaves_nothing(b, a):
+    """Before, nulls and stop bands were told as vibrations, spikes and bursts, or left unexplained."""
+    w = lfilter(b, a, np.random.default_rng(8).standard_normal(FINER * N))[::FINER]
+    found = diagnosed(w / w.std())
+    assert [f.cause for f in found.findings] == ["lowpass"]
+    assert not found.unexplained
+
+
+@pytest.mark.parametrize(("order", "width"), [(1, 3.0), (2, 1.7), (4, 1.2)])
+def test_moving_means_have_the_power_of_their_covariance(order, width):
+    """That of means of white noise at 40 times the rate, folded; its ARMA has the same."""
+    cycles = np.linspace(0.01, 0.45, 30)
+    cutoff, name = MEAN_CUTOFFS[order] / width, f"mean{order}"
+    k = np.arange(-2000, 2001)[:, None]
+    folded = np.sum(np.sinc(width * (cycles + k)) ** (2 * order), axis=0)
+    middle = float(np.sum(np.sinc(width * k) ** (2 * order)))
+    np.testing.assert_allclose(filter_power(name, cutoff, cycles), folded / middle, rtol=2e-3, atol=2e-6)
+    factor = arma_power(*filter_arma(name, cutoff), np.append(0.0, cycles))
+    np.testing.assert_allclose(factor[1:] / factor[0], folded / middle, rtol=5e-3, atol=2e-6)
+
+
+def test_a_short_gauss_markov_process_is_noise():
+    """Of 30 samples: before, it left a misfit of the slow spectrum."""
+    rng, memory = np.random.default_rng(6), np.exp(-1.0 / 30.0)
+    slow = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(N))
+    assert diagnosed(0.5 * slow + rng.standard_normal(N)).quiet
+
+
+def test_a_rail_makes_no_skewed_noise():
+    y = np.minimum(np.random.default_rng(7).standard_normal(N), 2.2)
+    assert [f.cause for f in diagnosed(y).findings] == ["clipping"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_comb_has_the_shortest_of_its_periods(seed):
+    """What repeats at 111 samples does so at 333; before, half and a third of the spacing were told."""
+    e = np.random.default_rng(seed).standard_normal(N) + 1.5 * (np.arange(N) % 111 == 40)
+    assert _shortest(e, 333.0) == _shortest(e, 111.0) == 111.0
