@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import warnings
 from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz.loggers import CLOCKS, logs, write_log
 from fuzz.truths import ACCEL_UNITS, CLOCK_UNITS, GYRO_UNITS, Truth, samples, truths, write
 
 from tuner.readers import read
@@ -66,9 +68,8 @@ def cured(message: str, truth: Truth) -> dict[str, object]:
     return options
 
 
-def judge(truth: Truth, folder: Path) -> tuple[str, str]:
+def judge(truth: Truth, path: Path) -> tuple[str, str]:
     """Return how a log ended, and the message or the assumption."""
-    path = write(truth, folder)
     options: dict[str, object] = {}
     said = ""
     for attempt in range(5):
@@ -93,12 +94,18 @@ def judge(truth: Truth, folder: Path) -> tuple[str, str]:
     return "refused without a cure", said
 
 
-def tally(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
+def tally(
+    count: int,
+    seed: int,
+    folder: Path,
+    drawn: Callable[[int, int], Iterator[Truth]] = truths,
+    written: Callable[[Truth, Path], Path] = write,
+) -> tuple[Counter[str], list[str]]:
     """Judge many logs; return how they ended, and those that must not end so."""
     ends: Counter[str] = Counter()
     bad = []
-    for truth in truths(count, seed):
-        end, said = judge(truth, folder)
+    for truth in drawn(count, seed):
+        end, said = judge(truth, written(truth, folder))
         ends[end] += 1
         if end in ("wrong in silence", "refused without a cure", "refused, wrong with its cure"):
             bad.append(f"{end}: {truth.name}: {said}")
@@ -111,8 +118,17 @@ def test_logs_of_known_truth(tmp_path: Path) -> None:
     assert ends["wrong with a word"] < 0.1 * QUICK
 
 
+def test_logs_as_loggers_and_spreadsheets_write_them(tmp_path: Path) -> None:
+    ends, bad = tally(3 * len(CLOCKS), 2, tmp_path, logs, write_log)
+    assert not bad, bad[:5]
+    assert ends["right"] > len(CLOCKS)
+
+
 @pytest.mark.slow
 def test_many_logs_of_known_truth(tmp_path: Path) -> None:
     ends, bad = tally(SLOW, 16, tmp_path)
+    print(dict(ends))  # noqa: T201
+    assert not bad, bad[:20]
+    ends, bad = tally(SLOW // 8, 17, tmp_path, logs, write_log)
     print(dict(ends))  # noqa: T201
     assert not bad, bad[:20]
